@@ -1,0 +1,90 @@
+//! The cut: which nodes of the tree the current view needs, and as what.
+
+/// What the cut may drop and how small a node must be to be drawn whole.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// A node whose projected diameter is at most this many pixels is drawn as a splat. At least 0; 0 draws
+    /// every triangle.
+    pub threshold_px: f32,
+    /// Drop what faces away everywhere (only right for closed surfaces).
+    pub cull_back: bool,
+    /// Drop what lies outside of the view volume.
+    pub cull_frustum: bool,
+    /// What "projected diameter" means.
+    pub size: SizeMetric,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            threshold_px: 1.0,
+            cull_back: false,
+            cull_frustum: true,
+            size: SizeMetric::Exact,
+        }
+    }
+}
+
+/// The projected diameter of a bounding sphere, pixels. f is the focal length in pixels, R the radius, z the
+/// distance of the center along the view direction, D its distance from the eye. All are infinite when the
+/// sphere reaches the near plane; all are monotone over nested spheres.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum SizeMetric {
+    /// Major axis of the ellipse that the sphere covers: 2 f R sqrt(D² - R²) / (z² - R²).
+    #[default]
+    Exact,
+    /// 2 f R / z, the size at the center's depth (Benda).
+    Center,
+    /// 2 f R / (z - R).
+    Nearest,
+    /// 2 f tan(asin(R / D)).
+    Angle,
+    /// Diameter of the circle of the same area as the ellipse.
+    Area,
+}
+
+/// What is to be drawn, as ids in tree order.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Cut {
+    /// Nodes drawn as one splat.
+    pub nodes: Vec<u32>,
+    /// Nodes drawn as a row of splats along their strip.
+    pub strips: Vec<StripRun>,
+    /// Leaves drawn as a splat.
+    pub leaves: Vec<u32>,
+    /// Leaves drawn as their triangle.
+    pub triangles: Vec<u32>,
+    /// How much work it was.
+    pub stats: Stats,
+}
+
+/// A node drawn as `count` splats spread evenly along its strip.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct StripRun {
+    /// The node.
+    pub node: u32,
+    /// Number of splats, at least 2.
+    pub count: u32,
+}
+
+/// Counts of one cut.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Stats {
+    /// Nodes and leaves whose size or visibility was looked at.
+    pub visited: u64,
+    /// Of those, dropped because outside of the view volume.
+    pub outside: u64,
+    /// Of those, dropped because facing away.
+    pub facing_away: u64,
+}
+
+impl Cut {
+    /// Empties the lists and keeps their memory.
+    pub fn clear(&mut self) {
+        self.nodes.clear();
+        self.strips.clear();
+        self.leaves.clear();
+        self.triangles.clear();
+        self.stats = Stats::default();
+    }
+}

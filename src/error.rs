@@ -1,0 +1,19 @@
+//! The error of the library: one variant a layer, each wrapping that layer's own enum.
+
+/// Anything that can go wrong in the library.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A file could not be read as a model.
+    #[error(transparent)]
+    Input(#[from] crate::input::Error),
+    /// A tree could not be built, or a tree file is damaged.
+    #[error(transparent)]
+    Tree(#[from] crate::tree::Error),
+    /// A camera file or camera parameter is unusable.
+    #[error(transparent)]
+    Camera(#[from] crate::math::camera::Error),
+    /// A picture could not be written or read.
+    #[error(transparent)]
+    Image(#[from] crate::image::Error),
+}

@@ -1,0 +1,1 @@
+//! Generated models: square, sphere, torus and statue, to any size.

@@ -1,0 +1,3 @@
+//! The `surfel` command.
+
+fn main() {}

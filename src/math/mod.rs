@@ -1,0 +1,7 @@
+//! Geometry without Vulkan: spheres, cones, frusta, cameras, packed directions.
+
+pub mod camera;
+pub mod cone;
+pub mod frustum;
+pub mod octahedral;
+pub mod sphere;

@@ -1,0 +1,99 @@
+//! The POP bounding-sphere tree over the triangles of a mesh (or the points of a cloud).
+//!
+//! Source: Benda, *Point Based Rendering* (diploma thesis), section 3.2; Rusinkiewicz and Levoy, *QSplat*
+//! (SIGGRAPH 2000), section 2. Differences are listed in `docs/ARCHITECTURE.md`.
+
+mod node;
+
+pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
+
+use crate::abi::Vertex;
+use glam::{DVec3, Vec3};
+
+/// A model ready to be drawn: vertices and triangles in tree order, and the tree over them.
+///
+/// * Triangle `t` (or point `t` of a cloud) is leaf `t`; its bounding sphere is `tree.leaves[t]`.
+/// * The triangles below a node are contiguous ([`Tree::leaf_range`]).
+/// * Vertices are ordered by their first use in `triangles`; unused vertices are at the end.
+#[derive(Debug, Clone, Default)]
+pub struct Model {
+    /// Vertices in order of first use.
+    pub vertices: Vec<Vertex>,
+    /// Corner indices in tree order; empty for a point cloud, whose leaf `t` is vertex `t`.
+    pub triangles: Vec<[u32; 3]>,
+    /// How many of `vertices` belong to a triangle (all of them for a cloud); the rest are at the end.
+    pub used_vertices: u32,
+    /// The hierarchy.
+    pub tree: Tree,
+    /// World position of the model-space zero.
+    pub origin: DVec3,
+    /// Smallest corner of the axis-aligned box of the used vertices, model space.
+    pub min: Vec3,
+    /// Largest corner of that box.
+    pub max: Vec3,
+    /// Center of the box and largest distance of a used vertex from it (the orbit's R), model space.
+    pub orbit_center: Vec3,
+    /// See `orbit_center`.
+    pub orbit_radius: f32,
+    /// The surface is closed and consistently oriented outward, so what faces away is never seen.
+    pub is_closed: bool,
+    /// The file had vertex colors.
+    pub has_colors: bool,
+}
+
+/// The hierarchy: interior nodes breadth-first (the root is node 0), and one leaf per triangle or point.
+///
+/// Every level is complete: all leaves are at the same depth. Siblings are contiguous, and so are the
+/// leaves below a node. A tree over one leaf has no interior node: [`Tree::nodes`] is empty then.
+#[derive(Debug, Clone, Default)]
+pub struct Tree {
+    /// What the cut tests, 32 bytes a node.
+    pub nodes: Vec<Node>,
+    /// What only drawn nodes need; same order as `nodes`.
+    pub attributes: Vec<NodeAttributes>,
+    /// Parent of each node; the root is its own parent.
+    pub parents: Vec<u32>,
+    /// First leaf below each node, followed by nothing: the end is the start of the next node of the same
+    /// level, or the leaf count for the last one. Use [`Tree::leaf_range`].
+    pub first_leaf: Vec<u32>,
+    /// Index of the first node of each level, root level first, then `nodes.len()`.
+    pub level_starts: Vec<u32>,
+    /// Bounding spheres of the leaves.
+    pub leaves: Vec<Leaf>,
+    /// Additive sums for filtered splats, one per interior node; empty unless asked for at build time.
+    pub moments: Vec<Moments>,
+}
+
+/// Sums over the triangles below a node, for splats that are filtered rather than sampled.
+/// All are additive: a parent's are the sums of its children's.
+#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub struct Moments {
+    /// Sum of areas A, model units squared.
+    pub area: f32,
+    /// Sum of A times centroid, model units cubed.
+    pub area_centroid: [f32; 3],
+    /// Sum of A times unit normal (the vector area).
+    pub vector_area: [f32; 3],
+    /// Sum of A n nᵀ: xx, yy, zz, xy, xz, yz.
+    pub second_moment: [f32; 6],
+}
+
+/// Why a tree could not be built or read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// More leaves than 32-bit indices can name.
+    #[error("the model has {count} {what}; at most {limit} fit a tree (32-bit indices)")]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// The user asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+}

@@ -1,0 +1,128 @@
+//! The records of the tree.
+
+use crate::math::octahedral;
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// An interior node, 32 bytes: everything that decides whether it is visible and small enough.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Node {
+    /// Center of the bounding sphere, model space.
+    pub center: Vec3,
+    /// Radius of the bounding sphere; it contains the children's spheres and every triangle below.
+    pub radius: f32,
+    /// Index of the first child: a node, or a leaf if [`Node::has_leaves`].
+    pub first_child: u32,
+    /// Cone of the geometric normals below.
+    pub cone: Cone,
+    /// A capsule around everything below, much thinner than the sphere where triangles are needles.
+    pub strip: Strip,
+    /// Number of children, 2 to 4 (1 only in a tree of a single leaf, which has no nodes).
+    pub child_count: u8,
+    /// Bit 0: the children are leaves. Bit 1: draw without culling by normal (no usable normal below).
+    pub flags: u8,
+}
+
+impl Node {
+    /// Bit of `flags`: the children are leaves.
+    pub const LEAF_CHILDREN: u8 = 1;
+
+    /// Whether the children are leaves rather than nodes.
+    #[inline]
+    pub fn has_leaves(&self) -> bool {
+        self.flags & Self::LEAF_CHILDREN != 0
+    }
+}
+
+/// A cone that contains every geometric normal below a node, 6 bytes.
+///
+/// Errs to the safe side: `sin_half_angle` is rounded up and includes the error of the packed axis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Cone {
+    /// Axis, [`octahedral`] 2 x 16 bit.
+    pub axis: [i16; 2],
+    /// Sine of the half angle in units of 1/65535, rounded up; [`Cone::NEVER`] when the half angle reaches a
+    /// quarter turn or there is no normal: such a node is never culled by its normals.
+    pub sin_half_angle: u16,
+}
+
+impl Cone {
+    /// `sin_half_angle` of a cone that never culls.
+    pub const NEVER: u16 = u16::MAX;
+
+    /// The cone that never culls.
+    pub const ALL: Self = Self {
+        axis: [0, 0],
+        sin_half_angle: Self::NEVER,
+    };
+
+    /// Unit axis.
+    #[inline]
+    pub fn axis(&self) -> Vec3 {
+        octahedral::decode(self.axis)
+    }
+
+    /// Sine of the half angle, at least the true one.
+    #[inline]
+    pub fn sin_half_angle(&self) -> f32 {
+        f32::from(self.sin_half_angle) * (1.0 / 65535.0)
+    }
+}
+
+/// A capsule around everything below a node, in units of its bounding sphere, 4 bytes: a segment through the
+/// sphere's center along `direction`, thickened by `width`.
+///
+/// A needle's sphere is as wide as the needle is long; the capsule lets the cut draw a few splats along the
+/// long axis instead of descending to every needle. Errs to the safe side: both lengths are rounded up and
+/// include the error of the packed direction. Where the capsule gains nothing it is [`Strip::SPHERE`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Strip {
+    /// Direction of the segment, octahedral 2 x 8 bit (units of 1/127).
+    pub direction: [i8; 2],
+    /// Half length of the segment over the sphere's radius, units of 1/255, rounded up.
+    pub half_length: u8,
+    /// Radius of the capsule over the sphere's radius, units of 1/255, rounded up.
+    pub width: u8,
+}
+
+impl Strip {
+    /// No gain over the sphere.
+    pub const SPHERE: Self = Self {
+        direction: [0, 0],
+        half_length: 0,
+        width: 255,
+    };
+
+    /// Unit direction.
+    #[inline]
+    pub fn direction(&self) -> Vec3 {
+        octahedral::decode(self.direction.map(|c| i16::from(c) * 258))
+    }
+}
+
+/// What a drawn interior node needs besides its sphere, 16 bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct NodeAttributes {
+    /// Area-weighted mean normal for shading, octahedral 2 x 16 bit.
+    pub normal: [i16; 2],
+    /// Area-weighted mean color; alpha as in [`crate::abi::Vertex::color`].
+    pub color: [u8; 4],
+    /// Radius of the splat that stands for the node: covers its surface, at most the bounding radius.
+    pub splat_radius: f32,
+    /// Sum of the triangle areas below, model units squared.
+    pub area: f32,
+}
+
+/// The bounding sphere of a triangle, or of a point with its spacing: 16 bytes.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Leaf {
+    /// Center, model space.
+    pub center: Vec3,
+    /// Radius; contains the triangle's corners.
+    pub radius: f32,
+}
