@@ -31,3 +31,117 @@ pub struct Splat {
     /// As in [`Vertex::color`].
     pub color: [u8; 4],
 }
+
+/// What every pass of a frame knows, 192 bytes: the uniform block of `shaders/common/frame.glsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FrameConstants {
+    /// View space from model space, columns.
+    pub view_from_model: [[f32; 4]; 4],
+    /// Clip space (y down, reversed depth, guard band included) from view space, columns.
+    pub clip_from_view: [[f32; 4]; 4],
+    /// With `ray_offset`: view-space direction through framebuffer position p is (p * scale + offset, -1).
+    pub ray_scale: [f32; 2],
+    /// See `ray_scale`.
+    pub ray_offset: [f32; 2],
+    /// Pixels per unit of tangent (perspective) or per view-space unit (orthographic).
+    pub focal_px: f32,
+    /// Side of splats and points without a radius of their own, pixels.
+    pub splat_size_px: f32,
+    /// Length in view space of a unit vector in model space.
+    pub model_scale: f32,
+    /// Bits `FLAG_*` of [`constants`].
+    pub flags: u32,
+}
+
+/// Shaders as compiled by `build.rs`, with what they declare.
+mod generated {
+    #![allow(
+        clippy::unreadable_literal,
+        reason = "written by build.rs"
+    )]
+    use super::{BindingKind, Shader, Stage};
+    include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+}
+
+pub use generated::constants;
+/// The compiled shaders: `<FOLDER>_<FILE>_<STAGE>`.
+pub mod shaders {
+    pub use super::generated::*;
+}
+
+/// Stage of a shader.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Vertex shader.
+    Vertex,
+    /// Fragment shader.
+    Fragment,
+    /// Compute shader.
+    Compute,
+}
+
+/// Kind of a descriptor binding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum BindingKind {
+    /// `uniform` block.
+    UniformBuffer,
+    /// `buffer` block.
+    StorageBuffer,
+    /// Combined image and sampler.
+    SampledImage,
+    /// Storage image.
+    StorageImage,
+}
+
+/// A compiled shader and what it declares.
+#[derive(Debug, Clone, Copy)]
+pub struct Shader {
+    /// Folder, file and stage with dots: `triangles.draw.vert`.
+    pub name: &'static str,
+    /// Stage.
+    pub stage: Stage,
+    /// SPIR-V.
+    pub words: &'static [u32],
+    /// Bindings of descriptor set 0, ascending.
+    pub bindings: &'static [(u32, BindingKind)],
+    /// Vertex inputs, ascending by location.
+    pub inputs: &'static [(u32, &'static str)],
+    /// Size of the push constant block, bytes.
+    pub push_constant_bytes: u32,
+    /// Workgroup size of a compute shader.
+    pub local_size: [u32; 3],
+}
+
+/// Stops the build when a field of a structure here is not where the shaders have it.
+macro_rules! same_layout {
+    ($type:ident, $module:ident, $($field:ident = $constant:ident),+ $(,)?) => {
+        const _: () = {
+            $(assert!(
+                std::mem::offset_of!($type, $field) == generated::layout::$module::$constant,
+                concat!("abi::", stringify!($type), "::", stringify!($field), " is not where the shaders have it")
+            );)+
+            assert!(
+                size_of::<$type>() == generated::layout::$module::END,
+                concat!("abi::", stringify!($type), " does not end where the shaders' block ends")
+            );
+            assert!(
+                [$(stringify!($field)),+].len() == generated::layout::$module::FIELDS,
+                concat!("abi::", stringify!($type), " has another number of fields than the shaders' block")
+            );
+        };
+    };
+}
+
+same_layout!(
+    FrameConstants,
+    frame_constants,
+    view_from_model = VIEW_FROM_MODEL,
+    clip_from_view = CLIP_FROM_VIEW,
+    ray_scale = RAY_SCALE,
+    ray_offset = RAY_OFFSET,
+    focal_px = FOCAL_PX,
+    splat_size_px = SPLAT_SIZE_PX,
+    model_scale = MODEL_SCALE,
+    flags = FLAGS,
+);

@@ -1,0 +1,18 @@
+// What every pass of a frame knows: camera, light, sizes. Mirrored by `abi::FrameConstants`.
+#include "common/constants.glsl"
+
+layout(set = 0, binding = 0, std140) uniform FrameConstants {
+    mat4 view_from_model;
+    // Includes the guard band: wider than the picture, so that a point whose center lies just outside is kept.
+    mat4 clip_from_view;
+    // View-space direction through framebuffer position p: (p * ray_scale + ray_offset, -1).
+    vec2 ray_scale;
+    vec2 ray_offset;
+    // Pixels per unit of tangent (perspective) or per unit of length (orthographic).
+    float focal_px;
+    // Side of splats and points without a radius of their own, pixels.
+    float splat_size_px;
+    // Length in view space of a unit vector in model space.
+    float model_scale;
+    uint flags;
+} frame;
