@@ -32,7 +32,7 @@ pub struct Splat {
     pub color: [u8; 4],
 }
 
-/// What every pass of a frame knows, 192 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 160 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {

@@ -9,6 +9,7 @@ pub mod abi;
 pub mod cut;
 pub mod draw;
 pub mod error;
+pub mod gpu;
 pub mod generate;
 pub mod image;
 pub mod input;

@@ -1,0 +1,448 @@
+//! Instance, choice of a device, and what it can do.
+
+use super::messages::{self, Messages};
+use super::{Error, Options, SWAPCHAIN};
+use ash::vk;
+use std::ffi::{CStr, CString};
+
+/// What kind of processor a device is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Kind {
+    /// A GPU with memory of its own.
+    Discrete,
+    /// A GPU that shares the memory of the CPU.
+    Integrated,
+    /// A GPU seen through a virtual machine.
+    Virtual,
+    /// A software device.
+    Cpu,
+    /// Something else.
+    Other,
+}
+
+/// A device with the limits that matter here.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+pub struct DeviceInfo {
+    /// Index in the list of devices.
+    pub index: usize,
+    /// Name as the driver gives it.
+    pub name: String,
+    /// Kind of processor.
+    pub kind: Kind,
+    /// Driver name and version in words.
+    pub driver: String,
+    /// Vulkan version, such as 1.3.230.
+    pub api_version: String,
+    /// Why the device cannot be used, if it cannot.
+    pub unusable: Option<String>,
+    /// Nanoseconds per timestamp tick; 0 when there are no timestamps.
+    pub timestamp_period_ns: f32,
+    /// Largest size of a point, pixels.
+    pub max_point_size_px: f32,
+    /// Largest picture side, pixels.
+    pub max_image_side: u32,
+    /// Largest range of a storage buffer binding, bytes.
+    pub max_storage_range: u64,
+    /// Largest single allocation, bytes.
+    pub max_allocation: u64,
+    /// Largest buffer, bytes.
+    pub max_buffer: u64,
+    /// Alignment of a uniform buffer's offset, bytes.
+    pub uniform_alignment: u64,
+    /// Size of the device's own memory as reported, bytes.
+    pub device_memory: u64,
+    /// Indices up to 2^32 - 1 may be drawn (else 2^24 - 1).
+    pub has_full_index: bool,
+    /// 64-bit atomics on storage buffers.
+    pub has_int64_atomics: bool,
+    /// Blending into 32-bit float targets.
+    pub has_float_blend: bool,
+    /// Sub-pixel bits of the rasterizer.
+    pub subpixel_bits: u32,
+}
+
+pub(super) fn load_entry() -> Result<ash::Entry, Error> {
+    // SAFETY: loading the Vulkan loader runs its initializers, which is what every Vulkan program does.
+    unsafe { ash::Entry::load() }.map_err(|e| Error::NoLoader(e.to_string()))
+}
+
+/// An instance that destroys itself unless taken apart.
+pub(super) struct Instance {
+    raw: Option<ash::Instance>,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    has_debug: bool,
+}
+
+const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
+
+impl Instance {
+    pub(super) fn create(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<Self, Error> {
+        // SAFETY: the entry is loaded.
+        let version = unsafe { entry.try_enumerate_instance_version() }
+            .map_err(Error::vulkan("vkEnumerateInstanceVersion", "the loader"))?
+            .unwrap_or(vk::API_VERSION_1_0);
+        if version < vk::API_VERSION_1_3 {
+            return Err(Error::NoDevice(format!("the Vulkan loader knows {} only", version_text(version))));
+        }
+        // SAFETY: the entry is loaded.
+        let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
+            .map_err(Error::vulkan("vkEnumerateInstanceExtensionProperties", "the loader"))?;
+        let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let mut wanted: Vec<CString> = Vec::new();
+        let mut layers = Vec::new();
+        if options.validation {
+            // SAFETY: the entry is loaded.
+            let available = unsafe { entry.enumerate_instance_layer_properties() }
+                .map_err(Error::vulkan("vkEnumerateInstanceLayerProperties", "the loader"))?;
+            if !available.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION)) {
+                return Err(Error::NoValidation);
+            }
+            layers.push(VALIDATION.as_ptr());
+        }
+        // With the validation layer the extension is there even if the loader alone does not list it.
+        let has_debug = has(ash::ext::debug_utils::NAME) || options.validation;
+        if has_debug {
+            wanted.push(ash::ext::debug_utils::NAME.into());
+        }
+        let mut flags = vk::InstanceCreateFlags::empty();
+        if has(ash::khr::portability_enumeration::NAME) {
+            wanted.push(ash::khr::portability_enumeration::NAME.into());
+            flags |= vk::InstanceCreateFlags::ENUMERATE_PORTABILITY_KHR;
+        }
+        for name in &options.surface_extensions {
+            if let Ok(name) = CString::new(name.as_str()) {
+                wanted.push(name);
+            }
+        }
+        let names: Vec<_> = wanted.iter().map(|n| n.as_ptr()).collect();
+        let application = vk::ApplicationInfo::default()
+            .application_name(c"surfel")
+            .engine_name(c"surfel")
+            .api_version(vk::API_VERSION_1_3);
+        let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(
+                vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+            )
+            .message_type(
+                vk::DebugUtilsMessageTypeFlagsEXT::GENERAL
+                    | vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION
+                    | vk::DebugUtilsMessageTypeFlagsEXT::PERFORMANCE,
+            )
+            .pfn_user_callback(Some(messages::callback))
+            .user_data(messages.user_data());
+        let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
+        let mut validation = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+        let mut info = vk::InstanceCreateInfo::default()
+            .flags(flags)
+            .application_info(&application)
+            .enabled_layer_names(&layers)
+            .enabled_extension_names(&names);
+        if options.validation {
+            info = info.push_next(&mut validation);
+        }
+        if has_debug {
+            // Covers the creation and destruction of the instance itself.
+            info = info.push_next(&mut messenger_info);
+        }
+        // SAFETY: all pointers live until the call returns; the message list outlives the instance because
+        // `Gpu` keeps it.
+        let raw = unsafe { entry.create_instance(&info, None) }
+            .map_err(|result| match result {
+                vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoDevice("no Vulkan driver is installed".into()),
+                result => Error::Vulkan { call: "vkCreateInstance", object: "the instance".into(), result },
+            })?;
+        let mut instance = Self { raw: Some(raw), messenger: None, has_debug };
+        if has_debug {
+            let debug = ash::ext::debug_utils::Instance::new(entry, instance.raw());
+            let mut info = messenger_info;
+            info.p_next = std::ptr::null();
+            // SAFETY: the extension is enabled; the callback's list outlives the messenger (see `Gpu`).
+            let messenger = unsafe { debug.create_debug_utils_messenger(&info, None) }
+                .map_err(Error::vulkan("vkCreateDebugUtilsMessengerEXT", "the messenger"))?;
+            instance.messenger = Some((debug, messenger));
+        }
+        Ok(instance)
+    }
+
+    fn raw(&self) -> &ash::Instance {
+        match &self.raw {
+            Some(raw) => raw,
+            None => unreachable!("an instance is taken apart only by into_parts, which consumes it"),
+        }
+    }
+
+    /// Gives the parts away; the caller destroys them.
+    #[expect(clippy::type_complexity, reason = "three parts for one caller")]
+    pub(super) fn into_parts(
+        mut self,
+    ) -> (ash::Instance, Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>, bool) {
+        let raw = self.raw().clone();
+        self.raw = None;
+        (raw, self.messenger.take(), self.has_debug)
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: nothing made from the instance is left: either no device was made or `into_parts` took all.
+        unsafe {
+            if let Some((debug, messenger)) = self.messenger.take() {
+                debug.destroy_debug_utils_messenger(messenger, None);
+            }
+            if let Some(raw) = self.raw.take() {
+                raw.destroy_instance(None);
+            }
+        }
+    }
+}
+
+/// A device that was looked at.
+pub(super) struct Chosen {
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) info: DeviceInfo,
+    pub(super) queue_family: u32,
+}
+
+fn version_text(version: u32) -> String {
+    format!(
+        "{}.{}.{}",
+        vk::api_version_major(version),
+        vk::api_version_minor(version),
+        vk::api_version_patch(version)
+    )
+}
+
+fn text(chars: Result<&CStr, std::ffi::FromBytesUntilNulError>) -> String {
+    chars.map(|c| c.to_string_lossy().into_owned()).unwrap_or_default()
+}
+
+fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize) -> Chosen {
+    let mut driver = vk::PhysicalDeviceDriverProperties::default();
+    let mut maintenance3 = vk::PhysicalDeviceMaintenance3Properties::default();
+    let mut maintenance4 = vk::PhysicalDeviceMaintenance4Properties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default()
+        .push_next(&mut driver)
+        .push_next(&mut maintenance3)
+        .push_next(&mut maintenance4);
+    let mut features12 = vk::PhysicalDeviceVulkan12Features::default();
+    let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
+    // SAFETY: the physical device belongs to the instance, and the chained structures live until the calls
+    // return. A device older than 1.3 ignores what it does not know.
+    let (families, memory, float_target) = unsafe {
+        instance.get_physical_device_properties2(physical, &mut properties);
+        (
+            instance.get_physical_device_queue_family_properties(physical),
+            instance.get_physical_device_memory_properties(physical),
+            instance.get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
+        )
+    };
+    let p = properties.properties;
+    let is_recent = p.api_version >= vk::API_VERSION_1_3;
+    let mut features = vk::PhysicalDeviceFeatures2::default();
+    if is_recent {
+        features = features.push_next(&mut features12).push_next(&mut features13);
+    }
+    // SAFETY: as above.
+    unsafe { instance.get_physical_device_features2(physical, &mut features) };
+    let core = features.features;
+    let family = families.iter().position(|f| {
+        f.queue_flags.contains(vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE) && f.queue_count > 0
+    });
+    let mut missing = Vec::new();
+    if !is_recent {
+        missing.push(format!("it knows Vulkan {} only, 1.3 is needed", version_text(p.api_version)));
+    }
+    for (has, name) in [
+        (features13.dynamic_rendering, "dynamicRendering"),
+        (features13.synchronization2, "synchronization2"),
+        (features13.maintenance4, "maintenance4"),
+        (features12.timeline_semaphore, "timelineSemaphore"),
+        (features12.host_query_reset, "hostQueryReset"),
+        (core.large_points, "largePoints"),
+    ] {
+        if has == vk::FALSE {
+            missing.push(format!("it lacks {name}"));
+        }
+    }
+    if family.is_none() {
+        missing.push("it has no queue for graphics and compute".into());
+    }
+    let family = family.unwrap_or(0);
+    let has_timestamps = families.get(family).is_some_and(|f| f.timestamp_valid_bits >= 36);
+    let device_memory = memory.memory_heaps[..memory.memory_heap_count as usize]
+        .iter()
+        .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
+        .map(|h| h.size)
+        .max()
+        .unwrap_or(0);
+    let info = DeviceInfo {
+        index,
+        name: text(p.device_name_as_c_str()),
+        kind: match p.device_type {
+            vk::PhysicalDeviceType::DISCRETE_GPU => Kind::Discrete,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => Kind::Integrated,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => Kind::Virtual,
+            vk::PhysicalDeviceType::CPU => Kind::Cpu,
+            _ => Kind::Other,
+        },
+        driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
+        api_version: version_text(p.api_version),
+        unusable: (!missing.is_empty()).then(|| missing.join(", ")),
+        timestamp_period_ns: if has_timestamps { p.limits.timestamp_period } else { 0.0 },
+        max_point_size_px: p.limits.point_size_range[1],
+        max_image_side: p
+            .limits
+            .max_image_dimension2_d
+            .min(p.limits.max_framebuffer_width)
+            .min(p.limits.max_framebuffer_height),
+        max_storage_range: u64::from(p.limits.max_storage_buffer_range),
+        max_allocation: maintenance3.max_memory_allocation_size,
+        max_buffer: if is_recent { maintenance4.max_buffer_size } else { 0 },
+        uniform_alignment: p.limits.min_uniform_buffer_offset_alignment.max(1),
+        device_memory,
+        has_full_index: core.full_draw_index_uint32 == vk::TRUE,
+        has_int64_atomics: core.shader_int64 == vk::TRUE && features12.shader_buffer_int64_atomics == vk::TRUE,
+        has_float_blend: float_target
+            .optimal_tiling_features
+            .contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND),
+        subpixel_bits: p.limits.sub_pixel_precision_bits,
+    };
+    Chosen {
+        physical,
+        info,
+        queue_family: family as u32,
+    }
+}
+
+fn all(instance: &Instance) -> Result<Vec<Chosen>, Error> {
+    // SAFETY: the instance is alive.
+    let devices = unsafe { instance.raw().enumerate_physical_devices() }
+        .map_err(Error::vulkan("vkEnumeratePhysicalDevices", "the instance"))?;
+    Ok(devices
+        .into_iter()
+        .enumerate()
+        .map(|(index, physical)| inspect(instance.raw(), physical, index))
+        .collect())
+}
+
+/// Every Vulkan device of this machine, usable or not.
+///
+/// # Errors
+/// When there is no loader or no driver.
+pub fn list() -> Result<Vec<DeviceInfo>, Error> {
+    let entry = load_entry()?;
+    let messages = Messages::default();
+    let instance = Instance::create(&entry, &Options::default(), &messages)?;
+    Ok(all(&instance)?.into_iter().map(|c| c.info).collect())
+}
+
+/// Rank of a kind: lower is better.
+fn rank(kind: Kind) -> u8 {
+    match kind {
+        Kind::Discrete => 0,
+        Kind::Integrated => 1,
+        Kind::Virtual => 2,
+        Kind::Other => 3,
+        Kind::Cpu => 4,
+    }
+}
+
+pub(super) fn choose(instance: &Instance, options: &Options) -> Result<Chosen, Error> {
+    let mut devices = all(instance)?;
+    let available = devices
+        .iter()
+        .map(|d| format!("{}: {}", d.info.index, d.info.name))
+        .collect::<Vec<_>>()
+        .join("; ");
+    let position = match &options.device {
+        Some(wanted) => {
+            let lower = wanted.to_lowercase();
+            let found = match wanted.parse::<usize>() {
+                Ok(index) => devices.iter().position(|d| d.info.index == index),
+                Err(_) => devices.iter().position(|d| d.info.name.to_lowercase().contains(&lower)),
+            };
+            found.ok_or_else(|| Error::UnknownDevice { wanted: wanted.clone(), available: available.clone() })?
+        }
+        None => {
+            let best = devices
+                .iter()
+                .enumerate()
+                .filter(|(_, d)| d.info.unusable.is_none())
+                .min_by_key(|(index, d)| (rank(d.info.kind), *index));
+            match best {
+                Some((position, _)) => position,
+                None if devices.is_empty() => return Err(Error::NoDevice("there is no Vulkan device".into())),
+                None => {
+                    let reasons = devices
+                        .iter()
+                        .map(|d| format!("{}: {}", d.info.name, d.info.unusable.as_deref().unwrap_or("")))
+                        .collect::<Vec<_>>()
+                        .join("; ");
+                    return Err(Error::NoDevice(reasons));
+                }
+            }
+        }
+    };
+    let chosen = devices.swap_remove(position);
+    match &chosen.info.unusable {
+        Some(reason) => Err(Error::NoDevice(format!("{}: {reason}", chosen.info.name))),
+        None => Ok(chosen),
+    }
+}
+
+pub(super) fn create(
+    instance: &Instance,
+    chosen: &Chosen,
+    options: &Options,
+) -> Result<(ash::Device, vk::Queue), Error> {
+    let priorities = [1.0];
+    let queues = [vk::DeviceQueueCreateInfo::default()
+        .queue_family_index(chosen.queue_family)
+        .queue_priorities(&priorities)];
+    let core = vk::PhysicalDeviceFeatures::default()
+        .large_points(true)
+        .full_draw_index_uint32(chosen.info.has_full_index);
+    let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
+        .timeline_semaphore(true)
+        .host_query_reset(true);
+    let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
+        .dynamic_rendering(true)
+        .synchronization2(true)
+        .maintenance4(true);
+    // SAFETY: the physical device belongs to the instance.
+    let extensions = unsafe { instance.raw().enumerate_device_extension_properties(chosen.physical) }
+        .map_err(Error::vulkan("vkEnumerateDeviceExtensionProperties", &chosen.info.name))?;
+    let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+    let mut names = Vec::new();
+    // The specification demands the subset extension to be enabled where it is offered.
+    if has(c"VK_KHR_portability_subset") {
+        names.push(c"VK_KHR_portability_subset".as_ptr());
+    }
+    if !options.surface_extensions.is_empty() {
+        if !has(SWAPCHAIN) {
+            return Err(Error::NoDevice(format!("{} cannot present to a window", chosen.info.name)));
+        }
+        names.push(SWAPCHAIN.as_ptr());
+    }
+    let info = vk::DeviceCreateInfo::default()
+        .queue_create_infos(&queues)
+        .enabled_extension_names(&names)
+        .enabled_features(&core)
+        .push_next(&mut features12)
+        .push_next(&mut features13);
+    // SAFETY: every feature and extension asked for was reported by the device; all pointers live until the
+    // call returns.
+    let device = unsafe { instance.raw().create_device(chosen.physical, &info, None) }
+        .map_err(Error::vulkan("vkCreateDevice", &chosen.info.name))?;
+    // SAFETY: queue 0 of this family was created with the device.
+    let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
+    Ok((device, queue))
+}
+
+impl DeviceInfo {
+    /// Whether this is a software device: it ranks passes, it does not predict a GPU.
+    pub fn is_cpu(&self) -> bool {
+        self.kind == Kind::Cpu
+    }
+}

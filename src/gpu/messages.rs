@@ -1,0 +1,136 @@
+//! What the validation layers say: a list that outlives the instance, so that teardown is covered.
+
+use ash::vk;
+use std::ffi::{CStr, c_void};
+use std::sync::{Arc, Mutex};
+
+/// One message of a validation layer or of the loader.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Message {
+    /// Identifier, such as `VUID-...`; empty when there is none.
+    pub id: String,
+    /// Whether it is an error (else a warning).
+    pub is_error: bool,
+    /// The text.
+    pub text: String,
+}
+
+/// A message that is known and accepted, with its reason.
+struct Accepted {
+    id: &'static str,
+    part: &'static str,
+    #[expect(dead_code, reason = "read by people")]
+    reason: &'static str,
+}
+
+/// Accepted messages: by identifier and a part of the text.
+const ACCEPTED: &[Accepted] = &[Accepted {
+    id: "Loader Message",
+    part: "",
+    reason: "the loader reports drivers it could not open; whether a device is left is our own check",
+}];
+
+/// Messages so far; shared by the messenger and whoever wants to read them.
+#[derive(Debug, Clone, Default)]
+pub struct Messages(Arc<Mutex<Vec<Message>>>);
+
+impl Messages {
+    /// Takes all messages out of the list.
+    pub fn take(&self) -> Vec<Message> {
+        std::mem::take(&mut *self.lock())
+    }
+
+    /// The messages so far.
+    pub fn list(&self) -> Vec<Message> {
+        self.lock().clone()
+    }
+
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Message>> {
+        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+
+    fn push(&self, message: Message) {
+        if ACCEPTED.iter().any(|a| message.id == a.id && message.text.contains(a.part)) {
+            tracing::debug!(target: "vulkan", "accepted: {}: {}", message.id, message.text);
+            return;
+        }
+        if message.is_error {
+            tracing::error!(target: "vulkan", "{}: {}", message.id, message.text);
+        } else {
+            tracing::warn!(target: "vulkan", "{}: {}", message.id, message.text);
+        }
+        let mut list = self.lock();
+        // A fault in a frame loop repeats without end; the first few thousand say all.
+        if list.len() < 4096 {
+            list.push(message);
+        }
+    }
+
+    /// The pointer to hand to Vulkan as user data. The list must outlive the messenger: `Gpu` keeps both.
+    pub(super) fn user_data(&self) -> *mut c_void {
+        Arc::as_ptr(&self.0).cast_mut().cast()
+    }
+}
+
+/// Called by the validation layers.
+///
+/// # Safety
+/// `data` and its strings are valid for the call (Vulkan's promise); `user` is [`Messages::user_data`] of a
+/// list that is alive (the promise of whoever registers this function).
+pub(super) unsafe extern "system" fn callback(
+    severity: vk::DebugUtilsMessageSeverityFlagsEXT,
+    _kinds: vk::DebugUtilsMessageTypeFlagsEXT,
+    data: *const vk::DebugUtilsMessengerCallbackDataEXT<'_>,
+    user: *mut c_void,
+) -> vk::Bool32 {
+    if data.is_null() || user.is_null() {
+        return vk::FALSE;
+    }
+    // SAFETY: not null, and valid for the call as the function's contract says.
+    let data = unsafe { &*data };
+    let text = |pointer: *const std::ffi::c_char| {
+        if pointer.is_null() {
+            String::new()
+        } else {
+            // SAFETY: a string of the callback data, zero-terminated and valid for the call.
+            unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned()
+        }
+    };
+    let message = Message {
+        id: text(data.p_message_id_name),
+        is_error: severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR),
+        text: text(data.p_message),
+    };
+    let pointer = user.cast_const().cast::<Mutex<Vec<Message>>>();
+    // SAFETY: `user` comes from `Arc::as_ptr` of a list that is alive (the function's contract); the count
+    // raised here is given back when `list` drops.
+    let list = unsafe {
+        Arc::increment_strong_count(pointer);
+        Messages(Arc::from_raw(pointer))
+    };
+    list.push(message);
+    vk::FALSE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn accepted_messages_are_not_kept_and_others_are() {
+        let list = Messages::default();
+        list.push(Message {
+            id: "Loader Message".into(),
+            is_error: true,
+            text: "no driver here".into(),
+        });
+        assert!(list.list().is_empty());
+        list.push(Message {
+            id: "VUID-x".into(),
+            is_error: true,
+            text: "wrong".into(),
+        });
+        assert_eq!(list.take().len(), 1);
+        assert!(list.list().is_empty());
+    }
+}

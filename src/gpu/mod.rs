@@ -1,0 +1,421 @@
+//! The only place with Vulkan: a thin owned layer over Vulkan 1.3 (dynamic rendering, synchronization2).
+//!
+//! [`Gpu`] is the root that owns entry, instance, messenger, device, queue and allocator; its `Drop` destroys
+//! them in an order written by hand. Resources own handle, memory and name and keep the root alive; dropping
+//! one puts its handles on a list that is emptied when the device has passed the last submission that could
+//! use them. Commands are recorded only through [`frame::Frame`] and its passes.
+
+#![expect(unsafe_code, reason = "this is the GPU layer; every block says why it is sound")]
+
+pub mod access;
+pub mod buffer;
+pub mod device;
+pub mod frame;
+pub mod image;
+pub mod messages;
+pub mod pipeline;
+pub mod profile;
+
+use ash::{khr, vk};
+use device::DeviceInfo;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use messages::Messages;
+use std::collections::VecDeque;
+use std::ffi::CStr;
+use std::mem::ManuallyDrop;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// Why the device could not do what was asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// There is no Vulkan loader.
+    #[error(
+        "no Vulkan loader on this machine ({0}). Install it (Debian/Ubuntu: apt install libvulkan1 mesa-vulkan-drivers; Fedora: dnf install vulkan-loader mesa-vulkan-drivers; Arch: pacman -S vulkan-icd-loader vulkan-swrast), or draw on the CPU with --device mirror"
+    )]
+    NoLoader(String),
+    /// There is a loader but no usable device.
+    #[error(
+        "no usable Vulkan 1.3 device: {0}. Install a driver (a software one: Debian/Ubuntu: apt install mesa-vulkan-drivers), or draw on the CPU with --device mirror"
+    )]
+    NoDevice(String),
+    /// The device that was asked for is not there.
+    #[error("no device matches {wanted:?}; there is: {available}")]
+    UnknownDevice {
+        /// What was asked for.
+        wanted: String,
+        /// The devices of this machine.
+        available: String,
+    },
+    /// Validation was asked for and the layer is missing.
+    #[error(
+        "the validation layer VK_LAYER_KHRONOS_validation is not installed (Debian/Ubuntu: apt install vulkan-validationlayers)"
+    )]
+    NoValidation,
+    /// A Vulkan call failed.
+    #[error("{call} failed for {object}: {result}")]
+    Vulkan {
+        /// The call.
+        call: &'static str,
+        /// What it was for.
+        object: String,
+        /// What Vulkan answered.
+        result: vk::Result,
+    },
+    /// Memory ran out or could not be had.
+    #[error("cannot allocate {bytes} bytes of {place} memory for {object}: {cause}")]
+    Memory {
+        /// What it was for.
+        object: String,
+        /// How much.
+        bytes: u64,
+        /// Which kind.
+        place: &'static str,
+        /// The allocator's reason.
+        cause: String,
+    },
+    /// Something is larger than the device allows.
+    #[error("{what} is {value}; this device allows {limit}")]
+    Limit {
+        /// What.
+        what: String,
+        /// How large it is.
+        value: u64,
+        /// How large it may be.
+        limit: u64,
+    },
+}
+
+impl Error {
+    fn vulkan(call: &'static str, object: impl Into<String>) -> impl FnOnce(vk::Result) -> Self {
+        let object = object.into();
+        move |result| Self::Vulkan { call, object, result }
+    }
+}
+
+/// How to open a device.
+#[derive(Debug, Clone, Default)]
+pub struct Options {
+    /// Part of a device's name or its index in [`device::list`]; `None` takes the best.
+    pub device: Option<String>,
+    /// Load the validation layer with synchronization validation; messages go to [`Gpu::messages`].
+    pub validation: bool,
+    /// Give mapped memory out as a copy that reaches the device only by an explicit flush, as on a device
+    /// whose memory is not coherent. For tests: a forgotten flush shows in the picture.
+    pub pretend_noncoherent: bool,
+    /// Instance extensions that a window system needs; also asks for a device that can present.
+    pub surface_extensions: Vec<String>,
+}
+
+/// Handles of a dropped resource, waiting for the device to be done with them.
+enum Remains {
+    Buffer(vk::Buffer, Allocation),
+    Image(vk::Image, vk::ImageView, Allocation),
+    Pipeline(vk::Pipeline),
+    PipelineLayout(vk::PipelineLayout),
+    DescriptorSetLayout(vk::DescriptorSetLayout),
+    CommandPool(vk::CommandPool),
+    QueryPool(vk::QueryPool),
+    DescriptorPool(vk::DescriptorPool),
+}
+
+/// The root of everything on the device.
+pub struct Gpu {
+    info: DeviceInfo,
+    messages: Messages,
+    pretend_noncoherent: bool,
+    // Destroyed by hand, in this order.
+    remains: Mutex<VecDeque<(u64, Remains)>>,
+    allocator: ManuallyDrop<Mutex<Allocator>>,
+    timeline: vk::Semaphore,
+    pipeline_cache: vk::PipelineCache,
+    device: ash::Device,
+    debug_device: Option<ash::ext::debug_utils::Device>,
+    messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    instance: ash::Instance,
+    entry: ash::Entry,
+    queue: Mutex<vk::Queue>,
+    queue_family: u32,
+    submitted: AtomicU64,
+    compiled_pipelines: AtomicU64,
+    created_resources: AtomicU64,
+}
+
+impl std::fmt::Debug for Gpu {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Gpu").field("info", &self.info).finish_non_exhaustive()
+    }
+}
+
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // A panic while a lock is held leaves data that is still whole here: every critical section is one call.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Gpu {
+    /// Opens the device that `options` asks for.
+    ///
+    /// # Errors
+    /// When there is no loader, no device of Vulkan 1.3 with the features needed, none of the wanted name, no
+    /// validation layer although asked for, or a Vulkan call fails.
+    pub fn open(options: &Options) -> Result<Arc<Self>, Error> {
+        let entry = device::load_entry()?;
+        let messages = Messages::default();
+        let instance = device::Instance::create(&entry, options, &messages)?;
+        let chosen = device::choose(&instance, options)?;
+        let (device, queue) = device::create(&instance, &chosen, options)?;
+        // From here on the root owns everything, so that a failure below is cleaned up by its Drop.
+        let (instance, messenger, has_debug) = instance.into_parts();
+        let allocator = Allocator::new(&AllocatorCreateDesc {
+            instance: instance.clone(),
+            device: device.clone(),
+            physical_device: chosen.physical,
+            debug_settings: gpu_allocator::AllocatorDebugSettings::default(),
+            buffer_device_address: false,
+            allocation_sizes: gpu_allocator::AllocationSizes::default(),
+        });
+        let debug_device = has_debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device));
+        let allocator = match allocator {
+            Ok(allocator) => allocator,
+            Err(cause) => {
+                // SAFETY: nothing was made from the device yet; the messenger goes before its instance.
+                unsafe {
+                    device.destroy_device(None);
+                    if let Some((debug, messenger)) = messenger {
+                        debug.destroy_debug_utils_messenger(messenger, None);
+                    }
+                    instance.destroy_instance(None);
+                }
+                return Err(Error::Memory {
+                    object: "the allocator".into(),
+                    bytes: 0,
+                    place: "device",
+                    cause: cause.to_string(),
+                });
+            }
+        };
+        let mut gpu = Self {
+            info: chosen.info,
+            messages,
+            pretend_noncoherent: options.pretend_noncoherent,
+            remains: Mutex::default(),
+            allocator: ManuallyDrop::new(Mutex::new(allocator)),
+            timeline: vk::Semaphore::null(),
+            pipeline_cache: vk::PipelineCache::null(),
+            device,
+            debug_device,
+            messenger,
+            instance,
+            entry,
+            queue: Mutex::new(queue),
+            queue_family: chosen.queue_family,
+            submitted: AtomicU64::new(0),
+            compiled_pipelines: AtomicU64::new(0),
+            created_resources: AtomicU64::new(0),
+        };
+        let mut kind = vk::SemaphoreTypeCreateInfo::default()
+            .semaphore_type(vk::SemaphoreType::TIMELINE)
+            .initial_value(0);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        // SAFETY: the device is alive and has the timelineSemaphore feature.
+        gpu.timeline = unsafe { gpu.device.create_semaphore(&info, None) }
+            .map_err(Error::vulkan("vkCreateSemaphore", "the timeline"))?;
+        gpu.pipeline_cache = pipeline::load_cache(&gpu)?;
+        gpu.name(gpu.timeline, "timeline");
+        Ok(Arc::new(gpu))
+    }
+
+    /// The device: name, kind, limits.
+    pub fn info(&self) -> &DeviceInfo {
+        &self.info
+    }
+
+    /// What the validation layer has said so far; the list outlives the device.
+    pub fn messages(&self) -> &Messages {
+        &self.messages
+    }
+
+    /// How many pipelines were compiled since the device was opened. A frame loop must not raise it.
+    pub fn compiled_pipelines(&self) -> u64 {
+        self.compiled_pipelines.load(Ordering::Relaxed)
+    }
+
+    /// How many buffers and images were created since the device was opened. A frame loop must not raise it
+    /// once its buffers have grown to their size.
+    pub fn created_resources(&self) -> u64 {
+        self.created_resources.load(Ordering::Relaxed)
+    }
+
+    /// Live allocations by name, largest first: (name, bytes).
+    pub fn memory_report(&self) -> Vec<(String, u64)> {
+        let report = lock(&self.allocator).generate_report();
+        let mut rows: Vec<(String, u64)> = report.allocations.into_iter().map(|a| (a.name, a.size)).collect();
+        rows.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        rows
+    }
+
+    /// Waits until the device has done everything. For shutdown and resize, not for the frame loop.
+    pub fn wait_idle(&self) {
+        let _queue = lock(&self.queue);
+        // SAFETY: the device is alive and the queue is externally synchronized by the lock.
+        if let Err(result) = unsafe { self.device.device_wait_idle() } {
+            tracing::error!("vkDeviceWaitIdle: {result}");
+        }
+    }
+
+    fn name<T: vk::Handle>(&self, handle: T, name: &str) {
+        let Some(debug) = &self.debug_device else { return };
+        let mut bytes: Vec<u8> = name.bytes().filter(|b| *b != 0).collect();
+        bytes.push(0);
+        let Ok(text) = CStr::from_bytes_with_nul(&bytes) else { return };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(text);
+        // SAFETY: the handle belongs to this device and is alive; names are only a help, so a failure is
+        // ignored.
+        let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+    }
+
+    fn allocate(
+        &self,
+        name: &str,
+        requirements: vk::MemoryRequirements,
+        location: gpu_allocator::MemoryLocation,
+        linear: bool,
+    ) -> Result<Allocation, Error> {
+        self.created_resources.fetch_add(1, Ordering::Relaxed);
+        lock(&self.allocator)
+            .allocate(&AllocationCreateDesc {
+                name,
+                requirements,
+                location,
+                linear,
+                allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+            })
+            .map_err(|cause| Error::Memory {
+                object: name.into(),
+                bytes: requirements.size,
+                place: match location {
+                    gpu_allocator::MemoryLocation::GpuOnly => "device",
+                    gpu_allocator::MemoryLocation::CpuToGpu => "upload",
+                    _ => "readback",
+                },
+                cause: cause.to_string(),
+            })
+    }
+
+    /// Takes the handles of a dropped resource; they are destroyed once no submission can use them.
+    fn bury(&self, remains: Remains) {
+        // The submission being recorded now, if any, is the next one.
+        let last_use = self.submitted.load(Ordering::Acquire) + 1;
+        lock(&self.remains).push_back((last_use, remains));
+    }
+
+    /// Destroys what the device is done with.
+    fn collect(&self) {
+        // SAFETY: the semaphore is alive and a timeline.
+        let Ok(done) = (unsafe { self.device.get_semaphore_counter_value(self.timeline) }) else { return };
+        loop {
+            let next = {
+                let mut list = lock(&self.remains);
+                match list.front() {
+                    Some((last_use, _)) if *last_use <= done => list.pop_front(),
+                    _ => None,
+                }
+            };
+            let Some((_, remains)) = next else { return };
+            self.destroy(remains);
+        }
+    }
+
+    fn destroy(&self, remains: Remains) {
+        // SAFETY: the handles came from this device, each is destroyed once (its owner is gone), and the
+        // device has passed the last submission that could use it or is idle.
+        unsafe {
+            match remains {
+                Remains::Buffer(buffer, memory) => {
+                    self.device.destroy_buffer(buffer, None);
+                    self.free(memory);
+                }
+                Remains::Image(image, view, memory) => {
+                    self.device.destroy_image_view(view, None);
+                    self.device.destroy_image(image, None);
+                    self.free(memory);
+                }
+                Remains::Pipeline(pipeline) => self.device.destroy_pipeline(pipeline, None),
+                Remains::PipelineLayout(layout) => self.device.destroy_pipeline_layout(layout, None),
+                Remains::DescriptorSetLayout(layout) => self.device.destroy_descriptor_set_layout(layout, None),
+                Remains::CommandPool(pool) => self.device.destroy_command_pool(pool, None),
+                Remains::QueryPool(pool) => self.device.destroy_query_pool(pool, None),
+                Remains::DescriptorPool(pool) => self.device.destroy_descriptor_pool(pool, None),
+            }
+        }
+    }
+
+    fn free(&self, memory: Allocation) {
+        if let Err(cause) = lock(&self.allocator).free(memory) {
+            tracing::error!("freeing device memory: {cause}");
+        }
+    }
+
+    /// Submits a recorded command buffer and returns the timeline value that it signals.
+    fn submit(&self, commands: vk::CommandBuffer) -> Result<u64, Error> {
+        let queue = lock(&self.queue);
+        let value = self.submitted.load(Ordering::Acquire) + 1;
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.timeline)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let submit = vk::SubmitInfo2::default()
+            .command_buffer_infos(&commands)
+            .signal_semaphore_infos(&signals);
+        // SAFETY: the queue is locked, the command buffer is recorded and not pending (its frame slot was
+        // waited for), and the timeline value rises.
+        unsafe { self.device.queue_submit2(*queue, &[submit], vk::Fence::null()) }
+            .map_err(Error::vulkan("vkQueueSubmit2", "a frame"))?;
+        self.submitted.store(value, Ordering::Release);
+        Ok(value)
+    }
+
+    /// Waits until the submission that signals `value` has finished.
+    fn wait_for(&self, value: u64) -> Result<(), Error> {
+        if value == 0 {
+            return Ok(());
+        }
+        let semaphores = [self.timeline];
+        let values = [value];
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the semaphore is alive and a timeline; `value` has been submitted.
+        unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(Error::vulkan("vkWaitSemaphores", "a frame"))
+    }
+}
+
+impl Drop for Gpu {
+    fn drop(&mut self) {
+        self.wait_idle();
+        pipeline::store_cache(self);
+        loop {
+            let next = lock(&self.remains).pop_front();
+            let Some((_, remains)) = next else { break };
+            self.destroy(remains);
+        }
+        // SAFETY: the device is idle, every resource is gone (each kept this root alive), the allocator goes
+        // before its device, the messenger after the device so that it sees leaks, the instance last. The
+        // allocator is not used after this.
+        unsafe {
+            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.device.destroy_semaphore(self.timeline, None);
+            ManuallyDrop::drop(&mut self.allocator);
+            self.device.destroy_device(None);
+            if let Some((debug, messenger)) = self.messenger.take() {
+                debug.destroy_debug_utils_messenger(messenger, None);
+            }
+            self.instance.destroy_instance(None);
+        }
+        // Dropped last: the loader's library.
+        let _ = &self.entry;
+    }
+}
+
+/// The swapchain extension's name, for device creation.
+const SWAPCHAIN: &CStr = khr::swapchain::NAME;

@@ -1,0 +1,413 @@
+//! Pipelines from embedded shaders, and the pipeline cache on disk.
+
+use super::image::Format;
+use super::{Error, Gpu, Remains};
+use crate::abi::{BindingKind, Shader, Stage};
+use ash::vk;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// One vertex attribute: the shader's name for it, format and byte offset.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Attribute {
+    /// Name of the shader's input.
+    pub name: &'static str,
+    /// Format in memory.
+    pub format: AttributeFormat,
+    /// Byte offset in the record.
+    pub offset: u32,
+}
+
+/// Format of a vertex attribute in memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum AttributeFormat {
+    /// One float.
+    Float,
+    /// Three floats.
+    Float3,
+    /// Two signed normalized 16-bit integers.
+    Snorm16x2,
+    /// Four unsigned normalized bytes.
+    Unorm8x4,
+}
+
+impl AttributeFormat {
+    fn vk(self) -> vk::Format {
+        match self {
+            Self::Float => vk::Format::R32_SFLOAT,
+            Self::Float3 => vk::Format::R32G32B32_SFLOAT,
+            Self::Snorm16x2 => vk::Format::R16G16_SNORM,
+            Self::Unorm8x4 => vk::Format::R8G8B8A8_UNORM,
+        }
+    }
+}
+
+/// The record of a vertex buffer.
+#[derive(Debug, Clone, Copy)]
+pub struct Record {
+    /// Bytes from one record to the next.
+    pub stride: u32,
+    /// Attributes.
+    pub attributes: &'static [Attribute],
+}
+
+/// What a pipeline draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Topology {
+    /// Separate triangles.
+    Triangles,
+    /// Points, sized by the vertex shader.
+    Points,
+}
+
+/// What a graphics pipeline is made of.
+#[derive(Debug, Clone, Copy)]
+pub struct Description<'a> {
+    /// Name, as in captures.
+    pub name: &'a str,
+    /// Vertex shader.
+    pub vertex: &'a Shader,
+    /// Fragment shader.
+    pub fragment: &'a Shader,
+    /// Boolean specialization constants 0, 1, ... of the fragment shader.
+    pub constants: &'a [bool],
+    /// Vertex record.
+    pub record: Record,
+    /// What is drawn.
+    pub topology: Topology,
+    /// Color targets in order of location.
+    pub colors: &'a [Format],
+    /// Depth test (nearer wins) and write on a [`Format::Depth32`] target.
+    pub depth: bool,
+}
+
+/// A graphics pipeline with its layout.
+#[derive(Debug)]
+pub struct Pipeline {
+    gpu: Arc<Gpu>,
+    pub(super) handle: vk::Pipeline,
+    pub(super) layout: vk::PipelineLayout,
+    pub(super) set_layout: vk::DescriptorSetLayout,
+    pub(super) bindings: Vec<(u32, BindingKind)>,
+    name: String,
+}
+
+fn stage_flags(stage: Stage) -> vk::ShaderStageFlags {
+    match stage {
+        Stage::Vertex => vk::ShaderStageFlags::VERTEX,
+        Stage::Fragment => vk::ShaderStageFlags::FRAGMENT,
+        Stage::Compute => vk::ShaderStageFlags::COMPUTE,
+    }
+}
+
+fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
+    match kind {
+        BindingKind::UniformBuffer => vk::DescriptorType::UNIFORM_BUFFER,
+        BindingKind::StorageBuffer => vk::DescriptorType::STORAGE_BUFFER,
+        BindingKind::SampledImage => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+        BindingKind::StorageImage => vk::DescriptorType::STORAGE_IMAGE,
+    }
+}
+
+/// A shader module that lives for one pipeline creation.
+struct Module<'a> {
+    gpu: &'a Gpu,
+    handle: vk::ShaderModule,
+}
+
+impl<'a> Module<'a> {
+    fn new(gpu: &'a Gpu, shader: &Shader) -> Result<Self, Error> {
+        let info = vk::ShaderModuleCreateInfo::default().code(shader.words);
+        // SAFETY: the words are SPIR-V that the build compiled for Vulkan 1.3.
+        let handle = unsafe { gpu.device.create_shader_module(&info, None) }
+            .map_err(Error::vulkan("vkCreateShaderModule", shader.name))?;
+        gpu.name(handle, shader.name);
+        Ok(Self { gpu, handle })
+    }
+}
+
+impl Drop for Module<'_> {
+    fn drop(&mut self) {
+        // SAFETY: modules may go once the pipeline exists; destroyed once, here.
+        unsafe { self.gpu.device.destroy_shader_module(self.handle, None) };
+    }
+}
+
+impl Pipeline {
+    /// Compiles a graphics pipeline. Layouts come out of the shaders. Not for the frame loop.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    ///
+    /// # Panics
+    /// When a shader wants a vertex input that the record lacks, or the shaders disagree about a binding:
+    /// broken promises of this crate, found by the first test that draws.
+    pub fn new(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
+        let Description {
+            name,
+            vertex,
+            fragment,
+            ..
+        } = *description;
+        // Union of the bindings of both stages.
+        let mut bindings: Vec<(u32, BindingKind, vk::ShaderStageFlags)> = Vec::new();
+        for shader in [vertex, fragment] {
+            for &(binding, kind) in shader.bindings {
+                match bindings.iter_mut().find(|b| b.0 == binding) {
+                    Some(known) => {
+                        assert!(known.1 == kind, "{name}: the shaders disagree about binding {binding}");
+                        known.2 |= stage_flags(shader.stage);
+                    }
+                    None => bindings.push((binding, kind, stage_flags(shader.stage))),
+                }
+            }
+        }
+        let mut pipeline = Self {
+            gpu: gpu.clone(),
+            handle: vk::Pipeline::null(),
+            layout: vk::PipelineLayout::null(),
+            set_layout: vk::DescriptorSetLayout::null(),
+            bindings: bindings.iter().map(|b| (b.0, b.1)).collect(),
+            name: name.to_owned(),
+        };
+        let descriptors: Vec<_> = bindings
+            .iter()
+            .map(|&(binding, kind, stages)| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(binding)
+                    .descriptor_type(descriptor_type(kind))
+                    .descriptor_count(1)
+                    .stage_flags(stages)
+            })
+            .collect();
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&descriptors);
+        // SAFETY: the device is alive; the description lives until the call returns.
+        pipeline.set_layout = unsafe { gpu.device.create_descriptor_set_layout(&info, None) }
+            .map_err(Error::vulkan("vkCreateDescriptorSetLayout", name))?;
+        let sets = [pipeline.set_layout];
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets);
+        // SAFETY: as above; the set layout was just made.
+        pipeline.layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }
+            .map_err(Error::vulkan("vkCreatePipelineLayout", name))?;
+        pipeline.handle = compile(gpu, description, pipeline.layout)?;
+        gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
+        gpu.name(pipeline.handle, name);
+        gpu.name(pipeline.layout, name);
+        gpu.name(pipeline.set_layout, name);
+        Ok(pipeline)
+    }
+
+    /// Name, as in captures.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+}
+
+fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout) -> Result<vk::Pipeline, Error> {
+    let name = description.name;
+    let vertex = Module::new(gpu, description.vertex)?;
+    let fragment = Module::new(gpu, description.fragment)?;
+    let values: Vec<u8> = description
+        .constants
+        .iter()
+        .flat_map(|&b| u32::from(b).to_ne_bytes())
+        .collect();
+    let entries: Vec<_> = (0..description.constants.len())
+        .map(|i| {
+            vk::SpecializationMapEntry::default()
+                .constant_id(i as u32)
+                .offset(4 * i as u32)
+                .size(4)
+        })
+        .collect();
+    let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
+    let stages = [
+        vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::VERTEX)
+            .module(vertex.handle)
+            .name(c"main"),
+        vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::FRAGMENT)
+            .module(fragment.handle)
+            .name(c"main")
+            .specialization_info(&specialization),
+    ];
+    let attributes: Vec<_> = description
+        .vertex
+        .inputs
+        .iter()
+        .map(|&(location, input)| {
+            let found = description.record.attributes.iter().find(|a| a.name == input);
+            let Some(attribute) = found else { panic!("{name}: no attribute for the shader's input {input}") };
+            vk::VertexInputAttributeDescription::default()
+                .location(location)
+                .binding(0)
+                .format(attribute.format.vk())
+                .offset(attribute.offset)
+        })
+        .collect();
+    let records = [vk::VertexInputBindingDescription::default()
+        .binding(0)
+        .stride(description.record.stride)
+        .input_rate(vk::VertexInputRate::VERTEX)];
+    let input = vk::PipelineVertexInputStateCreateInfo::default()
+        .vertex_attribute_descriptions(&attributes)
+        .vertex_binding_descriptions(if attributes.is_empty() { &[] } else { &records });
+    let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(match description.topology {
+        Topology::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+        Topology::Points => vk::PrimitiveTopology::POINT_LIST,
+    });
+    let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+    let raster = vk::PipelineRasterizationStateCreateInfo::default()
+        .polygon_mode(vk::PolygonMode::FILL)
+        .line_width(1.0);
+    let samples =
+        vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(description.depth)
+        .depth_write_enable(description.depth)
+        // Depth is reversed: nearer is greater; the first drawn wins a tie.
+        .depth_compare_op(vk::CompareOp::GREATER);
+    let targets: Vec<_> = description
+        .colors
+        .iter()
+        .map(|_| vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA))
+        .collect();
+    let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&targets);
+    let states = [
+        vk::DynamicState::VIEWPORT,
+        vk::DynamicState::SCISSOR,
+        vk::DynamicState::CULL_MODE,
+        vk::DynamicState::FRONT_FACE,
+    ];
+    let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
+    let formats: Vec<_> = description.colors.iter().map(|f| f.vk()).collect();
+    let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);
+    if description.depth {
+        rendering = rendering.depth_attachment_format(Format::Depth32.vk());
+    }
+    let info = vk::GraphicsPipelineCreateInfo::default()
+        .stages(&stages)
+        .vertex_input_state(&input)
+        .input_assembly_state(&assembly)
+        .viewport_state(&viewport)
+        .rasterization_state(&raster)
+        .multisample_state(&samples)
+        .depth_stencil_state(&depth)
+        .color_blend_state(&blend)
+        .dynamic_state(&dynamic)
+        .layout(layout)
+        .push_next(&mut rendering);
+    // SAFETY: everything the description points to lives until the call returns, and belongs to this device.
+    let made = unsafe { gpu.device.create_graphics_pipelines(gpu.pipeline_cache, &[info], None) };
+    match made {
+        Ok(pipelines) => Ok(pipelines[0]),
+        Err((_, result)) => Err(Error::vulkan("vkCreateGraphicsPipelines", name)(result)),
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        for remains in [
+            Remains::Pipeline(self.handle),
+            Remains::PipelineLayout(self.layout),
+            Remains::DescriptorSetLayout(self.set_layout),
+        ] {
+            self.gpu.bury(remains);
+        }
+    }
+}
+
+/// First bytes of our cache file; the driver's own header follows.
+const CACHE_MAGIC: &[u8; 8] = b"SURFPC01";
+/// A cache larger than this is not ours.
+const CACHE_LIMIT: u64 = 64 << 20;
+
+/// Where the cache of this device lives: one file per device and driver.
+fn cache_path(gpu: &Gpu) -> Option<PathBuf> {
+    let folder = match std::env::var_os("SURFEL_CACHE") {
+        Some(folder) if !folder.is_empty() => PathBuf::from(folder),
+        _ => dirs::cache_dir()?.join("surfel"),
+    };
+    let key = fnv1a(format!("{} {} {}", gpu.info.name, gpu.info.driver, gpu.info.api_version).as_bytes());
+    Some(folder.join(format!("pipelines-{key:016x}.bin")))
+}
+
+/// FNV-1a, 64 bits: names a file and notices damage; not against malice.
+fn fnv1a(bytes: &[u8]) -> u64 {
+    bytes
+        .iter()
+        .fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
+}
+
+/// The driver's part of a cache file, if the file is whole: magic, checksum, then the driver's bytes.
+fn unwrap_cache(bytes: &[u8]) -> Option<&[u8]> {
+    let rest = bytes.strip_prefix(CACHE_MAGIC)?;
+    let (sum, body) = rest.split_at_checked(8)?;
+    (sum == fnv1a(body).to_le_bytes()).then_some(body)
+}
+
+/// A cache filled from disk. A missing, damaged or foreign file is ignored: the driver checks its own header
+/// (vendor, device, cache UUID), and the checksum sees to it that the driver is never fed damaged bytes.
+pub(super) fn load_cache(gpu: &Gpu) -> Result<vk::PipelineCache, Error> {
+    let bytes = cache_path(gpu)
+        .filter(|path| std::fs::metadata(path).is_ok_and(|m| m.len() <= CACHE_LIMIT))
+        .and_then(|path| std::fs::read(path).ok())
+        .unwrap_or_default();
+    let body = unwrap_cache(&bytes).unwrap_or_default();
+    let info = vk::PipelineCacheCreateInfo::default().initial_data(body);
+    // SAFETY: the device is alive; the data carries the driver's own header, which the driver must check.
+    unsafe { gpu.device.create_pipeline_cache(&info, None) }.map_err(Error::vulkan("vkCreatePipelineCache", "the cache"))
+}
+
+/// Writes the cache beside and renames it. Nothing depends on it, so a failure is only logged.
+pub(super) fn store_cache(gpu: &Gpu) {
+    if gpu.compiled_pipelines() == 0 || gpu.pipeline_cache == vk::PipelineCache::null() {
+        return;
+    }
+    // SAFETY: the cache belongs to this device and is alive.
+    let Ok(body) = (unsafe { gpu.device.get_pipeline_cache_data(gpu.pipeline_cache) }) else { return };
+    let Some(path) = cache_path(gpu) else { return };
+    let mut bytes = Vec::with_capacity(body.len() + 16);
+    bytes.extend_from_slice(CACHE_MAGIC);
+    bytes.extend_from_slice(&fnv1a(&body).to_le_bytes());
+    bytes.extend_from_slice(&body);
+    if std::fs::read(&path).is_ok_and(|old| old == bytes) {
+        return;
+    }
+    let written = path
+        .parent()
+        .ok_or_else(|| std::io::Error::other("no folder"))
+        .and_then(|folder| {
+            std::fs::create_dir_all(folder)?;
+            let mut file = tempfile::NamedTempFile::new_in(folder)?;
+            std::io::Write::write_all(&mut file, &bytes)?;
+            file.persist(&path).map_err(|e| e.error)?;
+            Ok(())
+        });
+    if let Err(e) = written {
+        tracing::debug!("the pipeline cache was not stored: {e}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_damaged_or_foreign_cache_is_not_trusted() {
+        let body = b"driver bytes";
+        let mut file = CACHE_MAGIC.to_vec();
+        file.extend_from_slice(&fnv1a(body).to_le_bytes());
+        file.extend_from_slice(body);
+        assert_eq!(unwrap_cache(&file), Some(&body[..]));
+        for i in 0..file.len() {
+            let mut damaged = file.clone();
+            damaged[i] ^= 1;
+            assert_eq!(unwrap_cache(&damaged), None, "byte {i}");
+            assert_eq!(unwrap_cache(&file[..i]), None, "cut at {i}");
+        }
+        assert_eq!(unwrap_cache(b"something else entirely"), None);
+    }
+}
