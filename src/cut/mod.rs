@@ -88,3 +88,20 @@ impl Cut {
         self.stats = Stats::default();
     }
 }
+
+/// Center of splat `i` of `count` along the strip of a node, model space.
+pub fn strip_center(node: &crate::tree::Node, count: u32, i: u32) -> glam::Vec3 {
+    let half = f32::from(node.strip.half_length) / 255.0 * node.radius;
+    let t = (i as f32 + 0.5) / count as f32 * 2.0 - 1.0;
+    node.center + node.strip.direction() * (half * t)
+}
+
+/// Placeholder until the traversal is merged.
+#[derive(Debug, Default)]
+pub struct Selector;
+impl Selector {
+    /// .
+    pub fn select(&mut self, _: &crate::tree::Model, _: &crate::math::camera::View, _: &Settings, cut: &mut Cut) {
+        cut.clear();
+    }
+}

@@ -1,5 +1,7 @@
 //! Draw lists: the cut as plain arrays of the records in [`crate::abi`], the same bytes for device and mirror.
 
+pub mod pack;
+
 use crate::abi::{Splat, Vertex};
 
 /// Everything one frame draws. Triangles are drawn first, then splats, then points; all with the same depth

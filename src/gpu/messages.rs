@@ -23,12 +23,20 @@ struct Accepted {
     reason: &'static str,
 }
 
-/// Accepted messages: by identifier and a part of the text.
-const ACCEPTED: &[Accepted] = &[Accepted {
-    id: "Loader Message",
-    part: "",
-    reason: "the loader reports drivers it could not open; whether a device is left is our own check",
-}];
+/// Accepted messages: by identifier (empty: any) and a part of the text.
+const ACCEPTED: &[Accepted] = &[
+    Accepted {
+        id: "Loader Message",
+        part: "",
+        reason: "the loader reports drivers it could not open; whether a device is left is our own check",
+    },
+    Accepted {
+        id: "",
+        part: "Decoration not allowed on struct members: SpvDecorationInvariant",
+        reason: "Mesa 22.3's reader of SPIR-V remarks on `invariant gl_Position`, which the specification allows \
+                 (Invariant applies to variables and structure members); it is no finding of the layer",
+    },
+];
 
 /// Messages so far; shared by the messenger and whoever wants to read them.
 #[derive(Debug, Clone, Default)]
@@ -50,7 +58,7 @@ impl Messages {
     }
 
     fn push(&self, message: Message) {
-        if ACCEPTED.iter().any(|a| message.id == a.id && message.text.contains(a.part)) {
+        if ACCEPTED.iter().any(|a| (a.id.is_empty() || message.id == a.id) && message.text.contains(a.part)) {
             tracing::debug!(target: "vulkan", "accepted: {}: {}", message.id, message.text);
             return;
         }

@@ -1,0 +1,566 @@
+//! Draws frames of one size: targets, draw lists in mapped memory, passes, read-back.
+//!
+//! A frame goes: cut (CPU) -> pack into the mapped buffers of a free slot -> passes -> wait. Reading the
+//! picture back is a submission of its own, so that its cost is not part of the frame's.
+
+use super::hybrid::{self, Run};
+use super::scene::Scene;
+use super::triangles::{self, Variant};
+use super::{COLOR, Method, NORMAL, Settings, points};
+use crate::abi::{FrameConstants, Splat, constants};
+use crate::cut::{self, Cut};
+use crate::draw::{ColorBy, pack};
+use crate::gpu::buffer::{AnyBuffer, Readback, Upload};
+use crate::gpu::frame::{Frames, Load, Pass};
+use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::pipeline::Pipeline;
+use crate::gpu::profile::PassTime;
+use crate::gpu::{Error, Gpu};
+use crate::image::Image;
+use crate::math::camera::{Light, View};
+use crate::tree::Model;
+use glam::{Mat4, Vec3, Vec4};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// The targets of a frame.
+#[derive(Debug)]
+pub(crate) struct Targets {
+    color: Target,
+    depth: Target,
+    normal: Option<Target>,
+}
+
+impl Targets {
+    fn new(gpu: &Arc<Gpu>, width: u32, height: u32, normals: bool) -> Result<Self, Error> {
+        Ok(Self {
+            color: Target::new(gpu, "color", COLOR, width, height)?,
+            depth: Target::new(gpu, "depth", Format::Depth32, width, height)?,
+            normal: normals
+                .then(|| Target::new(gpu, "normal", NORMAL, width, height))
+                .transpose()?,
+        })
+    }
+
+    /// Attaches all targets, cleared: color to the background with coverage 0, depth to far.
+    pub(crate) fn attach<'f>(&self, pass: Pass<'f>, context: &Context) -> Pass<'f> {
+        self.attach_with(pass, context, Load::Clear)
+    }
+
+    /// Attaches all targets; `load` decides from the clear value.
+    pub(crate) fn attach_with<'f>(
+        &self,
+        pass: Pass<'f>,
+        context: &Context,
+        load: impl Fn([f32; 4]) -> Load,
+    ) -> Pass<'f> {
+        let [r, g, b] = context.background;
+        let pass = pass.color(&self.color, load([r, g, b, 0.0]));
+        let pass = match &self.normal {
+            Some(normal) => pass.color(normal, load([0.0; 4])),
+            None => pass,
+        };
+        pass.depth(&self.depth, load([0.0; 4]))
+    }
+}
+
+/// What every pass of a frame needs besides its resources.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Context {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Pixels by which the viewport reaches beyond the picture on every side.
+    pub(crate) guard_px: u32,
+    pub(crate) background: [f32; 3],
+    pub(crate) cull_back: bool,
+    /// The camera mirrors the picture, so that fronts turn clockwise.
+    pub(crate) is_mirrored: bool,
+}
+
+impl Context {
+    /// The viewport: larger than the picture by the guard band. A point is dropped by the device when its
+    /// center leaves the view volume, even if its square still reaches into the picture; with the view volume
+    /// widened by half the largest square, none of those is lost.
+    pub(crate) fn viewport(&self) -> [f32; 4] {
+        let guard = self.guard_px as f32;
+        [
+            -guard,
+            -guard,
+            self.width as f32 + 2.0 * guard,
+            self.height as f32 + 2.0 * guard,
+        ]
+    }
+}
+
+/// What is read back besides color.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Outputs {
+    /// View-space distance of each pixel.
+    pub depth: bool,
+    /// World-space normal of each pixel.
+    pub normal: bool,
+}
+
+/// Counts of one frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Counts {
+    /// Nodes and leaves that the cut looked at.
+    pub nodes_visited: u64,
+    /// Splats drawn.
+    pub splats: u64,
+    /// Triangles drawn.
+    pub triangles: u64,
+    /// Vertices drawn as points.
+    pub points: u64,
+    /// Bytes of draw lists written.
+    pub draw_list_bytes: u64,
+}
+
+/// What one frame cost.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameTimes {
+    /// From setting the camera to the finished image on the device, milliseconds.
+    pub frame_ms: f64,
+    /// Choosing the cut, milliseconds.
+    pub cut_ms: f64,
+    /// Writing the draw lists, milliseconds.
+    pub pack_ms: f64,
+    /// Recording and submitting, milliseconds.
+    pub submit_ms: f64,
+    /// Waiting for the device, milliseconds.
+    pub wait_ms: f64,
+    /// Each pass on the device.
+    pub passes: Vec<PassTime>,
+    /// What was drawn.
+    pub counts: Counts,
+}
+
+/// Mapped draw lists of one slot.
+#[derive(Debug)]
+struct Lists {
+    splats: Upload,
+    indices: Upload,
+    runs: Vec<Run>,
+}
+
+/// Draws frames of one size on one device.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Arc<Gpu>,
+    frames: Frames,
+    targets: Targets,
+    outputs: Outputs,
+    lists: Vec<Lists>,
+    cut: Cut,
+    selector: cut::Selector,
+    triangles: Option<(Variant, Pipeline)>,
+    points: Option<Pipeline>,
+    splats: Option<Pipeline>,
+    readback: Option<[Option<Readback>; 3]>,
+}
+
+/// First size of a draw list, bytes; it grows by half when a frame needs more.
+const FIRST_LIST_BYTES: u64 = 1 << 20;
+
+fn ms(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}
+
+impl Renderer {
+    /// A renderer for pictures of `width` x `height` pixels. With `timestamps` every pass is timed.
+    ///
+    /// # Errors
+    /// When a side is 0 or above the device's limit, or memory runs out.
+    pub fn new(gpu: &Arc<Gpu>, width: u32, height: u32, outputs: Outputs, timestamps: bool) -> Result<Self, Error> {
+        let frames = Frames::new(gpu, 2, timestamps)?;
+        let lists = (0..frames.in_flight())
+            .map(|slot| {
+                Ok(Lists {
+                    splats: Upload::new(gpu, &format!("splats of frame {slot}"), FIRST_LIST_BYTES)?,
+                    indices: Upload::new(gpu, &format!("triangles of frame {slot}"), FIRST_LIST_BYTES)?,
+                    runs: Vec::new(),
+                })
+            })
+            .collect::<Result<_, Error>>()?;
+        Ok(Self {
+            gpu: gpu.clone(),
+            frames,
+            targets: Targets::new(gpu, width, height, outputs.normal)?,
+            outputs,
+            lists,
+            cut: Cut::default(),
+            selector: cut::Selector::default(),
+            triangles: None,
+            points: None,
+            splats: None,
+            readback: None,
+        })
+    }
+
+    /// The cut of the last frame drawn with [`Method::Pop`].
+    pub fn cut(&self) -> &Cut {
+        &self.cut
+    }
+
+    fn context(&self, view: &View, settings: &Settings, model: &Model, largest_px: f32) -> Context {
+        let linear = view.view_from_model;
+        Context {
+            width: view.width,
+            height: view.height,
+            guard_px: if largest_px > 0.0 {
+                (largest_px / 2.0).ceil() as u32 + 1
+            } else {
+                0
+            },
+            background: settings.background,
+            cull_back: settings.culls_back(model.is_closed),
+            is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
+        }
+    }
+
+    /// Draws one frame and waits until it is finished on the device.
+    ///
+    /// # Errors
+    /// When the view's size is not the renderer's, points are larger than the device draws, memory runs out
+    /// or the device is lost.
+    pub fn draw(
+        &mut self,
+        model: &Model,
+        scene: &mut Scene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        for (what, value, limit) in [
+            ("the width of the view", view.width, self.targets.color.width),
+            ("the height of the view", view.height, self.targets.color.height),
+        ] {
+            if value != limit {
+                return Err(Error::Limit {
+                    what: what.into(),
+                    value: u64::from(value),
+                    limit: u64::from(limit),
+                });
+            }
+        }
+        let max_point = self.gpu.info().max_point_size_px;
+        if settings.method == Method::Points && settings.threshold_px > max_point {
+            return Err(Error::Limit {
+                what: "the size of points (--threshold, pixels)".into(),
+                value: settings.threshold_px.ceil() as u64,
+                limit: max_point as u64,
+            });
+        }
+        self.prepare(scene, model, settings)?;
+        let start = Instant::now();
+        let mut times = match settings.method {
+            Method::Triangles => self.draw_triangles(model, scene, view, settings)?,
+            Method::Points => self.draw_points(model, scene, view, settings)?,
+            Method::Pop => self.draw_pop(model, scene, view, settings)?,
+        };
+        times.frame_ms = ms(start);
+        Ok(times)
+    }
+
+    /// Makes the pipelines and buffers that `settings` need, outside of the frame.
+    fn prepare(&mut self, scene: &mut Scene, model: &Model, settings: &Settings) -> Result<(), Error> {
+        let normals = self.outputs.normal;
+        if settings.method == Method::Triangles {
+            scene.ensure_indices(model)?;
+        }
+        if settings.method != Method::Points {
+            let variant = Variant {
+                normals,
+                colors: scene.has_colors,
+            };
+            if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
+                self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
+            }
+        }
+        if settings.method == Method::Points && self.points.is_none() {
+            self.points = Some(points::pipeline(&self.gpu, normals)?);
+        }
+        if settings.method == Method::Pop && self.splats.is_none() {
+            self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
+        }
+        Ok(())
+    }
+
+    fn draw_triangles(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        let context = self.context(view, settings, model, 0.0);
+        let Some((_, pipeline)) = &self.triangles else { unreachable!("prepare made the pipeline") };
+        let start = Instant::now();
+        let mut frame = self.frames.begin()?;
+        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        triangles::record(&mut frame, pipeline, &self.targets, scene, &context, constants);
+        let ticket = frame.submit()?;
+        let submit_ms = ms(start);
+        let wait = Instant::now();
+        let finished = self.frames.finish(ticket)?;
+        Ok(FrameTimes {
+            submit_ms,
+            wait_ms: ms(wait),
+            passes: finished.passes,
+            counts: Counts {
+                triangles: model.triangles.len() as u64,
+                ..Counts::default()
+            },
+            ..FrameTimes::default()
+        })
+    }
+
+    fn draw_points(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        let context = self.context(view, settings, model, settings.threshold_px.max(1.0));
+        let Some(pipeline) = &self.points else { unreachable!("prepare made the pipeline") };
+        let start = Instant::now();
+        let mut frame = self.frames.begin()?;
+        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        points::record(&mut frame, pipeline, &self.targets, scene, &context, constants);
+        let ticket = frame.submit()?;
+        let submit_ms = ms(start);
+        let wait = Instant::now();
+        let finished = self.frames.finish(ticket)?;
+        Ok(FrameTimes {
+            submit_ms,
+            wait_ms: ms(wait),
+            passes: finished.passes,
+            counts: Counts {
+                points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
+                ..Counts::default()
+            },
+            ..FrameTimes::default()
+        })
+    }
+
+    fn draw_pop(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        let max_point = self.gpu.info().max_point_size_px;
+        let largest = if model.triangles.is_empty() {
+            max_point
+        } else {
+            settings.threshold_px.clamp(1.0, max_point)
+        };
+        let context = self.context(view, settings, model, largest);
+        let start = Instant::now();
+        let cut_settings = cut_settings(settings, model);
+        self.selector.select(model, view, &cut_settings, &mut self.cut);
+        let cut_ms = ms(start);
+
+        let pack_start = Instant::now();
+        self.frames.wait_for_next()?;
+        let lists = &mut self.lists[self.frames.next_slot()];
+        let side = settings.threshold_px.max(1.0);
+        let capacity = pack::splat_count(model, &self.cut, view, side, max_point);
+        reserve(&self.gpu, &mut lists.splats, (capacity * size_of::<Splat>()) as u64)?;
+        reserve(&self.gpu, &mut lists.indices, 12 * self.cut.triangles.len() as u64)?;
+        let splats = whole_records::<Splat>(lists.splats.bytes_mut());
+        let splat_count = pack::splats(model, &self.cut, view, side, max_point, splats);
+        let splat_bytes = (splat_count * size_of::<Splat>()) as u64;
+        lists.splats.flush(0..splat_bytes);
+        pack_triangles(model, scene, &self.cut.triangles, lists);
+        let index_bytes = 12 * self.cut.triangles.len() as u64;
+        lists.indices.flush(0..index_bytes);
+        let pack_ms = ms(pack_start);
+
+        let (Some((_, triangle_pipeline)), Some(splat_pipeline)) = (&self.triangles, &self.splats) else {
+            unreachable!("prepare made the pipelines")
+        };
+        let submit_start = Instant::now();
+        let mut frame = self.frames.begin()?;
+        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        hybrid::record_triangles(
+            &mut frame,
+            triangle_pipeline,
+            &self.targets,
+            scene,
+            (&lists.indices, &lists.runs),
+            &context,
+            constants,
+        );
+        hybrid::record_splats(
+            &mut frame,
+            splat_pipeline,
+            &self.targets,
+            (&lists.splats, splat_count as u32),
+            &context,
+            constants,
+        );
+        let ticket = frame.submit()?;
+        let submit_ms = ms(submit_start);
+        let wait = Instant::now();
+        let finished = self.frames.finish(ticket)?;
+        Ok(FrameTimes {
+            frame_ms: 0.0,
+            cut_ms,
+            pack_ms,
+            submit_ms,
+            wait_ms: ms(wait),
+            passes: finished.passes,
+            counts: Counts {
+                nodes_visited: self.cut.stats.visited,
+                splats: splat_count as u64,
+                triangles: self.cut.triangles.len() as u64,
+                points: 0,
+                draw_list_bytes: splat_bytes + index_bytes,
+            },
+        })
+    }
+
+    /// Reads the last drawn frame back, with the outputs that the renderer was made for.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn read(&mut self, view: &View) -> Result<Image, Error> {
+        let gpu = &self.gpu;
+        if self.readback.is_none() {
+            let make = |name: &str, target: Option<&Target>| {
+                target.map(|t| Readback::new(gpu, name, t.bytes())).transpose()
+            };
+            self.readback = Some([
+                make("readback of color", Some(&self.targets.color))?,
+                make("readback of depth", self.outputs.depth.then_some(&self.targets.depth))?,
+                make("readback of normal", self.targets.normal.as_ref())?,
+            ]);
+        }
+        let Some([color, depth, normal]) = &mut self.readback else { unreachable!("made above") };
+        let mut frame = self.frames.begin()?;
+        if let Some(color) = color {
+            frame.read_back("readback.color", &self.targets.color, color);
+        }
+        if let Some(depth) = depth {
+            frame.read_back("readback.depth", &self.targets.depth, depth);
+        }
+        if let (Some(normal), Some(target)) = (normal.as_ref(), &self.targets.normal) {
+            frame.read_back("readback.normal", target, normal);
+        }
+        let ticket = frame.submit()?;
+        self.frames.finish(ticket)?;
+        let (width, height) = (self.targets.color.width, self.targets.color.height);
+        let mut image = Image {
+            width,
+            height,
+            ..Image::default()
+        };
+        if let Some(color) = color {
+            image.color = bytemuck::pod_collect_to_vec(color.bytes());
+        }
+        if let Some(depth) = depth {
+            let raw: Vec<f32> = bytemuck::pod_collect_to_vec(depth.bytes());
+            image.depth = raw.into_iter().map(|d| view.distance_of_depth(d)).collect();
+        }
+        if let Some(normal) = normal {
+            let raw: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(normal.bytes());
+            image.normal = raw.into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
+        }
+        Ok(image)
+    }
+}
+
+/// The cut settings of a frame.
+pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
+    cut::Settings {
+        threshold_px: settings.threshold_px,
+        cull_back: settings.culls_back(model.is_closed) && !model.triangles.is_empty(),
+        cull_frustum: true,
+        size: settings.size,
+    }
+}
+
+/// The uniform block of a frame.
+fn frame_constants(view: &View, settings: &Settings, context: &Context) -> FrameConstants {
+    let [_, _, width, height] = context.viewport();
+    // Maps the picture's clip space into the middle of the wider viewport.
+    let shrink = Mat4::from_scale(Vec3::new(
+        view.width as f32 / width,
+        view.height as f32 / height,
+        1.0,
+    ));
+    let clip = shrink * view.clip_from_view();
+    // x_ndc = 2 px / W - 1 and x_ndc = (sx x + ox z) / -z with z = -1: x = (x_ndc + ox) / sx.
+    let [sx, sy] = view.scale;
+    let [ox, oy] = view.offset;
+    let mut flags = 0;
+    for (on, flag) in [
+        (settings.use_colors, constants::FLAG_USE_COLORS),
+        (settings.two_sided, constants::FLAG_TWO_SIDED),
+        (
+            settings.color_by == ColorBy::Primitive,
+            constants::FLAG_COLOR_BY_PRIMITIVE,
+        ),
+        (
+            view.light == Light::Directional || !view.is_perspective,
+            constants::FLAG_PARALLEL_LIGHT,
+        ),
+        (!view.is_perspective, constants::FLAG_ORTHOGRAPHIC),
+    ] {
+        if on {
+            flags |= flag;
+        }
+    }
+    let columns = |m: Mat4| -> [[f32; 4]; 4] { [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c: Vec4| c.to_array()) };
+    FrameConstants {
+        view_from_model: columns(view.view_from_model),
+        clip_from_view: columns(clip),
+        ray_scale: [2.0 / (view.width as f32 * sx), -2.0 / (view.height as f32 * sy)],
+        ray_offset: [(ox - 1.0) / sx, (oy + 1.0) / sy],
+        focal_px: view.focal_px(),
+        splat_size_px: settings.threshold_px.max(1.0),
+        model_scale: view.model_scale,
+        flags,
+    }
+}
+
+/// The records that fit a mapped buffer.
+fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
+    let whole = bytes.len() / size_of::<T>() * size_of::<T>();
+    bytemuck::cast_slice_mut(&mut bytes[..whole])
+}
+
+/// Grows a mapped buffer; its slot is free, so nothing reads it.
+fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
+    if bytes > buffer.bytes() {
+        let name = buffer.name().to_owned();
+        *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
+    }
+    Ok(())
+}
+
+/// Writes the corners of the chosen triangles, page by page.
+fn pack_triangles(model: &Model, scene: &Scene, ids: &[u32], lists: &mut Lists) {
+    lists.runs.clear();
+    let out: &mut [[u32; 3]] = whole_records(lists.indices.bytes_mut());
+    let mut done = 0;
+    for (index, page) in scene.pages.iter().enumerate() {
+        let end = done + ids[done..].partition_point(|&id| id < page.triangles.end);
+        if end > done {
+            pack::triangles(
+                &ids[done..end],
+                page.corners(model),
+                page.triangles.start,
+                &mut out[done..end],
+            );
+            lists.runs.push(Run {
+                page: index,
+                first: 3 * done as u32,
+                count: 3 * (end - done) as u32,
+            });
+            done = end;
+        }
+    }
+}

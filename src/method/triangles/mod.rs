@@ -1,0 +1,68 @@
+//! Every triangle of the mesh: the reference that the other methods are compared with.
+
+use super::renderer::{Context, Targets};
+use super::scene::Scene;
+use super::{COLOR, NORMAL, VERTEX};
+use crate::abi::shaders;
+use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::image::Format;
+use crate::gpu::pipeline::{Description, Pipeline, Topology};
+use crate::gpu::{Error, Gpu};
+use std::sync::Arc;
+
+/// Variant of the triangle pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Variant {
+    pub(crate) normals: bool,
+    pub(crate) colors: bool,
+}
+
+/// The color targets of a pass.
+pub(crate) fn targets(normals: bool) -> &'static [Format] {
+    if normals { &[COLOR, NORMAL] } else { &[COLOR] }
+}
+
+/// The pipeline that draws indexed mesh triangles.
+pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Error> {
+    Pipeline::new(
+        gpu,
+        &Description {
+            name: "triangles.draw",
+            vertex: &shaders::TRIANGLES_DRAW_VERT,
+            fragment: &shaders::TRIANGLES_DRAW_FRAG,
+            constants: &[variant.normals, variant.colors],
+            record: VERTEX,
+            topology: Topology::Triangles,
+            colors: targets(variant.normals),
+            depth: true,
+        },
+    )
+}
+
+/// Pass `triangles.draw`: all triangles of all pages.
+pub(crate) fn record(
+    frame: &mut Frame<'_>,
+    pipeline: &Pipeline,
+    targets: &Targets,
+    scene: &Scene,
+    context: &Context,
+    constants: Uniform,
+) {
+    let mut pass = targets.attach(frame.pass("triangles.draw"), context);
+    for page in &scene.pages {
+        pass = pass.vertices(&page.vertices);
+        if let Some(indices) = &page.indices {
+            pass = pass.indices(indices);
+        }
+    }
+    pass.draw(context.viewport(), |draw| {
+        draw.cull_back_faces(context.cull_back, context.is_mirrored);
+        draw.bind(pipeline, &[constants]);
+        for page in &scene.pages {
+            let Some(indices) = &page.indices else { continue };
+            draw.vertices(&page.vertices, 0);
+            draw.indices(indices, 0);
+            draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
+        }
+    });
+}

@@ -1,0 +1,82 @@
+//! The harness of the tests that touch a device: a headless device with validation and synchronization
+//! validation, whose messages fail the test, teardown included.
+#![allow(dead_code, reason = "each test binary uses a part of the harness")]
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use surfel::gpu::messages::Messages;
+use surfel::gpu::{Gpu, Options};
+
+/// A device under validation. Dropping it (last) checks that not one message was left.
+pub struct Device {
+    gpu: Option<Arc<Gpu>>,
+    messages: Messages,
+}
+
+impl Device {
+    /// Opens a device, or says why there is none; with `SURFEL_REQUIRE_DEVICE=1` that is a failure.
+    pub fn open() -> Option<Self> {
+        Self::open_with(Options::default())
+    }
+
+    /// As [`Device::open`], with further options.
+    pub fn open_with(options: Options) -> Option<Self> {
+        let options = Options {
+            validation: true,
+            ..options
+        };
+        match Gpu::open(&options) {
+            Ok(gpu) => Some(Self {
+                messages: gpu.messages().clone(),
+                gpu: Some(gpu),
+            }),
+            Err(error) => {
+                assert!(
+                    std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
+                    "a device is required here: {error}"
+                );
+                eprintln!("no device, nothing tested: {error}");
+                None
+            }
+        }
+    }
+
+    pub fn gpu(&self) -> &Arc<Gpu> {
+        self.gpu.as_ref().unwrap()
+    }
+
+    /// The messages so far, taken: for tests that plant a fault.
+    pub fn take_messages(&self) -> Vec<surfel::gpu::messages::Message> {
+        self.messages.take()
+    }
+}
+
+impl Drop for Device {
+    fn drop(&mut self) {
+        if let Some(gpu) = self.gpu.take() {
+            let root = Arc::try_unwrap(gpu);
+            if !std::thread::panicking() {
+                assert!(root.is_ok(), "a resource outlives its test");
+            }
+        }
+        let messages = self.messages.take();
+        if !std::thread::panicking() {
+            assert!(messages.is_empty(), "validation said: {messages:#?}");
+        }
+    }
+}
+
+/// Folder of the real models, or one printed line and `None`.
+pub fn models() -> Option<PathBuf> {
+    let folder = std::env::var_os("SURFEL_MODELS").map_or_else(
+        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models"),
+        PathBuf::from,
+    );
+    if folder.is_dir() {
+        Some(folder)
+    } else {
+        eprintln!("real models are absent ({}): nothing tested with them", folder.display());
+        None
+    }
+}
