@@ -1,0 +1,3 @@
+//! Methods: from draw lists to a picture.
+
+pub mod mirror;
