@@ -81,6 +81,7 @@ pub fn jittered(view: &View, i: u32, k: u32) -> View {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
     use super::*;
     use crate::math::camera::Camera;
@@ -104,7 +105,11 @@ mod tests {
             for k in [1, 2, 3, 4] {
                 for i in 0..k * k {
                     let shifted = jittered(&view, i, k);
-                    for point in [Vec3::ZERO, Vec3::new(0.4, -0.3, 0.9), Vec3::new(-0.8, 0.5, -2.0)] {
+                    for point in [
+                        Vec3::ZERO,
+                        Vec3::new(0.4, -0.3, 0.9),
+                        Vec3::new(-0.8, 0.5, -2.0),
+                    ] {
                         let (x, y, z) = view.project(point);
                         let (sx, sy, sz) = shifted.project(point);
                         // A sample to the right of the center sees the point further left.
@@ -133,7 +138,10 @@ mod tests {
         assert_eq!(sum.mean().color, vec![[0.5, 0.0, 15.0 / 255.0, 0.5]; 2]);
         assert!(matches!(
             sum.add(&Image::filled(1, 2, [0; 4])),
-            Err(Error::Size { first: [2, 1], second: [1, 2] })
+            Err(Error::Size {
+                first: [2, 1],
+                second: [1, 2]
+            })
         ));
         assert_eq!(sum.count(), 2);
     }

@@ -78,7 +78,11 @@ fn difference(a: f64, b: f64) -> f64 {
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
-pub fn compare(reference: &impl Picture, other: &impl Picture, level: f64) -> Result<Difference, Error> {
+pub fn compare(
+    reference: &impl Picture,
+    other: &impl Picture,
+    level: f64,
+) -> Result<Difference, Error> {
     let [width, height] = same_size(reference, other)?;
     let pixels = width as usize * height as usize;
     let mut whole = Sums::default();
@@ -116,7 +120,11 @@ pub fn compare(reference: &impl Picture, other: &impl Picture, level: f64) -> Re
         extra,
         hole_pixels,
         holes: grid.count_groups(&mut is_hole),
-        silhouette_iou: if either == 0 { 1.0 } else { both as f64 / either as f64 },
+        silhouette_iou: if either == 0 {
+            1.0
+        } else {
+            both as f64 / either as f64
+        },
         coverage_abs,
     })
 }
@@ -125,7 +133,11 @@ pub fn compare(reference: &impl Picture, other: &impl Picture, level: f64) -> Re
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
-pub fn difference_picture(reference: &impl Picture, other: &impl Picture, gain: f64) -> Result<Image, Error> {
+pub fn difference_picture(
+    reference: &impl Picture,
+    other: &impl Picture,
+    gain: f64,
+) -> Result<Image, Error> {
     let [width, height] = same_size(reference, other)?;
     let mut image = Image::filled(width, height, [0; 4]);
     for (i, pixel) in image.color.iter_mut().enumerate() {
@@ -220,6 +232,7 @@ impl Grid {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
     use super::*;
     use crate::image::FloatImage;
@@ -244,7 +257,10 @@ mod tests {
         assert!(d.is_zero());
         assert_eq!((d.whole.pixels, d.object.pixels), (80, 30));
         assert_eq!(d.whole.psnr_db, f64::INFINITY);
-        assert_eq!((d.missing, d.extra, d.holes, d.silhouette_iou), (0, 0, 0, 1.0));
+        assert_eq!(
+            (d.missing, d.extra, d.holes, d.silhouette_iou),
+            (0, 0, 0, 1.0)
+        );
     }
 
     #[test]
@@ -285,7 +301,10 @@ mod tests {
     fn sizes_must_agree_and_nan_is_never_equal_to_a_number() {
         assert!(matches!(
             compare(&block(), &Image::filled(8, 10, [0; 4]), 0.0),
-            Err(Error::Size { first: [10, 8], second: [8, 10] })
+            Err(Error::Size {
+                first: [10, 8],
+                second: [8, 10]
+            })
         ));
         let good = FloatImage {
             width: 1,

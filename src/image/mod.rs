@@ -136,7 +136,11 @@ impl Image {
         FloatImage {
             width: self.width,
             height: self.height,
-            color: self.color.iter().map(|c| c.map(|v| f32::from(v) / 255.0)).collect(),
+            color: self
+                .color
+                .iter()
+                .map(|c| c.map(|v| f32::from(v) / 255.0))
+                .collect(),
             depth: self.depth.clone(),
             normal: self.normal.clone(),
         }
@@ -160,7 +164,8 @@ impl Image {
                 let mut count = 0;
                 for row in y * factor..((y + 1) * factor).min(self.height) {
                     for column in x * factor..((x + 1) * factor).min(self.width) {
-                        let pixel = self.color[row as usize * self.width as usize + column as usize];
+                        let pixel =
+                            self.color[row as usize * self.width as usize + column as usize];
                         for (s, v) in sum.iter_mut().zip(pixel) {
                             *s += u64::from(v);
                         }
@@ -181,7 +186,11 @@ impl FloatImage {
         Image {
             width: self.width,
             height: self.height,
-            color: self.color.iter().map(|c| c.map(|v| unorm8(f64::from(v)))).collect(),
+            color: self
+                .color
+                .iter()
+                .map(|c| c.map(|v| unorm8(f64::from(v))))
+                .collect(),
             depth: self.depth.clone(),
             normal: self.normal.clone(),
         }

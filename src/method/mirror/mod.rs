@@ -68,15 +68,23 @@ pub fn render(view: &View, list: &DrawList, style: &Style, outputs: Outputs) -> 
         let frame = Frame::new(view, style);
         let mut bands = target.bands();
         for chunk in list.triangles.chunks(CHUNK) {
-            let set_up = gather(chunk, |corners, out| triangle::set_up(&frame, list.vertices, *corners, out));
-            draw(&mut bands, &set_up, |band, t| triangle::rasterize(&frame, t, band));
+            let set_up = gather(chunk, |corners, out| {
+                triangle::set_up(&frame, list.vertices, *corners, out)
+            });
+            draw(&mut bands, &set_up, |band, t| {
+                triangle::rasterize(&frame, t, band)
+            });
         }
         for chunk in list.splats.chunks(CHUNK) {
-            let set_up = gather(chunk, |splat, out| out.extend(square::of_splat(&frame, splat)));
+            let set_up = gather(chunk, |splat, out| {
+                out.extend(square::of_splat(&frame, splat))
+            });
             draw(&mut bands, &set_up, |band, s| square::rasterize(s, band));
         }
         for chunk in list.points.chunks(CHUNK) {
-            let set_up = gather(chunk, |point, out| out.extend(square::of_point(&frame, point)));
+            let set_up = gather(chunk, |point, out| {
+                out.extend(square::of_point(&frame, point))
+            });
             draw(&mut bands, &set_up, |band, s| square::rasterize(s, band));
         }
     }

@@ -47,7 +47,13 @@ impl Shading {
 
     /// The color of a surface point; `normal` is a unit vector, or zero where the surface has none and is
     /// shaded as if it faced the light. `color` holds value / 255.
-    pub(super) fn color(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> [u8; 4] {
+    pub(super) fn color(
+        &self,
+        kind: Kind,
+        position: DVec3,
+        normal: DVec3,
+        color: DVec3,
+    ) -> [u8; 4] {
         let to_light = match self.light {
             Source::Point(eye) => (eye - position).normalize_or_zero(),
             Source::Direction(direction) => direction,
@@ -56,7 +62,11 @@ impl Shading {
             1.0
         } else {
             let cosine = normal.dot(to_light);
-            if self.two_sided { cosine.abs() } else { cosine.max(0.0) }
+            if self.two_sided {
+                cosine.abs()
+            } else {
+                cosine.max(0.0)
+            }
         };
         let albedo = match (self.color_by, kind) {
             (ColorBy::Primitive, Kind::Triangle) => TRIANGLE_TINT,

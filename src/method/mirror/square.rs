@@ -24,7 +24,11 @@ pub(super) fn of_splat(frame: &Frame, splat: &Splat) -> Option<Square> {
     set_up(frame, splat.center, splat.normal, splat.color, |distance| {
         if splat.radius > 0.0 {
             let side = 2.0 * frame.pixels_per_unit * splat.radius;
-            if frame.view.is_perspective { side / distance } else { side }
+            if frame.view.is_perspective {
+                side / distance
+            } else {
+                side
+            }
         } else if splat.radius.is_nan() {
             f32::NAN
         } else {
@@ -77,7 +81,9 @@ fn set_up(
         rows,
         depth: (placed.clip.z / placed.clip.w).clamp(0.0, 1.0),
         fragment: Fragment {
-            color: frame.shading.color(Kind::Splat, center.as_dvec3(), normal, color_of(color)),
+            color: frame
+                .shading
+                .color(Kind::Splat, center.as_dvec3(), normal, color_of(color)),
             normal: normal.as_vec3().to_array(),
             distance,
         },

@@ -31,7 +31,9 @@ impl Target {
     /// Bands of whole rows, from the top; several a thread, since models are seldom spread evenly.
     pub(super) fn bands(&mut self) -> Vec<Band<'_>> {
         let width = self.image.width as usize;
-        let rows = (self.image.height as usize).div_ceil(4 * rayon::current_num_threads()).max(1);
+        let rows = (self.image.height as usize)
+            .div_ceil(4 * rayon::current_num_threads())
+            .max(1);
         let size = (rows * width).max(1);
         let mut distance = self.image.depth.chunks_mut(size);
         let mut normal = self.image.normal.chunks_mut(size);

@@ -76,7 +76,12 @@ impl Edge {
 }
 
 /// Clips, projects, snaps and culls one triangle of the list; pushes what can cover a pixel center.
-pub(super) fn set_up(frame: &Frame, vertices: &[Vertex], corners: [u32; 3], out: &mut Vec<Triangle>) {
+pub(super) fn set_up(
+    frame: &Frame,
+    vertices: &[Vertex],
+    corners: [u32; 3],
+    out: &mut Vec<Triangle>,
+) {
     let corner = |i: u32| {
         let vertex = vertices.get(i as usize)?;
         let placed = frame.place(vertex.position)?;
@@ -106,10 +111,7 @@ pub(super) fn set_up(frame: &Frame, vertices: &[Vertex], corners: [u32; 3], out:
     };
     let first = window(&polygon[0]);
     for pair in polygon[1..].windows(2) {
-        out.extend(project(
-            frame,
-            [first, window(&pair[0]), window(&pair[1])],
-        ));
+        out.extend(project(frame, [first, window(&pair[0]), window(&pair[1])]));
     }
 }
 
@@ -157,7 +159,9 @@ pub(super) fn rasterize(frame: &Frame, triangle: &Triangle, band: &mut Band) {
         for x in columns {
             // Barycentric weights in the window, of the snapped corners: never negative, so no value leaves
             // the range of its corners, however thin the triangle is.
-            let [wa, wb, wc] = triangle.edges.map(|edge| edge.at(x, row) as f64 / triangle.area);
+            let [wa, wb, wc] = triangle
+                .edges
+                .map(|edge| edge.at(x, row) as f64 / triangle.area);
             let depth = (wa * a.depth + wb * b.depth + wc * c.depth).clamp(0.0, 1.0) as f32;
             band.put(x as u32, y, depth, || {
                 let (pa, pb, pc) = (wa * a.inv_w, wb * b.inv_w, wc * c.inv_w);
