@@ -1,7 +1,9 @@
 //! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
 //! mirror on the CPU that tests compare it with.
 
+pub mod engine;
 pub mod hybrid;
+pub mod mirror;
 pub mod points;
 pub mod renderer;
 pub mod scene;

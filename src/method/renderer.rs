@@ -4,6 +4,7 @@
 //! picture back is a submission of its own, so that its cost is not part of the frame's.
 
 use super::hybrid::{self, Run};
+pub use super::mirror::Outputs;
 use super::scene::Scene;
 use super::triangles::{self, Variant};
 use super::{COLOR, Method, NORMAL, Settings, points};
@@ -90,15 +91,6 @@ impl Context {
             self.height as f32 + 2.0 * guard,
         ]
     }
-}
-
-/// What is read back besides color.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Outputs {
-    /// View-space distance of each pixel.
-    pub depth: bool,
-    /// World-space normal of each pixel.
-    pub normal: bool,
 }
 
 /// Counts of one frame.

@@ -1,0 +1,148 @@
+//! Supersampled references: the box-filtered mean of pictures with shifted sample positions.
+
+use super::{Error, FloatImage, Image};
+use crate::math::camera::View;
+
+/// Sums pictures of one size; the mean of all is the box-filtered picture when they were drawn through
+/// [`jittered`] views. The sums are integers, so the order of the pictures does not matter.
+#[derive(Debug, Clone, Default)]
+pub struct Accumulator {
+    width: u32,
+    height: u32,
+    sum: Vec<[u32; 4]>,
+    count: u32,
+}
+
+impl Accumulator {
+    /// An accumulator without pictures; the first one decides the size.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Number of pictures so far.
+    pub fn count(&self) -> u32 {
+        self.count
+    }
+
+    /// Adds a picture's color and coverage; depth and normals have no useful mean and are ignored.
+    ///
+    /// # Errors
+    /// [`Error::Size`] when the picture has another size than the first; the sums stay as they were.
+    pub fn add(&mut self, image: &Image) -> Result<(), Error> {
+        if self.count == 0 {
+            (self.width, self.height) = (image.width, image.height);
+            self.sum = vec![[0; 4]; image.color.len()];
+        } else if (self.width, self.height) != (image.width, image.height) {
+            return Err(Error::Size {
+                first: [self.width, self.height],
+                second: [image.width, image.height],
+            });
+        }
+        // 2^24 pictures fit.
+        for (sum, pixel) in self.sum.iter_mut().zip(&image.color) {
+            for (s, v) in sum.iter_mut().zip(pixel) {
+                *s += u32::from(*v);
+            }
+        }
+        self.count += 1;
+        Ok(())
+    }
+
+    /// The mean color and covered fraction; an empty picture when nothing was added.
+    pub fn mean(&self) -> FloatImage {
+        let scale = 255.0 * f64::from(self.count.max(1));
+        FloatImage {
+            width: self.width,
+            height: self.height,
+            color: self
+                .sum
+                .iter()
+                .map(|sum| sum.map(|s| (f64::from(s) / scale) as f32))
+                .collect(),
+            ..FloatImage::default()
+        }
+    }
+}
+
+/// The view whose pixel centers lie where sample `i` of a regular `k` x `k` grid lies in each pixel of `view`:
+/// with a = i mod k and b = i / k, to the right of the center by (a + 1/2)/k - 1/2 pixels, and below it by
+/// (b + 1/2)/k - 1/2. `i` counts modulo k², and k = 0 counts as 1 (the view itself).
+pub fn jittered(view: &View, i: u32, k: u32) -> View {
+    let k = k.max(1);
+    let at = |n: u32| (f64::from(n) + 0.5) / f64::from(k) - 0.5;
+    let (right_px, down_px) = (at(i % k), at(i / k % k));
+    // Samples move right and down when the picture moves left and up: x_ndc by -2 right / W, y_ndc (up) by
+    // +2 down / H. A perspective adds offset * z / -z = -offset, so there the signs turn around.
+    let sign = if view.is_perspective { -1.0 } else { 1.0 };
+    let mut shifted = *view;
+    shifted.offset[0] -= (sign * 2.0 * right_px / f64::from(view.width.max(1))) as f32;
+    shifted.offset[1] += (sign * 2.0 * down_px / f64::from(view.height.max(1))) as f32;
+    shifted
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
+mod tests {
+    use super::*;
+    use crate::math::camera::Camera;
+    use glam::{DVec3, Vec3};
+
+    #[test]
+    fn jitter_moves_projected_points_by_the_sample_offset() {
+        let camera = Camera::look_at(
+            (640, 360),
+            DVec3::new(0.3, 0.2, 4.0),
+            DVec3::ZERO,
+            DVec3::Y,
+            0.8,
+            (1.0, 9.0),
+        );
+        let perspective = camera.view(DVec3::ZERO).unwrap();
+        let mut orthographic = perspective;
+        orthographic.is_perspective = false;
+        orthographic.offset = [0.1, -0.2];
+        for view in [perspective, orthographic] {
+            for k in [1, 2, 3, 4] {
+                for i in 0..k * k {
+                    let shifted = jittered(&view, i, k);
+                    for point in [
+                        Vec3::ZERO,
+                        Vec3::new(0.4, -0.3, 0.9),
+                        Vec3::new(-0.8, 0.5, -2.0),
+                    ] {
+                        let (x, y, z) = view.project(point);
+                        let (sx, sy, sz) = shifted.project(point);
+                        // A sample to the right of the center sees the point further left.
+                        let right = ((i % k) as f32 + 0.5) / k as f32 - 0.5;
+                        let down = ((i / k) as f32 + 0.5) / k as f32 - 0.5;
+                        assert!((x - sx - right).abs() < 1e-3, "{i} of {k}: {x} {sx}");
+                        assert!((y - sy - down).abs() < 1e-3, "{i} of {k}: {y} {sy}");
+                        assert_eq!(z, sz);
+                        // The device's matrix moves alike.
+                        let v = view.view_from_model.transform_point3(point);
+                        let clip = shifted.clip_from_view() * v.extend(1.0);
+                        assert!(((clip.x / clip.w + 1.0) / 2.0 * 640.0 - sx).abs() < 1e-3);
+                        assert!(((clip.y / clip.w + 1.0) / 2.0 * 360.0 - sy).abs() < 1e-3);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn the_mean_is_exact_and_sizes_are_checked() {
+        let mut sum = Accumulator::new();
+        assert_eq!(sum.mean(), FloatImage::default());
+        sum.add(&Image::filled(2, 1, [255, 0, 10, 255])).unwrap();
+        sum.add(&Image::filled(2, 1, [0, 0, 20, 0])).unwrap();
+        assert_eq!(sum.mean().color, vec![[0.5, 0.0, 15.0 / 255.0, 0.5]; 2]);
+        assert!(matches!(
+            sum.add(&Image::filled(1, 2, [0; 4])),
+            Err(Error::Size {
+                first: [2, 1],
+                second: [1, 2]
+            })
+        ));
+        assert_eq!(sum.count(), 2);
+    }
+}

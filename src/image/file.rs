@@ -1,0 +1,536 @@
+//! Files: PNG, OpenEXR and NumPy, written beside their place and renamed, so none is ever half there.
+
+use super::{Error, FloatImage, Image};
+use crate::math::camera::MAX_SIDE;
+use exr::prelude as openexr;
+use openexr::{ReadChannels, ReadLayers, WritableImage};
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::path::Path;
+
+/// Names of the channels of a normal in an EXR file.
+const NORMAL_CHANNELS: [&str; 3] = ["N.X", "N.Y", "N.Z"];
+
+impl Image {
+    /// Writes the color as an opaque 8-bit RGB PNG, bytes as they are (no transfer function). The background
+    /// is already in the color, so alpha would apply it twice; see [`save_coverage_png`](Self::save_coverage_png).
+    ///
+    /// # Errors
+    /// [`Error::Write`] when the folder is missing or the file cannot be written.
+    pub fn save_png(&self, path: &Path) -> Result<(), Error> {
+        let bytes: Vec<u8> = self
+            .color
+            .iter()
+            .flat_map(|&[r, g, b, _]| [r, g, b])
+            .collect();
+        write_png(
+            path,
+            &bytes,
+            (self.width, self.height),
+            ::image::ExtendedColorType::Rgb8,
+        )
+    }
+
+    /// Writes color and coverage as an 8-bit RGBA PNG. The color is already blended with the background
+    /// (premultiplied, when that is black), so most programs show such a file with wrong edges; it keeps
+    /// everything for comparison.
+    ///
+    /// # Errors
+    /// As [`save_png`](Self::save_png).
+    pub fn save_png_with_coverage(&self, path: &Path) -> Result<(), Error> {
+        let bytes: Vec<u8> = self.color.iter().copied().flatten().collect();
+        write_png(
+            path,
+            &bytes,
+            (self.width, self.height),
+            ::image::ExtendedColorType::Rgba8,
+        )
+    }
+
+    /// Writes the covered fraction as an 8-bit grey PNG, white where covered.
+    ///
+    /// # Errors
+    /// As [`save_png`](Self::save_png).
+    pub fn save_coverage_png(&self, path: &Path) -> Result<(), Error> {
+        let bytes: Vec<u8> = self.color.iter().map(|c| c[3]).collect();
+        write_png(
+            path,
+            &bytes,
+            (self.width, self.height),
+            ::image::ExtendedColorType::L8,
+        )
+    }
+
+    /// Writes the color as 32-bit float RGBA EXR, value / 255.
+    ///
+    /// # Errors
+    /// As [`save_png`](Self::save_png).
+    pub fn save_exr(&self, path: &Path) -> Result<(), Error> {
+        self.to_float().save_exr(path)
+    }
+
+    /// Writes the depth as an EXR of the single float channel "Z": view-space distance, infinity where
+    /// nothing is.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] without depth; otherwise as [`save_png`](Self::save_png).
+    pub fn save_depth_exr(&self, path: &Path) -> Result<(), Error> {
+        let depth = self.depth_or_missing()?.to_vec();
+        write_exr(path, (self.width, self.height), vec![("Z", depth)])
+    }
+
+    /// Writes the world-space normals as an EXR of the float channels "N.X", "N.Y" and "N.Z".
+    ///
+    /// # Errors
+    /// [`Error::Missing`] without normals; otherwise as [`save_png`](Self::save_png).
+    pub fn save_normal_exr(&self, path: &Path) -> Result<(), Error> {
+        if self.normal.len() != self.color.len() {
+            return Err(Error::Missing { what: "normals" });
+        }
+        let axis = |axis: usize| self.normal.iter().map(|n| n[axis]).collect();
+        let channels = (0..3).map(|i| (NORMAL_CHANNELS[i], axis(i))).collect();
+        write_exr(path, (self.width, self.height), channels)
+    }
+
+    /// Writes the depth as a NumPy array, float32 of shape (height, width).
+    ///
+    /// # Errors
+    /// [`Error::Missing`] without depth; otherwise as [`save_png`](Self::save_png).
+    pub fn save_npy(&self, path: &Path) -> Result<(), Error> {
+        use npyz::WriterBuilder;
+        let depth = self.depth_or_missing()?;
+        let shape = [u64::from(self.height), u64::from(self.width)];
+        write(path, |file| {
+            let mut array = npyz::WriteOptions::new()
+                .default_dtype()
+                .shape(&shape)
+                .writer(file)
+                .begin_nd()?;
+            array.extend(depth.iter().copied())?;
+            array.finish()
+        })
+    }
+
+    fn depth_or_missing(&self) -> Result<&[f32], Error> {
+        if self.depth.len() == self.color.len() {
+            Ok(&self.depth)
+        } else {
+            Err(Error::Missing { what: "depth" })
+        }
+    }
+}
+
+impl FloatImage {
+    /// Writes the color as 32-bit float RGBA EXR, unclamped.
+    ///
+    /// # Errors
+    /// [`Error::Missing`] for a picture of no pixels, [`Error::Write`] when the folder is missing or the
+    /// file cannot be written.
+    pub fn save_exr(&self, path: &Path) -> Result<(), Error> {
+        let channel = |c: usize| self.color.iter().map(|v| v[c]).collect();
+        let channels = vec![
+            ("R", channel(0)),
+            ("G", channel(1)),
+            ("B", channel(2)),
+            ("A", channel(3)),
+        ];
+        write_exr(path, (self.width, self.height), channels)
+    }
+
+    /// Reads a PNG or EXR file, told apart by their first bytes.
+    ///
+    /// PNG: integers over their largest value, no transfer function; grey counts for all three colors.
+    /// EXR: the largest level of the first layer that is not deep; R, G, B or Y; Z as depth; N.X, N.Y, N.Z as
+    /// normals. Without an alpha channel, coverage is 1 ([`cover_where_not`](Self::cover_where_not) helps); an
+    /// EXR of depth alone is black and covered where the depth is finite.
+    ///
+    /// # Errors
+    /// [`Error::Read`] when the file cannot be read, is neither format, is damaged, or has a side above
+    /// [`MAX_SIDE`].
+    pub fn load(path: &Path) -> Result<Self, Error> {
+        let fail = |cause: String| Error::Read {
+            path: path.to_owned(),
+            cause,
+        };
+        let mut file = File::open(path).map_err(|e| fail(e.to_string()))?;
+        let mut magic = Vec::new();
+        (&mut file)
+            .take(4)
+            .read_to_end(&mut magic)
+            .and_then(|_| file.rewind())
+            .map_err(|e| fail(e.to_string()))?;
+        let reader = BufReader::new(file);
+        match magic.as_slice() {
+            [0x89, b'P', b'N', b'G'] => read_png(reader),
+            [0x76, 0x2f, 0x31, 0x01] => read_exr(reader),
+            _ => Err("it is neither a PNG nor an EXR file".into()),
+        }
+        .map_err(fail)
+    }
+}
+
+/// Writes a file through a temporary one in the same folder, which takes its place when it is complete; what
+/// was there before stays when anything fails.
+fn write(
+    path: &Path,
+    contents: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
+) -> Result<(), Error> {
+    let fail = |source: io::Error| Error::Write {
+        path: path.to_owned(),
+        source,
+    };
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    if !folder.is_dir() {
+        return Err(fail(match folder.symlink_metadata() {
+            Ok(_) => io::Error::new(
+                io::ErrorKind::NotADirectory,
+                format!("{} is not a folder", folder.display()),
+            ),
+            Err(_) => io::Error::new(
+                io::ErrorKind::NotFound,
+                format!("the folder {} does not exist", folder.display()),
+            ),
+        }));
+    }
+    if path.is_dir() {
+        return Err(fail(io::Error::new(
+            io::ErrorKind::IsADirectory,
+            "it is a folder",
+        )));
+    }
+    let mut builder = tempfile::Builder::new();
+    builder.prefix(".surfel-");
+    // The default is for the owner alone; a picture gets what the user's mask leaves.
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    let mut temporary = builder.tempfile_in(folder).map_err(fail)?;
+    let mut buffered = BufWriter::new(temporary.as_file_mut());
+    contents(&mut buffered).map_err(fail)?;
+    buffered.flush().map_err(fail)?;
+    drop(buffered);
+    temporary.persist(path).map_err(|e| fail(e.error))?;
+    Ok(())
+}
+
+fn write_png(
+    path: &Path,
+    bytes: &[u8],
+    (width, height): (u32, u32),
+    color: ::image::ExtendedColorType,
+) -> Result<(), Error> {
+    use ::image::ImageEncoder;
+    if bytes.is_empty() {
+        return Err(Error::Missing { what: "pixels" });
+    }
+    write(path, |file| {
+        ::image::codecs::png::PngEncoder::new(file)
+            .write_image(bytes, width, height, color)
+            .map_err(|e| match e {
+                ::image::ImageError::IoError(e) => e,
+                other => io::Error::other(other),
+            })
+    })
+}
+
+fn write_exr(
+    path: &Path,
+    (width, height): (u32, u32),
+    channels: Vec<(&str, Vec<f32>)>,
+) -> Result<(), Error> {
+    if width == 0 || height == 0 {
+        return Err(Error::Missing { what: "pixels" });
+    }
+    let channels = channels
+        .into_iter()
+        .map(|(name, values)| openexr::AnyChannel::new(name, openexr::FlatSamples::F32(values)))
+        .collect();
+    let layer = openexr::Layer::new(
+        (width as usize, height as usize),
+        openexr::LayerAttributes::default(),
+        openexr::Encoding::SMALL_LOSSLESS,
+        openexr::AnyChannels::sort(channels),
+    );
+    write(path, |file| {
+        openexr::Image::from_layer(layer)
+            .write()
+            .to_buffered(file)
+            .map_err(|e| match e {
+                openexr::Error::Io(e) => e,
+                other => io::Error::other(other.to_string()),
+            })
+    })
+}
+
+fn read_png(reader: BufReader<File>) -> Result<FloatImage, String> {
+    let mut reader = ::image::ImageReader::with_format(reader, ::image::ImageFormat::Png);
+    let mut limits = ::image::Limits::no_limits();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    reader.limits(limits);
+    let picture = reader.decode().map_err(|e| e.to_string())?.into_rgba32f();
+    Ok(FloatImage {
+        width: picture.width(),
+        height: picture.height(),
+        color: picture.pixels().map(|p| p.0).collect(),
+        ..FloatImage::default()
+    })
+}
+
+fn read_exr(reader: BufReader<File>) -> Result<FloatImage, String> {
+    let picture = openexr::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(reader)
+        .map_err(|e| e.to_string())?;
+    let layer = picture.layer_data;
+    let (width, height) = (layer.size.x(), layer.size.y());
+    let largest = MAX_SIDE as usize;
+    if width > largest || height > largest {
+        return Err(format!(
+            "it has {width} x {height} pixels; each side may have {largest}"
+        ));
+    }
+    let channel = |name: &str| -> Option<Vec<f32>> {
+        let channel = layer.channel_data.list.iter().find(|c| c.name.eq(name))?;
+        let values: Vec<f32> = channel.sample_data.values_as_f32().collect();
+        // Subsampled channels have fewer.
+        (values.len() == width * height).then_some(values)
+    };
+    let luminance = channel("Y");
+    let color = ["R", "G", "B"].map(|name| channel(name).or_else(|| luminance.clone()));
+    let depth = channel("Z");
+    let normal = NORMAL_CHANNELS.map(channel);
+    if color
+        .iter()
+        .chain([&depth])
+        .chain(&normal)
+        .all(Option::is_none)
+    {
+        return Err(
+            "it has none of the channels R, G, B, Y, Z, N.X, N.Y, N.Z at full resolution".into(),
+        );
+    }
+    let is_depth_alone = color.iter().all(Option::is_none);
+    let alpha = channel("A").or_else(|| {
+        depth.as_ref().filter(|_| is_depth_alone).map(|z| {
+            z.iter()
+                .map(|z| f32::from(u8::from(z.is_finite())))
+                .collect()
+        })
+    });
+    let at = |channel: &Option<Vec<f32>>, i: usize, otherwise: f32| {
+        channel.as_ref().map_or(otherwise, |c| c[i])
+    };
+    let pixels = 0..width * height;
+    Ok(FloatImage {
+        width: width as u32,
+        height: height as u32,
+        color: pixels
+            .clone()
+            .map(|i| {
+                let [r, g, b] = [0, 1, 2].map(|c: usize| at(&color[c], i, 0.0));
+                [r, g, b, at(&alpha, i, 1.0)]
+            })
+            .collect(),
+        normal: match &normal {
+            [Some(x), Some(y), Some(z)] => pixels.map(|i| [x[i], y[i], z[i]]).collect(),
+            _ => Vec::new(),
+        },
+        depth: depth.unwrap_or_default(),
+    })
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
+mod tests {
+    use super::*;
+
+    fn picture() -> Image {
+        let mut image = Image::filled(5, 3, [7, 8, 9, 0]);
+        for (i, c) in image.color.iter_mut().enumerate() {
+            *c = [
+                i as u8 * 17,
+                255 - i as u8,
+                (i * i) as u8,
+                if i % 2 == 0 { 255 } else { 51 },
+            ];
+        }
+        image.depth = (0..15)
+            .map(|i| {
+                if i == 4 {
+                    f32::INFINITY
+                } else {
+                    0.1 + i as f32
+                }
+            })
+            .collect();
+        image.normal = (0..15)
+            .map(|i| [i as f32 / 15.0, -0.25, 1.0 - i as f32])
+            .collect();
+        image
+    }
+
+    #[test]
+    fn every_format_gives_back_what_was_written() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let image = picture();
+
+        image.save_png(&at("rgb.png")).unwrap();
+        let opaque: Vec<_> = image
+            .color
+            .iter()
+            .map(|&[r, g, b, _]| [r, g, b, 255])
+            .collect();
+        let rgb = FloatImage::load(&at("rgb.png")).unwrap();
+        assert_eq!((rgb.width, rgb.height), (5, 3));
+        assert_eq!(rgb.to_image().color, opaque);
+
+        image.save_png_with_coverage(&at("rgba.png")).unwrap();
+        assert_eq!(
+            FloatImage::load(&at("rgba.png")).unwrap().to_image().color,
+            image.color
+        );
+
+        image.save_coverage_png(&at("a.png")).unwrap();
+        let grey = FloatImage::load(&at("a.png")).unwrap().to_image();
+        assert!(
+            grey.color
+                .iter()
+                .zip(&image.color)
+                .all(|(g, c)| *g == [c[3], c[3], c[3], 255])
+        );
+
+        image.save_exr(&at("color.exr")).unwrap();
+        let color = FloatImage::load(&at("color.exr")).unwrap();
+        assert_eq!(color.color, image.to_float().color);
+        assert!(color.depth.is_empty() && color.normal.is_empty());
+
+        image.save_depth_exr(&at("z.exr")).unwrap();
+        let depth = FloatImage::load(&at("z.exr")).unwrap();
+        assert_eq!(depth.depth, image.depth);
+        assert_eq!(depth.color[4][3], 0.0);
+        assert_eq!(depth.color[5][3], 1.0);
+
+        image.save_normal_exr(&at("n.exr")).unwrap();
+        assert_eq!(FloatImage::load(&at("n.exr")).unwrap().normal, image.normal);
+
+        image.save_npy(&at("z.npy")).unwrap();
+        let array = npyz::NpyFile::new(File::open(at("z.npy")).unwrap()).unwrap();
+        assert_eq!(array.shape(), &[3, 5]);
+        assert_eq!(array.order(), npyz::Order::C);
+        assert_eq!(array.into_vec::<f32>().unwrap(), image.depth);
+
+        // Nothing but the pictures is left.
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 7);
+    }
+
+    #[test]
+    fn the_stored_bytes_of_a_png_are_the_levels() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p.png");
+        picture().save_png(&path).unwrap();
+        let raw = ::image::open(&path).unwrap();
+        assert_eq!(raw.color(), ::image::ColorType::Rgb8);
+        assert_eq!(raw.as_bytes()[3..6], [17, 254, 1]);
+    }
+
+    #[test]
+    fn a_file_that_cannot_be_written_says_which_and_why() {
+        let folder = tempfile::tempdir().unwrap();
+        let missing = folder.path().join("no such folder").join("a.png");
+        let message = picture().save_png(&missing).unwrap_err().to_string();
+        assert!(
+            message.contains("a.png") && message.contains("does not exist"),
+            "{message}"
+        );
+
+        let file = folder.path().join("file");
+        std::fs::write(&file, "x").unwrap();
+        let message = picture()
+            .save_exr(&file.join("a.exr"))
+            .unwrap_err()
+            .to_string();
+        assert!(message.contains("is not a folder"), "{message}");
+
+        let message = picture().save_npy(folder.path()).unwrap_err().to_string();
+        assert!(message.contains("it is a folder"), "{message}");
+
+        let without = Image::filled(2, 2, [0; 4]);
+        assert!(matches!(
+            without.save_npy(&file),
+            Err(Error::Missing { what: "depth" })
+        ));
+        assert!(matches!(
+            without.save_normal_exr(&file),
+            Err(Error::Missing { what: "normals" })
+        ));
+        assert!(matches!(
+            Image::default().save_png(&file),
+            Err(Error::Missing { what: "pixels" })
+        ));
+        assert!(matches!(
+            Image::default().save_exr(&file),
+            Err(Error::Missing { what: "pixels" })
+        ));
+        // None of these touched the file.
+        assert_eq!(std::fs::read(&file).unwrap(), b"x");
+    }
+
+    #[test]
+    fn a_failed_write_keeps_the_old_file_and_leaves_no_other() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("old.png");
+        std::fs::write(&path, "old").unwrap();
+        let result = write(&path, |file| {
+            file.write_all(b"half a pic")?;
+            Err(io::Error::other("disk on fire"))
+        });
+        assert!(result.unwrap_err().to_string().contains("disk on fire"));
+        assert_eq!(std::fs::read(&path).unwrap(), b"old");
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[test]
+    fn files_that_are_no_pictures_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("p");
+        assert!(
+            FloatImage::load(&path)
+                .unwrap_err()
+                .to_string()
+                .contains("cannot read")
+        );
+        for bytes in [&b""[..], b"P6", b"a text file that is longer"] {
+            std::fs::write(&path, bytes).unwrap();
+            let message = FloatImage::load(&path).unwrap_err().to_string();
+            assert!(message.contains("neither a PNG nor an EXR"), "{message}");
+        }
+        for (name, save) in [
+            (
+                "a.png",
+                Image::save_png as fn(&Image, &Path) -> Result<(), Error>,
+            ),
+            ("a.exr", Image::save_exr),
+        ] {
+            let whole_path = folder.path().join(name);
+            save(&picture(), &whole_path).unwrap();
+            let whole = std::fs::read(&whole_path).unwrap();
+            // The chunk that ends a PNG (12 bytes) holds no pixels; readers may do without.
+            for length in 4..whole.len() - 12 {
+                std::fs::write(&path, &whole[..length]).unwrap();
+                assert!(
+                    FloatImage::load(&path).is_err(),
+                    "{name} cut to {length} of {} bytes",
+                    whole.len()
+                );
+            }
+        }
+    }
+}

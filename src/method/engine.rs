@@ -1,0 +1,204 @@
+//! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
+//! the CPU where there is none.
+
+use super::renderer::{Counts, FrameTimes, Outputs, Renderer, cut_settings};
+use super::scene::Scene;
+use super::{Method, Settings, mirror};
+use crate::abi::Splat;
+use crate::cut::{Cut, Selector};
+use crate::draw::{DrawList, Style, pack};
+use crate::gpu::{Error, Gpu, Options};
+use crate::image::{Accumulator, FloatImage, Image, jittered};
+use crate::math::camera::View;
+use crate::tree::Model;
+use bytemuck::Zeroable;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Where pictures are made.
+#[derive(Debug, Clone)]
+pub enum Backend {
+    /// A Vulkan device.
+    Device(Arc<Gpu>),
+    /// The mirrors, on the CPU. Exact and slow; needs no driver.
+    Mirror,
+}
+
+impl Backend {
+    /// The name that stands for the mirror where a device is asked for.
+    pub const MIRROR: &'static str = "mirror";
+
+    /// Opens what `options.device` names: `mirror`, a device's index or a part of its name, or the best device.
+    ///
+    /// # Errors
+    /// As [`Gpu::open`].
+    pub fn open(options: &Options) -> Result<Self, Error> {
+        if options.device.as_deref() == Some(Self::MIRROR) {
+            Ok(Self::Mirror)
+        } else {
+            Ok(Self::Device(Gpu::open(options)?))
+        }
+    }
+
+    /// Name of the device.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Device(gpu) => &gpu.info().name,
+            Self::Mirror => Self::MIRROR,
+        }
+    }
+}
+
+/// Draws one model in one picture size.
+#[derive(Debug)]
+pub struct Engine<'m> {
+    model: &'m Model,
+    kind: Kind,
+}
+
+#[derive(Debug)]
+enum Kind {
+    Device { renderer: Box<Renderer>, scene: Scene },
+    Mirror(Box<MirrorEngine>),
+}
+
+#[derive(Debug, Default)]
+struct MirrorEngine {
+    outputs: Outputs,
+    selector: Selector,
+    cut: Cut,
+    image: Image,
+}
+
+impl<'m> Engine<'m> {
+    /// Readies a model for pictures of `width` x `height` pixels.
+    ///
+    /// # Errors
+    /// When the device has not enough memory or a side is above its limit.
+    pub fn new(
+        backend: &Backend,
+        model: &'m Model,
+        (width, height): (u32, u32),
+        outputs: Outputs,
+    ) -> Result<Self, Error> {
+        let kind = match backend {
+            Backend::Device(gpu) => Kind::Device {
+                renderer: Box::new(Renderer::new(gpu, width, height, outputs, true)?),
+                scene: Scene::new(gpu, model)?,
+            },
+            Backend::Mirror => Kind::Mirror(Box::new(MirrorEngine {
+                outputs,
+                ..MirrorEngine::default()
+            })),
+        };
+        Ok(Self { model, kind })
+    }
+
+    /// Draws a frame and waits until it is finished.
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`].
+    pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
+        match &mut self.kind {
+            Kind::Device { renderer, scene } => renderer.draw(self.model, scene, view, settings),
+            Kind::Mirror(mirror) => Ok(mirror.draw(self.model, view, settings)),
+        }
+    }
+
+    /// The picture of the last frame.
+    ///
+    /// # Errors
+    /// As [`Renderer::read`].
+    pub fn read(&mut self, view: &View) -> Result<Image, Error> {
+        match &mut self.kind {
+            Kind::Device { renderer, .. } => renderer.read(view),
+            Kind::Mirror(mirror) => Ok(mirror.image.clone()),
+        }
+    }
+
+    /// Draws and reads one picture.
+    ///
+    /// # Errors
+    /// As [`Engine::draw`] and [`Engine::read`].
+    pub fn render(&mut self, view: &View, settings: &Settings) -> Result<Image, Error> {
+        self.draw(view, settings)?;
+        self.read(view)
+    }
+
+    /// The box-filtered mean of `k` x `k` pictures, each shifted by a part of a pixel: `k * k` regular samples a
+    /// pixel. Depth and normals are those of the sample nearest to the pixel center.
+    ///
+    /// # Errors
+    /// As [`Engine::render`].
+    pub fn supersample(&mut self, view: &View, settings: &Settings, k: u32) -> Result<FloatImage, Error> {
+        let mut mean = Accumulator::new();
+        for i in 0..k * k {
+            let image = self.render(&jittered(view, i, k), settings)?;
+            // Every picture has the size of the view, which is all that can go wrong.
+            if let Err(error) = mean.add(&image) {
+                unreachable!("pictures of one view: {error}");
+            }
+        }
+        Ok(mean.mean())
+    }
+}
+
+impl MirrorEngine {
+    fn draw(&mut self, model: &Model, view: &View, settings: &Settings) -> FrameTimes {
+        let start = Instant::now();
+        let mut times = FrameTimes::default();
+        let style = style(settings, model);
+        let used = &model.vertices[..model.used_vertices as usize];
+        let mut splats = Vec::new();
+        let mut triangles = Vec::new();
+        let mut list = DrawList {
+            vertices: used,
+            ..DrawList::default()
+        };
+        match settings.method {
+            Method::Triangles => list.triangles = &model.triangles,
+            Method::Points => list.points = used,
+            Method::Pop => {
+                self.selector
+                    .select(model, view, &cut_settings(settings, model), &mut self.cut);
+                times.cut_ms = start.elapsed().as_secs_f64() * 1e3;
+                let pack_start = Instant::now();
+                let side = style.splat_size_px;
+                let count = pack::splat_count(model, &self.cut, view, side, f32::INFINITY);
+                splats.resize(count, Splat::zeroed());
+                pack::splats(model, &self.cut, view, side, f32::INFINITY, &mut splats);
+                triangles.resize(self.cut.triangles.len(), [0; 3]);
+                pack::triangles(&self.cut.triangles, &model.triangles, 0, &mut triangles);
+                times.pack_ms = pack_start.elapsed().as_secs_f64() * 1e3;
+                list.splats = &splats;
+                list.triangles = &triangles;
+            }
+        }
+        times.counts = Counts {
+            nodes_visited: if settings.method == Method::Pop {
+                self.cut.stats.visited
+            } else {
+                0
+            },
+            splats: list.splats.len() as u64,
+            triangles: list.triangles.len() as u64,
+            points: list.points.len() as u64,
+            draw_list_bytes: (size_of_val(list.splats) + size_of_val(triangles.as_slice())) as u64,
+        };
+        self.image = mirror::render(view, &list, &style, self.outputs);
+        times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        times
+    }
+}
+
+/// How primitives look under `settings`.
+pub fn style(settings: &Settings, model: &Model) -> Style {
+    Style {
+        splat_size_px: settings.threshold_px.max(1.0),
+        background: settings.background,
+        color_by: settings.color_by,
+        cull_back_faces: settings.culls_back(model.is_closed),
+        two_sided: settings.two_sided,
+        use_colors: settings.use_colors,
+    }
+}

@@ -1,0 +1,9 @@
+//! The CPU mirror against closed forms and against the rules of rasterization, counted pixel by pixel.
+
+#![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
+mod averages;
+mod closed_forms;
+mod coverage;
+mod scene;
+mod surface;
