@@ -16,4 +16,10 @@ pub enum Error {
     /// A picture could not be written or read.
     #[error(transparent)]
     Image(#[from] crate::image::Error),
+    /// The device could not do what was asked.
+    #[error(transparent)]
+    Gpu(#[from] crate::gpu::Error),
+    /// A generated model could not be made.
+    #[error(transparent)]
+    Generate(#[from] crate::generate::Error),
 }

@@ -14,6 +14,7 @@ pub mod generate;
 pub mod image;
 pub mod input;
 pub mod math;
+pub mod measure;
 pub mod mesh;
 pub mod method;
 pub mod progress;

@@ -1,3 +1,9 @@
-//! The `surfel` command.
+//! The `surfel` command: parse, run, print the error, exit code.
 
-fn main() {}
+mod cli;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    cli::main()
+}

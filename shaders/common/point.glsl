@@ -17,8 +17,8 @@ void emit_point(vec3 center, float radius, vec2 packed_normal, vec4 color) {
         side = 2.0 * frame.focal_px * radius * frame.model_scale / distance;
     }
     gl_PointSize = max(side, 1.0);
-    vec3 n = octahedral_decode(packed_normal);
-    normal_in_model = color.a == 0.0 ? vec3(0.0) : n;
-    vec3 n_in_view = mat3(frame.view_from_model) * n / frame.model_scale;
-    shade = headlight(n_in_view, to_light(center_in_view.xyz), color, vec3(1.0, 0.2, 0.2));
+    // Alpha 0 marks a point without normal.
+    normal_in_model = color.a == 0.0 ? vec3(0.0) : octahedral_decode(packed_normal);
+    vec3 n = mat3(frame.view_from_model) * normal_in_model / frame.model_scale;
+    shade = headlight(n, to_light(center_in_view.xyz), color.rgb, vec3(1.0, 0.2, 0.2));
 }

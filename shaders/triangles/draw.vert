@@ -8,13 +8,14 @@ layout(location = 1) in vec2 normal;
 layout(location = 2) in vec4 color;
 
 layout(location = 0) out vec3 normal_in_view;
-layout(location = 1) out vec4 vertex_color;
+layout(location = 1) out vec3 vertex_color;
 
 invariant gl_Position;
 
 void main() {
     vec4 position_in_view = frame.view_from_model * vec4(position, 1.0);
     gl_Position = frame.clip_from_view * position_in_view;
-    normal_in_view = mat3(frame.view_from_model) * octahedral_decode(normal);
-    vertex_color = color;
+    // Alpha 0 marks a vertex without normal: it leaves the others to decide.
+    normal_in_view = color.a == 0.0 ? vec3(0.0) : mat3(frame.view_from_model) * octahedral_decode(normal);
+    vertex_color = color.rgb;
 }

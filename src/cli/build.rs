@@ -1,0 +1,47 @@
+//! `surfel build`
+
+use super::source::Source;
+use super::{Outcome, bytes, count};
+use std::path::PathBuf;
+use std::time::Instant;
+use surfel::tree;
+
+/// Build the tree of a model and write it to a file that opens at once.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    source: Source,
+    /// Tree file to write; the model's name with .surfel if not given
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+    let output = match args.output {
+        Some(path) => path,
+        None if args.source.model == std::path::Path::new("-") || super::source::generated(&args.source.model).is_some() => {
+            return Err(super::usage("-o FILE is needed for a model without a file name"));
+        }
+        None => args.source.model.with_extension("surfel"),
+    };
+    if output == args.source.model {
+        return Err(super::usage(format!("{} would be written over itself", output.display())));
+    }
+    let ready = args.source.ready(quiet)?;
+    let start = Instant::now();
+    tree::file::write(&ready.model, &output)?;
+    let size = std::fs::metadata(&output).map(|m| m.len()).unwrap_or(0);
+    eprintln!(
+        "{}: {} triangles, {} nodes; read {:.0} ms, built {:.0} ms, written {:.0} ms; {} to {}",
+        ready.name,
+        count(ready.model.triangles.len() as u64),
+        count((ready.model.tree.nodes.len() + ready.model.tree.leaves.len()) as u64),
+        ready.load_ms,
+        ready.build_ms,
+        start.elapsed().as_secs_f64() * 1e3,
+        bytes(size),
+        output.display()
+    );
+    Ok(())
+}

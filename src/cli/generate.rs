@@ -1,0 +1,50 @@
+//! `surfel generate`
+
+use super::progress::Bar;
+use super::{Failure, Outcome, count, usage};
+use std::path::PathBuf;
+use surfel::generate::{self, Shape, Spec};
+
+/// Write a generated model as binary PLY.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "Examples:\n  surfel generate sphere --triangles 1000000 -o sphere.ply\n  surfel generate torus --grid 2000x1000 -o torus.ply\n  surfel generate statue --triangles 64000000 -o statue.ply\n\nThe file is streamed: any size needs little memory."
+)]
+pub(crate) struct Args {
+    /// square, sphere, torus or statue
+    shape: Shape,
+    /// Number of triangles wanted; the nearest grid is taken
+    #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "grid")]
+    triangles: u64,
+    /// Cells of the grid instead, such as 2000x1000 (statue: cells along a cube edge, such as 408)
+    #[arg(long, value_name = "AxB")]
+    grid: Option<String>,
+    /// PLY file to write
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+}
+
+pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+    let spec = match &args.grid {
+        None => Spec::with_triangles(args.shape, args.triangles)?,
+        Some(text) => {
+            let (a, b) = text.split_once('x').unwrap_or((text, text));
+            let cells = |t: &str| {
+                t.parse::<u32>()
+                    .map_err(|_| usage(format!("--grid {text:?}: expected two numbers of cells such as 2000x1000")))
+            };
+            Spec::with_grid(args.shape, cells(a)?, cells(b)?)?
+        }
+    };
+    let bar = Bar::new(quiet);
+    generate::write_ply_file(&spec, &args.output, &bar).map_err(|e| Failure::Run(e.into()))?;
+    drop(bar);
+    let (vertices, triangles) = spec.counts();
+    eprintln!(
+        "{}: {} vertices, {} triangles",
+        args.output.display(),
+        count(vertices),
+        count(triangles)
+    );
+    Ok(())
+}

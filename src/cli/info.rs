@@ -1,0 +1,103 @@
+//! `surfel info`
+
+use super::source::{Ready, Source};
+use super::{Failure, Outcome, bytes, count, print};
+use serde_json::json;
+use std::fmt::Write;
+
+/// Say what is in a model file.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  surfel info dragon.ply.gz\n  surfel info --json scan.ply")]
+pub(crate) struct Args {
+    #[command(flatten)]
+    source: Source,
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+}
+
+/// Facts about a model, as JSON.
+pub(crate) fn facts(ready: &Ready) -> serde_json::Value {
+    let m = &ready.model;
+    let world = |v: glam::Vec3| {
+        let v = m.origin + v.as_dvec3();
+        [v.x, v.y, v.z]
+    };
+    let tree_bytes = m.tree.memory_bytes();
+    let mesh_bytes = (size_of_val(m.vertices.as_slice()) + size_of_val(m.triangles.as_slice())) as u64;
+    json!({
+        "file": ready.name,
+        "format": ready.format,
+        "file_bytes": ready.file_bytes,
+        "vertices": m.vertices.len(),
+        "used_vertices": m.used_vertices,
+        "triangles": m.triangles.len(),
+        "is_cloud": m.triangles.is_empty(),
+        "is_closed": m.is_closed,
+        "has_colors": m.has_colors,
+        "min": world(m.min),
+        "max": world(m.max),
+        "center": world(m.orbit_center),
+        "radius": m.orbit_radius,
+        "origin": [m.origin.x, m.origin.y, m.origin.z],
+        "tree": {
+            "nodes": m.tree.nodes.len() + m.tree.leaves.len(),
+            "interior_nodes": m.tree.nodes.len(),
+            "leaves": m.tree.leaves.len(),
+            "levels": m.tree.level_starts.len(),
+            "bytes": tree_bytes,
+        },
+        "mesh_bytes": mesh_bytes,
+        "load_ms": ready.load_ms,
+        "build_ms": ready.build_ms,
+    })
+}
+
+pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+    let ready = args.source.ready(quiet)?;
+    let facts = facts(&ready);
+    if args.json {
+        let text = serde_json::to_string_pretty(&facts).map_err(|e| Failure::Run(e.into()))?;
+        return print(&(text + "\n"));
+    }
+    let m = &ready.model;
+    let mut out = String::new();
+    let leaves = m.tree.leaves.len().max(1) as f64;
+    let tree_bytes = m.tree.memory_bytes();
+    // Writing to a string cannot fail.
+    let _ = writeln!(out, "{} ({}, {})", ready.name, ready.format, bytes(ready.file_bytes));
+    let _ = writeln!(
+        out,
+        "  {} vertices ({} used), {} triangles{}",
+        count(m.vertices.len() as u64),
+        count(u64::from(m.used_vertices)),
+        count(m.triangles.len() as u64),
+        if m.triangles.is_empty() { ": a point cloud" } else { "" }
+    );
+    let _ = writeln!(
+        out,
+        "  {}, {}",
+        if m.is_closed {
+            "closed and oriented outward: what faces away is culled"
+        } else {
+            "open or not oriented outward: both sides are drawn"
+        },
+        if m.has_colors { "vertex colors" } else { "no colors" }
+    );
+    let corner = |v: glam::Vec3| {
+        let v = m.origin + v.as_dvec3();
+        format!("({} {} {})", v.x, v.y, v.z)
+    };
+    let _ = writeln!(out, "  box {} to {}", corner(m.min), corner(m.max));
+    let _ = writeln!(
+        out,
+        "  tree: {} nodes ({} interior) on {} levels, {} ({:.1} bytes a triangle)",
+        count((m.tree.nodes.len() + m.tree.leaves.len()) as u64),
+        count(m.tree.nodes.len() as u64),
+        m.tree.level_starts.len(),
+        bytes(tree_bytes),
+        tree_bytes as f64 / leaves
+    );
+    let _ = writeln!(out, "  read in {:.0} ms, built in {:.0} ms", ready.load_ms, ready.build_ms);
+    print(&out)
+}

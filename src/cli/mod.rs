@@ -1,0 +1,223 @@
+//! The command line: one file per subcommand. A subcommand turns its arguments into a checked plan and runs
+//! it with the library. Data goes to standard output, talk to standard error.
+
+mod build;
+mod check;
+mod demo;
+mod devices;
+mod generate;
+mod info;
+mod progress;
+mod render;
+mod source;
+#[cfg(feature = "viewer")]
+mod view;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use std::process::ExitCode;
+
+/// Why a command ended early.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// Bad usage or bad input: exit code 2.
+    Input(anyhow::Error),
+    /// The run failed: exit code 1.
+    Run(anyhow::Error),
+}
+
+pub(crate) type Outcome = Result<(), Failure>;
+
+impl From<surfel::Error> for Failure {
+    fn from(error: surfel::Error) -> Self {
+        use surfel::Error as E;
+        let is_input = match &error {
+            E::Input(surfel::input::Error::Cancelled) | E::Tree(surfel::tree::Error::Cancelled) => false,
+            E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) => true,
+            E::Image(surfel::image::Error::Read { .. }) => true,
+            E::Gpu(g) => matches!(
+                g,
+                surfel::gpu::Error::UnknownDevice { .. } | surfel::gpu::Error::Limit { .. }
+            ),
+            _ => false,
+        };
+        if is_input {
+            Self::Input(error.into())
+        } else {
+            Self::Run(error.into())
+        }
+    }
+}
+
+macro_rules! failure_from {
+    ($($type:ty),+) => {$(
+        impl From<$type> for Failure {
+            fn from(error: $type) -> Self {
+                surfel::Error::from(error).into()
+            }
+        }
+    )+};
+}
+
+failure_from!(
+    surfel::input::Error,
+    surfel::tree::Error,
+    surfel::math::camera::Error,
+    surfel::image::Error,
+    surfel::gpu::Error,
+    surfel::generate::Error
+);
+
+/// A usage error with the given text.
+pub(crate) fn usage(text: impl Into<String>) -> Failure {
+    Failure::Input(anyhow::Error::msg(text.into()))
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  surfel render horse.ply -o horse.png               one picture, points and triangles by size on screen
+  surfel render horse.ply -o horse.png --method triangles --samples 16
+  surfel render scan.ply.gz -o scan.png --size 1024x768 --orbit 30,20,0.5 --stats scan.json
+  surfel render generate:statue:8000000 --frames 36 --threshold 3 --stats -
+  surfel build scan.ply -o scan.surfel               build the tree once, open it at once later
+  surfel check scan.ply                              file and tree, every invariant
+  surfel devices                                     what can draw here
+
+A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input, or
+generate:SHAPE[:TRIANGLES] with SHAPE square, sphere, torus or statue.
+Exit codes: 0 done, 1 the run failed, 2 bad usage or input.";
+
+/// Draws enormous meshes and scans with points, triangles or both.
+#[derive(Debug, Parser)]
+#[command(name = "surfel", version, after_help = EXAMPLES, subcommand_negates_reqs = true)]
+#[command(arg_required_else_help = cfg!(not(feature = "viewer")), args_conflicts_with_subcommands = true)]
+struct Cli {
+    /// What to log on standard error, such as `info` or `surfel=debug`.
+    #[arg(long, global = true, value_name = "FILTER", env = "SURFEL_LOG", hide_env = true)]
+    log: Option<String>,
+    /// No progress bars.
+    #[arg(long, short, global = true)]
+    quiet: bool,
+    #[command(subcommand)]
+    command: Option<Command>,
+    #[cfg(feature = "viewer")]
+    #[command(flatten)]
+    view: view::Args,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Draw a model into a picture file
+    Render(render::Args),
+    /// Build the tree of a model and write it to a file that opens at once
+    Build(build::Args),
+    /// Say what is in a model file
+    Info(info::Args),
+    /// Check a model file and every invariant of its tree
+    Check(check::Args),
+    /// Write a generated model as PLY
+    Generate(generate::Args),
+    /// List the devices of this machine and the limits that matter
+    Devices(devices::Args),
+    /// Draw the built-in statue with every method
+    Demo(demo::Args),
+    /// Print a completion script for a shell
+    #[command(after_help = "Example:\n  surfel completions bash > ~/.local/share/bash-completion/completions/surfel")]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Parses the arguments, runs the command and turns its end into an exit code.
+pub(crate) fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => {
+            // Help and version are no errors; clap uses code 2 for the others.
+            let code = error.exit_code();
+            // Nothing is left to report to when the terminal is gone.
+            let _ = error.print();
+            return ExitCode::from(u8::try_from(code).unwrap_or(2));
+        }
+    };
+    let filter = tracing_subscriber::EnvFilter::try_new(cli.log.as_deref().unwrap_or("error"));
+    match filter {
+        Ok(filter) => tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(std::io::stderr)
+            .init(),
+        Err(error) => {
+            eprintln!("surfel: --log: {error}");
+            return ExitCode::from(2);
+        }
+    }
+    progress::catch_interrupt();
+    let quiet = cli.quiet;
+    let outcome = match cli.command {
+        Some(Command::Render(args)) => render::run(args, quiet),
+        Some(Command::Build(args)) => build::run(args, quiet),
+        Some(Command::Info(args)) => info::run(args, quiet),
+        Some(Command::Check(args)) => check::run(args, quiet),
+        Some(Command::Generate(args)) => generate::run(args, quiet),
+        Some(Command::Devices(args)) => devices::run(args),
+        Some(Command::Demo(args)) => demo::run(args, quiet),
+        Some(Command::Completions { shell }) => {
+            clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut std::io::stdout());
+            Ok(())
+        }
+        #[cfg(feature = "viewer")]
+        None => view::run(cli.view, quiet),
+        #[cfg(not(feature = "viewer"))]
+        None => Err(usage("no command; see surfel --help")),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(Failure::Input(error)) => {
+            eprintln!("surfel: {error:#}");
+            ExitCode::from(2)
+        }
+        Err(Failure::Run(error)) => {
+            eprintln!("surfel: {error:#}");
+            ExitCode::from(1)
+        }
+    }
+}
+
+/// Writes data to standard output; a reader that went away is no failure.
+pub(crate) fn print(text: &str) -> Outcome {
+    use std::io::Write;
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Failure::Run(anyhow::Error::new(e).context("cannot write to standard output")))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Writes `text` beside `path` and renames it into place; `-` is standard output.
+pub(crate) fn write_text(path: &std::path::Path, text: &str) -> Outcome {
+    if path == std::path::Path::new("-") {
+        return print(text);
+    }
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => std::path::Path::new("."),
+    };
+    let write = || -> std::io::Result<()> {
+        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        std::io::Write::write_all(&mut file, text.as_bytes())?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok(())
+    };
+    write().map_err(|e| Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", path.display()))))
+}
+
+/// Bytes for people: 12.3 MB.
+pub(crate) fn bytes(count: u64) -> String {
+    indicatif::HumanBytes(count).to_string()
+}
+
+/// A count with thousands separated.
+pub(crate) fn count(value: u64) -> String {
+    indicatif::HumanCount(value).to_string()
+}

@@ -1,0 +1,528 @@
+//! `surfel render`
+
+use super::progress::{Bar, is_interrupted};
+use super::source::{Ready, Source};
+use super::{Failure, Outcome, usage, write_text};
+use clap::{Args as ClapArgs, ValueEnum};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+use surfel::draw::ColorBy;
+use surfel::gpu::Options as GpuOptions;
+use surfel::image::{FloatImage, Image};
+use surfel::math::camera::Camera;
+use surfel::measure::Distribution;
+use surfel::method::engine::{Backend, Engine};
+use surfel::method::renderer::{FrameTimes, Outputs};
+use surfel::method::{Culling, Method, Settings};
+use surfel::progress::Progress;
+
+/// Which device draws.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct DeviceArgs {
+    /// Device by index or part of its name (see `surfel devices`), or `mirror` to draw on the CPU without Vulkan
+    #[arg(long, value_name = "NAME|INDEX")]
+    device: Option<String>,
+    /// Load the Vulkan validation layer; the run fails if it finds anything
+    #[arg(long)]
+    validate: bool,
+}
+
+impl DeviceArgs {
+    pub(crate) fn open(&self) -> Result<Backend, Failure> {
+        Ok(Backend::open(&GpuOptions {
+            device: self.device.clone(),
+            validation: self.validate,
+            ..GpuOptions::default()
+        })?)
+    }
+}
+
+/// A failure if the validation layer had anything to say.
+pub(crate) fn validated(backend: &Backend) -> Outcome {
+    let Backend::Device(gpu) = backend else { return Ok(()) };
+    let messages = gpu.messages().list();
+    match messages.first() {
+        None => Ok(()),
+        Some(first) => Err(Failure::Run(anyhow::anyhow!(
+            "the validation layer found {} fault(s); the first: {}: {}",
+            messages.len(),
+            first.id,
+            first.text
+        ))),
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum MethodName {
+    /// Every triangle: the reference
+    Triangles,
+    /// Every vertex as a square of the threshold's size
+    Points,
+    /// Triangles where large on screen, splats where small
+    Pop,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Triangles => Self::Triangles,
+            MethodName::Points => Self::Points,
+            MethodName::Pop => Self::Pop,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CullingName {
+    /// Drop what faces away on closed surfaces
+    Auto,
+    /// Always drop what faces away
+    On,
+    /// Draw both sides
+    Off,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ColorByName {
+    /// Headlight shading and vertex colors
+    Shading,
+    /// Splats red, triangles blue
+    Primitive,
+}
+
+/// How the model is drawn.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct LookArgs {
+    /// How the model is drawn
+    #[arg(long, short, value_enum, default_value = "pop")]
+    method: MethodName,
+    /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels
+    #[arg(long, short, value_name = "PIXELS", default_value_t = 1.0)]
+    threshold: f32,
+    /// Whether what faces away is dropped
+    #[arg(long, value_enum, default_value = "auto")]
+    culling: CullingName,
+    /// What decides the color
+    #[arg(long, value_enum, default_value = "shading")]
+    color_by: ColorByName,
+    /// Light front sides only
+    #[arg(long)]
+    one_sided: bool,
+    /// Ignore vertex colors
+    #[arg(long)]
+    no_colors: bool,
+    /// Background: black, white, gray, #rrggbb, or R,G,B with 0 to 255
+    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
+    background: [f32; 3],
+}
+
+impl LookArgs {
+    pub(crate) fn settings(&self) -> Result<Settings, Failure> {
+        if !(self.threshold >= 0.0 && self.threshold <= 4096.0) {
+            return Err(usage(format!(
+                "--threshold {} is no size in pixels from 0 to 4096",
+                self.threshold
+            )));
+        }
+        Ok(Settings {
+            method: self.method.into(),
+            threshold_px: self.threshold,
+            culling: match self.culling {
+                CullingName::Auto => Culling::Auto,
+                CullingName::On => Culling::On,
+                CullingName::Off => Culling::Off,
+            },
+            color_by: match self.color_by {
+                ColorByName::Shading => ColorBy::Shading,
+                ColorByName::Primitive => ColorBy::Primitive,
+            },
+            two_sided: !self.one_sided,
+            use_colors: !self.no_colors,
+            background: self.background,
+            ..Settings::default()
+        })
+    }
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  surfel render dragon.ply.gz -o dragon.png
+  surfel render dragon.ply.gz -o near.png --orbit 30,20,2 --size 1024x768 --threshold 3
+  surfel render scan.ply -o scan.png --depth scan-depth.exr --normals scan-normals.exr
+  surfel render horse.ply -o ref.png --method triangles --samples 64
+  surfel render horse.ply -o turn.png --frames 36        writes turn-000.png to turn-035.png
+  surfel render horse.ply --frames 36 --stats -          times only
+  surfel render horse.ply -o horse.png --device mirror   without Vulkan";
+
+/// Draw a model into a picture file.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    #[command(flatten)]
+    source: Source,
+    /// Picture to write: .png (8 bit) or .exr (float)
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Write the view-space distance of each pixel: .exr or .npy
+    #[arg(long, value_name = "FILE")]
+    depth: Option<PathBuf>,
+    /// Write the world-space normal of each pixel: .exr
+    #[arg(long, value_name = "FILE")]
+    normals: Option<PathBuf>,
+    /// Write the covered fraction of each pixel: .png
+    #[arg(long, value_name = "FILE")]
+    coverage: Option<PathBuf>,
+    /// Size of the picture in pixels [default: 500x500, or the camera's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Camera file (JSON: width, height, view, proj)
+    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
+    camera: Option<PathBuf>,
+    /// Look at the model's middle from azimuth and elevation in degrees; fill 1 has the bounding sphere fill the picture [default: 30,20,1]
+    #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
+    orbit: Option<[f64; 3]>,
+    /// Write the camera that was used
+    #[arg(long, value_name = "FILE")]
+    save_camera: Option<PathBuf>,
+    #[command(flatten)]
+    look: LookArgs,
+    /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    samples: u32,
+    /// Draw N views of the standard orbit in one process (azimuth (k + 1/2) 360/N degrees)
+    #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "camera")]
+    frames: u32,
+    /// Write counts and times as JSON; - for standard output
+    #[arg(long, value_name = "FILE")]
+    stats: Option<PathBuf>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+fn parse_size(text: &str) -> Result<(u32, u32), String> {
+    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    match sides {
+        Some((w, h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),
+        Some(_) => Err("each side must be 1 to 16384 pixels".into()),
+        None => Err("expected width x height such as 1024x768".into()),
+    }
+}
+
+fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|p| p.trim().parse().ok()).collect();
+    let [azimuth, elevation, fill] = match numbers.as_deref() {
+        Some(&[a, e]) => [a, e, 1.0],
+        Some(&[a, e, f]) => [a, e, f],
+        _ => return Err("expected AZIMUTH,ELEVATION or AZIMUTH,ELEVATION,FILL".into()),
+    };
+    if !azimuth.is_finite() || !(-90.0..=90.0).contains(&elevation) {
+        return Err("the azimuth must be finite and the elevation -90 to 90 degrees".into());
+    }
+    if !(fill > 1e-6 && fill <= 1e4) {
+        return Err("the fill must be above 0 (1 fills the picture)".into());
+    }
+    Ok([azimuth, elevation, fill])
+}
+
+fn parse_color(text: &str) -> Result<[f32; 3], String> {
+    let bytes: Option<Vec<u8>> = match text {
+        "black" => Some(vec![0; 3]),
+        "white" => Some(vec![255; 3]),
+        "gray" | "grey" => Some(vec![128; 3]),
+        _ => match text.strip_prefix('#') {
+            Some(hex) if hex.len() == 6 && hex.is_ascii() => (0..3)
+                .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).ok())
+                .collect(),
+            Some(_) => None,
+            None => text.split(',').map(|p| p.trim().parse().ok()).collect(),
+        },
+    };
+    match bytes.as_deref() {
+        Some(&[r, g, b]) => Ok([r, g, b].map(|c| f32::from(c) / 255.0)),
+        _ => Err("expected black, white, gray, #rrggbb or R,G,B with 0 to 255".into()),
+    }
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+}
+
+fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&str]) -> Outcome {
+    match path {
+        Some(path) if !allowed.contains(&ending(path).as_str()) => Err(usage(format!(
+            "{option} {}: the ending must be {}",
+            path.display(),
+            allowed.join(" or ")
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// `turn.png` of frame 7 is `turn-007.png` when there are several frames.
+fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
+    if frames <= 1 {
+        return path.to_owned();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    path.with_file_name(format!("{stem}-{frame:03}.{}", ending(path)))
+}
+
+/// The camera of `orbit` for a model.
+pub(crate) fn orbit_camera(ready: &Ready, size: (u32, u32), [azimuth, elevation, fill]: [f64; 3]) -> Camera {
+    let model = &ready.model;
+    Camera::orbit(
+        size,
+        model.origin + model.orbit_center.as_dvec3(),
+        f64::from(model.orbit_radius),
+        azimuth.to_radians(),
+        elevation.to_radians(),
+        fill,
+    )
+}
+
+impl Args {
+    fn check(&self) -> Outcome {
+        require_ending("--output", self.output.as_ref(), &["png", "exr"])?;
+        require_ending("--depth", self.depth.as_ref(), &["exr", "npy"])?;
+        require_ending("--normals", self.normals.as_ref(), &["exr"])?;
+        require_ending("--coverage", self.coverage.as_ref(), &["png"])?;
+        let root = f64::from(self.samples).sqrt().round() as u32;
+        if self.samples == 0 || root * root != self.samples || self.samples > 64 {
+            return Err(usage(format!(
+                "--samples {}: expected a square from 1 to 64",
+                self.samples
+            )));
+        }
+        if self.samples > 1 && (self.depth.is_some() || self.normals.is_some()) {
+            return Err(usage(
+                "--depth and --normals are those of one sample at the pixel center; leave --samples out",
+            ));
+        }
+        if self.frames == 0 || self.frames > 100_000 {
+            return Err(usage(format!("--frames {}: expected 1 to 100000", self.frames)));
+        }
+        let outputs = [&self.output, &self.depth, &self.normals, &self.coverage, &self.stats];
+        if outputs.iter().all(|o| o.is_none()) {
+            return Err(usage(
+                "nothing to write: give -o FILE.png (or --depth, --normals, --coverage, --stats)",
+            ));
+        }
+        Ok(())
+    }
+
+    fn wants_picture(&self) -> bool {
+        self.output.is_some() || self.depth.is_some() || self.normals.is_some() || self.coverage.is_some()
+    }
+
+    fn cameras(&self, ready: &Ready) -> Result<Vec<Camera>, Failure> {
+        if let Some(path) = &self.camera {
+            let mut camera = Camera::read(path)?;
+            if let Some((width, height)) = self.size {
+                if u64::from(width) * u64::from(camera.height) != u64::from(height) * u64::from(camera.width) {
+                    return Err(usage(format!(
+                        "--size {width}x{height} has another shape than the camera's {}x{}",
+                        camera.width, camera.height
+                    )));
+                }
+                (camera.width, camera.height) = (width, height);
+            }
+            return Ok(vec![camera]);
+        }
+        let size = self.size.unwrap_or((500, 500));
+        let orbit = self.orbit.unwrap_or([30.0, 20.0, 1.0]);
+        if self.frames == 1 {
+            return Ok(vec![orbit_camera(ready, size, orbit)]);
+        }
+        let [azimuth, elevation, fill] = match self.orbit {
+            Some(orbit) => orbit,
+            None => [0.0, 20.0, 1.0],
+        };
+        Ok((0..self.frames)
+            .map(|k| {
+                let turn = (f64::from(k) + 0.5) * 360.0 / f64::from(self.frames);
+                orbit_camera(ready, size, [azimuth + turn, elevation, fill])
+            })
+            .collect())
+    }
+
+    fn write_picture(&self, picture: &Picture, frame: u32) -> Outcome {
+        let name = |path: &PathBuf| numbered(path, frame, self.frames);
+        if let Some(path) = &self.output {
+            match (picture, ending(path).as_str()) {
+                (Picture::Single(image), "png") => image.save_png(&name(path))?,
+                (Picture::Single(image), _) => image.save_exr(&name(path))?,
+                (Picture::Mean(mean), "png") => mean.to_image().save_png(&name(path))?,
+                (Picture::Mean(mean), _) => mean.save_exr(&name(path))?,
+            }
+        }
+        if let Some(path) = &self.coverage {
+            match picture {
+                Picture::Single(image) => image.save_coverage_png(&name(path))?,
+                Picture::Mean(mean) => mean.to_image().save_coverage_png(&name(path))?,
+            }
+        }
+        if let (Some(path), Picture::Single(image)) = (&self.depth, picture) {
+            match ending(path).as_str() {
+                "npy" => image.save_npy(&name(path))?,
+                _ => image.save_depth_exr(&name(path))?,
+            }
+        }
+        if let (Some(path), Picture::Single(image)) = (&self.normals, picture) {
+            image.save_normal_exr(&name(path))?;
+        }
+        Ok(())
+    }
+}
+
+enum Picture {
+    Single(Image),
+    Mean(FloatImage),
+}
+
+/// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
+const WARM_UP: u32 = 2;
+
+pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+    args.check()?;
+    let settings = args.look.settings()?;
+    let ready = args.source.ready(quiet)?;
+    let cameras = args.cameras(&ready)?;
+    let backend = args.device.open()?;
+    let size = (cameras[0].width, cameras[0].height);
+    let outputs = Outputs {
+        depth: args.depth.is_some(),
+        normal: args.normals.is_some(),
+    };
+    let mut engine = Engine::new(&backend, &ready.model, size, outputs)?;
+    let views = cameras
+        .iter()
+        .map(|c| c.view(ready.model.origin))
+        .collect::<Result<Vec<_>, _>>()?;
+    if let Some(path) = &args.save_camera {
+        let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
+        write_text(path, &(text + "\n"))?;
+    }
+    if args.stats.is_some() {
+        for _ in 0..WARM_UP {
+            engine.draw(&views[0], &settings)?;
+        }
+    }
+    let bar = Bar::new(quiet);
+    bar.stage("draw", views.len() as u64);
+    let mut times = Vec::with_capacity(views.len());
+    for (index, view) in views.iter().enumerate() {
+        if is_interrupted() {
+            return Err(Failure::Run(anyhow::anyhow!("cancelled after {index} frames")));
+        }
+        times.push(engine.draw(view, &settings)?);
+        if args.wants_picture() {
+            let picture = if args.samples > 1 {
+                let k = f64::from(args.samples).sqrt().round() as u32;
+                Picture::Mean(engine.supersample(view, &settings, k)?)
+            } else {
+                Picture::Single(engine.read(view)?)
+            };
+            args.write_picture(&picture, index as u32)?;
+        }
+        bar.advance(1);
+    }
+    drop(bar);
+    if let Some(path) = &args.stats {
+        let stats = stats(&ready, &backend, &settings, size, &times);
+        let text = serde_json::to_string_pretty(&stats).map_err(|e| Failure::Run(e.into()))?;
+        write_text(path, &(text + "\n"))?;
+    }
+    validated(&backend)
+}
+
+/// Counts and times of a run, as `--stats` writes them.
+pub(crate) fn stats(
+    ready: &Ready,
+    backend: &Backend,
+    settings: &Settings,
+    size: (u32, u32),
+    times: &[FrameTimes],
+) -> serde_json::Value {
+    let spread = |of: &dyn Fn(&FrameTimes) -> f64| Distribution::of(&times.iter().map(of).collect::<Vec<_>>());
+    let mut names: Vec<&'static str> = Vec::new();
+    for pass in times.iter().flat_map(|t| &t.passes) {
+        if !names.contains(&pass.name) {
+            names.push(pass.name);
+        }
+    }
+    let passes: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let values: Vec<f64> = times
+                .iter()
+                .flat_map(|t| t.passes.iter().filter(|p| p.name == *name).map(|p| p.ms))
+                .collect();
+            json!({ "name": name, "gpu_ms": Distribution::of(&values) })
+        })
+        .collect();
+    let memory: Vec<_> = match backend {
+        Backend::Device(gpu) => gpu
+            .memory_report()
+            .into_iter()
+            .map(|(name, bytes)| json!({ "name": name, "bytes": bytes }))
+            .collect(),
+        Backend::Mirror => Vec::new(),
+    };
+    let model = &ready.model;
+    let count = |of: fn(&FrameTimes) -> u64| Distribution::of(&times.iter().map(|t| of(t) as f64).collect::<Vec<_>>());
+    json!({
+        "model": super::info::facts(ready),
+        "device": match backend {
+            Backend::Device(gpu) => json!(gpu.info()),
+            Backend::Mirror => json!({ "name": Backend::MIRROR }),
+        },
+        "settings": {
+            "method": settings.method,
+            "threshold_px": settings.threshold_px,
+            "width": size.0,
+            "height": size.1,
+            "culls_back": settings.culls_back(model.is_closed),
+        },
+        "frames": times.len(),
+        "frame_ms": spread(&|t| t.frame_ms),
+        "cpu": [
+            { "name": "cut", "ms": spread(&|t| t.cut_ms) },
+            { "name": "pack", "ms": spread(&|t| t.pack_ms) },
+            { "name": "submit", "ms": spread(&|t| t.submit_ms) },
+            { "name": "wait", "ms": spread(&|t| t.wait_ms) },
+        ],
+        "passes": passes,
+        "counts": {
+            "nodes_in_tree": model.tree.nodes.len() + model.tree.leaves.len(),
+            "nodes_visited": count(|t| t.counts.nodes_visited),
+            "splats": count(|t| t.counts.splats),
+            "triangles": count(|t| t.counts.triangles),
+            "points": count(|t| t.counts.points),
+            "draw_list_bytes": count(|t| t.counts.draw_list_bytes),
+        },
+        "memory": memory,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn values_of_options_are_read_as_documented() {
+        assert_eq!(parse_size("1024x768"), Ok((1024, 768)));
+        assert!(parse_size("0x5").is_err() && parse_size("5").is_err() && parse_size("99999x1").is_err());
+        assert_eq!(parse_orbit("30,20"), Ok([30.0, 20.0, 1.0]));
+        assert_eq!(parse_orbit("-30,-20,0.5"), Ok([-30.0, -20.0, 0.5]));
+        assert!(parse_orbit("1,91,1").is_err() && parse_orbit("1,2,0").is_err() && parse_orbit("x").is_err());
+        assert_eq!(parse_color("#ff0080"), Ok([1.0, 0.0, 128.0 / 255.0]));
+        assert_eq!(parse_color("0,255,0"), Ok([0.0, 1.0, 0.0]));
+        assert!(parse_color("#ff00").is_err() && parse_color("256,0,0").is_err() && parse_color("pink").is_err());
+    }
+
+    #[test]
+    fn frames_are_numbered_only_when_there_are_several() {
+        assert_eq!(numbered(Path::new("a/turn.png"), 7, 36), Path::new("a/turn-007.png"));
+        assert_eq!(numbered(Path::new("one.exr"), 0, 1), Path::new("one.exr"));
+    }
+}

@@ -1,0 +1,122 @@
+//! Where a model comes from: a file, standard input, a tree file or a generator.
+
+use super::progress::Bar;
+use super::{Failure, usage};
+use clap::Args;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+use surfel::generate::{Shape, Spec};
+use surfel::input;
+use surfel::progress::Progress;
+use surfel::tree::{self, BuildOptions, Model};
+
+/// The model of a command.
+#[derive(Debug, Clone, Args)]
+pub(crate) struct Source {
+    /// Model file, - for standard input, or generate:SHAPE[:TRIANGLES]
+    #[arg(value_name = "MODEL")]
+    pub(crate) model: PathBuf,
+    /// Merge vertices that are equal in position, normal and color
+    #[arg(long)]
+    pub(crate) weld: bool,
+}
+
+/// A model with what it took to have it.
+#[derive(Debug)]
+pub(crate) struct Ready {
+    pub(crate) model: Model,
+    /// Name for people.
+    pub(crate) name: String,
+    /// Format of the file, or `generated`.
+    pub(crate) format: String,
+    pub(crate) file_bytes: u64,
+    pub(crate) load_ms: f64,
+    pub(crate) build_ms: f64,
+}
+
+/// `generate:SHAPE[:TRIANGLES]`, if that is what it is.
+pub(crate) fn generated(text: &Path) -> Option<Result<Spec, Failure>> {
+    let rest = text.to_str()?.strip_prefix("generate:")?;
+    let (shape, triangles) = match rest.split_once(':') {
+        Some((shape, triangles)) => (shape, Some(triangles)),
+        None => (rest, None),
+    };
+    Some(spec(shape, triangles))
+}
+
+fn spec(shape: &str, triangles: Option<&str>) -> Result<Spec, Failure> {
+    let shape: Shape = shape.parse()?;
+    let triangles = match triangles {
+        Some(text) => text
+            .replace('_', "")
+            .parse::<u64>()
+            .map_err(|_| usage(format!("generate: {text:?} is no number of triangles")))?,
+        None => 1_000_000,
+    };
+    Ok(Spec::with_triangles(shape, triangles)?)
+}
+
+/// Whether a file is a tree file, by its ending and, failing that, by its first bytes.
+fn is_tree_file(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("surfel")) || tree::file::is_tree_file(path)
+}
+
+impl Source {
+    /// Loads the model and builds its tree, with a progress bar from about a second on.
+    pub(crate) fn ready(&self, quiet: bool) -> Result<Ready, Failure> {
+        let bar = Bar::new(quiet);
+        let start = Instant::now();
+        let name = self.model.display().to_string();
+        if let Some(spec) = generated(&self.model) {
+            let spec = spec?;
+            bar.stage("generate", 0);
+            let mesh = surfel::generate::mesh(&spec);
+            return self.build(mesh, name, "generated".into(), 0, start, &bar);
+        }
+        if self.model != Path::new("-") && is_tree_file(&self.model) {
+            bar.stage("read tree", 0);
+            let model = tree::file::read(&self.model)?;
+            let file_bytes = std::fs::metadata(&self.model).map(|m| m.len()).unwrap_or(0);
+            return Ok(Ready {
+                model,
+                name,
+                format: "surfel tree".into(),
+                file_bytes,
+                load_ms: start.elapsed().as_secs_f64() * 1e3,
+                build_ms: 0.0,
+            });
+        }
+        let options = input::Options {
+            weld: self.weld,
+            ..input::Options::default()
+        };
+        let loaded = input::load(&self.model, &options, &bar)?;
+        for warning in &loaded.warnings {
+            eprintln!("surfel: {name}: warning: {warning}");
+        }
+        let format = loaded.format.name().to_owned();
+        self.build(loaded.mesh, name, format, loaded.file_bytes, start, &bar)
+    }
+
+    fn build(
+        &self,
+        mesh: surfel::mesh::Mesh,
+        name: String,
+        format: String,
+        file_bytes: u64,
+        start: Instant,
+        bar: &Bar,
+    ) -> Result<Ready, Failure> {
+        let load_ms = start.elapsed().as_secs_f64() * 1e3;
+        let start = Instant::now();
+        let model = tree::build(mesh, &BuildOptions::default(), bar)?;
+        Ok(Ready {
+            model,
+            name,
+            format,
+            file_bytes,
+            load_ms,
+            build_ms: start.elapsed().as_secs_f64() * 1e3,
+        })
+    }
+}
