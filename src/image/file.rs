@@ -170,49 +170,64 @@ impl FloatImage {
 }
 
 /// Writes a file through a temporary one in the same folder, which takes its place when it is complete; what
-/// was there before stays when anything fails.
+/// was there before stays when anything fails. A link is followed, and what is no regular file (a device, a
+/// pipe) is written in place instead of being replaced.
 fn write(
     path: &Path,
     contents: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
 ) -> Result<(), Error> {
-    let fail = |source: io::Error| Error::Write {
+    let attempt = || -> io::Result<()> {
+        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        if target.is_dir() {
+            return Err(io::Error::new(
+                io::ErrorKind::IsADirectory,
+                "it is a folder",
+            ));
+        }
+        let fill = |file: &mut File| {
+            let mut buffered = BufWriter::new(file);
+            contents(&mut buffered)?;
+            buffered.flush()
+        };
+        if target.exists() && !target.is_file() {
+            return fill(&mut File::options().write(true).open(&target)?);
+        }
+        let folder = folder_of(&target)?;
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".surfel-");
+        // The default is for the owner alone; a picture gets what the user's mask leaves.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut temporary = builder.tempfile_in(folder)?;
+        fill(temporary.as_file_mut())?;
+        temporary.persist(&target).map_err(|e| e.error)?;
+        Ok(())
+    };
+    attempt().map_err(|source| Error::Write {
         path: path.to_owned(),
         source,
-    };
+    })
+}
+
+/// The folder that a file is to be put in, which has to be there.
+fn folder_of(path: &Path) -> io::Result<&Path> {
     let folder = match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
-    if !folder.is_dir() {
-        return Err(fail(match folder.symlink_metadata() {
-            Ok(_) => io::Error::new(
-                io::ErrorKind::NotADirectory,
-                format!("{} is not a folder", folder.display()),
-            ),
-            Err(_) => io::Error::new(
-                io::ErrorKind::NotFound,
-                format!("the folder {} does not exist", folder.display()),
-            ),
-        }));
+    if folder.is_dir() {
+        Ok(folder)
+    } else if folder.exists() {
+        Err(io::Error::new(
+            io::ErrorKind::NotADirectory,
+            format!("{} is not a folder", folder.display()),
+        ))
+    } else {
+        Err(io::Error::new(
+            io::ErrorKind::NotFound,
+            format!("the folder {} does not exist", folder.display()),
+        ))
     }
-    if path.is_dir() {
-        return Err(fail(io::Error::new(
-            io::ErrorKind::IsADirectory,
-            "it is a folder",
-        )));
-    }
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".surfel-");
-    // The default is for the owner alone; a picture gets what the user's mask leaves.
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    let mut temporary = builder.tempfile_in(folder).map_err(fail)?;
-    let mut buffered = BufWriter::new(temporary.as_file_mut());
-    contents(&mut buffered).map_err(fail)?;
-    buffered.flush().map_err(fail)?;
-    drop(buffered);
-    temporary.persist(path).map_err(|e| fail(e.error))?;
-    Ok(())
 }
 
 fn write_png(
@@ -495,6 +510,34 @@ mod tests {
         assert!(result.unwrap_err().to_string().contains("disk on fire"));
         assert_eq!(std::fs::read(&path).unwrap(), b"old");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn links_are_followed_and_special_files_never_replaced() {
+        use std::os::unix::fs::{FileTypeExt, PermissionsExt, symlink};
+        let folder = tempfile::tempdir().unwrap();
+        let (file, link) = (
+            folder.path().join("file.png"),
+            folder.path().join("link.png"),
+        );
+        std::fs::write(&file, "old").unwrap();
+        symlink(&file, &link).unwrap();
+        picture().save_png(&link).unwrap();
+        assert!(link.symlink_metadata().unwrap().is_symlink());
+        assert_eq!(FloatImage::load(&file).unwrap().width, 5);
+        // The file may be read by whoever may read a file that the user makes in the plain way.
+        let expected = {
+            let plain = folder.path().join("plain");
+            File::create(&plain).unwrap();
+            plain.metadata().unwrap().permissions().mode()
+        };
+        assert_eq!(file.metadata().unwrap().permissions().mode(), expected);
+
+        let socket = folder.path().join("socket");
+        let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
+        assert!(picture().save_png(&socket).is_err());
+        assert!(socket.metadata().unwrap().file_type().is_socket());
     }
 
     #[test]

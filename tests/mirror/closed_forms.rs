@@ -169,7 +169,7 @@ fn a_tilted_plane_has_the_closed_form_depth_and_perspective_correct_color() {
 
 #[test]
 fn a_floor_from_behind_the_eye_is_clipped_at_the_near_and_far_plane() {
-    let view = from_origin((300, 200), 70.0, (0.5, 30.0));
+    let view = from_origin((300, 200), 70.0, (2.0, 30.0));
     let f = f64::from(view.focal_px());
     let corner = |x: f32, z: f32| Vec3::new(x, -1.0, z);
     let model = Model::from_corners(&[
@@ -190,9 +190,9 @@ fn a_floor_from_behind_the_eye_is_clipped_at_the_near_and_far_plane() {
         let down = ((i / 300) as f64 + 0.5 - 100.0) / f;
         // The floor lies at distance z = 1 / down.
         let z = 1.0 / down;
-        if down <= 0.0 || !(0.5 * 0.99..=30.0 * 1.01).contains(&z) {
+        if down <= 0.0 || !(2.0 * 0.99..=30.0 * 1.01).contains(&z) {
             assert_eq!(*depth, f32::INFINITY, "row {}", i / 300);
-        } else if (0.5 * 1.01..30.0 * 0.99).contains(&z) {
+        } else if (2.0 * 1.01..30.0 * 0.99).contains(&z) {
             assert!(
                 (f64::from(*depth) / z - 1.0).abs() < 1e-3,
                 "{depth}, not {z}"
@@ -200,5 +200,5 @@ fn a_floor_from_behind_the_eye_is_clipped_at_the_near_and_far_plane() {
             covered += 1;
         }
     }
-    assert!(covered > 20_000, "{covered}");
+    assert!(covered > 10_000, "{covered}");
 }

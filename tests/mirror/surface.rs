@@ -197,3 +197,38 @@ fn back_faces_are_culled_by_what_the_eye_sees() {
     );
     assert_eq!(mirrored.covered_pixels(), all.covered_pixels());
 }
+
+#[test]
+fn normals_are_normalized_after_interpolation_and_unknown_ones_do_not_count() {
+    let tilted = |x: f32| octahedral::encode(Vec3::new(x, 0.0, 1.0));
+    let mut wall =
+        Model::from_corners(&[[at(0.0, 0.5, 2.0), at(30.5, 60.0, 2.0), at(61.0, 0.5, 2.0)]]);
+    let shown = |model: &Model| draw_flat(&model.list(), &Style::default());
+    // Left and right lean apart by 45 degrees each; the middle of the top edge faces the light.
+    wall.vertices[0].normal = tilted(-1.0);
+    wall.vertices[2].normal = tilted(1.0);
+    let middle = 64 + 30;
+    let image = shown(&wall);
+    assert_eq!(image.color[middle], [204, 204, 204, 255]);
+    assert_eq!(image.normal[middle][2], 1.0);
+    let level = f64::from(image.color[64 + 1][0]);
+    assert!((level - 204.0 * 0.5f64.sqrt()).abs() < 5.0, "{level}");
+    // Without a normal on the right, that of the others holds up to there.
+    wall.vertices[1].normal = tilted(-1.0);
+    wall.vertices[2].color[3] = 0;
+    let image = shown(&wall);
+    for x in [1, 30, 58] {
+        let level = f64::from(image.color[64 + x][0]);
+        assert!(
+            (level - 204.0 * 0.5f64.sqrt()).abs() < 0.6,
+            "column {x}: {level}"
+        );
+    }
+    // Without any, the wall is shaded as if it faced the light, and has no normal to give.
+    for v in &mut wall.vertices {
+        v.color[3] = 0;
+    }
+    let image = shown(&wall);
+    assert_eq!(image.color[64 + 1], [204, 204, 204, 255]);
+    assert_eq!(image.normal[64 + 1], [0.0; 3]);
+}
