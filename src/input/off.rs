@@ -26,6 +26,9 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         && is_off_keyword(word)
     {
         keyword = word;
+        if [b'4', b'n'].iter().any(|letter| keyword.contains(letter)) {
+            return Err(job.unread("OFF with coordinates that are not three"));
+        }
         // The counts may follow on the same line.
         line = line[word.len()..].trim_ascii();
         if line.is_empty() {
@@ -37,11 +40,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
     if line.starts_with(b"BINARY") {
         return Err(job.unread("binary OFF"));
     }
-    let has = |letter| keyword.contains(&letter);
-    if has(b'4') || has(b'n') {
-        return Err(job.unread("OFF with coordinates that are not three"));
-    }
-    let (has_colors, has_normals) = (has(b'C'), has(b'N'));
+    let (has_colors, has_normals) = (keyword.contains(&b'C'), keyword.contains(&b'N'));
 
     let mut counts = [0_u64; 2];
     let mut header = words(line);
