@@ -1,10 +1,239 @@
 //! Reads models: OBJ, PLY, STL, OFF, TRI, also gzipped or from standard input.
+//!
+//! [`load`] decides the format by content, then by ending, reads the whole file into memory and hands it to the
+//! reader of that format. Readers are written for bytes that may be wrong: memory is reserved only for what the
+//! bytes left in the file can hold, every index is checked, and whatever is wrong comes back as one [`Error`] with
+//! its place. What could be repaired or left out comes back as a [`Warning`].
+//!
+//! All readers end in the same step (`assemble`): it moves large coordinates to an origin of their own, drops
+//! vertices that are not finite, normalizes normals.
 
-/// Why a file could not be read as a model.
-#[derive(Debug, thiserror::Error)]
+mod assemble;
+mod error;
+mod job;
+mod mtl;
+mod obj;
+mod off;
+mod ply;
+mod sniff;
+mod source;
+mod stl;
+mod text;
+mod tri;
+mod warning;
+
+use std::fmt;
+use std::path::Path;
+
+pub use error::{Error, Place};
+pub use warning::Warning;
+
+use crate::mesh::{Mesh, weld};
+use crate::progress::Progress;
+use job::Job;
+use sniff::Kind;
+
+/// How to read. The default keeps the vertices of the file as they are.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Merge vertices that are equal in position, normal and color, bit by bit. STL has no shared vertices, so
+    /// its corners are always merged by position.
+    pub weld: bool,
+    /// Take the diffuse colors of an OBJ file's materials as vertex colors, unless the vertices have their own.
+    /// Vertices between two colors are then doubled.
+    pub materials: bool,
+    /// What is too much.
+    pub limits: Limits,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            weld: false,
+            materials: true,
+            limits: Limits::default(),
+        }
+    }
+}
+
+/// Bounds against files that would fill the memory.
+///
+/// The arrays of a mesh take at most about 40 times the bytes they are read from (a text cloud of one-digit
+/// coordinates), usually less than twice.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Largest file, or standard input, in bytes.
+    pub file_bytes: u64,
+    /// Largest size of a gzipped file once unpacked, in bytes. Beyond 64 MiB a file that unpacks to more than 256
+    /// times its size is refused, too: no model does.
+    pub unpacked_bytes: u64,
+    /// Most vertices; values over 2^32 - 1 mean that, since indices have 32 bits.
+    pub vertices: u64,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        Self {
+            file_bytes: 1 << 40,
+            unpacked_bytes: 64 << 30,
+            vertices: u64::from(u32::MAX),
+        }
+    }
+}
+
+/// A format with a reader.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
-pub enum Error {
-    /// The user asked to stop.
-    #[error("cancelled")]
-    Cancelled,
+pub enum Format {
+    /// Wavefront OBJ.
+    Obj,
+    /// PLY, text.
+    PlyAscii,
+    /// PLY, binary, least significant byte first.
+    PlyBinaryLittleEndian,
+    /// PLY, binary, most significant byte first.
+    PlyBinaryBigEndian,
+    /// STL, text.
+    StlAscii,
+    /// STL, binary.
+    StlBinary,
+    /// Object File Format of Geomview, with colors (COFF) or normals (NOFF).
+    Off,
+    /// TRI, either kind (docs of the `tri` module).
+    Tri,
+}
+
+impl Format {
+    /// The name as people write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Format::Obj => "OBJ",
+            Format::PlyAscii => "PLY (text)",
+            Format::PlyBinaryLittleEndian => "PLY (binary, little-endian)",
+            Format::PlyBinaryBigEndian => "PLY (binary, big-endian)",
+            Format::StlAscii => "STL (text)",
+            Format::StlBinary => "STL (binary)",
+            Format::Off => "OFF",
+            Format::Tri => "TRI",
+        }
+    }
+}
+
+impl fmt::Display for Format {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How many things the file holds, before polygons became triangles and vertices were doubled, merged or dropped.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Vertices (positions) in the file; for STL its corners, three a triangle.
+    pub vertices: u64,
+    /// Faces in the file, polygons counted once, a triangle strip as its triangles.
+    pub faces: u64,
+}
+
+/// A model as read.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// The model; has at least one vertex. Vertices come in file order; those that OBJ files share between
+    /// several normals or colors follow at the end.
+    pub mesh: Mesh,
+    /// The format that was recognized.
+    pub format: Format,
+    /// What was repaired or left out.
+    pub warnings: Vec<Warning>,
+    /// Size of the file as stored, in bytes (compressed when it is).
+    pub file_bytes: u64,
+    /// What the file holds by its own count.
+    pub counts: Counts,
+}
+
+/// Reads the model at `path`, or from standard input when `path` is `-`.
+///
+/// Reports two stages, `read` and `parse`, in bytes (and `unpack` between them for gzip).
+///
+/// # Errors
+/// See [`Error`]; a file that is damaged anywhere gives exactly one.
+pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<Loaded, Error> {
+    let _span = tracing::info_span!("input.load", path = %path.display()).entered();
+    if path == Path::new("-") {
+        let bytes = source::read_stdin(options, progress)?;
+        return load_from(Path::new("standard input"), None, bytes, options, progress);
+    }
+    let bytes = source::read_file(path, options, progress)?;
+    load_from(
+        path,
+        Some(path.parent().unwrap_or(Path::new(""))),
+        bytes,
+        options,
+        progress,
+    )
+}
+
+/// Reads a model from memory. `name` serves messages and the ending of the name; files that the model names
+/// (materials) are not looked for, which is a warning.
+///
+/// # Errors
+/// As for [`load`].
+pub fn load_bytes(
+    name: &str,
+    bytes: &[u8],
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Loaded, Error> {
+    load_from(Path::new(name), None, bytes, options, progress)
+}
+
+fn load_from<'a>(
+    path: &Path,
+    folder: Option<&Path>,
+    bytes: impl Into<std::borrow::Cow<'a, [u8]>>,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Loaded, Error> {
+    let stored = bytes.into();
+    let file_bytes = stored.len() as u64;
+    let mut job = Job::new(path, folder, options, progress);
+    if file_bytes > options.limits.file_bytes {
+        return Err(job.too_large("bytes", file_bytes, options.limits.file_bytes));
+    }
+    let bytes = if source::is_gzip(&stored) {
+        let unpacked = source::unpack(&job, &stored)?;
+        drop(stored);
+        unpacked.into()
+    } else {
+        stored
+    };
+    if bytes.is_empty() {
+        return Err(job.empty("the file is empty"));
+    }
+    // A byte order mark is no part of any text format.
+    let data = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+
+    let kind = sniff::decide(&mut job, data)?;
+    progress.stage("parse", data.len() as u64);
+    let (format, raw) = match kind {
+        Kind::Obj => (Format::Obj, obj::read(&mut job, data)?),
+        Kind::Ply => ply::read(&mut job, data)?,
+        Kind::StlAscii => (Format::StlAscii, stl::read_ascii(&mut job, data)?),
+        Kind::StlBinary => (Format::StlBinary, stl::read_binary(&mut job, data)?),
+        Kind::Off => (Format::Off, off::read(&mut job, data)?),
+        Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
+    };
+    job.report(data.len())?;
+    drop(bytes);
+    let counts = raw.counts;
+    let mut mesh = assemble::finish(&mut job, raw)?;
+    if options.weld || matches!(format, Format::StlAscii | Format::StlBinary) {
+        weld::weld(&mut mesh);
+    }
+    Ok(Loaded {
+        mesh,
+        format,
+        warnings: job.warnings,
+        file_bytes,
+        counts,
+    })
 }

@@ -1,5 +1,8 @@
 //! The triangle mesh or point cloud as loaded: plain arrays, in file order.
 
+pub mod normals;
+pub mod weld;
+
 use glam::{DVec3, Vec3};
 
 /// A triangle mesh, or a point cloud when `triangles` is empty.

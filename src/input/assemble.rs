@@ -1,0 +1,353 @@
+//! The last step of every reader: from the numbers of the file to a [`Mesh`] that keeps its promises.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::job::Job;
+use super::{Counts, Error, Warning};
+use crate::mesh::Mesh;
+
+/// Items per parallel piece: large enough to hide the scheduling, small enough for two threads to share.
+const PIECE: usize = 1 << 16;
+
+/// Positions in the precision of the file: single stays single (half the memory), all else is double.
+#[derive(Debug, Clone)]
+pub(super) enum Coordinates {
+    Single(Vec<Vec3>),
+    Double(Vec<DVec3>),
+}
+
+impl Coordinates {
+    pub(super) fn len(&self) -> usize {
+        match self {
+            Coordinates::Single(positions) => positions.len(),
+            Coordinates::Double(positions) => positions.len(),
+        }
+    }
+}
+
+/// What a reader found. `normals` and `colors` have the length of `coordinates` or are empty; the indices of
+/// `triangles` are in range.
+#[derive(Debug, Clone)]
+pub(super) struct Raw {
+    pub(super) coordinates: Coordinates,
+    pub(super) normals: Vec<Vec3>,
+    /// How many of `normals` are zero because the file gives that vertex none, which is no reason to warn.
+    pub(super) absent_normals: u64,
+    pub(super) colors: Vec<[u8; 4]>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    pub(super) counts: Counts,
+}
+
+/// A color from numbers of 0 to 1; values outside are clamped, NaN is 0.
+pub(super) fn color_from_unit(value: f64) -> u8 {
+    // The cast saturates and takes NaN to zero.
+    (value.clamp(0.0, 1.0) * 255.0).round() as u8
+}
+
+/// Colors of a text format that does not say whether it means 0 to 1 or 0 to 255: any value above 1 in the whole
+/// file means the latter.
+pub(super) fn colors_by_range(values: &[[f64; 3]]) -> Vec<[u8; 4]> {
+    let bytes = values.iter().flatten().any(|&value| value > 1.0);
+    let scale = if bytes { 1.0 / 255.0 } else { 1.0 };
+    let convert = |color: &[f64; 3]| {
+        let [r, g, b] = color.map(|value| color_from_unit(value * scale));
+        [r, g, b, 255]
+    };
+    values.iter().map(convert).collect()
+}
+
+/// The box of all points that single precision can hold, and how far single precision would move them.
+#[derive(Debug, Clone, Copy)]
+struct Bounds {
+    min: DVec3,
+    max: DVec3,
+    /// Largest difference of a coordinate to its nearest single-precision value.
+    rounding: f64,
+}
+
+impl Bounds {
+    const EMPTY: Bounds = Bounds {
+        min: DVec3::splat(f64::INFINITY),
+        max: DVec3::splat(f64::NEG_INFINITY),
+        rounding: 0.0,
+    };
+
+    fn with(mut self, point: DVec3) -> Bounds {
+        if point.abs().cmple(DVec3::splat(f64::from(f32::MAX))).all() {
+            self.min = self.min.min(point);
+            self.max = self.max.max(point);
+            self.rounding = self
+                .rounding
+                .max((point - point.as_vec3().as_dvec3()).abs().max_element());
+        }
+        self
+    }
+
+    fn merge(self, other: Bounds) -> Bounds {
+        Bounds {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+            rounding: self.rounding.max(other.rounding),
+        }
+    }
+
+    fn of<T: Copy + Sync>(points: &[T], double: impl Fn(T) -> DVec3 + Sync) -> Bounds {
+        // Minimum and maximum are exact, so the result does not depend on how the pieces are joined.
+        points
+            .par_chunks(PIECE)
+            .map(|piece| {
+                piece
+                    .iter()
+                    .fold(Bounds::EMPTY, |bounds, &point| bounds.with(double(point)))
+            })
+            .reduce(|| Bounds::EMPTY, Bounds::merge)
+    }
+
+    /// Where the model-space zero should lie. Zero unless single precision would lose detail: some coordinate is
+    /// over 1000 times the extent (a single step is then over 6e-5 of the extent), or rounding moves some point by
+    /// more than a millionth of the extent. The origin is the middle of the box on a whole unit, or on a power of
+    /// two below the extent when the model is smaller than a unit: coordinates then stay readable, and differences
+    /// to the origin of values that came from single precision are exact.
+    fn origin(&self) -> DVec3 {
+        let extent = (self.max - self.min).max_element();
+        let largest = self.min.abs().max(self.max.abs()).max_element();
+        if !(extent > 0.0 && largest.is_finite()) {
+            return DVec3::ZERO;
+        }
+        if largest <= 1000.0 * extent && self.rounding <= 1e-6 * extent {
+            return DVec3::ZERO;
+        }
+        let step = if extent >= 1.0 {
+            1.0
+        } else {
+            extent.log2().floor().exp2()
+        };
+        let middle = 0.5 * (self.min + self.max);
+        let origin = (middle / step).round() * step;
+        if origin.is_finite() {
+            origin
+        } else {
+            DVec3::ZERO
+        }
+    }
+}
+
+/// Makes the mesh: chooses the origin, drops what is not finite, normalizes the normals.
+pub(super) fn finish(job: &mut Job<'_>, raw: Raw) -> Result<Mesh, Error> {
+    let vertices = raw.coordinates.len() as u64;
+    if vertices == 0 {
+        return Err(job.empty("the file has no vertices"));
+    }
+    job.check_vertices(vertices)?;
+    debug_assert!(raw.normals.is_empty() || raw.normals.len() as u64 == vertices);
+    debug_assert!(raw.colors.is_empty() || raw.colors.len() as u64 == vertices);
+
+    let bounds = match &raw.coordinates {
+        Coordinates::Single(positions) => Bounds::of(positions, |point| point.as_dvec3()),
+        Coordinates::Double(positions) => Bounds::of(positions, |point| point),
+    };
+    let origin = bounds.origin();
+    let positions = match raw.coordinates {
+        Coordinates::Single(mut positions) => {
+            if origin != DVec3::ZERO {
+                positions
+                    .par_iter_mut()
+                    .for_each(|point| *point = (point.as_dvec3() - origin).as_vec3());
+            }
+            positions
+        }
+        Coordinates::Double(positions) => positions
+            .par_iter()
+            .with_min_len(PIECE)
+            .map(|&point| (point - origin).as_vec3())
+            .collect(),
+    };
+    if origin != DVec3::ZERO {
+        job.warn(Warning::OriginMoved { origin });
+    }
+
+    let mut mesh = Mesh {
+        positions,
+        normals: raw.normals,
+        colors: raw.colors,
+        triangles: raw.triangles,
+        origin,
+    };
+    let before = mesh.triangles.len();
+    let dropped = drop_not_finite(&mut mesh);
+    if dropped == vertices {
+        return Err(Error::NotFinite {
+            path: job.path.to_owned(),
+            vertices,
+        });
+    }
+    let triangles = (before - mesh.triangles.len()) as u64;
+    job.warn_count(dropped, |vertices| Warning::NotFiniteDropped {
+        vertices,
+        triangles,
+    });
+
+    let unknown = normalize(&mut mesh.normals);
+    if unknown == mesh.normals.len() as u64 {
+        // Not one usable normal: the same as none, so that they are computed.
+        mesh.normals = Vec::new();
+    }
+    job.warn_count(unknown.saturating_sub(raw.absent_normals), |count| {
+        Warning::NormalsUnknown { count }
+    });
+    Ok(mesh)
+}
+
+/// Removes vertices that are not finite, and the triangles that name them; returns how many vertices.
+fn drop_not_finite(mesh: &mut Mesh) -> u64 {
+    if mesh
+        .positions
+        .par_iter()
+        .with_min_len(PIECE)
+        .all(|point| point.is_finite())
+    {
+        return 0;
+    }
+    const GONE: u32 = u32::MAX;
+    let mut next = 0;
+    let new_index: Vec<u32> = mesh
+        .positions
+        .iter()
+        .map(|point| {
+            if !point.is_finite() {
+                return GONE;
+            }
+            next += 1;
+            next - 1
+        })
+        .collect();
+    let keep = |index: usize| new_index[index] != GONE;
+    retain_indexed(&mut mesh.positions, keep);
+    retain_indexed(&mut mesh.normals, keep);
+    retain_indexed(&mut mesh.colors, keep);
+    mesh.triangles.retain_mut(|triangle| {
+        *triangle = triangle.map(|corner| new_index[corner as usize]);
+        !triangle.contains(&GONE)
+    });
+    (new_index.len() - mesh.positions.len()) as u64
+}
+
+fn retain_indexed<T>(items: &mut Vec<T>, keep: impl Fn(usize) -> bool) {
+    let mut index = 0;
+    items.retain(|_| {
+        index += 1;
+        keep(index - 1)
+    });
+}
+
+/// Makes every normal a unit vector, or zero when it has no direction; returns how many are zero.
+fn normalize(normals: &mut [Vec3]) -> u64 {
+    let one = |normal: &mut Vec3| -> u64 {
+        // Unit to rounding already: keep the bits of the file.
+        if (normal.length_squared() - 1.0).abs() < 1e-6 {
+            return 0;
+        }
+        // Double precision: the square of a small or large single would under- or overflow.
+        *normal = normal
+            .as_dvec3()
+            .try_normalize()
+            .map_or(Vec3::ZERO, |unit| unit.as_vec3());
+        u64::from(*normal == Vec3::ZERO)
+    };
+    normals
+        .par_chunks_mut(PIECE)
+        .map(|piece| piece.iter_mut().map(one).sum::<u64>())
+        .sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bounds(points: &[DVec3]) -> Bounds {
+        Bounds::of(points, |point| point)
+    }
+
+    #[test]
+    fn origin_stays_zero_for_ordinary_models() {
+        assert_eq!(bounds(&[DVec3::ZERO, DVec3::ONE]).origin(), DVec3::ZERO);
+        assert_eq!(
+            bounds(&[DVec3::splat(500.0), DVec3::splat(501.0)]).origin(),
+            DVec3::ZERO
+        );
+        assert_eq!(
+            bounds(&[DVec3::splat(5e6)]).origin(),
+            DVec3::ZERO,
+            "one point has no detail to lose"
+        );
+        assert_eq!(bounds(&[DVec3::NAN]).origin(), DVec3::ZERO);
+        assert_eq!(bounds(&[]).origin(), DVec3::ZERO);
+    }
+
+    #[test]
+    fn origin_moves_for_large_or_finely_placed_coordinates() {
+        let far = bounds(&[
+            DVec3::new(4e5, 6e6, 100.0),
+            DVec3::new(4e5 + 11.0, 6e6 + 7.0, 102.0),
+        ]);
+        assert_eq!(far.origin(), DVec3::new(400_006.0, 6_000_004.0, 101.0));
+        // 100.1 is no single-precision number: its rounding is over a millionth of the extent.
+        let fine = bounds(&[DVec3::splat(100.1), DVec3::splat(101.1)]);
+        assert_eq!(fine.origin(), DVec3::splat(101.0));
+        let small = bounds(&[DVec3::splat(1.0), DVec3::splat(1.0 + 1e-5)]);
+        assert!((small.origin() - DVec3::splat(1.0)).abs().max_element() < 2e-5);
+    }
+
+    #[test]
+    fn absurd_values_do_not_move_the_origin() {
+        let origin = bounds(&[
+            DVec3::splat(1e300),
+            DVec3::ZERO,
+            DVec3::ONE,
+            DVec3::splat(f64::INFINITY),
+        ])
+        .origin();
+        assert_eq!(origin, DVec3::ZERO);
+    }
+
+    #[test]
+    fn normals_become_unit_or_zero() {
+        let mut normals = [
+            Vec3::X,
+            Vec3::new(0.0, 3.0, 4.0),
+            Vec3::splat(1e-30),
+            Vec3::splat(1e30),
+            Vec3::ZERO,
+            Vec3::NAN,
+        ];
+        assert_eq!(normalize(&mut normals), 2);
+        assert_eq!(normals[1], Vec3::new(0.0, 0.6, 0.8));
+        assert!(
+            normals[..4]
+                .iter()
+                .all(|normal| (normal.length() - 1.0).abs() < 1e-6)
+        );
+        assert_eq!(normals[4..], [Vec3::ZERO; 2]);
+        assert_eq!(normalize(&mut [Vec3::INFINITY]), 1);
+    }
+
+    #[test]
+    fn colors_clamp_and_round() {
+        let cases = [
+            (0.0, 0),
+            (1.0, 255),
+            (0.5, 128),
+            (-3.0, 0),
+            (7.0, 255),
+            (f64::NAN, 0),
+            (f64::INFINITY, 255),
+        ];
+        assert_eq!(
+            cases.map(|(value, _)| color_from_unit(value)),
+            cases.map(|(_, byte)| byte)
+        );
+        assert_eq!(colors_by_range(&[[1.0, 0.5, 0.0]]), [[255, 128, 0, 255]]);
+        assert_eq!(colors_by_range(&[[2.0, 255.0, 0.0]]), [[2, 255, 0, 255]]);
+    }
+}

@@ -1,0 +1,149 @@
+//! Why a file could not be read: one enum that names the file, the place in it, the cause and the way out.
+
+use std::fmt;
+use std::path::PathBuf;
+
+/// A place in a file, for messages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text file, counted from 1; of the unpacked text when the file is compressed.
+    Line(u64),
+    /// Offset in a binary file in bytes, counted from 0; in the unpacked data when the file is compressed.
+    Byte(u64),
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Place::Line(line) => write!(f, "line {line}"),
+            Place::Byte(byte) => write!(f, "byte {byte}"),
+        }
+    }
+}
+
+/// Why a file could not be read as a model.
+///
+/// Every variant but [`Cancelled`](Error::Cancelled) holds the file as the caller named it ("standard input"
+/// for `-`), and its text ends with what can be done.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The user asked to stop.
+    #[error("cancelled")]
+    Cancelled,
+    /// The operating system did not give the bytes.
+    #[error("{}: cannot be read: {source}; check the path and its permissions", path.display())]
+    Open {
+        /// The file.
+        path: PathBuf,
+        /// What the operating system said.
+        source: std::io::Error,
+    },
+    /// The gzip stream is damaged or cut short.
+    #[error("{}: the gzip data is damaged after {unpacked} unpacked bytes: {source}; fetch the file again", path.display())]
+    Gzip {
+        /// The file.
+        path: PathBuf,
+        /// Bytes that came out before the damage.
+        unpacked: u64,
+        /// What the decompressor said.
+        source: std::io::Error,
+    },
+    /// Something is larger than [`Limits`](super::Limits) or the 32-bit index of a vertex allows.
+    #[error("{}: {what}: {found} is over the limit of {limit}; split the model or raise the limit", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// What was counted.
+        what: &'static str,
+        /// The number in or of the file; for a stream, what had been seen when the limit was passed.
+        found: u64,
+        /// The largest number accepted.
+        limit: u64,
+    },
+    /// Neither the content nor the ending is known.
+    #[error(
+        "{}: not a model in a known format (OBJ, PLY, STL, OFF, TRI, each also gzipped); convert it to PLY",
+        path.display()
+    )]
+    UnknownFormat {
+        /// The file.
+        path: PathBuf,
+    },
+    /// The format is known but has no reader yet.
+    #[error("{}: this is {format}, which is not read yet; convert it to PLY", path.display())]
+    UnreadFormat {
+        /// The file.
+        path: PathBuf,
+        /// Name of the format.
+        format: &'static str,
+    },
+    /// There is nothing to draw.
+    #[error("{}: {what}; check that the export selected some geometry", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+        /// What is empty: the file, or the list of vertices.
+        what: &'static str,
+    },
+    /// Every vertex has a coordinate that is not a number, infinite, or beyond single precision.
+    #[error("{}: none of the {vertices} vertices has finite coordinates; export the model again", path.display())]
+    NotFinite {
+        /// The file.
+        path: PathBuf,
+        /// Vertices in the file.
+        vertices: u64,
+    },
+    /// The header, or the structure of the file, is not what its format asks for.
+    #[error("{}, {place}: {reason}; repair this place or export the model again", path.display())]
+    Syntax {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        place: Place,
+        /// What is wrong, with the value found.
+        reason: String,
+    },
+    /// A number was expected.
+    #[error("{}, {place}: `{token}` is not {wanted}; repair this place or export the model again", path.display())]
+    Number {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        place: Place,
+        /// The text found, shortened.
+        token: String,
+        /// What should stand there.
+        wanted: &'static str,
+    },
+    /// A face names a vertex or normal that does not exist.
+    #[error(
+        "{}, {place}: a face names {what} {index}, but the file has {count} (numbered from {first}); \
+         repair this place or export the model again",
+        path.display()
+    )]
+    Index {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        place: Place,
+        /// "vertex" or "normal".
+        what: &'static str,
+        /// The index as written.
+        index: i64,
+        /// How many exist.
+        count: u64,
+        /// The number of the first one in this format.
+        first: u32,
+    },
+    /// The file ends before what its header or structure promises.
+    #[error("{}, {place}: the file ends early: {missing}; fetch or export it again", path.display())]
+    Truncated {
+        /// The file.
+        path: PathBuf,
+        /// Where the missing part would begin.
+        place: Place,
+        /// What is missing.
+        missing: String,
+    },
+}

@@ -1,0 +1,278 @@
+//! Binary PLY rows of a fixed size, in parallel: vertices without lists, and faces that are all triangles.
+
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+
+use super::super::Error;
+use super::super::assemble::Coordinates;
+use super::super::job::Job;
+use super::Sink;
+use super::header::{Column, Element, Property, Role, Type, VertexColumns};
+use super::rows::decode;
+
+/// Rows per parallel piece, about a megabyte; progress and cancelling go by pieces.
+const PIECE: usize = 1 << 16;
+
+/// Reads an element whose rows have one size from the start of `data`, which is as long as `check_size` wants.
+/// Returns the bytes read, or `None` when the rows differ or anything is wrong with them: the general way then finds
+/// the place.
+pub(super) fn read<const BIG: bool>(
+    job: &Job<'_>,
+    data: &[u8],
+    element: &Element,
+    sink: &mut Sink,
+) -> Result<Option<usize>, Error> {
+    let count = element.count as usize;
+    match (element.role, element.stride()) {
+        (Role::Vertices(columns), Some(stride)) => {
+            // `check_size` allows a byte too many for the sake of text.
+            let Some(data) = data.get(..count * stride) else {
+                return Ok(None);
+            };
+            read_vertices::<BIG>(data, stride, element, &columns, sink);
+            if job.progress.is_cancelled() {
+                Err(Error::Cancelled)
+            } else {
+                Ok(Some(data.len()))
+            }
+        }
+        (Role::Other, Some(stride)) => {
+            let bytes = (element.count as u128 * stride as u128).min(usize::MAX as u128) as usize;
+            Ok(data.get(..bytes).map(<[u8]>::len))
+        }
+        (Role::Faces(list), _) => {
+            let Some(layout) = TriangleLayout::of(element, list) else {
+                return Ok(None);
+            };
+            let Some(data) = count
+                .checked_mul(layout.stride)
+                .and_then(|bytes| data.get(..bytes))
+            else {
+                return Ok(None);
+            };
+            let Some(triangles) = read_triangles::<BIG>(job, data, count, layout, sink.vertices)
+            else {
+                return if job.progress.is_cancelled() {
+                    Err(Error::Cancelled)
+                } else {
+                    Ok(None)
+                };
+            };
+            if sink.triangles.is_empty() {
+                sink.triangles = triangles;
+            } else {
+                sink.triangles.extend(triangles);
+            }
+            sink.faces += element.count;
+            Ok(Some(data.len()))
+        }
+        _ => Ok(None),
+    }
+}
+
+fn read_vertices<const BIG: bool>(
+    data: &[u8],
+    stride: usize,
+    element: &Element,
+    columns: &VertexColumns,
+    sink: &mut Sink,
+) {
+    let offset_of = |column: Column| -> usize {
+        let before = &element.properties[..column.property];
+        before
+            .iter()
+            .map(|property| {
+                if let Property::Scalar(kind) = property {
+                    kind.size()
+                } else {
+                    0
+                }
+            })
+            .sum()
+    };
+    let offsets = |columns: [Column; 3]| columns.map(|column| (offset_of(column), column.kind));
+    let single = |columns: [(usize, Type); 3]| columns.iter().all(|&(_, kind)| kind == Type::F32);
+
+    let position = offsets(columns.position);
+    sink.coordinates = if single(position) {
+        Coordinates::Single(rows(data, stride, |row| three_single::<BIG>(row, position)))
+    } else {
+        Coordinates::Double(rows(data, stride, |row| three_double::<BIG>(row, position)))
+    };
+    if let Some(normal) = columns.normal.map(offsets) {
+        sink.normals = if single(normal) {
+            rows(data, stride, |row| three_single::<BIG>(row, normal))
+        } else {
+            rows(data, stride, |row| {
+                three_double::<BIG>(row, normal).as_vec3()
+            })
+        };
+    }
+    if let Some(color) = columns.color.map(offsets) {
+        sink.colors = rows(data, stride, |row| {
+            let [r, g, b] = color.map(|(offset, kind)| match kind {
+                Type::U8 => row[offset],
+                _ => kind.color(decode::<BIG>(&row[offset..], kind)),
+            });
+            [r, g, b, 255]
+        });
+    }
+}
+
+/// One item per row of `stride` bytes.
+fn rows<T: Copy + Default + Send>(
+    data: &[u8],
+    stride: usize,
+    item: impl Fn(&[u8]) -> T + Sync,
+) -> Vec<T> {
+    let mut out = vec![T::default(); data.len() / stride];
+    out.par_chunks_mut(PIECE)
+        .zip(data.par_chunks(PIECE * stride))
+        .for_each(|(out, data)| {
+            for (out, row) in out.iter_mut().zip(data.chunks_exact(stride)) {
+                *out = item(row);
+            }
+        });
+    out
+}
+
+#[inline]
+fn three_single<const BIG: bool>(row: &[u8], columns: [(usize, Type); 3]) -> Vec3 {
+    Vec3::from_array(columns.map(|(offset, _)| {
+        let bytes = [
+            row[offset],
+            row[offset + 1],
+            row[offset + 2],
+            row[offset + 3],
+        ];
+        if BIG {
+            f32::from_be_bytes(bytes)
+        } else {
+            f32::from_le_bytes(bytes)
+        }
+    }))
+}
+
+#[inline]
+fn three_double<const BIG: bool>(row: &[u8], columns: [(usize, Type); 3]) -> DVec3 {
+    DVec3::from_array(columns.map(|(offset, kind)| decode::<BIG>(&row[offset..], kind)))
+}
+
+/// Where the corners are in rows that are all triangles.
+#[derive(Debug, Clone, Copy)]
+struct TriangleLayout {
+    stride: usize,
+    count: usize,
+    count_type: Type,
+    corners: usize,
+    index_type: Type,
+}
+
+impl TriangleLayout {
+    /// `None` when another list could change the size of a row, or the types are rare.
+    fn of(element: &Element, list: usize) -> Option<Self> {
+        let (mut stride, mut found) = (0, None);
+        for (index, property) in element.properties.iter().enumerate() {
+            match *property {
+                Property::Scalar(kind) => stride += kind.size(),
+                Property::List { count, item }
+                    if index == list && !item.is_float() && item.size() <= 4 =>
+                {
+                    found = Some((stride, count, stride + count.size(), item));
+                    stride += count.size() + 3 * item.size();
+                }
+                Property::List { .. } => return None,
+            }
+        }
+        let (count, count_type, corners, index_type) = found?;
+        Some(Self {
+            stride,
+            count,
+            count_type,
+            corners,
+            index_type,
+        })
+    }
+}
+
+fn read_triangles<const BIG: bool>(
+    job: &Job<'_>,
+    data: &[u8],
+    count: usize,
+    layout: TriangleLayout,
+    vertices: u64,
+) -> Option<Vec<[u32; 3]>> {
+    let mut triangles = vec![[0; 3]; count];
+    let common =
+        layout.count_type.size() == 1 && matches!(layout.index_type, Type::I32 | Type::U32);
+    triangles
+        .par_chunks_mut(PIECE)
+        .zip(data.par_chunks(PIECE * layout.stride))
+        .try_for_each(|(out, data)| {
+            if job.progress.is_cancelled() {
+                return None;
+            }
+            let rows = out.iter_mut().zip(data.chunks_exact(layout.stride));
+            let good = if common {
+                common_rows::<BIG>(rows, layout, vertices)
+            } else {
+                rare_rows::<BIG>(rows, layout, vertices)
+            };
+            good.then_some(())
+        })
+        .is_some()
+        .then_some(triangles)
+}
+
+/// A byte and three 32-bit indices: nearly every file. One verdict per piece keeps the loop free of branches. A
+/// negative index is over 2^31 when read without sign; so are the last two thousand million indices of a file that
+/// has over 2^31 vertices and means them, which only costs the general way when the type is signed.
+fn common_rows<'a, const BIG: bool>(
+    rows: impl Iterator<Item = (&'a mut [u32; 3], &'a [u8])>,
+    layout: TriangleLayout,
+    vertices: u64,
+) -> bool {
+    let largest = if layout.index_type == Type::I32 {
+        vertices.min(1 << 31)
+    } else {
+        vertices
+    };
+    let mut good = true;
+    for (out, row) in rows {
+        let Some(corners) = row[layout.corners..].first_chunk::<12>() else {
+            return false;
+        };
+        *out = std::array::from_fn(|corner| {
+            let bytes: [u8; 4] = std::array::from_fn(|byte| corners[4 * corner + byte]);
+            if BIG {
+                u32::from_be_bytes(bytes)
+            } else {
+                u32::from_le_bytes(bytes)
+            }
+        });
+        let highest = out[0].max(out[1]).max(out[2]);
+        good &= row[layout.count] == 3 && u64::from(highest) < largest;
+    }
+    good
+}
+
+fn rare_rows<'a, const BIG: bool>(
+    rows: impl Iterator<Item = (&'a mut [u32; 3], &'a [u8])>,
+    layout: TriangleLayout,
+    vertices: u64,
+) -> bool {
+    for (out, row) in rows {
+        if decode::<BIG>(&row[layout.count..], layout.count_type) != 3.0 {
+            return false;
+        }
+        for (corner, out) in out.iter_mut().enumerate() {
+            let offset = layout.corners + corner * layout.index_type.size();
+            let value = decode::<BIG>(&row[offset..], layout.index_type);
+            if !(value >= 0.0 && value < vertices as f64) {
+                return false;
+            }
+            *out = value as u32;
+        }
+    }
+    true
+}

@@ -1,0 +1,169 @@
+//! PLY, the Stanford polygon format (G. Turk, "The PLY Polygon File Format", 1994): text and both binary orders,
+//! any extra elements and properties.
+//!
+//! Known are element `vertex` (x y z, nx ny nz, red green blue or r g b), element `face` with the list
+//! `vertex_indices` or `vertex_index` (polygons become fans), and `tristrips` (-1 ends a strip, every other triangle
+//! is turned). All else is skipped. Rows of a fixed size, which are nearly all, are read in parallel.
+
+mod fixed;
+mod header;
+mod rows;
+
+use glam::{DVec3, Vec3};
+
+use self::header::{Element, Encoding, Header, Role};
+use self::rows::{Ascii, Binary, Source};
+use super::assemble::{Coordinates, Raw};
+use super::job::Job;
+use super::{Counts, Error, Format, Place, Warning};
+
+/// What has been read so far.
+#[derive(Debug)]
+struct Sink {
+    coordinates: Coordinates,
+    normals: Vec<Vec3>,
+    colors: Vec<[u8; 4]>,
+    triangles: Vec<[u32; 3]>,
+    faces: u64,
+    small_faces: u64,
+    /// Vertices by the header, for index checks: faces may come before the vertices.
+    vertices: u64,
+}
+
+/// Reads a PLY file.
+pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Error> {
+    let header = Header::parse(job, data)?;
+    let format = match header.encoding {
+        Encoding::Ascii => Format::PlyAscii,
+        Encoding::LittleEndian => Format::PlyBinaryLittleEndian,
+        Encoding::BigEndian => Format::PlyBinaryBigEndian,
+    };
+    job.check_vertices(header.vertices)?;
+    if header.vertices == 0 {
+        return Err(job.empty("the file has no vertices"));
+    }
+    if let Some(name) = header.textures.first() {
+        job.warn(Warning::TextureIgnored {
+            name: name.clone(),
+            count: header.textures.len() as u64,
+        });
+    }
+    let mut sink = Sink {
+        coordinates: Coordinates::Double(Vec::new()),
+        normals: Vec::new(),
+        colors: Vec::new(),
+        triangles: Vec::new(),
+        faces: 0,
+        small_faces: 0,
+        vertices: header.vertices,
+    };
+    // What follows the last known element is of no use; it may be anything.
+    let wanted = header
+        .elements
+        .iter()
+        .rposition(|element| element.role != Role::Other)
+        .map_or(0, |last| last + 1);
+    let elements = &header.elements[..wanted];
+    let end = match header.encoding {
+        Encoding::Ascii => {
+            read_elements(job, &mut Ascii::new(data, header.end), elements, &mut sink)?
+        }
+        Encoding::LittleEndian => read_elements(
+            job,
+            &mut Binary::<false>::new(data, header.end),
+            elements,
+            &mut sink,
+        )?,
+        Encoding::BigEndian => read_elements(
+            job,
+            &mut Binary::<true>::new(data, header.end),
+            elements,
+            &mut sink,
+        )?,
+    };
+    let rest = data[end..].trim_ascii_end().len() as u64;
+    if wanted == header.elements.len() {
+        job.warn_count(rest, |bytes| Warning::TrailingBytes { bytes });
+    }
+    job.warn_count(sink.small_faces, |count| Warning::FacesTooSmall { count });
+    let counts = Counts {
+        vertices: header.vertices,
+        faces: sink.faces,
+    };
+    let Sink {
+        coordinates,
+        normals,
+        colors,
+        triangles,
+        ..
+    } = sink;
+    Ok((
+        format,
+        Raw {
+            coordinates,
+            normals,
+            absent_normals: 0,
+            colors,
+            triangles,
+            counts,
+        },
+    ))
+}
+
+fn read_elements<S: Source>(
+    job: &mut Job<'_>,
+    source: &mut S,
+    elements: &[Element],
+    sink: &mut Sink,
+) -> Result<usize, Error> {
+    for element in elements {
+        check_size(job, source, element)?;
+        let done = source.read_fixed(job, element, sink)?;
+        if !done {
+            rows::read(job, source, element, sink)?;
+        }
+        job.report(source.at())?;
+    }
+    Ok(source.at())
+}
+
+/// Refuses an element whose shortest possible rows do not fit in what is left of the file, so that a header that
+/// lies cannot ask for memory.
+fn check_size<S: Source>(job: &Job<'_>, source: &S, element: &Element) -> Result<(), Error> {
+    let needed = u128::from(element.count) * u128::from(source.smallest_row(element));
+    // The last word of a text needs no space after it.
+    let left = source.remaining() as u128 + 1;
+    if needed <= left {
+        return Ok(());
+    }
+    Err(job.truncated(
+        source.place(source.at()),
+        format!(
+            "{} {} rows need at least {needed} bytes, {} are left",
+            element.count,
+            element.name,
+            source.remaining()
+        ),
+    ))
+}
+
+impl Sink {
+    /// Makes room for the vertices; the count has been checked against the bytes left.
+    fn reserve_vertices(&mut self, count: usize, has_normals: bool, has_colors: bool) {
+        self.coordinates = Coordinates::Double(Vec::with_capacity(count));
+        self.normals = Vec::with_capacity(if has_normals { count } else { 0 });
+        self.colors = Vec::with_capacity(if has_colors { count } else { 0 });
+    }
+
+    fn push_position(&mut self, position: DVec3) {
+        if let Coordinates::Double(positions) = &mut self.coordinates {
+            positions.push(position);
+        }
+    }
+}
+
+/// The error for an index that is no vertex.
+fn index_error(job: &Job<'_>, place: Place, index: f64, vertices: u64) -> Error {
+    // The cast saturates; it only serves the message.
+    job.index(place, "vertex", index as i64, vertices, 0)
+}

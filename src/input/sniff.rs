@@ -1,0 +1,257 @@
+//! Decides the format: by content first, by the ending of the name when the content leaves it open.
+
+use super::job::Job;
+use super::text::{Scanner, parse_f64, words};
+use super::{Error, Warning};
+
+/// A format with a reader; PLY tells its encoding itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Obj,
+    Ply,
+    StlAscii,
+    StlBinary,
+    Off,
+    Tri,
+}
+
+impl Kind {
+    fn name(self) -> &'static str {
+        match self {
+            Kind::Obj => "OBJ",
+            Kind::Ply => "PLY",
+            Kind::StlAscii | Kind::StlBinary => "STL",
+            Kind::Off => "OFF",
+            Kind::Tri => "TRI",
+        }
+    }
+}
+
+/// What the first bytes say.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Content {
+    Known(Kind),
+    /// A format without a reader, by name.
+    Unread(&'static str),
+    /// Lines that begin with a number: OFF without its keyword, TRI, XYZ.
+    Numbers,
+    Unclear,
+}
+
+/// Lines and bytes looked at for the first word of a text format; comments before it can be long.
+const SNIFF_LINES: usize = 2000;
+const SNIFF_BYTES: usize = 1 << 18;
+
+/// Size of a binary STL file's header with the triangle count, and of a triangle.
+pub(super) const STL_HEADER: usize = 84;
+pub(super) const STL_TRIANGLE: usize = 50;
+
+/// Chooses the reader. Warns when the ending says something else.
+pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
+    let ending = ending_of(job);
+    let by_ending = match ending.as_str() {
+        "obj" => Some(Kind::Obj),
+        "ply" => Some(Kind::Ply),
+        "stl" => Some(if is_text(data) {
+            Kind::StlAscii
+        } else {
+            Kind::StlBinary
+        }),
+        "off" | "coff" | "noff" | "cnoff" => Some(Kind::Off),
+        "tri" => Some(Kind::Tri),
+        _ => None,
+    };
+    let unread_by_ending = match ending.as_str() {
+        "xyz" | "xyzn" | "xyzrgb" | "pts" | "asc" | "txt" | "csv" => Some("plain XYZ text"),
+        "las" => Some("LAS"),
+        "laz" => Some("LAZ"),
+        "e57" => Some("E57"),
+        "pcd" => Some("PCD"),
+        "gltf" | "glb" => Some("glTF"),
+        "qs" => Some("a QSplat tree"),
+        "fbx" => Some("FBX"),
+        "3mf" => Some("3MF"),
+        "dae" => Some("COLLADA"),
+        _ => None,
+    };
+    let unknown = || Error::UnknownFormat {
+        path: job.path.to_owned(),
+    };
+    match content_of(data) {
+        Content::Known(kind) => {
+            if by_ending.map_or(unread_by_ending.is_some(), |ending| {
+                ending.name() != kind.name()
+            }) {
+                job.warn(Warning::EndingDisagrees {
+                    ending,
+                    format: kind.name(),
+                });
+            }
+            Ok(kind)
+        }
+        Content::Unread(format) => Err(job.unread(format)),
+        Content::Numbers => match by_ending {
+            Some(kind @ (Kind::Off | Kind::Tri)) => Ok(kind),
+            _ => Err(job.unread("plain XYZ text")),
+        },
+        Content::Unclear => match (by_ending, unread_by_ending) {
+            (Some(kind), _) => Ok(kind),
+            (None, Some(format)) => Err(job.unread(format)),
+            (None, None) => Err(unknown()),
+        },
+    }
+}
+
+/// The ending of the name in lower case, without `.gz`.
+fn ending_of(job: &Job<'_>) -> String {
+    let name = job
+        .path
+        .file_name()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_ascii_lowercase();
+    let name = name.strip_suffix(".gz").unwrap_or(&name);
+    name.rsplit_once('.')
+        .map_or(String::new(), |(_, ending)| ending.to_owned())
+}
+
+/// Whether the beginning has no control bytes but white space: text in ASCII, Latin-1 or UTF-8.
+fn is_text(data: &[u8]) -> bool {
+    data.iter()
+        .take(1024)
+        .all(|&byte| byte >= b' ' || byte.is_ascii_whitespace() || byte == 0x0b)
+}
+
+fn content_of(data: &[u8]) -> Content {
+    // A binary STL file has no mark: its header is free text, often beginning with `solid`. Its length is the only
+    // proof, and a strong one: four bytes anywhere must agree with it.
+    if data.len() > STL_HEADER
+        && let Some(count) = data[80..].first_chunk::<4>()
+        && data.len() as u64
+            == STL_HEADER as u64 + u64::from(u32::from_le_bytes(*count)) * STL_TRIANGLE as u64
+    {
+        return Content::Known(Kind::StlBinary);
+    }
+    let magics: [(&[u8], &'static str); 12] = [
+        (b"ASTM-E57", "E57"),
+        (b"# .PCD", "PCD"),
+        (b"glTF", "glTF (GLB)"),
+        (b"QSplat", "a QSplat tree"),
+        (b"Kaydara FBX", "FBX"),
+        (b"PK\x03\x04", "a ZIP archive"),
+        (b"#VRML", "VRML"),
+        (b"#X3D", "X3D"),
+        (b"<?xml", "XML (COLLADA or X3D)"),
+        (b"DRACO", "Draco"),
+        (b"MVSI", "an OpenMVS scene"),
+        (b"\x1f\x8b", "a gzip file inside a gzip file"),
+    ];
+    if data.starts_with(b"LASF") {
+        return Content::Unread(las_kind(data));
+    }
+    if let Some((_, format)) = magics.iter().find(|(magic, _)| data.starts_with(magic)) {
+        return Content::Unread(format);
+    }
+    if data.starts_with(b"ply") && data.get(3).is_none_or(u8::is_ascii_whitespace) {
+        return Content::Known(Kind::Ply);
+    }
+    if !is_text(data) {
+        // Binary OFF has a text keyword; everything else binary is known by now, or by its ending.
+        return Content::Unclear;
+    }
+    content_of_text(&data[..data.len().min(SNIFF_BYTES)])
+}
+
+fn content_of_text(data: &[u8]) -> Content {
+    let mut scanner = Scanner::new(data, 0);
+    for _ in 0..SNIFF_LINES {
+        let Some((line, _)) = scanner.meaningful_line() else {
+            break;
+        };
+        let mut line_words = words(line);
+        let Some(word) = line_words.next() else {
+            continue;
+        };
+        if is_off_keyword(word) {
+            return Content::Known(Kind::Off);
+        }
+        if parse_f64(word).is_some() {
+            return Content::Numbers;
+        }
+        return match word {
+            b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"l" | b"p" | b"mtllib"
+            | b"usemtl" | b"usemap" | b"maplib" => Content::Known(Kind::Obj),
+            b"VERSION" | b"FIELDS" if line_words.next().is_some() => Content::Unread("PCD"),
+            _ if word.eq_ignore_ascii_case(b"solid") => Content::Known(Kind::StlAscii),
+            _ if word.starts_with(b"{") && contains(data, b"\"asset\"") => Content::Unread("glTF"),
+            _ => Content::Unclear,
+        };
+    }
+    Content::Unclear
+}
+
+/// `OFF` with the prefixes of Geomview: `ST`, `C`, `N`, `4`, `n`, in this order.
+pub(super) fn is_off_keyword(word: &[u8]) -> bool {
+    let mut rest = word;
+    for prefix in [&b"ST"[..], b"C", b"N", b"4", b"n"] {
+        rest = rest.strip_prefix(prefix).unwrap_or(rest);
+    }
+    rest == b"OFF"
+}
+
+/// LAS, LAZ or COPC: a set bit 7 of the point format means compressed points; a COPC file's first variable record
+/// is named `copc` (public specifications of LAS 1.4 and COPC 1.0).
+fn las_kind(data: &[u8]) -> &'static str {
+    if data.get(377..381) == Some(b"copc") {
+        "COPC"
+    } else if data.get(104).is_some_and(|format| format & 0x80 != 0) {
+        "LAZ"
+    } else {
+        "LAS"
+    }
+}
+
+fn contains(data: &[u8], wanted: &[u8]) -> bool {
+    data.windows(wanted.len()).any(|window| window == wanted)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn content_names_the_format() {
+        let cases: [(&[u8], Content); 14] = [
+            (b"ply\nformat ascii 1.0\n", Content::Known(Kind::Ply)),
+            (b"# c\r\n\r\nmtllib a.mtl\r\n", Content::Known(Kind::Obj)),
+            (b"v 1 2 3", Content::Known(Kind::Obj)),
+            (b"# c\n STCN4nOFF # x\n", Content::Known(Kind::Off)),
+            (b"solid a\nfacet normal", Content::Known(Kind::StlAscii)),
+            (b"1 2 3\n", Content::Numbers),
+            (b"{\"scene\":0,\"asset\":{}}", Content::Unread("glTF")),
+            (b"VERSION .7\n", Content::Unread("PCD")),
+            (b"QSplat11....", Content::Unread("a QSplat tree")),
+            (b"LASF", Content::Unread("LAS")),
+            (b"plywood\n", Content::Unclear),
+            (b"hello\n", Content::Unclear),
+            (b"\x00\x01\x02", Content::Unclear),
+            (b"", Content::Unclear),
+        ];
+        for (data, wanted) in cases {
+            assert_eq!(content_of(data), wanted, "{}", data.escape_ascii());
+        }
+    }
+
+    #[test]
+    fn a_binary_stl_that_says_solid_is_binary() {
+        let mut data = b"solid made of steel".to_vec();
+        data.resize(80, b' ');
+        data.extend(2_u32.to_le_bytes());
+        data.resize(84 + 100, 0);
+        assert_eq!(content_of(&data), Content::Known(Kind::StlBinary));
+        // Cut short it is not proven any more, but its zero bytes say that it is no text.
+        data.pop();
+        assert_eq!(content_of(&data), Content::Unclear);
+        assert!(!is_text(&data));
+    }
+}
