@@ -16,4 +16,7 @@ pub enum Error {
     /// A picture could not be written or read.
     #[error(transparent)]
     Image(#[from] crate::image::Error),
+    /// A model could not be generated, or a mesh not be written.
+    #[error(transparent)]
+    Generate(#[from] crate::generate::Error),
 }
