@@ -19,7 +19,7 @@ pub enum Error {
     /// The device could not do what was asked.
     #[error(transparent)]
     Gpu(#[from] crate::gpu::Error),
-    /// A generated model could not be made.
+    /// A model could not be generated, or a mesh not be written.
     #[error(transparent)]
     Generate(#[from] crate::generate::Error),
 }
