@@ -1,4 +1,20 @@
 //! The cut: which nodes of the tree the current view needs, and as what.
+//!
+//! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root; [`Coherent`] updates the cut
+//! of the last frame and gives the same lists. Both ask one [`Tester`].
+
+mod coherent;
+mod select;
+mod strip;
+mod tester;
+
+pub use coherent::{Coherent, Update};
+pub use select::{Selector, select};
+pub use strip::{MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers};
+pub use tester::{Facing, Tester};
+
+use crate::tree::Tree;
+use std::ops::Range;
 
 /// What the cut may drop and how small a node must be to be drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -87,4 +103,15 @@ impl Cut {
         self.triangles.clear();
         self.stats = Stats::default();
     }
+}
+
+/// The leaves below an interior node. The next node starts where this one ends, except that after the last
+/// node of a level the next level starts over at leaf 0.
+fn leaf_range(tree: &Tree, id: u32) -> Range<u32> {
+    let start = tree.first_leaf.get(id as usize).copied().unwrap_or(0);
+    let end = match tree.first_leaf.get(id as usize + 1) {
+        Some(&next) if next > start => next,
+        _ => tree.leaves.len() as u32,
+    };
+    start..end
 }
