@@ -412,19 +412,40 @@ impl Tester {
                         | (u8::from(front & bit != 0) * inherit::FRONT),
                 );
                 let node = &group[lane];
-                if node.strip == Strip::SPHERE {
-                    open
-                } else {
-                    let count = self.strip_count_of(model, first + lane as u32, node, &balls, lane);
-                    if count == 0 {
-                        open
-                    } else {
-                        Class::strip(count)
-                    }
+                match self.strip_count(model, first + lane as u32, node, &balls, lane) {
+                    0 => open,
+                    count => Class::strip(count),
                 }
             };
         }
         classes
+    }
+
+    /// How many splats along its strip can stand for the node in lane `lane`; 0 if none can.
+    #[inline]
+    fn strip_count(&self, model: &Model, id: u32, node: &Node, balls: &Balls, lane: usize) -> u32 {
+        if node.strip == Strip::SPHERE {
+            return 0;
+        }
+        // Most fail here, before any root or division: no ball that the threshold allows is wider than
+        // t z / 2 f, so the strip must be thinner than that, and short enough for a row of such balls.
+        let depth = if self.is_perspective {
+            balls.depth[lane]
+        } else {
+            1.0
+        };
+        let in_balls = balls.radius[lane] * self.ratio;
+        let most = match node.has_leaves() {
+            true => u32::from(node.child_count).saturating_sub(1),
+            false => strip::MAX_COUNT,
+        };
+        let (half, width) = strip::relative_size(node);
+        if !(width * in_balls <= strip::MAX_WIDTH * depth && half * in_balls <= most as f32 * depth)
+            || most < 2
+        {
+            return 0;
+        }
+        self.strip_count_of(model, id, node, balls, lane)
     }
 
     #[inline(never)]
@@ -436,28 +457,31 @@ impl Tester {
         balls: &Balls,
         lane: usize,
     ) -> u32 {
-        let leaves = if node.has_leaves() {
-            u32::from(node.child_count)
-        } else {
-            let range = super::leaf_range(&model.tree, id);
-            range.end - range.start
-        };
         let frame = strip::Frame {
             is_perspective: self.is_perspective,
             is_nearest: self.size == SizeMetric::Nearest,
             twice_focal_px: self.twice_focal_px,
             threshold_px: self.threshold_px,
             near: self.near,
-            forward: -self.backward,
         };
-        strip::count(
+        let distance = balls.distance_squared()[lane].sqrt();
+        let count = strip::count(
             node,
             balls.radius[lane],
             balls.depth[lane],
-            balls.distance_squared()[lane].sqrt(),
+            distance,
             &frame,
-            leaves,
-        )
+        );
+        // Fewer splats than leaves below, else the leaves are the better picture. Children that are nodes
+        // have two leaves at least, which spares most look-ups.
+        let children = u32::from(node.child_count);
+        let is_fewer = || match node.has_leaves() {
+            true => count < children,
+            false => {
+                count < 2 * children || count < super::leaf_range(&model.tree, id).len() as u32
+            }
+        };
+        if count > 0 && is_fewer() { count } else { 0 }
     }
 
     /// Which of the `count` (1 to 4) leaves from `first` on are outside of the view volume, and which of the

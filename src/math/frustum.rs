@@ -109,6 +109,7 @@ impl Frustum {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "tests stop at the first surprise")]
 mod tests {
     use super::*;
     use crate::math::camera::Camera;
