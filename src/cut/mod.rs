@@ -1,4 +1,20 @@
 //! The cut: which nodes of the tree the current view needs, and as what.
+//!
+//! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root; [`Coherent`] updates the cut
+//! of the last frame and gives the same lists. Both ask one [`Tester`].
+
+mod coherent;
+mod select;
+mod strip;
+mod tester;
+
+pub use coherent::{Coherent, Update};
+pub use select::{Selector, select};
+pub use strip::{MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers};
+pub use tester::{Facing, Tester};
+
+use crate::tree::Tree;
+use std::ops::Range;
 
 /// What the cut may drop and how small a node must be to be drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -89,19 +105,13 @@ impl Cut {
     }
 }
 
-/// Center of splat `i` of `count` along the strip of a node, model space.
-pub fn strip_center(node: &crate::tree::Node, count: u32, i: u32) -> glam::Vec3 {
-    let half = f32::from(node.strip.half_length) / 255.0 * node.radius;
-    let t = (i as f32 + 0.5) / count as f32 * 2.0 - 1.0;
-    node.center + node.strip.direction() * (half * t)
-}
-
-/// Placeholder until the traversal is merged.
-#[derive(Debug, Default)]
-pub struct Selector;
-impl Selector {
-    /// .
-    pub fn select(&mut self, _: &crate::tree::Model, _: &crate::math::camera::View, _: &Settings, cut: &mut Cut) {
-        cut.clear();
-    }
+/// The leaves below an interior node. The next node starts where this one ends, except that after the last
+/// node of a level the next level starts over at leaf 0.
+fn leaf_range(tree: &Tree, id: u32) -> Range<u32> {
+    let start = tree.first_leaf.get(id as usize).copied().unwrap_or(0);
+    let end = match tree.first_leaf.get(id as usize + 1) {
+        Some(&next) if next > start => next,
+        _ => tree.leaves.len() as u32,
+    };
+    start..end
 }

@@ -1,0 +1,80 @@
+//! Whole cuts against brute force: nothing visible is dropped, nothing is drawn twice, and a cut does not
+//! depend on the cuts before it.
+#![allow(
+    clippy::unwrap_used,
+    unreachable_pub,
+    reason = "tests stop at the first surprise; modules are private to the test"
+)]
+
+#[path = "cut/coherence.rs"]
+mod coherence;
+#[path = "cut/size.rs"]
+mod size;
+#[path = "cut/strips.rs"]
+mod strips;
+#[path = "cut/testing.rs"]
+mod testing;
+#[path = "cut/visibility.rs"]
+mod visibility;
+
+use std::ops::Range;
+use surfel::cut::Cut;
+use surfel::tree::{Model, Tree};
+
+/// The leaves below a node, by walking down; nothing of the library is asked.
+fn leaves_below(tree: &Tree, id: u32) -> Range<u32> {
+    let edge = |last: bool| {
+        let mut at = id;
+        loop {
+            let node = &tree.nodes[at as usize];
+            let child = node.first_child
+                + if last {
+                    u32::from(node.child_count) - 1
+                } else {
+                    0
+                };
+            if node.has_leaves() {
+                return child;
+            }
+            at = child;
+        }
+    };
+    edge(false)..edge(true) + 1
+}
+
+/// How often each leaf is drawn, by itself or by a node above it.
+fn coverage(model: &Model, cut: &Cut) -> Vec<u32> {
+    let mut drawn = vec![0; model.tree.leaves.len()];
+    for id in cut
+        .nodes
+        .iter()
+        .copied()
+        .chain(cut.strips.iter().map(|s| s.node))
+    {
+        for leaf in leaves_below(&model.tree, id) {
+            drawn[leaf as usize] += 1;
+        }
+    }
+    for &leaf in cut.leaves.iter().chain(&cut.triangles) {
+        drawn[leaf as usize] += 1;
+    }
+    drawn
+}
+
+/// Panics unless every list is in tree order.
+fn assert_tree_order(model: &Model, cut: &Cut) {
+    let nodes = |ids: &[u32]| {
+        ids.iter()
+            .map(|&n| leaves_below(&model.tree, n).start)
+            .collect::<Vec<_>>()
+    };
+    let strips: Vec<u32> = cut.strips.iter().map(|s| s.node).collect();
+    for list in [
+        nodes(&cut.nodes),
+        nodes(&strips),
+        cut.leaves.clone(),
+        cut.triangles.clone(),
+    ] {
+        assert!(list.windows(2).all(|w| w[0] < w[1]), "not in tree order");
+    }
+}
