@@ -1,0 +1,172 @@
+//! `surfel demo`
+
+use super::render::{DeviceArgs, orbit_camera, validated};
+use super::source::Source;
+use super::{Failure, Outcome, count};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::fmt::Write;
+use std::path::PathBuf;
+use surfel::draw::ColorBy;
+use surfel::image::contact_sheet;
+use surfel::measure::Distribution;
+use surfel::method::engine::Engine;
+use surfel::method::renderer::Outputs;
+use surfel::method::{Method, Settings};
+
+/// Draw the built-in statue (or another model) with every method: a picture each and a contact sheet.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:\n  surfel demo\n  surfel demo --model scan.ply -o out --size 800x800")]
+pub(crate) struct Args {
+    /// Folder for the pictures; made if it is not there
+    #[arg(short, long, value_name = "FOLDER", default_value = "surfel-demo")]
+    output: PathBuf,
+    /// Model to draw instead: a file or generate:SHAPE[:TRIANGLES]
+    #[arg(long, value_name = "MODEL", default_value = "generate:statue:2000000")]
+    model: PathBuf,
+    /// Size of each picture in pixels
+    #[arg(long, value_name = "WxH", default_value = "500x500", value_parser = super::render::parse_size)]
+    size: (u32, u32),
+    /// Frames timed for each picture
+    #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    repeats: u32,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+struct Shot {
+    file: &'static str,
+    label: &'static str,
+    method: Method,
+    threshold_px: f32,
+    color_by: ColorBy,
+    fill: f64,
+}
+
+const SHOTS: [Shot; 8] = [
+    shot("triangles", "triangles", Method::Triangles, 1.0, ColorBy::Shading, 1.0),
+    shot("points", "points, 2 px", Method::Points, 2.0, ColorBy::Shading, 1.0),
+    shot("pop-1", "pop, threshold 1 px", Method::Pop, 1.0, ColorBy::Shading, 1.0),
+    shot("pop-3", "pop, threshold 3 px", Method::Pop, 3.0, ColorBy::Shading, 1.0),
+    shot("pop-8", "pop, threshold 8 px", Method::Pop, 8.0, ColorBy::Shading, 1.0),
+    shot("pop-near", "pop, threshold 3 px, near", Method::Pop, 3.0, ColorBy::Shading, 6.0),
+    shot("pop-near-kinds", "the same: triangles blue", Method::Pop, 3.0, ColorBy::Primitive, 6.0),
+    shot("pop-far", "pop, threshold 1 px, far", Method::Pop, 1.0, ColorBy::Shading, 0.125),
+];
+
+const fn shot(
+    file: &'static str,
+    label: &'static str,
+    method: Method,
+    threshold_px: f32,
+    color_by: ColorBy,
+    fill: f64,
+) -> Shot {
+    Shot {
+        file,
+        label,
+        method,
+        threshold_px,
+        color_by,
+        fill,
+    }
+}
+
+pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+    std::fs::create_dir_all(&args.output).map_err(|e| {
+        Failure::Run(anyhow::Error::new(e).context(format!("cannot make the folder {}", args.output.display())))
+    })?;
+    let source = Source {
+        model: args.model.clone(),
+        weld: false,
+    };
+    let ready = source.ready(quiet)?;
+    let model = &ready.model;
+    eprintln!(
+        "{}: {} triangles, {} vertices; ready in {:.1} s (tree {:.1} s)",
+        ready.name,
+        count(model.triangles.len() as u64),
+        count(model.vertices.len() as u64),
+        (ready.load_ms + ready.build_ms) / 1e3,
+        ready.build_ms / 1e3
+    );
+    let backend = args.device.open()?;
+    eprintln!("drawing on {}", backend.name());
+    let mut engine = Engine::new(&backend, model, args.size, Outputs::default())?;
+    let bar = if quiet {
+        ProgressBar::hidden()
+    } else {
+        ProgressBar::new(SHOTS.len() as u64)
+    };
+    if let Ok(style) = ProgressStyle::with_template("{msg:>26} {wide_bar} {pos}/{len}") {
+        bar.set_style(style);
+    }
+    let mut pictures = Vec::new();
+    let mut table = String::new();
+    let mut reference_ms = f64::NAN;
+    for shot in &SHOTS {
+        if super::progress::is_interrupted() {
+            return Err(Failure::Run(anyhow::anyhow!("cancelled")));
+        }
+        bar.set_message(shot.label);
+        let view = orbit_camera(&ready, args.size, [30.0, 20.0, shot.fill]).view(model.origin)?;
+        let settings = Settings {
+            method: shot.method,
+            threshold_px: shot.threshold_px,
+            color_by: shot.color_by,
+            ..Settings::default()
+        };
+        // The first frame compiles shaders and grows buffers.
+        engine.draw(&view, &settings)?;
+        let mut frames = Vec::new();
+        let mut counts = surfel::method::renderer::Counts::default();
+        for _ in 0..args.repeats {
+            let times = engine.draw(&view, &settings)?;
+            frames.push(times.frame_ms);
+            counts = times.counts;
+        }
+        let image = engine.read(&view)?;
+        let path = args.output.join(format!("{}.png", shot.file));
+        image.save_png(&path)?;
+        let ms = Distribution::of(&frames).median;
+        if shot.method == Method::Triangles {
+            reference_ms = ms;
+        }
+        let drawn = counts.splats + counts.points;
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            table,
+            "{:<26} {:>9.2} ms {:>8} {:>12} {:>12}  {}",
+            shot.label,
+            ms,
+            if shot.fill == 1.0 {
+                format!("{:.1}x", reference_ms / ms)
+            } else {
+                "-".into()
+            },
+            count(counts.triangles),
+            count(drawn),
+            path.display()
+        );
+        pictures.push((format!("{}  {ms:.1} ms", shot.label), image));
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let sheet = args.output.join("contact-sheet.png");
+    contact_sheet(&pictures, 4).save_png(&sheet)?;
+    let mut out = format!(
+        "{:<26} {:>12} {:>8} {:>12} {:>12}  picture\n",
+        "", "frame", "speed", "triangles", "splats"
+    );
+    out.push_str(&table);
+    let _ = writeln!(
+        out,
+        "frame: median of {} frames of {}x{} on {}; speed: against triangles at the same distance\nall of them: {}",
+        args.repeats,
+        args.size.0,
+        args.size.1,
+        backend.name(),
+        sheet.display()
+    );
+    super::print(&out)?;
+    validated(&backend)
+}
