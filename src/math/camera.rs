@@ -153,12 +153,30 @@ impl Camera {
         let (sin_e, cos_e) = elevation.sin_cos();
         let eye = center + d * DVec3::new(cos_e * sin_a, sin_e, cos_e * cos_a);
         let near = (d - 1.05 * radius).max(0.01 * radius);
-        let up = if cos_e.abs() < 1e-6 { DVec3::Z } else { DVec3::Y };
-        Self::look_at((width, height), eye, center, up, fov_y, (near, d + 1.05 * radius))
+        let up = if cos_e.abs() < 1e-6 {
+            DVec3::Z
+        } else {
+            DVec3::Y
+        };
+        Self::look_at(
+            (width, height),
+            eye,
+            center,
+            up,
+            fov_y,
+            (near, d + 1.05 * radius),
+        )
     }
 
     /// View `k` of `n` of the standard orbit: azimuth (k + 1/2) * 360/n degrees, elevation 20 degrees.
-    pub fn orbit_view(size: (u32, u32), center: DVec3, radius: f64, fill: f64, k: u32, n: u32) -> Self {
+    pub fn orbit_view(
+        size: (u32, u32),
+        center: DVec3,
+        radius: f64,
+        fill: f64,
+        k: u32,
+        n: u32,
+    ) -> Self {
         let azimuth = (f64::from(k) + 0.5) * std::f64::consts::TAU / f64::from(n.max(1));
         Self::orbit(size, center, radius, azimuth, 20f64.to_radians(), fill)
     }
@@ -180,7 +198,9 @@ impl Camera {
             return fail("a matrix has an element that is not finite".into());
         }
         if self.view.row(3) != DVec4::W || self.view.determinant().abs() < 1e-30 {
-            return fail("the view matrix is not an invertible affine transform (last row 0 0 0 1)".into());
+            return fail(
+                "the view matrix is not an invertible affine transform (last row 0 0 0 1)".into(),
+            );
         }
         let mut p = self.proj;
         if self.y_down {
@@ -225,7 +245,10 @@ impl Camera {
             height: self.height,
             view_from_model: view_from_model.as_mat4(),
             eye: model_from_view.transform_point3(DVec3::ZERO).as_vec3(),
-            backward: model_from_view.transform_vector3(DVec3::Z).normalize().as_vec3(),
+            backward: model_from_view
+                .transform_vector3(DVec3::Z)
+                .normalize()
+                .as_vec3(),
             is_perspective,
             scale: [p.x_axis.x as f32, p.y_axis.y as f32],
             // clip.xy / clip.w = (scale * xy + offset * z) / -z for a perspective.
@@ -286,7 +309,8 @@ impl View {
     /// Pixels per unit of tangent (perspective) or per view-space unit (orthographic): the focal length `f`,
     /// the larger one where pixels are not square.
     pub fn focal_px(&self) -> f32 {
-        (self.scale[0].abs() * self.width as f32).max(self.scale[1].abs() * self.height as f32) / 2.0
+        (self.scale[0].abs() * self.width as f32).max(self.scale[1].abs() * self.height as f32)
+            / 2.0
     }
 
     /// Clip space as the device uses it: y down, depth reversed (1 at near, 0 at far).
@@ -358,7 +382,14 @@ mod tests {
 
     #[test]
     fn near_and_far_come_back_out_of_the_projection() {
-        let camera = Camera::look_at((500, 400), DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 1.0, (0.5, 9.0));
+        let camera = Camera::look_at(
+            (500, 400),
+            DVec3::new(0.0, 0.0, 3.0),
+            DVec3::ZERO,
+            DVec3::Y,
+            1.0,
+            (0.5, 9.0),
+        );
         let view = camera.view(DVec3::ZERO).unwrap();
         assert!((view.near - 0.5).abs() < 1e-6 && (view.far - 9.0).abs() < 1e-5);
         assert!((view.focal_px() - 200.0 / 0.5f32.tan()).abs() < 1e-3);
@@ -374,7 +405,14 @@ mod tests {
 
     #[test]
     fn points_project_to_the_pixels_of_the_convention() {
-        let camera = Camera::look_at((500, 500), DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 60f64.to_radians(), (0.1, 10.0));
+        let camera = Camera::look_at(
+            (500, 500),
+            DVec3::new(0.0, 0.0, 3.0),
+            DVec3::ZERO,
+            DVec3::Y,
+            60f64.to_radians(),
+            (0.1, 10.0),
+        );
         let view = camera.view(DVec3::ZERO).unwrap();
         let (x, y, z) = view.project(Vec3::new(1.0, 0.5, 0.0));
         let f = 250.0 / 30f32.to_radians().tan();
@@ -394,7 +432,10 @@ mod tests {
         let mut flipped = camera.clone();
         flipped.y_down = true;
         flipped.proj.y_axis.y = -flipped.proj.y_axis.y;
-        assert_eq!(flipped.view(DVec3::ZERO).unwrap(), camera.view(DVec3::ZERO).unwrap());
+        assert_eq!(
+            flipped.view(DVec3::ZERO).unwrap(),
+            camera.view(DVec3::ZERO).unwrap()
+        );
     }
 
     #[test]

@@ -3,8 +3,19 @@
 //! Source: Benda, *Point Based Rendering* (diploma thesis), section 3.2; Rusinkiewicz and Levoy, *QSplat*
 //! (SIGGRAPH 2000), section 2. Differences are listed in `docs/ARCHITECTURE.md`.
 
+mod blocks;
+mod build;
+mod closed;
+mod moments;
 mod node;
+mod order;
+mod partition;
+mod shape;
+mod spacing;
+mod strip;
+mod summary;
 
+pub use build::{BuildOptions, build};
 pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
 
 use crate::abi::Vertex;
@@ -92,6 +103,32 @@ pub enum Error {
         count: usize,
         /// How many there may be.
         limit: usize,
+    },
+    /// A triangle names a vertex that does not exist.
+    #[error("triangle {triangle} has corner {corner}, but there are {vertices} vertices")]
+    BadCorner {
+        /// The triangle, in file order.
+        triangle: usize,
+        /// Its corner.
+        corner: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// A position is infinite or not a number.
+    #[error("vertex {vertex} has a position that is not finite")]
+    NotFinite {
+        /// The vertex, in file order.
+        vertex: usize,
+    },
+    /// An attribute array is neither empty nor as long as the positions.
+    #[error("the mesh has {count} {what} for {vertices} vertices")]
+    Mismatch {
+        /// Which array.
+        what: &'static str,
+        /// Its length.
+        count: usize,
+        /// Number of vertices.
+        vertices: usize,
     },
     /// The user asked to stop.
     #[error("cancelled")]

@@ -20,13 +20,18 @@ pub struct Node {
     pub strip: Strip,
     /// Number of children, 2 to 4 (1 only in a tree of a single leaf, which has no nodes).
     pub child_count: u8,
-    /// Bit 0: the children are leaves. Bit 1: draw without culling by normal (no usable normal below).
+    /// [`Node::LEAF_CHILDREN`], [`Node::UNCULLED`], [`Node::FLAT`].
     pub flags: u8,
 }
 
 impl Node {
     /// Bit of `flags`: the children are leaves.
     pub const LEAF_CHILDREN: u8 = 1;
+    /// Bit of `flags`: draw without culling by normal; the normals below cancel. The cone is [`Cone::ALL`].
+    pub const UNCULLED: u8 = 2;
+    /// Bit of `flags`: every triangle below is degenerate and has no normal. Nothing below can be seen as a triangle;
+    /// the cone is that of the parent, so that such a node goes where its parent goes.
+    pub const FLAT: u8 = 4;
 
     /// Whether the children are leaves rather than nodes.
     #[inline]

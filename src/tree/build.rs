@@ -1,0 +1,358 @@
+//! Builds the tree over a mesh or a point cloud.
+//!
+//! Sources: Benda, *Point Based Rendering*, section 3.2.1 (halving at the median along the longest axis, up to four
+//! children, bounding spheres); Rusinkiewicz and Levoy, *QSplat*, section 2 (attributes as averages of the children's).
+//! The work, in order: centers of the leaves' spheres; the shape ([`super::shape`]); the leaves' places in it
+//! ([`super::partition`]); vertices in order of use ([`super::order`]); nodes upward ([`super::blocks`]).
+
+use super::blocks::{self, Source};
+use super::partition::{Item, Partition};
+use super::shape::Shape;
+use super::{Cone, Error, Leaf, Model, Node, NodeAttributes, Tree, moments, order, spacing};
+use crate::math::sphere;
+use crate::mesh::Mesh;
+use crate::progress::Progress;
+use bytemuck::Zeroable;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
+
+/// What a tree holds beside what every view needs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct BuildOptions {
+    /// Keep [`super::Moments`] (52 bytes a node) for filtered splats.
+    pub moments: bool,
+}
+
+/// Builds the tree. Vertex normals are computed (area-weighted) if the mesh has triangles and no normals; a cloud
+/// without normals stays without.
+///
+/// The result depends on the mesh alone, not on the number of threads. O(n log n); about 0.2 microseconds a triangle on two
+/// cores. At its peak it holds the mesh, the result, and 16 bytes a leaf.
+///
+/// No leaves give an empty model (its vertices are all unused); a single one gives a tree without nodes.
+///
+/// # Errors
+///
+/// Too many leaves or vertices for 32-bit indices; a position that is not finite or a corner that names no vertex;
+/// cancelled.
+pub fn build(mesh: Mesh, options: &BuildOptions, progress: &dyn Progress) -> Result<Model, Error> {
+    let is_cloud = mesh.is_cloud();
+    let (what, count) = if is_cloud {
+        ("points", mesh.positions.len())
+    } else {
+        ("triangles", mesh.triangles.len())
+    };
+    for (what, count) in [(what, count), ("vertices", mesh.positions.len())] {
+        if count > LIMIT {
+            return Err(Error::TooLarge {
+                what,
+                count,
+                limit: LIMIT,
+            });
+        }
+    }
+    for (what, length) in [
+        ("normals", mesh.normals.len()),
+        ("colors", mesh.colors.len()),
+    ] {
+        if length != 0 && length != mesh.positions.len() {
+            return Err(Error::Mismatch {
+                what,
+                count: length,
+                vertices: mesh.positions.len(),
+            });
+        }
+    }
+    let stop = AtomicBool::new(false);
+    let advance = |amount: u64| {
+        progress.advance(amount);
+        if progress.is_cancelled() {
+            stop.store(true, Ordering::Relaxed);
+        }
+    };
+    let check_stop = || {
+        if stop.load(Ordering::Relaxed) || progress.is_cancelled() {
+            Err(Error::Cancelled)
+        } else {
+            Ok(())
+        }
+    };
+
+    // The leaves travel in the memory in which they will stay.
+    progress.stage("bounding triangles", count as u64);
+    let mut leaves = vec![Leaf::zeroed(); count];
+    leaf_centers(&mesh, bytemuck::cast_slice_mut(&mut leaves))?;
+    progress.advance(count as u64);
+    check_stop()?;
+
+    progress.stage("ordering", count as u64);
+    let shape = Shape::new(count as u32);
+    {
+        let mut spare = vec![Item::default(); count];
+        Partition {
+            shape: &shape,
+            stop: &stop,
+            placed: &advance,
+        }
+        .run(bytemuck::cast_slice_mut(&mut leaves), &mut spare);
+    }
+    check_stop()?;
+
+    progress.stage("arranging vertices", count as u64);
+    let mut model = arrange(mesh, &leaves)?;
+    let Arranged {
+        model: ref mut built,
+        ref normals,
+    } = model;
+    progress.advance(count as u64);
+    check_stop()?;
+
+    progress.stage("building nodes", count as u64);
+    if is_cloud {
+        let points: Vec<Vec3> = leaves.iter().map(|leaf| leaf.center).collect();
+        for (leaf, radius) in leaves.iter_mut().zip(spacing::radii(&shape, &points)) {
+            leaf.radius = radius;
+        }
+        check_stop()?;
+    }
+    let node_count = shape.node_count();
+    let mut level_starts = Vec::with_capacity(shape.levels.len() + 1);
+    level_starts.push(0u32);
+    for level in &shape.levels {
+        level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
+    }
+    let mut nodes = vec![Node::zeroed(); node_count];
+    let mut attributes = vec![NodeAttributes::zeroed(); node_count];
+    let source = Source {
+        shape: &shape,
+        level_starts: &level_starts,
+        vertices: &built.vertices,
+        normals,
+        triangles: &built.triangles,
+        origin: built.orbit_center.as_dvec3(),
+        stop: &stop,
+        done: &advance,
+    };
+    let findings = blocks::fill(&source, &mut leaves, &mut nodes, &mut attributes);
+    check_stop()?;
+    let (parents, first_leaf) = links(&shape, &level_starts);
+    if findings.any_flat {
+        // Children of a node come after it: what is inherited is already final.
+        for index in 0..nodes.len() {
+            if nodes[index].flags & Node::FLAT != 0 {
+                nodes[index].cone = if index == 0 {
+                    Cone::ALL
+                } else {
+                    nodes[parents[index] as usize].cone
+                };
+            }
+        }
+    }
+    let Arranged { mut model, .. } = model;
+    model.is_closed = !is_cloud && findings.evidence.is_closed();
+    model.tree = Tree {
+        nodes,
+        attributes,
+        parents,
+        first_leaf,
+        level_starts,
+        leaves,
+        moments: Vec::new(),
+    };
+    if options.moments {
+        model.tree.moments = moments::compute(&model);
+    }
+    Ok(model)
+}
+
+/// Most leaves and most vertices: indices have 32 bits, and the sentinel of an unseen vertex takes one.
+const LIMIT: usize = u32::MAX as usize - 1;
+
+/// Centers of the leaves' spheres, in file order; checks the mesh on the way.
+fn leaf_centers(mesh: &Mesh, items: &mut [Item]) -> Result<(), Error> {
+    const CHUNK: usize = 4096;
+    if mesh.triangles.is_empty() {
+        if let Some(vertex) = mesh.positions.iter().position(|p| !p.is_finite()) {
+            return Err(Error::NotFinite { vertex });
+        }
+        for (index, (item, &center)) in items.iter_mut().zip(&mesh.positions).enumerate() {
+            *item = Item {
+                center,
+                index: index as u32,
+            };
+        }
+        return Ok(());
+    }
+    // The first fault in file order, whoever meets it first.
+    let fault = AtomicUsize::new(usize::MAX);
+    items
+        .par_chunks_mut(CHUNK)
+        .zip(mesh.triangles.par_chunks(CHUNK))
+        .enumerate()
+        .for_each(|(chunk, (items, triangles))| {
+            for (offset, (item, triangle)) in items.iter_mut().zip(triangles).enumerate() {
+                let index = chunk * CHUNK + offset;
+                let corner = |k: usize| {
+                    mesh.positions
+                        .get(triangle[k] as usize)
+                        .copied()
+                        .unwrap_or(Vec3::NAN)
+                };
+                let center = sphere::triangle_center(
+                    [corner(0), corner(1), corner(2)].map(|p| p.as_dvec3()),
+                )
+                .as_vec3();
+                if !center.is_finite() {
+                    fault.fetch_min(index, Ordering::Relaxed);
+                }
+                *item = Item {
+                    center,
+                    index: index as u32,
+                };
+            }
+        });
+    let triangle = fault.into_inner();
+    if triangle == usize::MAX {
+        return Ok(());
+    }
+    let corners = mesh.triangles[triangle];
+    Err(
+        match corners
+            .into_iter()
+            .find(|&corner| corner as usize >= mesh.positions.len())
+        {
+            Some(corner) => Error::BadCorner {
+                triangle,
+                corner,
+                vertices: mesh.positions.len(),
+            },
+            None => Error::NotFinite {
+                vertex: corners
+                    .into_iter()
+                    .find(|&c| !mesh.positions[c as usize].is_finite())
+                    .unwrap_or(corners[0]) as usize,
+            },
+        },
+    )
+}
+
+/// A model without its tree, and the normals of its vertices in full.
+struct Arranged {
+    model: Model,
+    normals: Vec<Vec3>,
+}
+
+/// Triangles in tree order, vertices in the order of their first use; frees the mesh.
+fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<Arranged, Error> {
+    if mesh.normals.is_empty() && !mesh.triangles.is_empty() {
+        mesh.normals = vertex_normals(&mesh);
+    }
+    let items: &[Item] = bytemuck::cast_slice(leaves);
+    let (triangles, old_of_new, used) = if mesh.triangles.is_empty() {
+        if items.is_empty() {
+            (Vec::new(), (0..mesh.positions.len() as u32).collect(), 0)
+        } else {
+            (
+                Vec::new(),
+                items.iter().map(|item| item.index).collect::<Vec<u32>>(),
+                items.len() as u32,
+            )
+        }
+    } else {
+        let mut triangles: Vec<[u32; 3]> = items
+            .par_iter()
+            .with_min_len(4096)
+            .map(|item| mesh.triangles[item.index as usize])
+            .collect();
+        mesh.triangles = Vec::new();
+        let (old_of_new, used) = order::by_first_use(&mut triangles, mesh.positions.len());
+        (triangles, old_of_new, used)
+    };
+    let (vertices, normals) = order::vertices(&mesh, &old_of_new);
+    let has_colors = !mesh.colors.is_empty();
+    let origin = mesh.origin;
+    drop(mesh);
+    let used_vertices = &vertices[..used as usize];
+    if let Some(index) = used_vertices
+        .par_iter()
+        .position_first(|v| !v.position.is_finite())
+    {
+        let vertex = old_of_new[index] as usize;
+        return Err(Error::NotFinite { vertex });
+    }
+    let (min, max) = used_vertices
+        .par_iter()
+        .with_min_len(4096)
+        .map(|vertex| (vertex.position, vertex.position))
+        .reduce(
+            || (Vec3::INFINITY, Vec3::NEG_INFINITY),
+            |a, b| (a.0.min(b.0), a.1.max(b.1)),
+        );
+    let (min, max) = if used == 0 {
+        (Vec3::ZERO, Vec3::ZERO)
+    } else {
+        (min, max)
+    };
+    let center: DVec3 = (min.as_dvec3() + max.as_dvec3()) * 0.5;
+    // The bits of a number that is not negative sort like the number.
+    let farthest = AtomicU64::new(0);
+    used_vertices.par_chunks(4096).for_each(|chunk| {
+        let square = chunk
+            .iter()
+            .map(|v| center.distance_squared(v.position.as_dvec3()))
+            .fold(0.0, f64::max);
+        farthest.fetch_max(square.to_bits(), Ordering::Relaxed);
+    });
+    let model = Model {
+        used_vertices: used,
+        triangles,
+        tree: Tree::default(),
+        origin,
+        min,
+        max,
+        orbit_center: center.as_vec3(),
+        orbit_radius: f64::from_bits(farthest.into_inner()).sqrt() as f32,
+        is_closed: false,
+        has_colors,
+        vertices,
+    };
+    Ok(Arranged { model, normals })
+}
+
+/// Area-weighted vertex normals: the unit sum of the cross products of the triangles around; zero where there is none.
+fn vertex_normals(mesh: &Mesh) -> Vec<Vec3> {
+    let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
+    for triangle in &mesh.triangles {
+        let [a, b, c] = triangle.map(|corner| mesh.positions[corner as usize].as_dvec3());
+        let cross = (b - a).cross(c - a);
+        for corner in triangle {
+            sums[*corner as usize] += cross;
+        }
+    }
+    sums.into_iter()
+        .map(|sum| sum.normalize_or_zero().as_vec3())
+        .collect()
+}
+
+/// Parents and first leaves of all nodes.
+fn links(shape: &Shape, level_starts: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let mut parents = Vec::with_capacity(shape.node_count());
+    let mut first_leaf = Vec::with_capacity(shape.node_count());
+    if !shape.levels.is_empty() {
+        parents.push(0);
+    }
+    for (level, &start) in shape.levels.iter().zip(level_starts) {
+        first_leaf.extend_from_slice(&level.leaf_starts[..level.len()]);
+        // The last level's children are leaves, which have no entry.
+        if parents.len() < shape.node_count() {
+            for (index, pair) in level.child_starts.windows(2).enumerate() {
+                parents.extend(std::iter::repeat_n(
+                    start + index as u32,
+                    (pair[1] - pair[0]) as usize,
+                ));
+            }
+        }
+    }
+    (parents, first_leaf)
+}

@@ -1,0 +1,646 @@
+//! Places the leaves into the shape: exact selection along the longest axis of their centers' box.
+//!
+//! A run of sibling nodes is halved (the first floor(k/2) of k, and the rest), its leaves are divided by rank along the
+//! longest axis of the box of their centers, x before y before z where equal; equal coordinates keep their order, which
+//! starts as that of the file. Each half goes on the same way until single leaves are left. So the order is a function of the
+//! centers alone, whatever the number of threads.
+//!
+//! Deviation from Benda, section 3.2.1: he halves the leaves, groups them, and starts again with the groups' spheres at
+//! each level; the counts are the same ([`super::shape`]), the groups above the first level are not.
+//!
+//! Speed: one stable, branch-free partition into a second buffer for each halving, which also yields the two boxes; the
+//! splitting value comes from a sample (many leaves), from interpolated counting (fewer), or from ranks by comparison
+//! of all pairs (few, the bulk of the work: everything stays in registers and the first cache).
+
+use super::shape::Shape;
+use bytemuck::{Pod, Zeroable};
+use glam::{Vec3, Vec4};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// A leaf on its way: the size of a [`super::Leaf`], in whose memory it travels.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct Item {
+    /// Center of the leaf, finite.
+    pub(super) center: Vec3,
+    /// Index of the triangle or point in the file.
+    pub(super) index: u32,
+}
+
+impl Item {
+    /// All four words as one vector; the last lane is meaningless.
+    #[inline]
+    fn lanes(&self) -> Vec4 {
+        bytemuck::cast(*self)
+    }
+
+    #[inline]
+    fn key(&self, axis: usize) -> f32 {
+        self.center[axis]
+    }
+}
+
+/// An axis-aligned box in the first three lanes.
+#[derive(Clone, Copy)]
+struct Bounds {
+    min: Vec4,
+    max: Vec4,
+}
+
+impl Bounds {
+    const EMPTY: Self = Self {
+        min: Vec4::INFINITY,
+        max: Vec4::NEG_INFINITY,
+    };
+
+    #[inline]
+    fn of(items: &[Item]) -> Self {
+        // Four chains, so that the latency of one does not decide.
+        let mut parts = [Self::EMPTY; 4];
+        let mut chunks = items.chunks_exact(4);
+        for chunk in &mut chunks {
+            for (part, item) in parts.iter_mut().zip(chunk) {
+                part.add(item.lanes());
+            }
+        }
+        for item in chunks.remainder() {
+            parts[0].add(item.lanes());
+        }
+        parts[0].union(parts[1]).union(parts[2].union(parts[3]))
+    }
+
+    #[inline]
+    fn add(&mut self, point: Vec4) {
+        self.min = self.min.min(point);
+        self.max = self.max.max(point);
+    }
+
+    #[inline]
+    fn union(self, other: Self) -> Self {
+        Self {
+            min: self.min.min(other.min),
+            max: self.max.max(other.max),
+        }
+    }
+
+    /// The longest axis, the first one among equals.
+    #[inline]
+    fn axis(&self) -> usize {
+        let size = self.max - self.min;
+        let axis = usize::from(size.y > size.x);
+        if size.z > size[axis] { 2 } else { axis }
+    }
+}
+
+/// Sets of at most this many leaves are finished in a local array.
+const SMALL: usize = 32;
+/// Sets of more than this many find their splitting value from a sample.
+const LARGE: usize = 4096;
+/// Sets of more than this many are divided among threads.
+const PARALLEL: usize = 1 << 15;
+
+/// What every step of the recursion needs.
+pub(super) struct Partition<'a> {
+    /// The shape to fill.
+    pub(super) shape: &'a Shape,
+    /// Set by another thread to stop; the order is then unfinished.
+    pub(super) stop: &'a AtomicBool,
+    /// Called with a number of leaves that have found their place (about once per 32768).
+    pub(super) placed: &'a (dyn Fn(u64) + Sync),
+}
+
+/// A run of siblings: nodes (or leaves) `first..end` of `level`.
+#[derive(Clone, Copy)]
+struct Run {
+    level: usize,
+    first: u32,
+    end: u32,
+}
+
+/// Buffers of one task.
+#[derive(Default)]
+struct Scratch {
+    keys: Vec<f32>,
+    candidates: Vec<u64>,
+}
+
+impl Partition<'_> {
+    /// Orders `items` (in file order at first). `spare` has the same length; its content is lost.
+    pub(super) fn run(&self, items: &mut [Item], spare: &mut [Item]) {
+        assert_eq!(items.len(), spare.len(), "both buffers hold every leaf");
+        if items.len() < 2 {
+            return;
+        }
+        let root = Run {
+            level: 0,
+            first: 0,
+            end: 1,
+        };
+        let bounds = Bounds::of(items);
+        self.divide(root, items, spare, true, bounds, &mut Scratch::default());
+    }
+
+    /// Descends to a run of several items, or `None` at a single leaf.
+    #[inline]
+    fn descend(&self, mut run: Run) -> Option<Run> {
+        while run.end - run.first == 1 {
+            let level = self.shape.levels.get(run.level)?;
+            run = Run {
+                level: run.level + 1,
+                first: level.child_starts[run.first as usize],
+                end: level.child_starts[run.first as usize + 1],
+            };
+        }
+        Some(run)
+    }
+
+    /// Both halves of a run and the number of leaves in the first.
+    #[inline]
+    fn halves(&self, run: Run) -> (Run, Run, usize) {
+        let middle = run.first + (run.end - run.first) / 2;
+        let count =
+            self.shape.leaf_start(run.level, middle) - self.shape.leaf_start(run.level, run.first);
+        (
+            Run { end: middle, ..run },
+            Run {
+                first: middle,
+                ..run
+            },
+            count as usize,
+        )
+    }
+
+    /// Orders the leaves of `run`, which lie in `from`; the result is in `from` if `stays`, else in `to`.
+    fn divide(
+        &self,
+        run: Run,
+        from: &mut [Item],
+        to: &mut [Item],
+        stays: bool,
+        bounds: Bounds,
+        scratch: &mut Scratch,
+    ) {
+        let n = from.len();
+        if n <= SMALL {
+            if !stays {
+                to.copy_from_slice(from);
+            }
+            self.finish(run, if stays { from } else { to });
+            return;
+        }
+        if n > PARALLEL && self.stop.load(Ordering::Relaxed) {
+            return;
+        }
+        let Some(run) = self.descend(run) else { return };
+        let (one, two, k) = self.halves(run);
+        let axis = bounds.axis();
+        let pivot = if n > LARGE {
+            pivot_by_sample(from, k, axis, scratch)
+        } else {
+            pivot_by_counting(from, k, axis, bounds, scratch)
+        };
+        let (bounds_one, bounds_two) = split(from, to, k, axis, pivot);
+        let (from_one, from_two) = from.split_at_mut(k);
+        let (to_one, to_two) = to.split_at_mut(k);
+        // The leaves now lie in `to`: the roles change.
+        if n > PARALLEL {
+            *scratch = Scratch::default();
+            rayon::join(
+                || {
+                    self.divide(
+                        one,
+                        to_one,
+                        from_one,
+                        !stays,
+                        bounds_one,
+                        &mut Scratch::default(),
+                    )
+                },
+                || {
+                    self.divide(
+                        two,
+                        to_two,
+                        from_two,
+                        !stays,
+                        bounds_two,
+                        &mut Scratch::default(),
+                    )
+                },
+            );
+        } else {
+            self.divide(one, to_one, from_one, !stays, bounds_one, scratch);
+            self.divide(two, to_two, from_two, !stays, bounds_two, scratch);
+            if n * 2 > PARALLEL {
+                (self.placed)(n as u64);
+            }
+        }
+    }
+
+    /// Orders a small set where it lies.
+    fn finish(&self, run: Run, items: &mut [Item]) {
+        let Some(run) = self.descend(run) else { return };
+        let (one, two, k) = self.halves(run);
+        let axis = Bounds::of(items).axis();
+        match items.len() {
+            2 => {
+                if items[1].key(axis) < items[0].key(axis) {
+                    items.swap(0, 1);
+                }
+                return;
+            }
+            ..=4 => split_small::<4>(items, k, axis),
+            5..=8 => split_small::<8>(items, k, axis),
+            9..=16 => split_small::<16>(items, k, axis),
+            _ => split_small::<SMALL>(items, k, axis),
+        }
+        let (items_one, items_two) = items.split_at_mut(k);
+        if items_one.len() > 1 {
+            self.finish(one, items_one);
+        }
+        if items_two.len() > 1 {
+            self.finish(two, items_two);
+        }
+    }
+}
+
+/// The item that is first on the right: everything before it, by coordinate and then by position, goes left.
+#[derive(Clone, Copy)]
+struct Pivot {
+    key: f32,
+    position: u32,
+}
+
+/// Moves the k first of at most N items to the front, both parts in their old order.
+#[inline]
+fn split_small<const N: usize>(items: &mut [Item], k: usize, axis: usize) {
+    let n = items.len();
+    debug_assert!(n <= N && k <= n);
+    let mut keys = [f32::INFINITY; N];
+    let mut copy = [Item::default(); N];
+    for (i, item) in items.iter().enumerate() {
+        keys[i] = item.key(axis);
+        copy[i] = *item;
+    }
+    // Rank by counting: all pairs are compared, which for so few is faster than any sort.
+    let mut goes_left = [false; N];
+    let mut lefts = 0;
+    for i in 0..n {
+        let mut rank = 0u32;
+        for j in 0..N {
+            rank += u32::from(keys[j] < keys[i]);
+        }
+        goes_left[i] = (rank as usize) < k;
+        lefts += usize::from(goes_left[i]);
+    }
+    if lefts != k {
+        // Equal coordinates at the boundary: the earlier ones go left.
+        let largest = (0..n)
+            .filter(|&i| goes_left[i])
+            .map(|i| keys[i])
+            .fold(f32::NEG_INFINITY, f32::max);
+        for i in (0..n).rev() {
+            if lefts > k && goes_left[i] && keys[i] == largest {
+                goes_left[i] = false;
+                lefts -= 1;
+            }
+        }
+    }
+    let mut left = 0;
+    for i in 0..n {
+        let is_left = usize::from(goes_left[i]);
+        // The right part has taken i - left so far.
+        let target = if is_left == 1 { left } else { k + i - left };
+        items[target] = copy[i];
+        left += is_left;
+    }
+}
+
+/// Partition of `from` into `to`, the first `k` before the pivot; returns the boxes of both parts.
+fn split(from: &[Item], to: &mut [Item], k: usize, axis: usize, pivot: Pivot) -> (Bounds, Bounds) {
+    /// The boxes are taken from each piece while it is in the first cache.
+    const PIECE: usize = 512;
+    let (mut one, mut two) = (Bounds::EMPTY, Bounds::EMPTY);
+    let mut left = 0usize;
+    let mut start = 0usize;
+    for piece in from.chunks(PIECE) {
+        let left_before = left;
+        for (offset, item) in piece.iter().enumerate() {
+            let i = start + offset;
+            let key = item.key(axis);
+            let goes_left =
+                (key < pivot.key) | ((key == pivot.key) & ((i as u32) < pivot.position));
+            let right = k + i - left;
+            // Selected by mask, not by branch: half of the branches would be mispredicted.
+            let mask = usize::from(goes_left).wrapping_neg();
+            to[(left & mask) | (right & !mask)] = *item;
+            left += usize::from(goes_left);
+        }
+        one = one.union(Bounds::of(&to[left_before..left]));
+        two = two.union(Bounds::of(
+            &to[k + start - left_before..k + start + piece.len() - left],
+        ));
+        start += piece.len();
+    }
+    (one, two)
+}
+
+/// An integer that orders like the float; -0 equals +0.
+#[inline]
+fn ordered(key: f32) -> u32 {
+    let bits = (key + 0.0).to_bits();
+    bits ^ (((bits as i32) >> 31) as u32 | 0x8000_0000)
+}
+
+#[inline]
+fn unordered(code: u32) -> f32 {
+    let mask = if code & 0x8000_0000 != 0 {
+        0x8000_0000
+    } else {
+        u32::MAX
+    };
+    f32::from_bits(code ^ mask)
+}
+
+/// Collects position and key of all items with `low <= key < high`, and counts those below `low`.
+fn collect(
+    keys: impl Iterator<Item = f32>,
+    low: f32,
+    high: f32,
+    candidates: &mut Vec<u64>,
+) -> usize {
+    const PIECE: usize = 1024;
+    let mut below = 0usize;
+    let mut found = 0usize;
+    for (i, key) in keys.enumerate() {
+        if i % PIECE == 0 && candidates.len() < found + PIECE {
+            candidates.resize((found + PIECE).next_power_of_two(), 0);
+        }
+        below += usize::from(key < low);
+        candidates[found] = (u64::from(ordered(key)) << 32) | i as u64;
+        found += usize::from((key >= low) & (key < high));
+    }
+    candidates.truncate(found);
+    below
+}
+
+/// The candidate of rank `rank`.
+fn select(candidates: &mut [u64], rank: usize) -> Pivot {
+    let (_, &mut code, _) = candidates.select_nth_unstable(rank);
+    Pivot {
+        key: unordered((code >> 32) as u32),
+        position: code as u32,
+    }
+}
+
+/// Splitting value of a large set (after Floyd and Rivest, 1975): a sample brackets it, one pass collects what lies in
+/// the bracket, the exact element is selected there.
+fn pivot_by_sample(items: &[Item], k: usize, axis: usize, scratch: &mut Scratch) -> Pivot {
+    let n = items.len();
+    let count = if n > 1 << 18 { 4096 } else { 512 };
+    scratch.keys.clear();
+    // An odd stride pattern is not needed: a fixed one keeps the result a function of the input, and a bad sample
+    // only costs time.
+    scratch
+        .keys
+        .extend((0..count).map(|s| items[s * n / count].key(axis)));
+    scratch.keys.sort_unstable_by(f32::total_cmp);
+    let expected = (k as f64 / n as f64 * count as f64) as usize;
+    // Four standard deviations of the rank in the sample at its middle.
+    let margin = 2 * (count as f64).sqrt() as usize;
+    let low = match expected.checked_sub(margin) {
+        Some(rank) => scratch.keys[rank],
+        None => f32::NEG_INFINITY,
+    };
+    let high = scratch
+        .keys
+        .get(expected + margin)
+        .map_or(f32::INFINITY, |key| key.next_up());
+    scratch.candidates.clear();
+    let below = collect(
+        items.iter().map(|item| item.key(axis)),
+        low,
+        high,
+        &mut scratch.candidates,
+    );
+    if (below..below + scratch.candidates.len()).contains(&k) {
+        select(&mut scratch.candidates, k - below)
+    } else {
+        // The sample misled: all items are candidates.
+        scratch.candidates.clear();
+        let all = items.iter().enumerate();
+        scratch
+            .candidates
+            .extend(all.map(|(i, item)| (u64::from(ordered(item.key(axis))) << 32) | i as u64));
+        select(&mut scratch.candidates, k)
+    }
+}
+
+/// Splitting value of a set of 33 to 4096: counting passes over the bare keys, guided by interpolation, narrow a bracket.
+fn pivot_by_counting(
+    items: &[Item],
+    k: usize,
+    axis: usize,
+    bounds: Bounds,
+    scratch: &mut Scratch,
+) -> Pivot {
+    let n = items.len();
+    scratch.keys.clear();
+    scratch.keys.extend(items.iter().map(|item| item.key(axis)));
+    let (mut low, mut low_rank) = (bounds.min[axis], 0);
+    let (mut high, mut high_rank) = (bounds.max[axis].next_up(), n);
+    let enough = (n / 16).max(8);
+    for round in 0..6 {
+        if high_rank - low_rank <= enough {
+            break;
+        }
+        // Regula falsi, drawn towards the middle so that the bracket closes from both sides.
+        let share = (k - low_rank) as f32 + 0.5;
+        let width = (high_rank - low_rank) as f32;
+        let pull = enough as f32 * 0.25 * if round % 2 == 0 { 1.0 } else { -1.0 };
+        let guess = low + (high - low) * ((share + pull) / width).clamp(0.02, 0.98);
+        if !(guess > low && guess < high) {
+            break;
+        }
+        let rank = count_below(&scratch.keys, guess);
+        if rank <= k {
+            (low, low_rank) = (guess, rank);
+        } else {
+            (high, high_rank) = (guess, rank);
+        }
+    }
+    scratch.candidates.clear();
+    let below = collect(
+        scratch.keys.iter().copied(),
+        low,
+        high,
+        &mut scratch.candidates,
+    );
+    select(&mut scratch.candidates, k - below)
+}
+
+#[inline]
+fn count_below(keys: &[f32], bound: f32) -> usize {
+    let mut chunks = keys.chunks_exact(16);
+    let mut lanes = [0u32; 16];
+    for chunk in &mut chunks {
+        for (lane, &key) in lanes.iter_mut().zip(chunk) {
+            *lane += u32::from(key < bound);
+        }
+    }
+    let rest = chunks
+        .remainder()
+        .iter()
+        .filter(|&&key| key < bound)
+        .count();
+    lanes.iter().map(|&lane| lane as usize).sum::<usize>() + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn random(state: &mut u64) -> f32 {
+        *state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        ((*state >> 40) as f32) / (1u64 << 24) as f32
+    }
+
+    /// The definition, by sorting: box, longest axis, stable order, halves of the run.
+    fn reference(shape: &Shape, run: Run, items: &mut [Item]) {
+        let mut run = run;
+        while run.end - run.first == 1 {
+            let Some(level) = shape.levels.get(run.level) else {
+                return;
+            };
+            let range = &level.child_starts[run.first as usize..];
+            run = Run {
+                level: run.level + 1,
+                first: range[0],
+                end: range[1],
+            };
+        }
+        let mut size = [0f32; 3];
+        for (axis, size) in size.iter_mut().enumerate() {
+            let keys = || items.iter().map(|item| item.center[axis]);
+            *size = keys().fold(f32::NEG_INFINITY, f32::max) - keys().fold(f32::INFINITY, f32::min);
+        }
+        let largest = size[0].max(size[1]).max(size[2]);
+        let axis = size.iter().position(|&s| s == largest).unwrap();
+        let middle = run.first + (run.end - run.first) / 2;
+        let k =
+            (shape.leaf_start(run.level, middle) - shape.leaf_start(run.level, run.first)) as usize;
+        let mut sorted: Vec<(f32, usize)> = items
+            .iter()
+            .enumerate()
+            .map(|(i, item)| (item.center[axis] + 0.0, i))
+            .collect();
+        sorted.sort_by(|a, b| a.partial_cmp(b).unwrap());
+        let mut sides: [Vec<usize>; 2] = [Vec::new(), Vec::new()];
+        for (rank, &(_, i)) in sorted.iter().enumerate() {
+            sides[usize::from(rank >= k)].push(i);
+        }
+        for side in &mut sides {
+            side.sort_unstable();
+        }
+        let copy = items.to_vec();
+        for (item, &i) in items.iter_mut().zip(sides.iter().flatten()) {
+            *item = copy[i];
+        }
+        let (one, two) = items.split_at_mut(k);
+        reference(shape, Run { end: middle, ..run }, one);
+        reference(
+            shape,
+            Run {
+                first: middle,
+                ..run
+            },
+            two,
+        );
+    }
+
+    fn place(items: &[Item]) -> Vec<Item> {
+        let shape = Shape::new(items.len() as u32);
+        let mut items = items.to_vec();
+        let mut spare = vec![Item::default(); items.len()];
+        Partition {
+            shape: &shape,
+            stop: &AtomicBool::new(false),
+            placed: &|_| {},
+        }
+        .run(&mut items, &mut spare);
+        items
+    }
+
+    #[test]
+    fn order_is_the_one_defined() {
+        let mut state = 5;
+        for n in [
+            0, 1, 2, 3, 4, 5, 7, 16, 17, 31, 32, 33, 63, 64, 65, 130, 1000, 4096, 4097, 9000,
+            40_000,
+        ] {
+            for kind in 0..6 {
+                let items: Vec<Item> = (0..n)
+                    .map(|i| {
+                        let mut r = || random(&mut state);
+                        let center = match kind {
+                            0 => Vec3::new(r(), r(), r()),
+                            // Many equal coordinates, with both zeros.
+                            1 => Vec3::new(
+                                (r() * 5.0).floor() - 2.0,
+                                (r() * 3.0).floor() * -0.0,
+                                (r() * 4.0).floor(),
+                            ),
+                            2 => Vec3::ONE,
+                            // Very uneven.
+                            3 => Vec3::new(r().powi(40), r() * 1e-3, 0.0),
+                            // Sorted, and along one line.
+                            4 => Vec3::splat(i as f32),
+                            // Two clusters far apart.
+                            _ => Vec3::new(r() + if i % 3 == 0 { 1e6 } else { -1e6 }, r(), r()),
+                        };
+                        Item {
+                            center,
+                            index: i as u32,
+                        }
+                    })
+                    .collect();
+                let mut expected = items.clone();
+                let run = Run {
+                    level: 0,
+                    first: 0,
+                    end: 1,
+                };
+                if n > 1 {
+                    reference(&Shape::new(n as u32), run, &mut expected);
+                }
+                assert!(place(&items) == expected, "{n} items of kind {kind}");
+            }
+        }
+    }
+
+    #[test]
+    fn extreme_coordinates_do_not_hang() {
+        let items: Vec<Item> = (0..5000u32)
+            .map(|i| Item {
+                center: Vec3::new(
+                    [f32::MAX, f32::MIN, 1e-45, -0.0][i as usize % 4],
+                    0.0,
+                    i as f32,
+                ),
+                index: i,
+            })
+            .collect();
+        let mut seen: Vec<u32> = place(&items).iter().map(|item| item.index).collect();
+        seen.sort_unstable();
+        assert!(seen.iter().copied().eq(0..5000));
+    }
+
+    #[test]
+    fn ordered_integers_sort_like_floats() {
+        let keys = [f32::MIN, -1.0, -1e-45, 0.0, 1e-45, 1.0, f32::MAX];
+        assert!(keys.windows(2).all(|w| ordered(w[0]) < ordered(w[1])));
+        assert!(keys.iter().all(|&key| unordered(ordered(key)) == key));
+        assert_eq!(ordered(-0.0), ordered(0.0));
+    }
+}

@@ -1,0 +1,219 @@
+//! What a node knows about everything below it, as sums that add up, and the attributes made from them.
+
+use super::{Cone, NodeAttributes};
+use crate::math::cone::{self, Cap};
+use crate::math::octahedral;
+use glam::{DVec3, Vec3};
+
+/// Stands for the area of a triangle without any, so that a node of such still has a mean normal and color.
+const LEAST_WEIGHT: f32 = 1e-30;
+
+/// A vector sum shorter than this share of the sum of lengths has no direction.
+const CANCELLED: f32 = 1e-6;
+
+/// Sums over the leaves below a node.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Sums {
+    /// Number of corners; then first and second moments (xx, yy, zz, xy, xz, yz) of their offsets from the node's center.
+    corners: f32,
+    first: Vec3,
+    second: [f32; 6],
+    /// Area, and the weight of the means: the area, a little more where it is zero.
+    pub(super) area: f32,
+    weight: f32,
+    /// Weighted sum of the vertex normals (three a triangle), and of their lengths.
+    normal: Vec3,
+    normal_weight: f32,
+    /// Weighted sum of the colors.
+    color: Vec3,
+}
+
+impl Sums {
+    /// Adds a corner at `offset` from the node's center.
+    #[inline]
+    pub(super) fn add_corner(&mut self, offset: Vec3) {
+        let Vec3 { x, y, z } = offset;
+        self.corners += 1.0;
+        self.first += offset;
+        let products = [x * x, y * y, z * z, x * y, x * z, y * z];
+        for (sum, product) in self.second.iter_mut().zip(products) {
+            *sum += product;
+        }
+    }
+
+    /// Adds a leaf of an area: the sum of its vertex normals (zero vectors where unknown), the number of known ones, its
+    /// mean color (0 to 255).
+    #[inline]
+    pub(super) fn add_leaf(&mut self, area: f32, normal: Vec3, known_normals: f32, color: Vec3) {
+        let weight = area.max(LEAST_WEIGHT);
+        self.area += area;
+        self.weight += weight;
+        self.normal += normal * weight;
+        self.normal_weight += known_normals * weight;
+        self.color += color * weight;
+    }
+
+    /// Adds a child's sums; `offset` is its center less the node's.
+    #[inline]
+    pub(super) fn add_child(&mut self, child: &Sums, offset: Vec3) {
+        self.corners += child.corners;
+        let moved = child.first + offset * child.corners;
+        self.first += moved;
+        // (p + d)(p + d)^T = p p^T + p d^T + d (p + d)^T
+        let (f, d, m) = (child.first, offset, moved);
+        let shift = [
+            f.x * d.x + d.x * m.x,
+            f.y * d.y + d.y * m.y,
+            f.z * d.z + d.z * m.z,
+            f.x * d.y + d.x * m.y,
+            f.x * d.z + d.x * m.z,
+            f.y * d.z + d.y * m.z,
+        ];
+        for ((sum, own), shift) in self.second.iter_mut().zip(child.second).zip(shift) {
+            *sum += own + shift;
+        }
+        self.area += child.area;
+        self.weight += child.weight;
+        self.normal += child.normal;
+        self.normal_weight += child.normal_weight;
+        self.color += child.color;
+    }
+
+    /// Direction in which the corners are spread most; +z when they coincide.
+    pub(super) fn principal_direction(&self) -> Vec3 {
+        if self.corners <= 0.0 {
+            return Vec3::Z;
+        }
+        let mean = self.first / self.corners;
+        let products = [
+            mean.x * mean.x,
+            mean.y * mean.y,
+            mean.z * mean.z,
+            mean.x * mean.y,
+            mean.x * mean.z,
+            mean.y * mean.z,
+        ];
+        let mut m = [0f32; 6];
+        for ((m, second), product) in m.iter_mut().zip(self.second).zip(products) {
+            *m = second / self.corners - product;
+        }
+        // Squaring four times leaves the sixteenth power, in which the largest eigenvalue rules; every column then
+        // points along its vector.
+        for _ in 0..4 {
+            let trace = m[0] + m[1] + m[2];
+            if !(trace > 0.0 && trace.is_finite()) {
+                return Vec3::Z;
+            }
+            let [xx, yy, zz, xy, xz, yz] = m.map(|v| v / trace);
+            m = [
+                xx * xx + xy * xy + xz * xz,
+                xy * xy + yy * yy + yz * yz,
+                xz * xz + yz * yz + zz * zz,
+                xx * xy + xy * yy + xz * yz,
+                xx * xz + xy * yz + xz * zz,
+                xy * xz + yy * yz + yz * zz,
+            ];
+        }
+        let [xx, yy, zz, xy, xz, yz] = m;
+        if xx >= yy && xx >= zz {
+            Vec3::new(xx, xy, xz)
+        } else if yy >= zz {
+            Vec3::new(xy, yy, yz)
+        } else {
+            Vec3::new(xz, yz, zz)
+        }
+    }
+
+    /// Whether there are normals but their sum has no direction.
+    #[inline]
+    pub(super) fn normals_cancel(&self) -> bool {
+        self.normal_weight > 0.0 && self.normal.length() <= CANCELLED * self.normal_weight
+    }
+
+    /// The attributes; `substitute` gives the normal where the known ones cancel.
+    #[inline]
+    pub(super) fn attributes(
+        &self,
+        splat_radius: f32,
+        substitute: impl FnOnce() -> [i16; 2],
+    ) -> NodeAttributes {
+        let normal = if self.normals_cancel() {
+            substitute()
+        } else {
+            octahedral::encode(self.normal)
+        };
+        let mean = self.color / self.weight;
+        let channel = |c: f32| (c + 0.5) as u8;
+        NodeAttributes {
+            normal,
+            color: [
+                channel(mean.x),
+                channel(mean.y),
+                channel(mean.z),
+                if self.normal_weight > 0.0 { 255 } else { 0 },
+            ],
+            splat_radius,
+            area: self.area,
+        }
+    }
+}
+
+/// The packed cone around others, or [`Cone::ALL`]. Contains all of them, packed axis and rounding included.
+#[inline]
+pub(super) fn pack_cone(caps: &[Cap]) -> Cone {
+    let axis = cone::common_axis(caps);
+    // For points the length is the cosine of the half angle; for caps at least a bound of it. Nothing near zero is of use.
+    if axis.length_squared() < 1e-8 {
+        return Cone::ALL;
+    }
+    let code = octahedral::encode(axis.as_vec3());
+    // Measured around the axis as it will be unpacked, so the packing's error is in it.
+    let unpacked = octahedral::decode(code).as_dvec3();
+    let Some(sin) = cone::sin_around(unpacked, caps) else {
+        return Cone::ALL;
+    };
+    // A millionth for the rounding of whoever unpacks it; then up to the next unit.
+    let sin_half_angle = ((sin + 1e-6) * 65535.0) as u32 + 1;
+    if sin_half_angle >= u32::from(Cone::NEVER) {
+        return Cone::ALL;
+    }
+    Cone {
+        axis: code,
+        sin_half_angle: sin_half_angle as u16,
+    }
+}
+
+/// A packed cone for merging; `None` for one that never culls.
+#[inline]
+pub(super) fn unpack_cone(cone: &Cone) -> Option<Cap> {
+    if cone.sin_half_angle == Cone::NEVER {
+        return None;
+    }
+    let axis: DVec3 = cone.axis().as_dvec3();
+    Some(Cap::from_sin(
+        axis,
+        f64::from(cone.sin_half_angle) / 65535.0,
+    ))
+}
+
+/// Unit normal of a triangle by its corners and its area; zero where it has none: its height is below a trillionth of
+/// its longest side.
+#[inline]
+pub(super) fn geometric_normal(corners: [Vec3; 3]) -> (DVec3, f32) {
+    // Differences and products of single-precision numbers are all but exact in double precision, so needles keep
+    // their normal.
+    let [a, b, c] = corners.map(|p| p.as_dvec3());
+    let (e1, e2, e3) = (b - a, c - a, c - b);
+    let cross = e1.cross(e2);
+    let square = cross.length_squared();
+    let longest = e1
+        .length_squared()
+        .max(e2.length_squared())
+        .max(e3.length_squared());
+    if square > 1e-24 * longest * longest && square > f64::MIN_POSITIVE {
+        let length = square.sqrt();
+        (cross / length, (0.5 * length) as f32)
+    } else {
+        (DVec3::ZERO, 0.0)
+    }
+}
