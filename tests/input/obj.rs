@@ -140,3 +140,28 @@ fn obj_points_are_a_cloud() {
     assert!(loaded.mesh.is_cloud());
     assert_eq!(loaded.mesh.normals, [Vec3::Z, Vec3::X]);
 }
+
+#[test]
+fn obj_material_files_that_cannot_be_read_are_remarks() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("folder.mtl")).unwrap();
+    let path = folder.path().join("a.obj");
+    let many: String = (0..5000).map(|i| format!("mtllib {i}.mtl\n")).collect();
+    std::fs::write(
+        &path,
+        format!("mtllib folder.mtl none.mtl\n{many}v 0 0 0\nf 1 1 1\n"),
+    )
+    .unwrap();
+    let loaded = input::load(&path, &Options::default(), &Silent).unwrap();
+    let missing = |index: usize| match &loaded.warnings[index] {
+        Warning::MaterialFileMissing { name, reason } => (name.as_str(), reason.as_str()),
+        other => panic!("{other}"),
+    };
+    assert_eq!(missing(0), ("folder.mtl", "not a file"));
+    assert_eq!(missing(1).0, "none.mtl");
+    assert_eq!(
+        loaded.warnings.len(),
+        100,
+        "names beyond the first hundred are not looked for"
+    );
+}

@@ -176,6 +176,7 @@ fn ply_fixed_rows_over_several_pieces() {
         assert_eq!(mesh.triangles.len(), triangles as usize);
         assert!((0_u32..).zip(&mesh.triangles).all(|(i, t)| *t == wanted(i)));
         assert_eq!(loaded.warnings, []);
+        assert_eq!(loaded.counts.faces, u64::from(triangles));
     }
 }
 
