@@ -1,1 +1,244 @@
-fn main() {}
+//! The figures of the spine: reading, tree build, cut, and the hybrid against plain triangles.
+//!
+//! `cargo bench` (or `make bench`) runs all; `cargo bench -- quick` takes models of a tenth of the size, to see
+//! that it runs. Every figure is a median; compared candidates run in turn in one process. Absolute times depend
+//! on the machine, ratios less so. Targets are for two CPU cores and a software device.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+use surfel::cut::{self, Cut, Selector};
+use surfel::generate::{self, Shape, Spec};
+use surfel::gpu::{Gpu, Options};
+use surfel::input;
+use surfel::math::camera::{Camera, View};
+use surfel::measure::Distribution;
+use surfel::mesh::Mesh;
+use surfel::method::renderer::{Outputs, Renderer};
+use surfel::method::scene::Scene;
+use surfel::method::{Method, Settings};
+use surfel::progress::Silent;
+use surfel::tree::{self, BuildOptions, Model};
+
+const SIZE: (u32, u32) = (500, 500);
+
+fn ms(work: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    work();
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+fn row(name: &str, value: f64, unit: &str, target: Option<(bool, f64)>) {
+    let verdict = match target {
+        None => String::new(),
+        Some((at_most, limit)) => {
+            let met = if at_most { value <= limit } else { value >= limit };
+            format!(
+                "  {} {limit} {unit}: {}",
+                if at_most { "at most" } else { "at least" },
+                if met { "met" } else { "MISSED" }
+            )
+        }
+    };
+    println!("{name:<58} {value:>10.3} {unit:<8}{verdict}");
+}
+
+fn mesh(shape: Shape, triangles: u64) -> Mesh {
+    generate::mesh(&Spec::with_triangles(shape, triangles).expect("a valid size"))
+}
+
+fn build(mesh: Mesh) -> Model {
+    tree::build(mesh, &BuildOptions::default(), &Silent).expect("the tree builds")
+}
+
+/// Resident memory of this process in bytes: now, and the most since the last reset. Linux only.
+fn memory() -> Option<(u64, u64)> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let field = |name: &str| {
+        let line = status.lines().find(|l| l.starts_with(name))?;
+        line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kb| kb * 1024)
+    };
+    Some((field("VmRSS:")?, field("VmHWM:")?))
+}
+
+fn reading(scale: u64) {
+    let spec = Spec::with_triangles(Shape::Torus, 4_000_000 / scale).expect("a valid size");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("torus.ply");
+    generate::write_ply_file(&spec, &path, &Silent).expect("the torus is written");
+    let load = || {
+        let loaded = input::load(Path::new(&path), &input::Options::default(), &Silent).expect("the torus loads");
+        assert_eq!(loaded.mesh.triangles.len() as u64, spec.counts().1);
+    };
+    load();
+    let times: Vec<f64> = (0..5).map(|_| ms(load)).collect();
+    row("read binary PLY, torus 4 M", Distribution::of(&times).median / 1e3, "s", Some((true, 0.6)));
+}
+
+fn building(scale: u64) {
+    let mut per_triangle = Vec::new();
+    for (shape, triangles, target) in [
+        (Shape::Torus, 4_000_000, Some(1.2)),
+        (Shape::Statue, 1_000_000, None),
+        (Shape::Statue, 4_000_000, None),
+        (Shape::Statue, 8_000_000, None),
+    ] {
+        let source = mesh(shape, triangles / scale);
+        let count = source.triangles.len();
+        let mut times = Vec::new();
+        let mut model = None;
+        let mut peak = None;
+        for _ in 0..3 {
+            let copy = source.clone();
+            drop(model.take());
+            // Writing 5 resets the high-water mark; where that is not possible no peak is printed.
+            let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
+            let before = memory();
+            times.push(ms(|| model = Some(build(copy))) / 1e3);
+            if let (true, Some((resident, _)), Some((_, highest))) = (reset, before, memory()) {
+                peak = Some(highest.saturating_sub(resident));
+            }
+        }
+        let Some(model) = model else { unreachable!("built above") };
+        let seconds = Distribution::of(&times).median;
+        row(
+            &format!("build the tree, {} {:.1} M", shape.name(), count as f64 / 1e6),
+            seconds,
+            "s",
+            target.map(|t| (true, t)),
+        );
+        if shape == Shape::Statue {
+            per_triangle.push(seconds / count as f64 * 1e9);
+            row("   a triangle", seconds / count as f64 * 1e9, "ns", None);
+        }
+        let tree_bytes = model.tree.memory_bytes();
+        let mesh_bytes = (12 * source.positions.len() + 12 * source.normals.len() + 12 * count) as u64;
+        row("   tree, bytes a triangle", tree_bytes as f64 / count as f64, "B", None);
+        if let Some(peak) = peak {
+            // The mesh handed over was resident before, so it counts on top of what was added.
+            row(
+                "   peak memory less the mesh, over the tree",
+                peak as f64 / tree_bytes as f64,
+                "x",
+                Some((true, 3.0)),
+            );
+            let _ = mesh_bytes;
+        }
+    }
+    if let (Some(first), Some(last)) = (per_triangle.first(), per_triangle.last()) {
+        row("   time a triangle, 8 M over 1 M", last / first, "x", Some((true, 1.5)));
+    }
+}
+
+fn orbit(model: &Model, fill: f64, k: u32, n: u32) -> View {
+    let center = model.origin + model.orbit_center.as_dvec3();
+    Camera::orbit_view(SIZE, center, f64::from(model.orbit_radius), fill, k, n)
+        .view(model.origin)
+        .expect("a valid camera")
+}
+
+fn cutting(model: &Model, name: &str) {
+    for threshold_px in [1.0, 3.0] {
+        let settings = cut::Settings {
+            threshold_px,
+            cull_back: model.is_closed,
+            ..cut::Settings::default()
+        };
+        let mut selector = Selector::default();
+        let mut cut = Cut::default();
+        let mut times = Vec::new();
+        let mut visited = 0;
+        for repeat in 0..3 {
+            for k in 0..12 {
+                let view = orbit(model, 1.0, k, 12);
+                let time = ms(|| selector.select(model, &view, &settings, &mut cut));
+                if repeat > 0 {
+                    times.push(time * 1e6 / cut.stats.visited.max(1) as f64);
+                    visited = cut.stats.visited;
+                }
+            }
+        }
+        row(
+            &format!("cut, {name}, threshold {threshold_px}, a visited node ({visited})"),
+            Distribution::of(&times).median,
+            "ns",
+            Some((true, 8.0)),
+        );
+    }
+}
+
+fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
+    let mut scene = Scene::new(gpu, model).expect("the model fits the device");
+    let mut renderer = Renderer::new(gpu, SIZE.0, SIZE.1, Outputs::default(), true).expect("a renderer");
+    let candidates = [(Method::Triangles, 1.0), (Method::Pop, 1.0), (Method::Pop, 3.0)];
+    for fill in [1.0, 0.5, 0.125] {
+        let mut times = vec![Vec::new(); candidates.len()];
+        let mut counts = vec![(0, 0); candidates.len()];
+        let views: Vec<View> = (0..9).map(|k| orbit(model, fill, k, 9)).collect();
+        let mut made = (0, 0);
+        for (round, view) in std::iter::once(&views[0]).chain(&views).chain(&views).enumerate() {
+            if round == 1 + views.len() {
+                made = (gpu.compiled_pipelines(), gpu.created_resources());
+            }
+            for (index, &(method, threshold_px)) in candidates.iter().enumerate() {
+                if method == Method::Triangles && round > 4 {
+                    continue;
+                }
+                let settings = Settings {
+                    method,
+                    threshold_px,
+                    ..Settings::default()
+                };
+                let t = renderer.draw(model, &mut scene, view, &settings).expect("a frame");
+                if round > 0 {
+                    times[index].push(t.frame_ms);
+                    counts[index] = (t.counts.triangles, t.counts.splats);
+                }
+            }
+        }
+        let made = (gpu.compiled_pipelines() - made.0, gpu.created_resources() - made.1);
+        let median: Vec<f64> = times.iter().map(|t| Distribution::of(t).median).collect();
+        for (index, &(method, threshold_px)) in candidates.iter().enumerate() {
+            let (triangles, splats) = counts[index];
+            row(
+                &format!("{name}, fill {fill}, {method:?} {threshold_px} ({triangles} tri, {splats} splats)"),
+                median[index],
+                "ms",
+                None,
+            );
+        }
+        row("   pop 1 faster than triangles", median[0] / median[1], "x", None);
+        row(
+            "   pop 3 faster than triangles",
+            median[0] / median[2],
+            "x",
+            target.filter(|_| fill == 1.0).map(|t| (false, t)),
+        );
+        row(
+            "   pipelines and buffers made in the second round",
+            (made.0 + made.1) as f64,
+            "",
+            Some((true, 0.0)),
+        );
+    }
+}
+
+fn main() {
+    let scale = if std::env::args().any(|a| a == "quick") { 10 } else { 1 };
+    println!("{} threads; {}x{} pixels; medians", rayon::current_num_threads(), SIZE.0, SIZE.1);
+    reading(scale);
+    building(scale);
+    let gpu = match Gpu::open(&Options::default()) {
+        Ok(gpu) => gpu,
+        Err(error) => {
+            eprintln!("no device, drawing is not measured: {error}");
+            return;
+        }
+    };
+    println!("drawing on {}", gpu.info().name);
+    for (shape, triangles, target) in [(Shape::Statue, 8_000_000, 8.0), (Shape::Torus, 4_000_000, 4.0)] {
+        let model = build(mesh(shape, triangles / scale));
+        cutting(&model, shape.name());
+        drawing(&gpu, &model, shape.name(), Some(target));
+    }
+}

@@ -77,6 +77,8 @@ pub struct Finished {
 struct Barriers {
     buffers: Vec<vk::BufferMemoryBarrier2<'static>>,
     images: Vec<vk::ImageMemoryBarrier2<'static>>,
+    /// Record none: a planted fault, see [`Frames::omit_barriers`].
+    omitted: bool,
 }
 
 impl Barriers {
@@ -121,6 +123,11 @@ impl Barriers {
 
     fn record(&mut self, gpu: &Gpu, commands: vk::CommandBuffer) {
         if self.buffers.is_empty() && self.images.is_empty() {
+            return;
+        }
+        if self.omitted {
+            self.buffers.clear();
+            self.images.clear();
             return;
         }
         let info = vk::DependencyInfo::default()
@@ -197,6 +204,13 @@ impl Frames {
                 .map_err(Error::vulkan("vkCreateDescriptorPool", name.as_str()))?;
         }
         Ok(frames)
+    }
+
+    /// Leaves every barrier out from now on: wrong on purpose, for the test that shows that the validation layer
+    /// would find a missing one.
+    #[doc(hidden)]
+    pub fn omit_barriers(&mut self) {
+        self.barriers.omitted = true;
     }
 
     /// How many frames can be in flight.

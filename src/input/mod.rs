@@ -40,7 +40,8 @@ pub struct Options {
     /// its corners are always merged by position.
     pub weld: bool,
     /// Take the diffuse colors of an OBJ file's materials as vertex colors, unless the vertices have their own.
-    /// Vertices between two colors are then doubled.
+    /// Vertices between two colors are then doubled; when the file has no normals, those computed later have a
+    /// crease there.
     pub materials: bool,
     /// What is too much.
     pub limits: Limits,

@@ -26,6 +26,11 @@ impl Materials {
     /// A sentence why the file cannot be read. Its content never is an error: lines that are not understood define
     /// nothing.
     pub(super) fn add_file(&mut self, path: &Path) -> Result<(), String> {
+        // A model must not make us wait for a pipe or a device.
+        let metadata = std::fs::metadata(path).map_err(|error| error.to_string())?;
+        if !metadata.is_file() {
+            return Err("not a file".to_owned());
+        }
         let file = File::open(path).map_err(|error| error.to_string())?;
         let mut data = Vec::new();
         file.take(LARGEST_BYTES)

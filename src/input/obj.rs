@@ -380,48 +380,42 @@ fn material_colors(job: &mut Job<'_>, file: &File) -> Vec<[u8; 4]> {
     }
 }
 
-/// Most material files that one model may name.
-const MOST_MATERIAL_FILES: usize = 1000;
+/// Most names of material files that are looked for: a model made for harm could name millions.
+const MOST_MATERIAL_FILES: usize = 100;
 
-fn read_materials(job: &mut Job<'_>, names: &[Vec<u8>]) -> Materials {
+fn read_materials(job: &mut Job<'_>, lines: &[Vec<u8>]) -> Materials {
     let mut materials = Materials::default();
     let mut seen = HashSet::new();
-    for line in names {
-        if !seen.insert(line) || seen.len() > MOST_MATERIAL_FILES {
-            continue;
+    let mut names = Vec::new();
+    for line in lines.iter().filter(|line| seen.insert(*line)) {
+        if names.len() >= MOST_MATERIAL_FILES {
+            break;
         }
         // One name with spaces, or several names.
-        let whole = String::from_utf8_lossy(line).into_owned();
-        let Some(folder) = job.folder else {
-            job.warn(Warning::MaterialFileMissing {
-                name: shown(line),
-                reason: "the model was not read from a file".to_owned(),
-            });
-            continue;
-        };
-        if folder.join(whole.replace('\\', "/")).is_file() {
-            add_materials(job, &mut materials, &whole);
+        let whole = String::from_utf8_lossy(line).replace('\\', "/");
+        if job
+            .folder
+            .is_some_and(|folder| folder.join(&whole).is_file())
+        {
+            names.push(whole);
         } else {
-            for name in whole.split_whitespace().take(MOST_MATERIAL_FILES) {
-                add_materials(job, &mut materials, name);
-            }
+            names.extend(whole.split_whitespace().map(str::to_owned));
+        }
+    }
+    names.truncate(MOST_MATERIAL_FILES);
+    for name in names {
+        let result = match job.folder {
+            Some(folder) => materials.add_file(&folder.join(&name)),
+            None => Err("the model was not read from a file".to_owned()),
+        };
+        if let Err(reason) = result {
+            let name = shown(name.as_bytes());
+            job.warn(Warning::MaterialFileMissing { name, reason });
         }
     }
     if let Some(name) = materials.textures.first() {
-        job.warn(Warning::TextureIgnored {
-            name: name.clone(),
-            count: materials.textures.len() as u64,
-        });
+        let (name, count) = (name.clone(), materials.textures.len() as u64);
+        job.warn(Warning::TextureIgnored { name, count });
     }
     materials
-}
-
-fn add_materials(job: &mut Job<'_>, materials: &mut Materials, name: &str) {
-    let Some(folder) = job.folder else { return };
-    if let Err(reason) = materials.add_file(&folder.join(name.replace('\\', "/"))) {
-        job.warn(Warning::MaterialFileMissing {
-            name: shown(name.as_bytes()),
-            reason,
-        });
-    }
 }

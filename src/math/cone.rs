@@ -103,6 +103,7 @@ pub fn faces_away(axis: Vec3, sin_half_angle: f32, center: Vec3, radius: f32, ey
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
 

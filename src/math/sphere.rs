@@ -317,6 +317,7 @@ fn tangent_to_four([b0, b1, b2, b3]: [&Sphere; 4]) -> Option<Sphere> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
 

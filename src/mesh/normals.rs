@@ -292,6 +292,51 @@ mod tests {
     }
 
     #[test]
+    fn what_rounding_leaves_of_a_sum_is_no_direction() {
+        // Two faces back to back that begin at different corners: their cross products differ in the last bits.
+        let corners = [(0.1, 0.7, 0.3), (1.3, 0.2, 0.9), (0.4, 1.1, 0.6)];
+        let mut mesh = Mesh {
+            positions: corners.map(|(x, y, z)| Vec3::new(x, y, z)).to_vec(),
+            triangles: vec![
+                [0, 1, 2],
+                [1, 0, 2],
+                [0, 1, 2],
+                [2, 1, 0],
+                [0, 1, 2],
+                [0, 2, 1],
+            ],
+            ..Mesh::default()
+        };
+        for weighting in [Weighting::Area, Weighting::Angle] {
+            compute(&mut mesh, weighting);
+            assert_eq!(mesh.normals, [Vec3::ZERO; 3]);
+        }
+    }
+
+    #[test]
+    fn triangles_across_two_ranges_reach_both() {
+        // The smallest range is 1024 vertices; this block ends on the first vertex of the second.
+        for last in [1023, 1024, 1025] {
+            let mut mesh = Mesh {
+                positions: vec![Vec3::ZERO; 3000],
+                ..Mesh::default()
+            };
+            mesh.positions[last - 1] = Vec3::X;
+            mesh.positions[last] = Vec3::Y;
+            mesh.triangles = vec![[last as u32 - 2, last as u32 - 1, last as u32]];
+            compute(&mut mesh, Weighting::Area);
+            assert_eq!(mesh.normals[last - 2..=last], [Vec3::Z; 3]);
+            assert_eq!(
+                mesh.normals
+                    .iter()
+                    .filter(|&&normal| normal != Vec3::ZERO)
+                    .count(),
+                3
+            );
+        }
+    }
+
+    #[test]
     fn tiny_and_huge_triangles_have_normals() {
         for scale in [1e-30_f32, 1e30] {
             let mut mesh = Mesh {

@@ -193,19 +193,16 @@ fn leaf_centers(mesh: &Mesh, items: &mut [Item]) -> Result<(), Error> {
         .for_each(|(chunk, (items, triangles))| {
             for (offset, (item, triangle)) in items.iter_mut().zip(triangles).enumerate() {
                 let index = chunk * CHUNK + offset;
-                let corner = |k: usize| {
+                let corners = triangle.map(|corner| {
                     mesh.positions
-                        .get(triangle[k] as usize)
+                        .get(corner as usize)
                         .copied()
                         .unwrap_or(Vec3::NAN)
-                };
-                let center = sphere::triangle_center(
-                    [corner(0), corner(1), corner(2)].map(|p| p.as_dvec3()),
-                )
-                .as_vec3();
-                if !center.is_finite() {
+                });
+                if !corners.iter().all(|corner| corner.is_finite()) {
                     fault.fetch_min(index, Ordering::Relaxed);
                 }
+                let center = sphere::triangle_center(corners.map(|p| p.as_dvec3())).as_vec3();
                 *item = Item {
                     center,
                     index: index as u32,

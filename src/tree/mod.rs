@@ -3,9 +3,12 @@
 //! Source: Benda, *Point Based Rendering* (diploma thesis), section 3.2; Rusinkiewicz and Levoy, *QSplat*
 //! (SIGGRAPH 2000), section 2. Differences are listed in `docs/ARCHITECTURE.md`.
 
+mod access;
 mod blocks;
 mod build;
+mod check;
 mod closed;
+pub mod file;
 mod moments;
 mod node;
 mod order;
@@ -15,11 +18,14 @@ mod spacing;
 mod strip;
 mod summary;
 
+pub use access::MemoryBytes;
 pub use build::{BuildOptions, build};
+pub use check::{Report, check};
 pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
 
 use crate::abi::Vertex;
 use glam::{DVec3, Vec3};
+use std::path::PathBuf;
 
 /// A model ready to be drawn: vertices and triangles in tree order, and the tree over them.
 ///
@@ -129,6 +135,24 @@ pub enum Error {
         count: usize,
         /// Number of vertices.
         vertices: usize,
+    },
+    /// A tree file cannot be opened, read or written.
+    #[error("{path}: {source}", path = path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// What the system says.
+        source: std::io::Error,
+    },
+    /// A file is not a tree file, or a damaged one.
+    #[error("{path}, byte {offset}: {cause}", path = path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Where.
+        offset: u64,
+        /// What is wrong.
+        cause: String,
     },
     /// The user asked to stop.
     #[error("cancelled")]

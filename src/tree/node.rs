@@ -104,7 +104,8 @@ impl Strip {
     /// Unit direction.
     #[inline]
     pub fn direction(&self) -> Vec3 {
-        octahedral::decode(self.direction.map(|c| i16::from(c) * 258))
+        // -128 is no code; a damaged file may hold it.
+        octahedral::decode(self.direction.map(|c| i16::from(c.max(-127)) * 258))
     }
 }
 

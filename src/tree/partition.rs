@@ -496,6 +496,7 @@ fn count_below(keys: &[f32], bound: f32) -> usize {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
 

@@ -3,25 +3,29 @@
 #![allow(dead_code, reason = "each test binary uses a part of the harness")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use surfel::gpu::messages::Messages;
+use surfel::generate::{Shape, Spec};
 use surfel::gpu::{Gpu, Options};
+use surfel::math::camera::{Camera, View};
+use surfel::progress::Silent;
+use surfel::tree::{self, BuildOptions, Model};
 
 /// A device under validation. Dropping it (last) checks that not one message was left.
-pub struct Device {
+pub(crate) struct Device {
     gpu: Option<Arc<Gpu>>,
     messages: Messages,
 }
 
 impl Device {
     /// Opens a device, or says why there is none; with `SURFEL_REQUIRE_DEVICE=1` that is a failure.
-    pub fn open() -> Option<Self> {
+    pub(crate) fn open() -> Option<Self> {
         Self::open_with(Options::default())
     }
 
     /// As [`Device::open`], with further options.
-    pub fn open_with(options: Options) -> Option<Self> {
+    pub(crate) fn open_with(options: Options) -> Option<Self> {
         let options = Options {
             validation: true,
             ..options
@@ -42,12 +46,12 @@ impl Device {
         }
     }
 
-    pub fn gpu(&self) -> &Arc<Gpu> {
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
         self.gpu.as_ref().unwrap()
     }
 
     /// The messages so far, taken: for tests that plant a fault.
-    pub fn take_messages(&self) -> Vec<surfel::gpu::messages::Message> {
+    pub(crate) fn take_messages(&self) -> Vec<surfel::gpu::messages::Message> {
         self.messages.take()
     }
 }
@@ -68,7 +72,7 @@ impl Drop for Device {
 }
 
 /// Folder of the real models, or one printed line and `None`.
-pub fn models() -> Option<PathBuf> {
+pub(crate) fn models() -> Option<PathBuf> {
     let folder = std::env::var_os("SURFEL_MODELS").map_or_else(
         || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models"),
         PathBuf::from,
@@ -79,4 +83,37 @@ pub fn models() -> Option<PathBuf> {
         eprintln!("real models are absent ({}): nothing tested with them", folder.display());
         None
     }
+}
+
+/// A generated model with its tree.
+pub(crate) fn generated(shape: Shape, triangles: u64) -> Model {
+    let spec = Spec::with_triangles(shape, triangles).unwrap();
+    tree::build(surfel::generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
+}
+
+/// A real model with its tree, or `None` when the models are absent.
+pub(crate) fn real(name: &str) -> Option<Model> {
+    let mesh = load(&models()?.join(name));
+    Some(tree::build(mesh, &BuildOptions::default(), &Silent).unwrap())
+}
+
+fn load(path: &Path) -> surfel::mesh::Mesh {
+    let options = surfel::input::Options::default();
+    surfel::input::load(path, &options, &Silent)
+        .unwrap_or_else(|e| panic!("{e}"))
+        .mesh
+}
+
+/// The standard orbit of a model; angles in degrees.
+pub(crate) fn orbit(model: &Model, size: (u32, u32), azimuth: f64, elevation: f64, fill: f64) -> View {
+    Camera::orbit(
+        size,
+        model.origin + model.orbit_center.as_dvec3(),
+        f64::from(model.orbit_radius),
+        azimuth.to_radians(),
+        elevation.to_radians(),
+        fill,
+    )
+    .view(model.origin)
+    .unwrap()
 }

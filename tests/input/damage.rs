@@ -1,54 +1,20 @@
-//! Reading what is damaged, strange or too large: every case gives a mesh that keeps its promises or one error that
-//! names the file; and the real models, counted.
-
-#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+//! What is damaged, strange or too large: every case gives a mesh that keeps its promises or one error that names
+//! the file.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{DVec3, Vec3};
-use surfel::input::{self, Error, Limits, Loaded, Options, Warning};
+use surfel::input::{self, Error, Limits, Options, Warning};
 use surfel::progress::{Progress, Silent};
 
-fn try_read(name: &str, bytes: impl AsRef<[u8]>) -> Result<Loaded, Error> {
-    input::load_bytes(name, bytes.as_ref(), &Options::default(), &Silent)
-}
-
-fn read(name: &str, bytes: impl AsRef<[u8]>) -> Loaded {
-    try_read(name, bytes).unwrap_or_else(|error| panic!("{error}"))
-}
+use super::{check, read, try_read};
 
 fn gzip(bytes: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::best());
     encoder.write_all(bytes).unwrap();
     encoder.finish().unwrap()
-}
-
-/// What `Mesh` promises, and bounds on what a file of `bytes` may grow to.
-fn check(loaded: &Loaded, bytes: usize) {
-    let mesh = &loaded.mesh;
-    let vertices = mesh.positions.len();
-    assert!(vertices > 0);
-    assert!(mesh.positions.iter().all(|point| point.is_finite()));
-    assert!(
-        mesh.triangles
-            .iter()
-            .flatten()
-            .all(|&corner| (corner as usize) < vertices)
-    );
-    assert!(mesh.normals.is_empty() || mesh.normals.len() == vertices);
-    assert!(mesh.colors.is_empty() || mesh.colors.len() == vertices);
-    assert!(
-        mesh.normals
-            .iter()
-            .all(|normal| *normal == Vec3::ZERO || (normal.length() - 1.0).abs() < 1e-5)
-    );
-    assert!(mesh.origin.is_finite());
-    assert!(
-        vertices + mesh.triangles.len() <= bytes,
-        "{vertices} vertices from {bytes} bytes"
-    );
 }
 
 /// Small good files, one of every format and encoding.
@@ -264,12 +230,17 @@ fn standard_input_is_read() {
         let loaded = input::load(Path::new("-"), &Options::default(), &Silent).unwrap();
         assert_eq!(loaded.mesh.triangles.len(), 3);
         let error = input::load(Path::new("-"), &Options::default(), &Silent).unwrap_err();
-        assert!(error.to_string().starts_with("standard input: the file is empty"), "{error}");
+        assert!(
+            error
+                .to_string()
+                .starts_with("standard input: the file is empty"),
+            "{error}"
+        );
         println!("child is done");
         return;
     }
     let mut child = std::process::Command::new(std::env::current_exe().unwrap())
-        .args(["--exact", "standard_input_is_read", "--nocapture"])
+        .args(["--exact", "damage::standard_input_is_read", "--nocapture"])
         .env(CHILD, "1")
         .stdin(std::process::Stdio::piped())
         .stdout(std::process::Stdio::piped())
@@ -279,7 +250,10 @@ fn standard_input_is_read() {
     child.stdin.take().unwrap().write_all(&bytes).unwrap();
     let output = child.wait_with_output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
-    assert!(output.status.success() && said.contains("child is done"), "{said}");
+    assert!(
+        output.status.success() && said.contains("child is done"),
+        "{said}"
+    );
 }
 
 #[test]
@@ -570,180 +544,5 @@ fn progress_adds_up_and_cancelling_stops_anywhere() {
                 "{name} after {patience} of {questions}"
             );
         }
-    }
-}
-
-/// The folder of the real models; a line when it is not there.
-fn models() -> Option<PathBuf> {
-    let folder = std::env::var_os("SURFEL_MODELS").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/models"),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("no models at {}: nothing was tested", folder.display());
-    None
-}
-
-#[test]
-fn real_models_have_their_verified_counts() {
-    let Some(folder) = models() else { return };
-    // Vertices and triangles of the models' own table; STL files state triangles and distinct corners.
-    for (name, vertices, triangles) in [
-        ("thesis/horse.ply", 48_485, 96_966),
-        ("thesis/dragon_vrip.ply.gz", 437_645, 871_414),
-        ("thesis/dragon_vrip_res2.ply.gz", 100_250, 202_520),
-        ("thesis/dragon_vrip_res3.ply.gz", 22_998, 47_794),
-        ("thesis/dragon_vrip_res4.ply.gz", 5_205, 11_102),
-        ("thesis/bunny_34835.obj.gz", 34_835, 69_666),
-        ("thesis/porsche.obj", 4_099, 7_322),
-        ("meshes/bun_zipper.ply.gz", 35_947, 69_451),
-        ("meshes/rocker-arm.obj", 10_044, 20_088),
-        ("meshes/beetle-alt.obj", 19_887, 38_656),
-        ("meshes/ankylosaurus_mesh.ply.gz", 34_820, 69_636),
-        ("meshes/mannequin.ply", 11_335, 22_653),
-        ("meshes/casting.off", 5_096, 10_224),
-        ("meshes/fandisk.obj", 6_475, 12_946),
-        ("sharp/conrod.stl", 3_223, 6_442),
-        ("sharp/1002_tray_bottom.STL", 2_216, 4_520),
-        ("sharp/counter.unitsmm.STL", 41_837, 83_750),
-        ("sharp/cycloidal.ply", 21_384, 43_368),
-        ("sharp/featuretype.STL", 2_010, 3_476),
-        ("sharp/round.stl", 560, 1_120),
-        ("sharp/anchor_dense.off", 3_793, 7_598),
-        ("sharp/joint.off", 221, 446),
-        ("sharp/boeing.off", 2_741, 2_564),
-        ("sharp/office_chair.obj", 3_476, 6_893),
-        ("sharp/house/house.obj", 7_970, 11_262),
-        ("sharp/domik/domik.obj", 2_986, 5_783),
-        ("sharp/building.off", 9_708, 19_021),
-        ("scans/building_points.ply.gz", 100_000, 0),
-        ("scans/lato000.ply", 44_461, 86_766),
-        (
-            "textured/YcbBanana/textured_simple_reoriented.obj",
-            7_866,
-            15_728,
-        ),
-        ("photos/sceaux/scene_mesh_refine.ply", 87_685, 174_899),
-        ("photos/sceaux/scene_mesh.ply", 7_378, 14_709),
-        ("photos/sceaux/Sparse.ply", 12_683, 0),
-    ] {
-        let loaded = input::load(&folder.join(name), &Options::default(), &Silent).unwrap();
-        let mesh = &loaded.mesh;
-        let is_stl = name.to_ascii_lowercase().ends_with(".stl");
-        let is_obj = name.contains(".obj");
-        assert_eq!(mesh.triangles.len(), triangles, "{name}");
-        if is_stl {
-            assert_eq!(
-                (mesh.positions.len(), loaded.counts.faces),
-                (vertices, triangles as u64),
-                "{name}"
-            );
-        } else {
-            assert_eq!(loaded.counts.vertices, vertices as u64, "{name}");
-            // OBJ vertices are doubled where normals or colors meet, after those of the file.
-            assert!(
-                if is_obj {
-                    mesh.positions.len() >= vertices
-                } else {
-                    mesh.positions.len() == vertices
-                },
-                "{name}"
-            );
-        }
-        check(&loaded, usize::MAX);
-        assert_eq!(mesh.is_cloud(), triangles == 0, "{name}");
-        let has_normals = [
-            "horse",
-            "porsche",
-            "ankylosaurus",
-            "mannequin",
-            "house",
-            "domik",
-            "building_p",
-            "Banana",
-        ];
-        assert_eq!(
-            !mesh.normals.is_empty(),
-            has_normals.iter().any(|part| name.contains(part)),
-            "{name}"
-        );
-        let has_colors = [
-            "ankylosaurus",
-            "mannequin",
-            "cycloidal",
-            "Sparse",
-            "house",
-            "domik",
-            "Banana",
-        ];
-        assert_eq!(
-            !mesh.colors.is_empty(),
-            has_colors.iter().any(|part| name.contains(part)),
-            "{name}"
-        );
-        println!(
-            "{name}: {} vertices, {:?}",
-            mesh.positions.len(),
-            loaded.warnings
-        );
-    }
-}
-
-#[test]
-fn real_models_keep_their_polygons_and_remarks() {
-    let Some(folder) = models() else { return };
-    let load = |name: &str| input::load(&folder.join(name), &Options::default(), &Silent).unwrap();
-    let porsche = load("thesis/porsche.obj");
-    assert_eq!(porsche.counts.faces, 4_740);
-    assert!(
-        matches!(&porsche.warnings[..], [Warning::MaterialFileMissing { name, .. }] if name == "porsche.mtl")
-    );
-    // An independent reader agrees on every corner.
-    let plain = tobj::LoadOptions {
-        triangulate: true,
-        single_index: false,
-        ..Default::default()
-    };
-    let (models, _) = tobj::load_obj(folder.join("thesis/porsche.obj"), &plain).unwrap();
-    let mut theirs: Vec<[Vec3; 2]> = Vec::new();
-    for model in &models {
-        let at = |from: &[f32], index: u32| Vec3::from_slice(&from[3 * index as usize..]);
-        let corners = model.mesh.indices.iter().zip(&model.mesh.normal_indices);
-        theirs.extend(corners.map(|(&p, &n)| {
-            [
-                at(&model.mesh.positions, p),
-                at(&model.mesh.normals, n).normalize(),
-            ]
-        }));
-    }
-    let mesh = &porsche.mesh;
-    let ours = mesh
-        .triangles
-        .iter()
-        .flatten()
-        .map(|&c| [mesh.positions[c as usize], mesh.normals[c as usize]]);
-    assert_eq!(mesh.triangles.len() * 3, theirs.len());
-    assert!(
-        ours.zip(theirs)
-            .all(|(a, b)| a[0] == b[0] && a[1].distance(b[1]) < 1e-6)
-    );
-
-    for (name, format) in [
-        ("scans/simple.las", "LAS"),
-        ("scans/autzen_trim.laz", "LAZ"),
-        ("scans/lion_takanawa.copc.laz", "COPC"),
-        ("scans/pumpAVisualReferenceImage.e57", "E57"),
-        ("scans/colored_cloud.pcd", "PCD"),
-        ("scans/kitten.xyz", "plain XYZ text"),
-        ("sharp/tree-lime.glb", "glTF (GLB)"),
-        ("qsplat/horse.qs", "a QSplat tree"),
-    ] {
-        let error = input::load(&folder.join(name), &Options::default(), &Silent).unwrap_err();
-        assert!(
-            matches!(error, Error::UnreadFormat { format: f, .. } if f == format),
-            "{error}"
-        );
     }
 }

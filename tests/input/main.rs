@@ -1,0 +1,56 @@
+//! Reading models: every format and variant from hand-made bytes, every damage refused in words, the real models
+//! counted.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
+mod damage;
+mod models;
+mod obj;
+mod other;
+mod ply;
+
+use glam::Vec3;
+use surfel::input::{self, Error, Loaded, Options};
+use surfel::progress::Silent;
+
+fn try_read(name: &str, bytes: impl AsRef<[u8]>) -> Result<Loaded, Error> {
+    input::load_bytes(name, bytes.as_ref(), &Options::default(), &Silent)
+}
+
+fn read(name: &str, bytes: impl AsRef<[u8]>) -> Loaded {
+    try_read(name, bytes).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn message(name: &str, bytes: impl AsRef<[u8]>) -> String {
+    try_read(name, bytes)
+        .expect_err("this file is damaged")
+        .to_string()
+}
+
+const SQUARE: [Vec3; 4] = [Vec3::ZERO, Vec3::X, Vec3::new(1.0, 1.0, 0.0), Vec3::Y];
+
+/// What `Mesh` promises, and bounds on what a file of `bytes` may grow to.
+fn check(loaded: &Loaded, bytes: usize) {
+    let mesh = &loaded.mesh;
+    let vertices = mesh.positions.len();
+    assert!(vertices > 0);
+    assert!(mesh.positions.iter().all(|point| point.is_finite()));
+    assert!(
+        mesh.triangles
+            .iter()
+            .flatten()
+            .all(|&corner| (corner as usize) < vertices)
+    );
+    assert!(mesh.normals.is_empty() || mesh.normals.len() == vertices);
+    assert!(mesh.colors.is_empty() || mesh.colors.len() == vertices);
+    assert!(
+        mesh.normals
+            .iter()
+            .all(|normal| *normal == Vec3::ZERO || (normal.length() - 1.0).abs() < 1e-5)
+    );
+    assert!(mesh.origin.is_finite());
+    assert!(
+        vertices + mesh.triangles.len() <= bytes,
+        "{vertices} vertices from {bytes} bytes"
+    );
+}

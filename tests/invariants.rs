@@ -1,0 +1,212 @@
+//! What must not change a picture.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit};
+use surfel::generate::Shape;
+use surfel::gpu::Options;
+use surfel::image::{Difference, Image, compare};
+use surfel::math::camera::View;
+use surfel::method::engine::{Backend, Engine};
+use surfel::method::renderer::{Outputs, Renderer};
+use surfel::method::scene::Scene;
+use surfel::method::{Culling, Method, Settings};
+use surfel::tree::Model;
+
+const ALL: Outputs = Outputs {
+    depth: true,
+    normal: true,
+};
+
+fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Image {
+    let backend = Backend::Device(device.gpu().clone());
+    Engine::new(&backend, model, (view.width, view.height), ALL)
+        .unwrap()
+        .render(view, settings)
+        .unwrap()
+}
+
+fn settings(method: Method, threshold_px: f32) -> Settings {
+    Settings {
+        method,
+        threshold_px,
+        ..Settings::default()
+    }
+}
+
+/// The same coverage, and at most one pixel in 5,000 another grey level.
+fn is_almost_equal(d: &Difference) -> bool {
+    d.coverage_abs == 0.0 && d.whole.max_level < 1.5 && d.whole.past_level <= 1 + d.object.pixels / 5_000
+}
+
+const METHODS: [(Method, f32); 4] = [
+    (Method::Triangles, 1.0),
+    (Method::Points, 2.0),
+    (Method::Pop, 1.0),
+    (Method::Pop, 5.0),
+];
+
+#[test]
+fn the_same_frame_twice_is_bit_identical() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 50_000);
+    let view = orbit(&model, (200, 200), 30.0, 20.0, 1.0);
+    for (method, threshold) in METHODS {
+        let backend = Backend::Device(device.gpu().clone());
+        let mut engine = Engine::new(&backend, &model, (200, 200), ALL).unwrap();
+        let s = settings(method, threshold);
+        let first = engine.render(&view, &s).unwrap();
+        // Another view between them, so that slots and states turn over.
+        engine.render(&orbit(&model, (200, 200), 90.0, -20.0, 3.0), &s).unwrap();
+        assert!(first == engine.render(&view, &s).unwrap(), "{method:?} {threshold}");
+    }
+}
+
+#[test]
+fn threshold_zero_is_the_triangle_picture() {
+    let Some(device) = Device::open() else { return };
+    for shape in [Shape::Statue, Shape::Torus, Shape::Square] {
+        let model = generated(shape, 20_000);
+        for fill in [1.0, 4.0] {
+            let view = orbit(&model, (200, 160), 30.0, 20.0, fill);
+            let pop = draw(&device, &model, &view, &settings(Method::Pop, 0.0));
+            let triangles = draw(&device, &model, &view, &settings(Method::Triangles, 0.0));
+            // The guard band changes the last bit of a window position before it is snapped, and of what is
+            // interpolated: coverage stays, a grey value on the border of two levels can fall to the other.
+            let d = compare(&triangles, &pop, 0.0).unwrap();
+            assert!(is_almost_equal(&d), "{shape:?} {fill}: {d:?}");
+        }
+    }
+}
+
+#[test]
+fn culling_changes_nothing_on_a_closed_surface() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 50_000);
+    assert!(model.is_closed);
+    for k in 0..6 {
+        let view = orbit(&model, (200, 200), 60.0 * f64::from(k), 20.0, 1.2);
+        for (method, threshold) in [(Method::Triangles, 1.0), (Method::Pop, 0.0)] {
+            let on = Settings {
+                culling: Culling::On,
+                ..settings(method, threshold)
+            };
+            let off = Settings {
+                culling: Culling::Off,
+                ..on
+            };
+            let (a, b) = (draw(&device, &model, &view, &on), draw(&device, &model, &view, &off));
+            // Next to the silhouette a front and a back triangle meet in an edge; where their depths round to the
+            // same value, the first drawn wins.
+            let d = compare(&a, &b, 0.0).unwrap();
+            assert!(is_almost_equal(&d), "{method:?}, view {k}: {d:?}");
+        }
+    }
+}
+
+#[test]
+fn memory_that_is_not_coherent_gives_the_same_picture() {
+    let Some(device) = Device::open() else { return };
+    let Some(pretending) = Device::open_with(Options {
+        pretend_noncoherent: true,
+        ..Options::default()
+    }) else {
+        return;
+    };
+    let model = generated(Shape::Statue, 50_000);
+    let view = orbit(&model, (200, 200), 30.0, 20.0, 1.0);
+    for (method, threshold) in METHODS {
+        let s = settings(method, threshold);
+        assert!(
+            draw(&device, &model, &view, &s) == draw(&pretending, &model, &view, &s),
+            "{method:?} {threshold}: something is not flushed"
+        );
+    }
+}
+
+#[test]
+fn pages_do_not_show() {
+    let Some(device) = Device::open() else { return };
+    let statue = generated(Shape::Statue, 20_000);
+    let mut mesh = surfel::generate::mesh(&surfel::generate::Spec::with_triangles(Shape::Sphere, 3_000).unwrap());
+    mesh.triangles.clear();
+    let cloud = surfel::tree::build(
+        mesh,
+        &surfel::tree::BuildOptions::default(),
+        &surfel::progress::Silent,
+    )
+    .unwrap();
+    for model in [&statue, &cloud] {
+        let view = orbit(model, (200, 200), 30.0, 20.0, 1.5);
+        for (method, threshold) in METHODS {
+            if model.triangles.is_empty() && method == Method::Triangles {
+                continue;
+            }
+            let s = settings(method, threshold);
+            let whole = draw(&device, model, &view, &s);
+            for (vertices, triangles) in [(1000, usize::MAX), (usize::MAX, 777), (3, 1_000)] {
+                if (vertices, model.triangles.len() > 10_000) == (3, true) {
+                    continue; // A page a triangle: 20,000 buffers prove nothing more.
+                }
+                let mut scene = Scene::with_page_limits(device.gpu(), model, vertices, triangles).unwrap();
+                assert!(scene.pages.len() > 1 || model.triangles.is_empty());
+                let mut renderer = Renderer::new(device.gpu(), 200, 200, ALL, false).unwrap();
+                renderer.draw(model, &mut scene, &view, &s).unwrap();
+                let paged = renderer.read(&view).unwrap();
+                assert!(whole == paged, "{method:?} {threshold}: {} pages show", scene.pages.len());
+            }
+        }
+    }
+}
+
+#[test]
+fn the_frame_loop_makes_nothing_new() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 50_000);
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut renderer = Renderer::new(device.gpu(), 200, 200, Outputs::default(), true).unwrap();
+    let views: Vec<View> = (0..8)
+        .map(|k| orbit(&model, (200, 200), 45.0 * f64::from(k), 10.0, 2.0))
+        .collect();
+    let mut round = |renderer: &mut Renderer| {
+        for view in &views {
+            for (method, threshold) in METHODS {
+                renderer.draw(&model, &mut scene, view, &settings(method, threshold)).unwrap();
+            }
+        }
+    };
+    // Both slots of the ring see every view.
+    round(&mut renderer);
+    round(&mut renderer);
+    let before = (device.gpu().compiled_pipelines(), device.gpu().created_resources());
+    round(&mut renderer);
+    assert_eq!(before, (device.gpu().compiled_pipelines(), device.gpu().created_resources()));
+}
+
+#[test]
+fn splats_above_the_devices_point_limit_are_drawn_whole() {
+    let Some(device) = Device::open() else { return };
+    // Two points seen so near that their squares fill the picture.
+    let mut mesh = surfel::mesh::Mesh::default();
+    mesh.positions = vec![glam::Vec3::new(-1.0, 0.0, 0.0), glam::Vec3::new(1.0, 0.0, 0.0)];
+    let model = surfel::tree::build(
+        mesh,
+        &surfel::tree::BuildOptions::default(),
+        &surfel::progress::Silent,
+    )
+    .unwrap();
+    let limit = device.gpu().info().max_point_size_px;
+    let view = orbit(&model, (600, 400), 20.0, 0.0, 1.0);
+    let largest = model.tree.leaves[0].radius * 2.0 * view.focal_px() / view.distance(model.tree.leaves[0].center);
+    assert!(largest > limit, "the scene must ask for more than {limit} px, not {largest}");
+    let picture = draw(&device, &model, &view, &settings(Method::Pop, 1.0));
+    let mirror = Engine::new(&Backend::Mirror, &model, (600, 400), ALL)
+        .unwrap()
+        .render(&view, &settings(Method::Pop, 1.0))
+        .unwrap();
+    let d = compare(&mirror, &picture, 1.0).unwrap();
+    // Each tile is snapped to 1/256 pixel on its own: a border of the square can move by one pixel row.
+    assert!(d.missing + d.extra <= 2 * 400, "{d:?}");
+    assert_eq!(d.holes, 0, "the tiles leave gaps: {d:?}");
+}

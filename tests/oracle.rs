@@ -1,0 +1,249 @@
+//! The device against the CPU mirror: every method, on scenes that reach every rule of it.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit, real};
+use glam::{DVec3, Vec3};
+use surfel::draw::ColorBy;
+use surfel::generate::Shape;
+use surfel::image::Image;
+use surfel::math::camera::{Camera, Light, View};
+use surfel::mesh::Mesh;
+use surfel::method::engine::{Backend, Engine};
+use surfel::method::renderer::Outputs;
+use surfel::method::{Culling, Method, Settings};
+use surfel::progress::Silent;
+use surfel::tree::{self, BuildOptions, Model};
+
+const OUTPUTS: Outputs = Outputs {
+    depth: true,
+    normal: true,
+};
+
+/// How far a picture of the device may be from the mirror's, and why it may at all.
+struct Tolerance {
+    /// Pixels that differ in coverage or by more than one level, as a share of the covered ones: the last bit
+    /// of a vertex position moves a snapped edge by 1/256 pixel, so about 1/128 of the pixels on edges can
+    /// change sides; and where two surfaces tie in depth either may win.
+    edge_share: f64,
+}
+
+fn compare(name: &str, device: &Image, mirror: &Image, tolerance: &Tolerance) {
+    assert_eq!((device.width, device.height), (mirror.width, mirror.height));
+    let covered = mirror.color.iter().filter(|c| c[3] > 0).count();
+    let mut coverage = 0;
+    let mut color = 0;
+    let mut depth = 0;
+    let mut normal = 0;
+    for i in 0..mirror.color.len() {
+        let (d, m) = (device.color[i], mirror.color[i]);
+        if (d[3] > 0) != (m[3] > 0) {
+            coverage += 1;
+            continue;
+        }
+        if (0..3).any(|c| d[c].abs_diff(m[c]) > 1) {
+            color += 1;
+        }
+        let (d, m) = (device.depth[i], mirror.depth[i]);
+        // Single-precision depth of a reversed buffer resolves about 1e-6 of the distance in these scenes; and
+        // the device interpolates between corners that are not snapped, the mirror between snapped ones: off by
+        // up to the depth's change over a few 1/256 of a pixel.
+        let slope = neighbors(i, mirror)
+            .map(|n| (mirror.depth[n] - m).abs())
+            .filter(|s| s.is_finite())
+            .fold(0.0, f32::max);
+        if d.is_finite() != m.is_finite() || (m.is_finite() && (d - m).abs() > 2e-5 * m + slope / 32.0) {
+            depth += 1;
+        }
+        let (d, m) = (Vec3::from(device.normal[i]), Vec3::from(mirror.normal[i]));
+        if (d - m).length() > 4e-3 {
+            normal += 1;
+        }
+    }
+    let allowed = (tolerance.edge_share * covered as f64).ceil() as usize + 2;
+    println!("{name}: {covered} covered; coverage {coverage}, color {color}, depth {depth}, normal {normal}; {allowed} allowed");
+    assert!(covered > 0, "{name}: an empty picture proves nothing");
+    assert!(coverage <= allowed, "{name}: {coverage} pixels differ in coverage");
+    assert!(color <= allowed, "{name}: {color} pixels differ by more than one level");
+    assert!(depth <= allowed, "{name}: {depth} pixels differ in depth");
+    assert!(normal <= allowed, "{name}: {normal} pixels differ in normal");
+}
+
+/// Indices of the pixels left, right, above and below.
+fn neighbors(i: usize, image: &Image) -> impl Iterator<Item = usize> {
+    let (w, n) = (image.width as usize, image.color.len());
+    let x = i % w;
+    [
+        (x > 0).then(|| i - 1),
+        (x + 1 < w).then(|| i + 1),
+        i.checked_sub(w),
+        (i + w < n).then(|| i + w),
+    ]
+    .into_iter()
+    .flatten()
+}
+
+const METHODS: [(Method, f32); 5] = [
+    (Method::Triangles, 1.0),
+    (Method::Points, 1.0),
+    (Method::Points, 3.0),
+    (Method::Pop, 1.0),
+    (Method::Pop, 4.5),
+];
+
+fn both(device: &Device, model: &Model, view: &View, settings: &Settings, name: &str, tolerance: &Tolerance) {
+    let size = (view.width, view.height);
+    let backend = Backend::Device(device.gpu().clone());
+    let picture = Engine::new(&backend, model, size, OUTPUTS)
+        .unwrap()
+        .render(view, settings)
+        .unwrap();
+    let mirror = Engine::new(&Backend::Mirror, model, size, OUTPUTS)
+        .unwrap()
+        .render(view, settings)
+        .unwrap();
+    compare(name, &picture, &mirror, tolerance);
+}
+
+fn every_method(device: &Device, model: &Model, view: &View, name: &str, edge_share: f64) {
+    for (method, threshold_px) in METHODS {
+        if model.triangles.is_empty() && method == Method::Triangles {
+            continue;
+        }
+        let settings = Settings {
+            method,
+            threshold_px,
+            ..Settings::default()
+        };
+        let name = format!("{name}, {method:?} {threshold_px}");
+        both(device, model, view, &settings, &name, &Tolerance { edge_share });
+    }
+}
+
+#[test]
+fn smooth_and_rough_surfaces_from_outside() {
+    let Some(device) = Device::open() else { return };
+    for (shape, triangles) in [(Shape::Sphere, 20_000), (Shape::Statue, 60_000), (Shape::Square, 800)] {
+        let model = generated(shape, triangles);
+        for (azimuth, elevation, fill) in [(30.0, 20.0, 1.0), (200.0, -35.0, 0.4)] {
+            let view = orbit(&model, (240, 200), azimuth, elevation, fill);
+            every_method(&device, &model, &view, &format!("{shape:?} {azimuth} {fill}"), 0.003);
+        }
+    }
+}
+
+#[test]
+fn needles_near_and_far() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Torus, 40_000);
+    for fill in [0.2, 1.0, 5.0] {
+        let view = orbit(&model, (200, 200), 75.0, 40.0, fill);
+        // Needles are all edge.
+        every_method(&device, &model, &view, &format!("torus {fill}"), 0.01);
+    }
+}
+
+#[test]
+fn the_camera_inside_and_at_the_surface() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 30_000);
+    for (eye, target) in [
+        (DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0)),
+        (DVec3::new(0.0, 0.0, 0.66), DVec3::new(0.4, 0.2, 0.0)),
+    ] {
+        let camera = Camera::look_at((200, 160), eye, target, DVec3::Y, 1.0, (0.01, 5.0));
+        let view = camera.view(DVec3::ZERO).unwrap();
+        for culling in [Culling::Off, Culling::On] {
+            for (method, threshold_px) in METHODS {
+                let settings = Settings {
+                    method,
+                    threshold_px,
+                    culling,
+                    ..Settings::default()
+                };
+                let name = format!("inside at {eye}, {culling:?}, {method:?} {threshold_px}");
+                if culling == Culling::On && eye == DVec3::ZERO {
+                    continue; // All faces turn away: nothing to see, which another test asserts.
+                }
+                both(&device, &model, &view, &settings, &name, &Tolerance { edge_share: 0.003 });
+            }
+        }
+    }
+}
+
+#[test]
+fn orthographic_off_center_and_parallel_light() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 30_000);
+    let mut camera = Camera::orbit((180, 220), DVec3::ZERO, 1.6, 0.7, 0.3, 1.0);
+    camera.light = Light::Directional;
+    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "parallel light", 0.003);
+    camera.proj.z_axis.x = 0.21;
+    camera.proj.z_axis.y = -0.13;
+    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "off center", 0.003);
+    let (near, far) = (1.0, 8.0);
+    camera.proj = glam::DMat4::from_cols_array(&[
+        0.6, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0 / (near - far), 0.0, 0.1, -0.05, near / (near - far), 1.0,
+    ]);
+    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "orthographic", 0.003);
+    // A mirrored picture turns the fronts; a scaled view changes lengths.
+    camera.proj.x_axis.x = -0.6;
+    camera.view = glam::DMat4::from_scale(DVec3::splat(0.8)) * camera.view;
+    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "mirrored and scaled", 0.003);
+}
+
+#[test]
+fn colors_missing_normals_and_clouds() {
+    let Some(device) = Device::open() else { return };
+    let mut mesh = surfel::generate::mesh(
+        &surfel::generate::Spec::with_triangles(Shape::Sphere, 5_000).unwrap(),
+    );
+    mesh.colors = mesh
+        .positions
+        .iter()
+        .map(|p| [(p.x * 127.0 + 128.0) as u8, (p.y * 127.0 + 128.0) as u8, 200, 255])
+        .collect();
+    let build = |mesh: Mesh| tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let colored = build(mesh.clone());
+    let view = orbit(&colored, (200, 200), 10.0, 5.0, 0.9);
+    every_method(&device, &colored, &view, "colors", 0.003);
+    for (color_by, use_colors, two_sided) in [
+        (ColorBy::Primitive, true, true),
+        (ColorBy::Shading, false, true),
+        (ColorBy::Shading, true, false),
+    ] {
+        let settings = Settings {
+            color_by,
+            use_colors,
+            two_sided,
+            threshold_px: 6.0,
+            background: [0.2, 0.4, 0.6],
+            ..Settings::default()
+        };
+        let name = format!("{color_by:?} {use_colors} {two_sided}");
+        both(&device, &colored, &view, &settings, &name, &Tolerance { edge_share: 0.003 });
+    }
+    let mut cloud = mesh.clone();
+    cloud.triangles.clear();
+    every_method(&device, &build(cloud.clone()), &view, "cloud", 0.003);
+    cloud.normals.clear();
+    let near = orbit(&build(cloud.clone()), (200, 200), 10.0, 5.0, 4.0);
+    every_method(&device, &build(cloud), &near, "cloud without normals, near", 0.003);
+    // Some vertices without a normal.
+    for normal in mesh.normals.iter_mut().step_by(3) {
+        *normal = Vec3::ZERO;
+    }
+    every_method(&device, &build(mesh), &view, "some normals missing", 0.003);
+}
+
+#[test]
+fn real_models() {
+    let Some(device) = Device::open() else { return };
+    for name in ["thesis/horse.ply", "thesis/porsche.obj", "meshes/ankylosaurus_mesh.ply.gz", "photos/sceaux/Sparse.ply"] {
+        let Some(model) = real(name) else { return };
+        let view = orbit(&model, (300, 300), 40.0, 25.0, 1.0);
+        // Sharp, layered models have more edges and more ties.
+        every_method(&device, &model, &view, name, 0.006);
+    }
+}
