@@ -102,9 +102,13 @@ impl Coherent {
         } else {
             let mut done_leaves = 0;
             for &run in &runs {
-                if frame.first_leaf(run) >= done_leaves {
-                    changed += frame.run(run, &mut done_leaves);
+                if done_leaves > 0 {
+                    if frame.first_leaf(run) < done_leaves {
+                        continue;
+                    }
+                    done_leaves = 0;
                 }
+                changed += frame.run(run, &mut done_leaves);
             }
         }
         self.runs = std::mem::replace(&mut self.next, runs);

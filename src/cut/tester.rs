@@ -397,6 +397,10 @@ impl Tester {
             }
         }
         let small = self.small(&balls);
+        let mut strips = [0; 4];
+        if kept & !small != 0 {
+            strips = self.strips(model, first, group, &balls, kept & !small);
+        }
         let mut classes = [Class::DROP; 4];
         for (lane, class) in classes.iter_mut().enumerate() {
             let bit = 1 << lane;
@@ -411,8 +415,7 @@ impl Tester {
                         | (u8::from(inside & bit != 0) * inherit::INSIDE)
                         | (u8::from(front & bit != 0) * inherit::FRONT),
                 );
-                let node = &group[lane];
-                match self.strip_count(model, first + lane as u32, node, &balls, lane) {
+                match strips[lane] {
                     0 => open,
                     count => Class::strip(count),
                 }
@@ -421,42 +424,56 @@ impl Tester {
         classes
     }
 
-    /// How many splats along its strip can stand for the node in lane `lane`; 0 if none can.
+    /// How many splats along their strips can stand for the nodes of `lanes`; 0 where none can.
     #[inline]
-    fn strip_count(&self, model: &Model, id: u32, node: &Node, balls: &Balls, lane: usize) -> u32 {
-        if node.strip == Strip::SPHERE {
-            return 0;
+    fn strips(
+        &self,
+        model: &Model,
+        first: u32,
+        group: &[Node; 4],
+        balls: &Balls,
+        lanes: u32,
+    ) -> [u32; 4] {
+        let mut lanes = lanes;
+        for (lane, node) in group.iter().enumerate() {
+            lanes &= !(u32::from(node.strip == Strip::SPHERE) << lane);
+        }
+        if lanes == 0 {
+            return [0; 4];
         }
         // Most fail here, before any root or division: no ball that the threshold allows is wider than
         // t z / 2 f, so the strip must be thinner than that, and short enough for a row of such balls.
         let depth = if self.is_perspective {
-            balls.depth[lane]
+            balls.depth
         } else {
-            1.0
+            Vec4::ONE
         };
-        let in_balls = balls.radius[lane] * self.ratio;
-        let most = match node.has_leaves() {
-            true => u32::from(node.child_count).saturating_sub(1),
-            false => strip::MAX_COUNT,
-        };
-        let (half, width) = strip::relative_size(node);
-        if !(width * in_balls <= strip::MAX_WIDTH * depth && half * in_balls <= most as f32 * depth)
-            || most < 2
-        {
-            return 0;
+        let in_balls = balls.radius * self.ratio;
+        let (half, width) = strip::relative_sizes(group);
+        let is_likely = (width * in_balls).cmple(depth * strip::MAX_WIDTH)
+            & (half * in_balls).cmple(depth * strip::MAX_COUNT as f32);
+        lanes &= is_likely.bitmask();
+        if lanes == 0 {
+            return [0; 4];
         }
-        self.strip_count_of(model, id, node, balls, lane)
+        self.strip_counts(model, first, group, balls, half, width, lanes)
     }
 
     #[inline(never)]
-    fn strip_count_of(
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the unlikely half of `strips`, which has them all"
+    )]
+    fn strip_counts(
         &self,
         model: &Model,
-        id: u32,
-        node: &Node,
+        first: u32,
+        group: &[Node; 4],
         balls: &Balls,
-        lane: usize,
-    ) -> u32 {
+        half: Vec4,
+        width: Vec4,
+        lanes: u32,
+    ) -> [u32; 4] {
         let frame = strip::Frame {
             is_perspective: self.is_perspective,
             is_nearest: self.size == SizeMetric::Nearest,
@@ -464,24 +481,32 @@ impl Tester {
             threshold_px: self.threshold_px,
             near: self.near,
         };
-        let distance = balls.distance_squared()[lane].sqrt();
-        let count = strip::count(
-            node,
-            balls.radius[lane],
-            balls.depth[lane],
-            distance,
-            &frame,
-        );
-        // Fewer splats than leaves below, else the leaves are the better picture. Children that are nodes
-        // have two leaves at least, which spares most look-ups.
-        let children = u32::from(node.child_count);
-        let is_fewer = || match node.has_leaves() {
-            true => count < children,
-            false => {
-                count < 2 * children || count < super::leaf_range(&model.tree, id).len() as u32
-            }
+        let distances = strip::Balls {
+            radius: balls.radius,
+            depth: balls.depth,
+            distance: balls.distance_squared().sqrt(),
         };
-        if count > 0 && is_fewer() { count } else { 0 }
+        let (counts, fits) = strip::counts(half, width, &distances, &frame);
+        let counts = counts.to_array();
+        let mut fitting = [0; 4];
+        for (lane, fitting) in fitting.iter_mut().enumerate() {
+            if fits & lanes & (1 << lane) == 0 {
+                continue;
+            }
+            // Fewer splats than leaves below, else the leaves are the better picture. Children that are
+            // nodes have two leaves at least, which spares most look-ups.
+            let (node, count) = (&group[lane], counts[lane] as u32);
+            let children = u32::from(node.child_count);
+            let id = first + lane as u32;
+            let is_fewer = match node.has_leaves() {
+                true => count < children,
+                false => {
+                    count < 2 * children || count < super::leaf_range(&model.tree, id).len() as u32
+                }
+            };
+            *fitting = if is_fewer { count } else { 0 };
+        }
+        fitting
     }
 
     /// Which of the `count` (1 to 4) leaves from `first` on are outside of the view volume, and which of the

@@ -49,18 +49,28 @@ fn views(random: &mut Random, count: usize) -> Vec<View> {
         .collect()
 }
 
-/// Whether a triangle faces the viewer by more than the rounding of this function.
-fn faces_viewer(model: &Model, view: &View, leaf: usize) -> bool {
+/// The cosine of the angle between a triangle's normal and the direction to the viewer (0 without area), and
+/// the rounding of it.
+fn facing(model: &Model, view: &View, leaf: usize) -> (f64, f64) {
     let [a, b, c] = model.triangles[leaf].map(|i| model.vertices[i as usize].position.as_dvec3());
-    let to_viewer = if view.is_perspective {
-        view.eye.as_dvec3() - a
-    } else {
-        view.backward.as_dvec3()
+    let to_viewer = match view.is_perspective {
+        true => view.eye.as_dvec3() - a,
+        false => view.backward.as_dvec3(),
     };
-    let n = (b - a).cross(c - a);
+    let n = (b - a).cross(c - a).normalize_or_zero();
     // The orthographic direction itself is rounded to single precision.
-    let slack = if view.is_perspective { 1e-13 } else { 1e-7 };
-    n.dot(to_viewer) > slack * n.length() * to_viewer.length()
+    let rounding = if view.is_perspective { 1e-13 } else { 1e-7 };
+    (n.dot(to_viewer.normalize()), rounding)
+}
+
+fn faces_viewer(model: &Model, view: &View, leaf: usize) -> bool {
+    let (cos, rounding) = facing(model, view, leaf);
+    cos > rounding
+}
+
+fn faces_away(model: &Model, view: &View, leaf: usize) -> bool {
+    let (cos, rounding) = facing(model, view, leaf);
+    cos < -rounding
 }
 
 fn is_in_view(model: &Model, frustum: &Frustum, leaf: usize) -> bool {
@@ -87,6 +97,35 @@ fn culling_never_drops_what_is_visible_and_nothing_is_drawn_twice() {
                 let mut cut = Cut::default();
                 select(&model, &view, &settings, &mut cut);
                 assert_tree_order(&model, &cut);
+                // A node inside the volume spares the tests below; they would have found nothing.
+                let tester = Tester::new(&model, &view, &settings);
+                let nodes = cut.nodes.iter().map(|&id| &model.tree.nodes[id as usize]);
+                let leaves = cut
+                    .leaves
+                    .iter()
+                    .chain(&cut.triangles)
+                    .map(|&id| &model.tree.leaves[id as usize]);
+                for (center, radius) in nodes
+                    .map(|n| (n.center, n.radius))
+                    .chain(leaves.map(|l| (l.center, l.radius)))
+                {
+                    assert!(
+                        !settings.cull_frustum || !tester.is_outside(center, radius),
+                        "{name}, view {i}"
+                    );
+                }
+                for &leaf in cut
+                    .leaves
+                    .iter()
+                    .chain(&cut.triangles)
+                    .filter(|_| settings.cull_back)
+                {
+                    let is_away = faces_away(&model, &view, leaf as usize);
+                    assert!(
+                        !is_away,
+                        "{name}, view {i}: leaf {leaf} faces away and was drawn"
+                    );
+                }
                 for (leaf, &times) in coverage(&model, &cut).iter().enumerate() {
                     assert!(times <= 1, "{name}: leaf {leaf} is drawn {times} times");
                     let may_drop = settings.cull_back && !faces_viewer(&model, &view, leaf)
@@ -320,7 +359,10 @@ fn culling_keeps_every_splat_that_reaches_into_the_picture() {
                     && z > view.near
                     && z < view.far;
                 let is_drawn = leaves_below(&model.tree, id).all(|leaf| drawn[leaf as usize] == 1);
-                assert!(is_drawn || !reaches, "the splat at {x}, {y}, {z} was dropped");
+                assert!(
+                    is_drawn || !reaches,
+                    "the splat at {x}, {y}, {z} was dropped"
+                );
                 *(if is_drawn { &mut kept } else { &mut dropped }) += 1;
             }
         }
