@@ -89,6 +89,27 @@ pub fn torus(nu: usize, nv: usize) -> Soup {
     })
 }
 
+/// The cube of side 1 around 0: flat faces, whose cones have no width, and sharp edges.
+pub fn cube(n: usize) -> Soup {
+    [
+        DVec3::X,
+        DVec3::Y,
+        DVec3::Z,
+        -DVec3::X,
+        -DVec3::Y,
+        -DVec3::Z,
+    ]
+    .into_iter()
+    .flat_map(|normal| {
+        let right = DVec3::new(normal.y, normal.z, normal.x);
+        let above = normal.cross(right);
+        surface(n, n, |u, v| {
+            normal / 2.0 + right * (u - 0.5) + above * (v - 0.5)
+        })
+    })
+    .collect()
+}
+
 /// An open sheet of waves.
 pub fn sheet(n: usize) -> Soup {
     surface(n, n, |u, v| {

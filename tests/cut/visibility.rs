@@ -1,7 +1,7 @@
 //! V1, F1, F2, K2 of the design: what culling may and may not drop.
 
 use crate::testing::{
-    Random, Soup, Strips, chaos, cloud, look, look_flat, model, sheet, sphere, torus,
+    Random, Soup, Strips, chaos, cloud, cube, look, look_flat, model, sheet, sphere, torus,
 };
 use crate::{assert_tree_order, coverage, leaves_below};
 use glam::{DVec3, Vec3};
@@ -14,6 +14,7 @@ fn meshes() -> Vec<(&'static str, Soup)> {
     vec![
         ("sphere", sphere(40, 20)),
         ("torus", torus(60, 24)),
+        ("cube", cube(9)),
         ("needles", torus(400, 6)),
         ("open sheet", sheet(25)),
         ("chaos", chaos(1500, 5)),
@@ -368,6 +369,28 @@ fn culling_keeps_every_splat_that_reaches_into_the_picture() {
         }
     }
     assert!(kept > 100 && dropped > 100, "{kept} {dropped}");
+}
+
+/// F9: a corner of the unit cube seen so that only its face +x shows; the cones hold face normals, so the face
+/// stays although the corner's averaged normal points away.
+#[test]
+fn a_visible_face_of_a_cube_stays() {
+    let model = model(&cube(8), Strips::No);
+    let view = look(DVec3::new(3.0, -2.9, -2.9), DVec3::ZERO, (0.1, 20.0));
+    let settings = Settings {
+        threshold_px: 0.0,
+        cull_back: true,
+        ..Settings::default()
+    };
+    let mut cut = Cut::default();
+    select(&model, &view, &settings, &mut cut);
+    // Faces +x, -y, -z, 128 triangles each, and nothing else.
+    assert_eq!(cut.triangles.len(), 3 * 128);
+    assert!(
+        cut.triangles
+            .iter()
+            .all(|&t| faces_viewer(&model, &view, t as usize))
+    );
 }
 
 #[test]
