@@ -9,8 +9,9 @@
 //! monotone size, no nested spheres and no exact arithmetic, and the strip rule may be what it likes. (Trusting
 //! the parent alone would save a quarter of the remembered tests and be wrong where rounding breaks a tie.)
 
+use super::class::Class;
 use super::select::{Item, Run, Walk};
-use super::tester::{Class, Tester};
+use super::tester::Tester;
 use super::{Cut, Settings, leaf_range};
 use crate::math::camera::View;
 use crate::tree::Model;

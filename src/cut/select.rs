@@ -5,7 +5,8 @@
 //! of a large node the children are looked at. Deviations: children are tested together, tests that passed
 //! for all of a node are not repeated below it, and needles may be drawn as rows of splats ([`super::strip`]).
 
-use super::tester::{Class, Tester, inherit};
+use super::class::{Class, inherit};
+use super::tester::Tester;
 use super::{Cut, Settings, StripRun};
 use crate::math::camera::View;
 use crate::tree::{Model, Node};
