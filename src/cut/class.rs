@@ -19,11 +19,9 @@ impl Class {
     const OPEN: u8 = 0x40;
     const STRIP: u8 = 0x80;
 
-    /// The class of a node that is `kept` (1) or dropped (0) and, if kept, `small` (1: a splat) or open (0).
     #[inline]
-    pub(super) fn of(kept: u8, small: u8, inherited: u8) -> Self {
-        let open = (1 - small) * (Self::OPEN | inherited);
-        Self(kept * (small | open))
+    pub(super) fn open(inherited: u8) -> Self {
+        Self(Self::OPEN | inherited)
     }
 
     #[inline]

@@ -226,7 +226,6 @@ impl<R: Record> Walk<'_, R> {
         if model.triangles.is_empty() {
             small = kept;
         }
-        let large = kept & !small;
         append(&mut self.cut.leaves, first, small);
         append(&mut self.cut.triangles, first, kept & !small);
         if count > 0 {

@@ -340,23 +340,29 @@ impl Tester {
             }
         }
         let small = self.small(&balls);
-        // Arithmetic instead of branches: which lane is which cannot be foreseen on a real surface.
-        let bit = |mask: u32, lane: u32| (mask >> lane & 1) as u8;
-        let mut classes = [0, 1, 2, 3].map(|lane| {
-            let inherited = inherited
-                | (bit(inside, lane) * inherit::INSIDE)
-                | (bit(front, lane) * inherit::FRONT);
-            Class::of(bit(kept, lane), bit(small, lane), inherited)
-        });
+        let mut strips = [0; 4];
         if kept & !small != 0 {
-            let strips = self.strips(model, first, group, &balls, kept & !small);
-            if strips != [0; 4] {
-                for (class, count) in classes.iter_mut().zip(strips) {
-                    if count > 0 {
-                        *class = Class::strip(count);
-                    }
-                }
+            strips = self.strips(model, first, group, &balls, kept & !small);
+        }
+        let mut classes = [Class::DROP; 4];
+        for (lane, class) in classes.iter_mut().enumerate() {
+            let bit = 1 << lane;
+            if kept & bit == 0 {
+                continue;
             }
+            *class = if small & bit != 0 {
+                Class::SPLAT
+            } else {
+                let open = Class::open(
+                    inherited
+                        | (u8::from(inside & bit != 0) * inherit::INSIDE)
+                        | (u8::from(front & bit != 0) * inherit::FRONT),
+                );
+                match strips[lane] {
+                    0 => open,
+                    count => Class::strip(count),
+                }
+            };
         }
         classes
     }
