@@ -111,7 +111,7 @@ fn building(scale: u64) {
             per_triangle.push(seconds / count as f64 * 1e9);
             row("   a triangle", seconds / count as f64 * 1e9, "ns", None);
         }
-        let tree_bytes = model.tree.memory_bytes();
+        let tree_bytes = model.memory_bytes().tree();
         let mesh_bytes = (12 * source.positions.len() + 12 * source.normals.len() + 12 * count) as u64;
         row("   tree, bytes a triangle", tree_bytes as f64 / count as f64, "B", None);
         if let Some(peak) = peak {

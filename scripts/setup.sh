@@ -150,8 +150,13 @@ describe() {
 
 # Whether the dynamic linker finds a library: its own list, then the usual folders and LD_LIBRARY_PATH.
 has_library() {
-    if has ldconfig && ldconfig -p 2>/dev/null | grep -q "[[:space:]]$1 "; then
-        return 0
+    # The list may be older than a removal, so the file it names must exist.
+    if has ldconfig; then
+        for file in $(ldconfig -p 2>/dev/null | sed -n "s|^[[:space:]]*$1 (.*=> ||p"); do
+            if [ -e "$file" ]; then
+                return 0
+            fi
+        done
     fi
     for folder in $(echo "${LD_LIBRARY_PATH:-}" | tr : ' ') /lib /lib64 /usr/lib /usr/lib64 /lib/*-linux-* \
         /usr/lib/*-linux-* /usr/local/lib /usr/local/lib64 /opt/homebrew/lib; do

@@ -23,8 +23,7 @@ pub(crate) fn facts(ready: &Ready) -> serde_json::Value {
         let v = m.origin + v.as_dvec3();
         [v.x, v.y, v.z]
     };
-    let tree_bytes = m.tree.memory_bytes();
-    let mesh_bytes = (size_of_val(m.vertices.as_slice()) + size_of_val(m.triangles.as_slice())) as u64;
+    let memory = m.memory_bytes();
     json!({
         "file": ready.name,
         "format": ready.format,
@@ -45,9 +44,9 @@ pub(crate) fn facts(ready: &Ready) -> serde_json::Value {
             "interior_nodes": m.tree.nodes.len(),
             "leaves": m.tree.leaves.len(),
             "levels": m.tree.level_starts.len(),
-            "bytes": tree_bytes,
+            "bytes": memory.tree(),
         },
-        "mesh_bytes": mesh_bytes,
+        "memory_bytes": memory,
         "load_ms": ready.load_ms,
         "build_ms": ready.build_ms,
     })
@@ -63,7 +62,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let m = &ready.model;
     let mut out = String::new();
     let leaves = m.tree.leaves.len().max(1) as f64;
-    let tree_bytes = m.tree.memory_bytes();
+    let tree_bytes = m.memory_bytes().tree();
     // Writing to a string cannot fail.
     let _ = writeln!(out, "{} ({}, {})", ready.name, ready.format, bytes(ready.file_bytes));
     let _ = writeln!(

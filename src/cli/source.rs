@@ -58,7 +58,15 @@ fn spec(shape: &str, triangles: Option<&str>) -> Result<Spec, Failure> {
 
 /// Whether a file is a tree file, by its ending and, failing that, by its first bytes.
 fn is_tree_file(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("surfel")) || tree::file::is_tree_file(path)
+    let mut start = [0; 16];
+    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut start));
+    match read {
+        Ok(length) if length > 0 => tree::file::is_tree_file(&start[..length]),
+        // Let the reader of trees say what is wrong with a file of that name.
+        _ => path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case(tree::file::EXTENSION)),
+    }
 }
 
 impl Source {

@@ -9,8 +9,9 @@
 //! monotone size, no nested spheres and no exact arithmetic, and the strip rule may be what it likes. (Trusting
 //! the parent alone would save a quarter of the remembered tests and be wrong where rounding breaks a tie.)
 
+use super::class::Class;
 use super::select::{Item, Run, Walk};
-use super::tester::{Class, Tester};
+use super::tester::Tester;
 use super::{Cut, Settings, leaf_range};
 use crate::math::camera::View;
 use crate::tree::Model;
@@ -102,9 +103,13 @@ impl Coherent {
         } else {
             let mut done_leaves = 0;
             for &run in &runs {
-                if frame.first_leaf(run) >= done_leaves {
-                    changed += frame.run(run, &mut done_leaves);
+                if done_leaves > 0 {
+                    if frame.first_leaf(run) < done_leaves {
+                        continue;
+                    }
+                    done_leaves = 0;
                 }
+                changed += frame.run(run, &mut done_leaves);
             }
         }
         self.runs = std::mem::replace(&mut self.next, runs);
@@ -285,6 +290,89 @@ impl Frame<'_> {
             Some(class) => Err((id, class)),
             // Only where the tree's links are wrong.
             None => Err((id, Class::DROP)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::camera::Camera;
+    use crate::tree::{Cone, Leaf, Node, Strip, Tree};
+    use glam::{DVec3, Vec3};
+
+    /// Four points in a row, in two nodes below the root.
+    fn row() -> Model {
+        let node = |x: f32, radius: f32, first_child, flags| Node {
+            center: Vec3::X * x,
+            radius,
+            first_child,
+            cone: Cone::ALL,
+            strip: Strip::SPHERE,
+            child_count: 2,
+            flags,
+        };
+        Model {
+            tree: Tree {
+                nodes: vec![
+                    node(0.0, 2.0, 1, 0),
+                    node(-1.0, 0.6, 0, Node::LEAF_CHILDREN),
+                    node(1.0, 0.6, 2, Node::LEAF_CHILDREN),
+                ],
+                parents: vec![0; 3],
+                first_leaf: vec![0, 0, 2],
+                level_starts: vec![0, 1, 3],
+                leaves: [-1.5, -0.5, 0.5, 1.5]
+                    .map(|x| Leaf {
+                        center: Vec3::X * x,
+                        radius: 0.1,
+                    })
+                    .into(),
+                ..Tree::default()
+            },
+            ..Model::default()
+        }
+    }
+
+    /// A mark of 2^24 frames ago must not pass for one of this frame.
+    #[test]
+    fn the_frame_number_wraps_without_a_trace() {
+        let model = row();
+        let camera = Camera::look_at(
+            (400, 300),
+            DVec3::new(0.2, 0.5, 4.0),
+            DVec3::ZERO,
+            DVec3::Y,
+            0.8,
+            (0.1, 20.0),
+        );
+        let view = camera.view(DVec3::ZERO).expect("a usable camera");
+        let mut coherent = Coherent::default();
+        let mut cut = Cut::default();
+        // The frame number after each update, and how many nodes and leaves are drawn. Frame FRAMES - 2 marks
+        // both lower nodes as open; then nothing looks at them until the same number comes again, when both
+        // are to stop.
+        for (number, threshold_px, nodes, leaves) in [
+            (1, 0.0, 0, 4),
+            (FRAMES - 2, 0.0, 0, 4),
+            (FRAMES - 1, 1e4, 1, 0),
+            (1, 0.0, 0, 4),
+            (FRAMES - 2, 200.0, 2, 0),
+        ] {
+            if number == FRAMES - 2 {
+                coherent.frame = number - 1;
+            }
+            let settings = Settings {
+                threshold_px,
+                ..Settings::default()
+            };
+            coherent.update(&model, &view, &settings, &mut cut);
+            assert_eq!(coherent.frame, number);
+            assert_eq!(
+                (cut.nodes.len(), cut.leaves.len()),
+                (nodes, leaves),
+                "frame {number}"
+            );
         }
     }
 }

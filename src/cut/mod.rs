@@ -3,6 +3,7 @@
 //! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root; [`Coherent`] updates the cut
 //! of the last frame and gives the same lists. Both ask one [`Tester`].
 
+mod class;
 mod coherent;
 mod select;
 mod strip;

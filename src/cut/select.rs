@@ -5,7 +5,8 @@
 //! of a large node the children are looked at. Deviations: children are tested together, tests that passed
 //! for all of a node are not repeated below it, and needles may be drawn as rows of splats ([`super::strip`]).
 
-use super::tester::{Class, Tester, inherit};
+use super::class::{Class, inherit};
+use super::tester::Tester;
 use super::{Cut, Settings, StripRun};
 use crate::math::camera::View;
 use crate::tree::{Model, Node};
@@ -56,6 +57,33 @@ impl Record for &mut Vec<Run> {
             }),
         }
     }
+}
+
+/// Appends `first + i` for the bits i of `mask` (4 of them), lowest first.
+///
+/// Writes all four and takes back what is too much: which lanes are set cannot be foreseen on a real surface,
+/// and a wrong guess of the processor costs more than the store.
+#[inline]
+fn append(list: &mut Vec<u32>, first: u32, mask: u32) {
+    const LANES: [[u32; 4]; 16] = {
+        let mut table = [[0; 4]; 16];
+        let mut mask = 0;
+        while mask < 16 {
+            let (mut lane, mut count) = (0, 0);
+            while lane < 4 {
+                if mask >> lane & 1 != 0 {
+                    table[mask][count] = lane;
+                    count += 1;
+                }
+                lane += 1;
+            }
+            mask += 1;
+        }
+        table
+    };
+    let end = list.len() + (mask & 15).count_ones() as usize;
+    list.extend_from_slice(&LANES[(mask & 15) as usize].map(|lane| first.wrapping_add(lane)));
+    list.truncate(end);
 }
 
 /// A node whose turn has not come.
@@ -198,17 +226,8 @@ impl<R: Record> Walk<'_, R> {
         if model.triangles.is_empty() {
             small = kept;
         }
-        let large = kept & !small;
-        for lane in 0..4 {
-            if small & (1 << lane) != 0 {
-                self.cut.leaves.push(first + lane);
-            }
-        }
-        for lane in 0..4 {
-            if large & (1 << lane) != 0 {
-                self.cut.triangles.push(first + lane);
-            }
-        }
+        append(&mut self.cut.leaves, first, small);
+        append(&mut self.cut.triangles, first, kept & !small);
         if count > 0 {
             self.record.stop(parent, first, count);
         }

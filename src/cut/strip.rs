@@ -19,7 +19,7 @@
 //! metrics center, angle and area; for `Nearest`, 2 f g / (z - g) <= t is g <= t z / (2 f + t).
 
 use crate::tree::Node;
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 
 /// Most splats in a row; beyond, the children are looked at.
 pub const MAX_COUNT: u32 = 16;
@@ -37,6 +37,13 @@ pub(super) struct Frame {
     pub(super) near: f32,
 }
 
+/// Four nodes' balls in that unit; depths are along the view direction.
+pub(super) struct Balls {
+    pub(super) radius: Vec4,
+    pub(super) depth: Vec4,
+    pub(super) distance: Vec4,
+}
+
 /// Half length of the row (the strip with its round ends, within the ball) and width, over the node's radius.
 #[inline]
 pub(super) fn relative_size(node: &Node) -> (f32, f32) {
@@ -48,38 +55,37 @@ pub(super) fn relative_size(node: &Node) -> (f32, f32) {
     (in_radii((half + width).min(255)), in_radii(width))
 }
 
-/// How many splats cover the strip of `node`, 2 to [`MAX_COUNT`]; 0 when a row does not fit. `radius`, `depth`
-/// and `distance` are those of the node's ball, the depth along the view direction.
-pub(super) fn count(node: &Node, radius: f32, depth: f32, distance: f32, frame: &Frame) -> u32 {
-    let (half, width) = relative_size(node);
-    let (half, width) = (half * radius, width * radius);
-    let nearest = depth - half;
+/// The same for four nodes.
+#[inline]
+pub(super) fn relative_sizes(nodes: &[Node; 4]) -> (Vec4, Vec4) {
+    let [a, b, c, d] = [0, 1, 2, 3].map(|i| relative_size(&nodes[i]));
+    (Vec4::new(a.0, b.0, c.0, d.0), Vec4::new(a.1, b.1, c.1, d.1))
+}
+
+/// How many splats cover the strips of four nodes, and for which of them that is at most [`MAX_COUNT`] and
+/// the strip thin enough (bits of the lanes; other lanes mean nothing).
+#[inline]
+pub(super) fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) {
+    let (half, width) = (half * balls.radius, width * balls.radius);
+    let nearest = balls.depth - half;
+    let (t, f) = (frame.threshold_px, frame.twice_focal_px);
     let ball = if !frame.is_perspective {
-        frame.threshold_px / frame.twice_focal_px
+        Vec4::splat(t / f)
     } else if frame.is_nearest {
-        frame.threshold_px * nearest / (frame.twice_focal_px + frame.threshold_px)
+        nearest * (t / (f + t))
     } else {
         // z a / (1 + a²) with a = p / q
-        let (p, q) = (
-            frame.threshold_px * nearest,
-            frame.twice_focal_px * (distance + half),
-        );
+        let (p, q) = (nearest * t, (balls.distance + half) * f);
         nearest * p * q / (q * q + p * p)
     };
     // A little below the limit, so that rounding here and in the size test cannot disagree.
     let ball = ball * 0.999_9;
-    if !(nearest - ball > frame.near && ball > 0.0 && width <= MAX_WIDTH * ball) {
-        return 0;
-    }
-    let count = (half * half / (ball * ball - width * width))
-        .sqrt()
-        .ceil()
-        .max(2.0);
-    if count <= MAX_COUNT as f32 {
-        count as u32
-    } else {
-        0
-    }
+    let squared = half * half / (ball * ball - width * width);
+    let fits = (nearest - ball).cmpgt(Vec4::splat(frame.near))
+        & ball.cmpgt(Vec4::ZERO)
+        & width.cmple(ball * MAX_WIDTH)
+        & squared.cmple(Vec4::splat((MAX_COUNT * MAX_COUNT) as f32));
+    (squared.sqrt().ceil().max(Vec4::splat(2.0)), fits.bitmask())
 }
 
 /// Center of splat `index` (0 to `count` - 1) of a strip drawn as `count` splats, model space.

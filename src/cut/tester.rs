@@ -9,6 +9,7 @@
 //! Every comparison errs to the safe side by the rounding of single precision, and is written so that a
 //! NaN keeps the node and descends.
 
+use super::class::{Class, inherit};
 use super::strip;
 use super::{Settings, SizeMetric, Stats};
 use crate::abi::Vertex;
@@ -17,64 +18,6 @@ use crate::math::frustum::{Frustum, Plane};
 use crate::math::octahedral;
 use crate::tree::{Cone, Leaf, Model, Node, Strip};
 use glam::{BVec4A, DVec3, Mat4, Vec3, Vec4};
-
-/// What a node inherits from its parent, as bits.
-pub(super) mod inherit {
-    /// Wholly inside the view volume (or nothing is dropped by it): no test below.
-    pub(in crate::cut) const INSIDE: u8 = 1;
-    /// Every normal faces the viewer (or nothing is dropped by facing): no test below.
-    pub(in crate::cut) const FRONT: u8 = 2;
-}
-
-/// What becomes of a node, one byte: nothing, a splat, 2 to 16 splats along its strip, or a descent with what
-/// the children inherit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Class(u8);
-
-impl Class {
-    pub(super) const DROP: Self = Self(0);
-    pub(super) const SPLAT: Self = Self(1);
-    const OPEN: u8 = 0x40;
-    const STRIP: u8 = 0x80;
-
-    #[inline]
-    pub(super) fn open(inherited: u8) -> Self {
-        Self(Self::OPEN | inherited)
-    }
-
-    #[inline]
-    fn strip(count: u32) -> Self {
-        Self(Self::STRIP | count as u8)
-    }
-
-    /// Whether the children are to be looked at.
-    #[inline]
-    pub(super) fn is_open(self) -> bool {
-        self.0 & Self::OPEN != 0
-    }
-
-    /// What the children of an open node inherit.
-    #[inline]
-    pub(super) fn inherited(self) -> u8 {
-        self.0 & (inherit::INSIDE | inherit::FRONT)
-    }
-
-    /// Number of splats along the strip, if it is drawn so.
-    #[inline]
-    pub(super) fn strip_count(self) -> Option<u32> {
-        (self.0 & Self::STRIP != 0).then_some(u32::from(self.0 & 0x1f))
-    }
-
-    #[inline]
-    pub(super) fn to_bits(self) -> u8 {
-        self.0
-    }
-
-    #[inline]
-    pub(super) fn from_bits(bits: u8) -> Self {
-        Self(bits)
-    }
-}
 
 /// Which way the normals below a node face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -397,6 +340,10 @@ impl Tester {
             }
         }
         let small = self.small(&balls);
+        let mut strips = [0; 4];
+        if kept & !small != 0 {
+            strips = self.strips(model, first, group, &balls, kept & !small);
+        }
         let mut classes = [Class::DROP; 4];
         for (lane, class) in classes.iter_mut().enumerate() {
             let bit = 1 << lane;
@@ -411,8 +358,7 @@ impl Tester {
                         | (u8::from(inside & bit != 0) * inherit::INSIDE)
                         | (u8::from(front & bit != 0) * inherit::FRONT),
                 );
-                let node = &group[lane];
-                match self.strip_count(model, first + lane as u32, node, &balls, lane) {
+                match strips[lane] {
                     0 => open,
                     count => Class::strip(count),
                 }
@@ -421,42 +367,56 @@ impl Tester {
         classes
     }
 
-    /// How many splats along its strip can stand for the node in lane `lane`; 0 if none can.
+    /// How many splats along their strips can stand for the nodes of `lanes`; 0 where none can.
     #[inline]
-    fn strip_count(&self, model: &Model, id: u32, node: &Node, balls: &Balls, lane: usize) -> u32 {
-        if node.strip == Strip::SPHERE {
-            return 0;
+    fn strips(
+        &self,
+        model: &Model,
+        first: u32,
+        group: &[Node; 4],
+        balls: &Balls,
+        lanes: u32,
+    ) -> [u32; 4] {
+        let mut lanes = lanes;
+        for (lane, node) in group.iter().enumerate() {
+            lanes &= !(u32::from(node.strip == Strip::SPHERE) << lane);
+        }
+        if lanes == 0 {
+            return [0; 4];
         }
         // Most fail here, before any root or division: no ball that the threshold allows is wider than
         // t z / 2 f, so the strip must be thinner than that, and short enough for a row of such balls.
         let depth = if self.is_perspective {
-            balls.depth[lane]
+            balls.depth
         } else {
-            1.0
+            Vec4::ONE
         };
-        let in_balls = balls.radius[lane] * self.ratio;
-        let most = match node.has_leaves() {
-            true => u32::from(node.child_count).saturating_sub(1),
-            false => strip::MAX_COUNT,
-        };
-        let (half, width) = strip::relative_size(node);
-        if !(width * in_balls <= strip::MAX_WIDTH * depth && half * in_balls <= most as f32 * depth)
-            || most < 2
-        {
-            return 0;
+        let in_balls = balls.radius * self.ratio;
+        let (half, width) = strip::relative_sizes(group);
+        let is_likely = (width * in_balls).cmple(depth * strip::MAX_WIDTH)
+            & (half * in_balls).cmple(depth * strip::MAX_COUNT as f32);
+        lanes &= is_likely.bitmask();
+        if lanes == 0 {
+            return [0; 4];
         }
-        self.strip_count_of(model, id, node, balls, lane)
+        self.strip_counts(model, first, group, balls, half, width, lanes)
     }
 
     #[inline(never)]
-    fn strip_count_of(
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the unlikely half of `strips`, which has them all"
+    )]
+    fn strip_counts(
         &self,
         model: &Model,
-        id: u32,
-        node: &Node,
+        first: u32,
+        group: &[Node; 4],
         balls: &Balls,
-        lane: usize,
-    ) -> u32 {
+        half: Vec4,
+        width: Vec4,
+        lanes: u32,
+    ) -> [u32; 4] {
         let frame = strip::Frame {
             is_perspective: self.is_perspective,
             is_nearest: self.size == SizeMetric::Nearest,
@@ -464,24 +424,32 @@ impl Tester {
             threshold_px: self.threshold_px,
             near: self.near,
         };
-        let distance = balls.distance_squared()[lane].sqrt();
-        let count = strip::count(
-            node,
-            balls.radius[lane],
-            balls.depth[lane],
-            distance,
-            &frame,
-        );
-        // Fewer splats than leaves below, else the leaves are the better picture. Children that are nodes
-        // have two leaves at least, which spares most look-ups.
-        let children = u32::from(node.child_count);
-        let is_fewer = || match node.has_leaves() {
-            true => count < children,
-            false => {
-                count < 2 * children || count < super::leaf_range(&model.tree, id).len() as u32
-            }
+        let distances = strip::Balls {
+            radius: balls.radius,
+            depth: balls.depth,
+            distance: balls.distance_squared().sqrt(),
         };
-        if count > 0 && is_fewer() { count } else { 0 }
+        let (counts, fits) = strip::counts(half, width, &distances, &frame);
+        let counts = counts.to_array();
+        let mut fitting = [0; 4];
+        for (lane, fitting) in fitting.iter_mut().enumerate() {
+            if fits & lanes & (1 << lane) == 0 {
+                continue;
+            }
+            // Fewer splats than leaves below, else the leaves are the better picture. Children that are
+            // nodes have two leaves at least, which spares most look-ups.
+            let (node, count) = (&group[lane], counts[lane] as u32);
+            let children = u32::from(node.child_count);
+            let id = first + lane as u32;
+            let is_fewer = match node.has_leaves() {
+                true => count < children,
+                false => {
+                    count < 2 * children || count < super::leaf_range(&model.tree, id).len() as u32
+                }
+            };
+            *fitting = if is_fewer { count } else { 0 };
+        }
+        fitting
     }
 
     /// Which of the `count` (1 to 4) leaves from `first` on are outside of the view volume, and which of the

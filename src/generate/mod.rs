@@ -174,7 +174,11 @@ const MOST_BLOCKS: usize = 16;
 /// # Errors
 ///
 /// [`Error::Stream`] when `out` fails, [`Error::Cancelled`] when `progress` says so; `out` then holds a part.
-pub fn write_ply(spec: &Spec, out: &mut impl Write, progress: &dyn Progress) -> Result<(), Error> {
+pub fn write_ply(
+    spec: &Spec,
+    out: &mut (impl Write + ?Sized),
+    progress: &dyn Progress,
+) -> Result<(), Error> {
     let surface = surface(spec);
     let (vertices, triangles) = spec.counts();
     let layout = ply::Layout {
@@ -206,7 +210,7 @@ pub fn write_ply(spec: &Spec, out: &mut impl Write, progress: &dyn Progress) -> 
 /// Makes the bytes of some blocks in parallel, writes them in order, and so on to the end.
 fn in_order(
     blocks: &[Range<usize>],
-    out: &mut impl Write,
+    out: &mut (impl Write + ?Sized),
     progress: &dyn Progress,
     encode: impl Fn(&Range<usize>) -> Vec<u8> + Sync,
 ) -> Result<(), Error> {

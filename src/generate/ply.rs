@@ -144,7 +144,11 @@ fn put<const N: usize>(bytes: &mut Vec<u8>, numbers: [[u8; N]; 3]) {
 ///
 /// [`Error::Inconsistent`] when normals or colors are neither absent nor one per vertex,
 /// [`Error::Stream`] when `out` fails, [`Error::Cancelled`] when `progress` says so; `out` then holds a part.
-pub fn write_to(mesh: &Mesh, out: &mut impl Write, progress: &dyn Progress) -> Result<(), Error> {
+pub fn write_to(
+    mesh: &Mesh,
+    out: &mut (impl Write + ?Sized),
+    progress: &dyn Progress,
+) -> Result<(), Error> {
     let layout = Layout::of(mesh)?;
     let header = layout.header();
     progress.stage("write", header.len() as u64 + layout.body_bytes());

@@ -35,6 +35,13 @@ impl MemoryBytes {
     }
 }
 
+impl MemoryBytes {
+    /// The tree alone, without vertices and corner indices.
+    pub fn tree(&self) -> u64 {
+        self.total() - self.vertices - self.triangles
+    }
+}
+
 impl Model {
     /// Bytes of each part (content, not capacity).
     pub fn memory_bytes(&self) -> MemoryBytes {

@@ -139,7 +139,25 @@ fn updates_need_no_nested_bounds() {
     walk("not nested", &model, 1500, 12);
 }
 
-/// The frame number in a mark wraps after 2^24 frames at the earliest; a static view changes nothing.
+/// Warm lists keep their memory: the same cut again allocates nothing.
+#[test]
+fn a_warm_cut_keeps_its_memory() {
+    let model = model(&sphere(80, 40), Strips::Yes);
+    let view = look(DVec3::new(0.0, 0.4, 2.0), DVec3::ZERO, (0.1, 9.0));
+    let (mut selector, mut cut) = (Selector::default(), Cut::default());
+    let mut memory = Vec::new();
+    for _ in 0..4 {
+        selector.select(&model, &view, &Settings::default(), &mut cut);
+        memory.push((
+            cut.nodes.as_ptr(),
+            cut.leaves.as_ptr(),
+            cut.triangles.as_ptr(),
+        ));
+    }
+    assert!(!cut.triangles.is_empty());
+    assert_eq!(memory[1..], [memory[0]; 3]);
+}
+
 #[test]
 fn a_static_view_changes_nothing() {
     let model = model(&sphere(40, 20), Strips::No);

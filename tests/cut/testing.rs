@@ -89,6 +89,27 @@ pub fn torus(nu: usize, nv: usize) -> Soup {
     })
 }
 
+/// The cube of side 1 around 0: flat faces, whose cones have no width, and sharp edges.
+pub fn cube(n: usize) -> Soup {
+    [
+        DVec3::X,
+        DVec3::Y,
+        DVec3::Z,
+        -DVec3::X,
+        -DVec3::Y,
+        -DVec3::Z,
+    ]
+    .into_iter()
+    .flat_map(|normal| {
+        let right = DVec3::new(normal.y, normal.z, normal.x);
+        let above = normal.cross(right);
+        surface(n, n, |u, v| {
+            normal / 2.0 + right * (u - 0.5) + above * (v - 0.5)
+        })
+    })
+    .collect()
+}
+
 /// An open sheet of waves.
 pub fn sheet(n: usize) -> Soup {
     surface(n, n, |u, v| {
@@ -201,12 +222,13 @@ fn strip_of(center: Vec3, radius: f32, corners: impl Iterator<Item = DVec3> + Cl
         width: 0,
     };
     let u = strip.direction().as_dvec3().normalize();
-    let (mut half, mut width) = (0.0f64, 0.0f64);
-    for p in corners {
-        let t = (p - c).dot(u);
-        half = half.max(t.abs());
-        width = width.max((p - c - u * t).length());
-    }
+    let along = |p: DVec3| (p - c).dot(u);
+    let across = |p: DVec3| (p - c - u * along(p)).length();
+    let width = corners.clone().map(across).fold(0.0, f64::max);
+    // The shortest segment: the round ends of the capsule hold what lies beyond it.
+    let beyond =
+        |p: DVec3| along(p).abs() - (width * width - across(p) * across(p)).max(0.0).sqrt();
+    let half = corners.clone().map(beyond).fold(0.0, f64::max);
     let in_255 = |x: f64| (x / f64::from(radius) * 255.0 + 1e-3).ceil();
     if !(radius > 0.0 && in_255(half) <= 255.0 && in_255(width) < 180.0) {
         return Strip::SPHERE;

@@ -1,7 +1,7 @@
 //! V1, F1, F2, K2 of the design: what culling may and may not drop.
 
 use crate::testing::{
-    Random, Soup, Strips, chaos, cloud, look, look_flat, model, sheet, sphere, torus,
+    Random, Soup, Strips, chaos, cloud, cube, look, look_flat, model, sheet, sphere, torus,
 };
 use crate::{assert_tree_order, coverage, leaves_below};
 use glam::{DVec3, Vec3};
@@ -14,6 +14,7 @@ fn meshes() -> Vec<(&'static str, Soup)> {
     vec![
         ("sphere", sphere(40, 20)),
         ("torus", torus(60, 24)),
+        ("cube", cube(9)),
         ("needles", torus(400, 6)),
         ("open sheet", sheet(25)),
         ("chaos", chaos(1500, 5)),
@@ -49,18 +50,28 @@ fn views(random: &mut Random, count: usize) -> Vec<View> {
         .collect()
 }
 
-/// Whether a triangle faces the viewer by more than the rounding of this function.
-fn faces_viewer(model: &Model, view: &View, leaf: usize) -> bool {
+/// The cosine of the angle between a triangle's normal and the direction to the viewer (0 without area), and
+/// the rounding of it.
+fn facing(model: &Model, view: &View, leaf: usize) -> (f64, f64) {
     let [a, b, c] = model.triangles[leaf].map(|i| model.vertices[i as usize].position.as_dvec3());
-    let to_viewer = if view.is_perspective {
-        view.eye.as_dvec3() - a
-    } else {
-        view.backward.as_dvec3()
+    let to_viewer = match view.is_perspective {
+        true => view.eye.as_dvec3() - a,
+        false => view.backward.as_dvec3(),
     };
-    let n = (b - a).cross(c - a);
+    let n = (b - a).cross(c - a).normalize_or_zero();
     // The orthographic direction itself is rounded to single precision.
-    let slack = if view.is_perspective { 1e-13 } else { 1e-7 };
-    n.dot(to_viewer) > slack * n.length() * to_viewer.length()
+    let rounding = if view.is_perspective { 1e-13 } else { 1e-7 };
+    (n.dot(to_viewer.normalize()), rounding)
+}
+
+fn faces_viewer(model: &Model, view: &View, leaf: usize) -> bool {
+    let (cos, rounding) = facing(model, view, leaf);
+    cos > rounding
+}
+
+fn faces_away(model: &Model, view: &View, leaf: usize) -> bool {
+    let (cos, rounding) = facing(model, view, leaf);
+    cos < -rounding
 }
 
 fn is_in_view(model: &Model, frustum: &Frustum, leaf: usize) -> bool {
@@ -87,6 +98,35 @@ fn culling_never_drops_what_is_visible_and_nothing_is_drawn_twice() {
                 let mut cut = Cut::default();
                 select(&model, &view, &settings, &mut cut);
                 assert_tree_order(&model, &cut);
+                // A node inside the volume spares the tests below; they would have found nothing.
+                let tester = Tester::new(&model, &view, &settings);
+                let nodes = cut.nodes.iter().map(|&id| &model.tree.nodes[id as usize]);
+                let leaves = cut
+                    .leaves
+                    .iter()
+                    .chain(&cut.triangles)
+                    .map(|&id| &model.tree.leaves[id as usize]);
+                for (center, radius) in nodes
+                    .map(|n| (n.center, n.radius))
+                    .chain(leaves.map(|l| (l.center, l.radius)))
+                {
+                    assert!(
+                        !settings.cull_frustum || !tester.is_outside(center, radius),
+                        "{name}, view {i}"
+                    );
+                }
+                for &leaf in cut
+                    .leaves
+                    .iter()
+                    .chain(&cut.triangles)
+                    .filter(|_| settings.cull_back)
+                {
+                    let is_away = faces_away(&model, &view, leaf as usize);
+                    assert!(
+                        !is_away,
+                        "{name}, view {i}: leaf {leaf} faces away and was drawn"
+                    );
+                }
                 for (leaf, &times) in coverage(&model, &cut).iter().enumerate() {
                     assert!(times <= 1, "{name}: leaf {leaf} is drawn {times} times");
                     let may_drop = settings.cull_back && !faces_viewer(&model, &view, leaf)
@@ -320,12 +360,37 @@ fn culling_keeps_every_splat_that_reaches_into_the_picture() {
                     && z > view.near
                     && z < view.far;
                 let is_drawn = leaves_below(&model.tree, id).all(|leaf| drawn[leaf as usize] == 1);
-                assert!(is_drawn || !reaches, "the splat at {x}, {y}, {z} was dropped");
+                assert!(
+                    is_drawn || !reaches,
+                    "the splat at {x}, {y}, {z} was dropped"
+                );
                 *(if is_drawn { &mut kept } else { &mut dropped }) += 1;
             }
         }
     }
     assert!(kept > 100 && dropped > 100, "{kept} {dropped}");
+}
+
+/// F9: a corner of the unit cube seen so that only its face +x shows; the cones hold face normals, so the face
+/// stays although the corner's averaged normal points away.
+#[test]
+fn a_visible_face_of_a_cube_stays() {
+    let model = model(&cube(8), Strips::No);
+    let view = look(DVec3::new(3.0, -2.9, -2.9), DVec3::ZERO, (0.1, 20.0));
+    let settings = Settings {
+        threshold_px: 0.0,
+        cull_back: true,
+        ..Settings::default()
+    };
+    let mut cut = Cut::default();
+    select(&model, &view, &settings, &mut cut);
+    // Faces +x, -y, -z, 128 triangles each, and nothing else.
+    assert_eq!(cut.triangles.len(), 3 * 128);
+    assert!(
+        cut.triangles
+            .iter()
+            .all(|&t| faces_viewer(&model, &view, t as usize))
+    );
 }
 
 #[test]
