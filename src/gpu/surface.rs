@@ -41,6 +41,8 @@ struct Swapchain {
     drawn: Vec<vk::Semaphore>,
     /// One for each frame in flight.
     free: Vec<vk::Semaphore>,
+    /// Something was presented. Where even a new swapchain is called suboptimal, another would not be better.
+    is_used: bool,
 }
 
 /// The surface of a window. Must be dropped before its window.
@@ -286,6 +288,7 @@ impl Surface {
             images: Vec::new(),
             drawn: Vec::new(),
             free: Vec::new(),
+            is_used: false,
         });
         // SAFETY: the swapchain was just made.
         swapchain.images = unsafe { self.swapchains.get_swapchain_images(handle) }
@@ -366,7 +369,7 @@ impl Surface {
             match result {
                 Ok((index, is_suboptimal)) => {
                     // Still to be presented on; the one after it comes from a new swapchain.
-                    self.is_stale = is_suboptimal;
+                    self.is_stale = is_suboptimal && swapchain.is_used;
                     return Ok(Some(Acquired {
                         image: swapchain.images[index as usize],
                         free,
@@ -391,7 +394,8 @@ impl Surface {
     /// # Errors
     /// When the device is lost.
     pub fn present(&mut self, acquired: Acquired) -> Result<bool, Error> {
-        let Some(swapchain) = &self.swapchain else { return Ok(false) };
+        let Some(swapchain) = &mut self.swapchain else { return Ok(false) };
+        let was_used = std::mem::replace(&mut swapchain.is_used, true);
         let (handles, indices, waits) = ([swapchain.handle], [acquired.index], [acquired.drawn]);
         let info = vk::PresentInfoKHR::default()
             .swapchains(&handles)
@@ -405,8 +409,8 @@ impl Surface {
         };
         match result {
             Ok(is_suboptimal) => {
-                self.is_stale |= is_suboptimal;
-                Ok(!is_suboptimal)
+                self.is_stale |= is_suboptimal && was_used;
+                Ok(!self.is_stale)
             }
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => {
                 self.is_stale = true;

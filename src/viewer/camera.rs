@@ -10,8 +10,6 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Vertical field of view, radians: that of the standard orbit.
 pub const FOV_Y: f64 = PI / 4.0;
-/// Angles that the window opens with, and that a reset returns to: azimuth and elevation, radians.
-pub const HOME: (f64, f64) = (30.0 * PI / 180.0, 20.0 * PI / 180.0);
 /// Factor of the distance for one step of the wheel towards the model.
 const WHEEL_STEP: f64 = 0.85;
 /// Largest distance from the model's center, in radii.
@@ -254,6 +252,7 @@ mod tests {
 
     const CENTER: DVec3 = DVec3::new(10.0, -3.0, 7.0);
     const SIZE: (u32, u32) = (640, 480);
+    const HOME: (f64, f64) = (0.5, 0.3);
 
     fn orbit() -> Orbit {
         Orbit::new(CENTER, 2.0, SIZE, (HOME.0, HOME.1, 1.0))
