@@ -52,6 +52,9 @@ pub(crate) struct Args {
     /// Close after this many frames, drawn one after the other
     #[arg(long, value_name = "N", hide = true)]
     exit_after_frames: Option<u64>,
+    /// For tests: treat the surface as lost every N frames
+    #[arg(long, value_name = "N", hide = true)]
+    lose_surface_every: Option<u64>,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -83,7 +86,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         };
         match source.ready_with(progress) {
             Ok(ready) => Ok(ready.model),
-            Err(Failure::Input(error) | Failure::Run(error)) => Err(format!("{error:#}").into()),
+            Err(Failure::Input(error) | Failure::Run(error)) => Err(format!("{error}").into()),
         }
     });
     let options = Options {
@@ -95,6 +98,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         gpu,
         screenshot: args.screenshot,
         exit_after_frames: args.exit_after_frames,
+        lose_surface_every: args.lose_surface_every,
     };
     Ok(viewer::run(options, open, &is_interrupted)?)
 }

@@ -70,6 +70,9 @@ pub struct Options {
     pub screenshot: Option<PathBuf>,
     /// Close after so many frames of the model, drawn one after the other.
     pub exit_after_frames: Option<u64>,
+    /// For tests: treat the surface as lost every so many frames.
+    #[doc(hidden)]
+    pub lose_surface_every: Option<u64>,
 }
 
 /// Opens the window and returns when it is closed. `open` loads models, on another thread; `should_stop` is
@@ -138,7 +141,8 @@ fn show(
         .ok_or_else(|| window_error("Vulkan cannot draw into windows here", &cause.borrow()))?;
     let gpu = Gpu::open(&options.gpu)?;
     *messages = Some(gpu.messages().clone());
-    let screen = Screen::new(&gpu, &window, options.vsync)?;
+    let mut screen = Screen::new(&gpu, &window, options.vsync)?;
+    screen.lose_surface_every(options.lose_surface_every);
     let mut viewer = Viewer {
         screen,
         gpu,

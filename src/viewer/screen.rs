@@ -60,6 +60,10 @@ pub(super) struct Screen {
     times: FrameTimes,
     /// The view that the targets hold.
     drawn: Option<View>,
+    /// How the last frame was drawn, and how large: times of others do not go into its median.
+    look: Option<(Settings, (u32, u32))>,
+    lose_surface_every: Option<u64>,
+    acquired: u64,
 }
 
 impl Screen {
@@ -81,7 +85,27 @@ impl Screen {
             frame_times_ms: VecDeque::new(),
             times: FrameTimes::default(),
             drawn: None,
+            look: None,
+            lose_surface_every: None,
+            acquired: 0,
         })
+    }
+
+    /// For tests: every so many frames the surface counts as lost, or its swapchain as out of date, in turn.
+    pub(super) fn lose_surface_every(&mut self, frames: Option<u64>) {
+        self.lose_surface_every = frames.filter(|&n| n > 0);
+    }
+
+    fn inject_fault(&mut self) {
+        self.acquired += 1;
+        let Some(every) = self.lose_surface_every else { return };
+        if self.acquired % every == 0 {
+            self.surface.inject(if self.acquired / every % 2 == 1 {
+                ash::vk::Result::ERROR_SURFACE_LOST_KHR
+            } else {
+                ash::vk::Result::ERROR_OUT_OF_DATE_KHR
+            });
+        }
     }
 
     /// Shows another model from the next frame on. When it does not fit the device the old one stays.
@@ -157,11 +181,17 @@ impl Screen {
         }
         let slot = self.renderer.wait_for_next()?;
         let start = Instant::now();
+        self.inject_fault();
         let Some(onto) = self.surface.acquire(window, slot)? else { return Ok(Shown::Nothing) };
         let size = (onto.width, onto.height);
         let mut settings = *settings;
         if settings.method == Method::Points {
             settings.threshold_px = settings.threshold_px.min(self.gpu.info().max_point_size_px);
+        }
+        if self.look != Some((settings, size)) {
+            self.finish()?;
+            self.frame_times_ms.clear();
+            self.look = Some((settings, size));
         }
         self.drawn = None;
         let outcome = self.renderer.resize(size.0, size.1).and_then(|()| {
