@@ -74,7 +74,9 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     let settings = args.look.settings()?;
     let gpu = args.device.options();
     if gpu.device.as_deref() == Some(Backend::MIRROR) {
-        return Err(usage("--device mirror draws pictures only; use it with surfel render"));
+        return Err(usage(
+            "--device mirror draws pictures only; use it with surfel render",
+        ));
     }
     require_ending("--screenshot", args.screenshot.as_ref(), &["png"])?;
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);

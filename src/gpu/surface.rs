@@ -102,7 +102,12 @@ impl Surface {
     /// # Errors
     /// When the device was not opened with the window's extensions, cannot present to this window, or has no
     /// format or usage that a picture can be put on.
-    pub fn new(gpu: &Arc<Gpu>, window: &glfw::Window, in_flight: usize, vsync: bool) -> Result<Self, Error> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        window: &glfw::Window,
+        in_flight: usize,
+        vsync: bool,
+    ) -> Result<Self, Error> {
         let mut surface = Self {
             swapchain: None,
             surface: vk::SurfaceKHR::null(),
@@ -182,7 +187,9 @@ impl Surface {
 
     /// Waits for the device and destroys the swapchain with its semaphores.
     fn drop_swapchain(&mut self) {
-        let Some(old) = self.swapchain.take() else { return };
+        let Some(old) = self.swapchain.take() else {
+            return;
+        };
         self.gpu.wait_idle();
         // SAFETY: the device is idle, so no submission uses an image or a semaphore of the swapchain, and no
         // acquired image is left (it was presented, or abandoned together with the swapchain).
@@ -305,12 +312,20 @@ impl Surface {
             self.swapchain.iter_mut().for_each(|s| s.free.push(free));
         }
         self.rebuilt += 1;
-        tracing::debug!("swapchain {} x {}, {} images", extent.width, extent.height, images.len());
+        tracing::debug!(
+            "swapchain {} x {}, {} images",
+            extent.width,
+            extent.height,
+            images.len()
+        );
         Ok(())
     }
 
     /// The format nearest to the renderer's bytes: without an sRGB encoding, which would change them.
-    fn choose_format(&self, formats: &[vk::SurfaceFormatKHR]) -> Result<vk::SurfaceFormatKHR, Error> {
+    fn choose_format(
+        &self,
+        formats: &[vk::SurfaceFormatKHR],
+    ) -> Result<vk::SurfaceFormatKHR, Error> {
         choose_format(formats, |format| {
             // SAFETY: the physical device belongs to the instance.
             let properties = unsafe {
@@ -332,7 +347,11 @@ impl Surface {
     ///
     /// # Errors
     /// When the device is lost or cannot present any more.
-    pub fn acquire(&mut self, window: &glfw::Window, slot: usize) -> Result<Option<Acquired>, Error> {
+    pub fn acquire(
+        &mut self,
+        window: &glfw::Window,
+        slot: usize,
+    ) -> Result<Option<Acquired>, Error> {
         let (width, height) = framebuffer(window);
         if width == 0 || height == 0 {
             return Ok(None);
@@ -355,15 +374,21 @@ impl Surface {
                     other => other?,
                 }
             }
-            let Some(swapchain) = &self.swapchain else { return Ok(None) };
+            let Some(swapchain) = &self.swapchain else {
+                return Ok(None);
+            };
             let free = swapchain.free[slot % swapchain.free.len()];
             let result = match self.injected.take() {
                 Some(result) => Err(result),
                 // SAFETY: the swapchain is alive; the semaphore is not signalled and nothing waits for it,
                 // because the frame that did has finished.
                 None => unsafe {
-                    self.swapchains
-                        .acquire_next_image(swapchain.handle, PATIENCE_NS, free, vk::Fence::null())
+                    self.swapchains.acquire_next_image(
+                        swapchain.handle,
+                        PATIENCE_NS,
+                        free,
+                        vk::Fence::null(),
+                    )
                 },
             };
             match result {
@@ -382,7 +407,9 @@ impl Surface {
                 Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.is_stale = true,
                 Err(vk::Result::ERROR_SURFACE_LOST_KHR) => self.is_lost = true,
                 Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(None),
-                Err(result) => return Err(Error::vulkan("vkAcquireNextImageKHR", "the window")(result)),
+                Err(result) => {
+                    return Err(Error::vulkan("vkAcquireNextImageKHR", "the window")(result));
+                }
             }
         }
         Ok(None)
@@ -394,7 +421,9 @@ impl Surface {
     /// # Errors
     /// When the device is lost.
     pub fn present(&mut self, acquired: Acquired) -> Result<bool, Error> {
-        let Some(swapchain) = &mut self.swapchain else { return Ok(false) };
+        let Some(swapchain) = &mut self.swapchain else {
+            return Ok(false);
+        };
         let was_used = std::mem::replace(&mut swapchain.is_used, true);
         let (handles, indices, waits) = ([swapchain.handle], [acquired.index], [acquired.drawn]);
         let info = vk::PresentInfoKHR::default()
@@ -440,7 +469,10 @@ impl Drop for Surface {
 
 fn framebuffer(window: &glfw::Window) -> (u32, u32) {
     let (width, height) = window.get_framebuffer_size();
-    (u32::try_from(width).unwrap_or(0), u32::try_from(height).unwrap_or(0))
+    (
+        u32::try_from(width).unwrap_or(0),
+        u32::try_from(height).unwrap_or(0),
+    )
 }
 
 /// The mode for `vsync`: FIFO, which every device has; without it mailbox, then immediate.
@@ -453,7 +485,10 @@ fn choose_mode(vsync: bool, modes: &[vk::PresentModeKHR]) -> vk::PresentModeKHR 
 }
 
 /// The surface's own size where it has one, else the window's within the limits.
-fn choose_extent(capabilities: &vk::SurfaceCapabilitiesKHR, (width, height): (u32, u32)) -> vk::Extent2D {
+fn choose_extent(
+    capabilities: &vk::SurfaceCapabilitiesKHR,
+    (width, height): (u32, u32),
+) -> vk::Extent2D {
     if capabilities.current_extent.width != u32::MAX {
         return capabilities.current_extent;
     }

@@ -169,7 +169,11 @@ impl Orbit {
     pub fn zoom(&mut self, factor: f64, at: DVec2, distance: f64) {
         let distance = distance.max(NEAREST * self.radius);
         let least = (NEAREST * self.radius / distance).min(1.0);
-        let factor = if factor.is_finite() { factor.max(least) } else { 1.0 };
+        let factor = if factor.is_finite() {
+            factor.max(least)
+        } else {
+            1.0
+        };
         let point = self.seen_at(at, distance);
         let eye = self.eye + (1.0 - factor) * point;
         if eye.z <= NEAREST * self.radius {
@@ -189,7 +193,9 @@ impl Orbit {
 
     /// Factor of a drag by `pixels` downward, away from the model.
     pub fn drag_factor(&self, pixels: f64) -> f64 {
-        (4.0 * pixels / f64::from(self.size.1)).clamp(-8.0, 8.0).exp()
+        (4.0 * pixels / f64::from(self.size.1))
+            .clamp(-8.0, 8.0)
+            .exp()
     }
 
     /// Makes the point seen at pixel position `at` at `distance` along the view direction the center of
@@ -238,7 +244,11 @@ impl Orbit {
         let (right, up, back) = self.basis();
         let target = self.pivot + self.eye.x * right + self.eye.y * up;
         let eye = target + self.eye.z * back;
-        let world_up = if self.elevation.cos() < POLE { up } else { DVec3::Y };
+        let world_up = if self.elevation.cos() < POLE {
+            up
+        } else {
+            DVec3::Y
+        };
         Camera::look_at(self.size, eye, target, world_up, FOV_Y, self.near_far())
     }
 }
@@ -263,7 +273,10 @@ mod tests {
         let camera = orbit.camera();
         let clip = camera.proj * camera.view * point.extend(1.0);
         let ndc = clip.truncate() / clip.w;
-        DVec2::new((ndc.x + 1.0) / 2.0 * f64::from(SIZE.0), (1.0 - ndc.y) / 2.0 * f64::from(SIZE.1))
+        DVec2::new(
+            (ndc.x + 1.0) / 2.0 * f64::from(SIZE.0),
+            (1.0 - ndc.y) / 2.0 * f64::from(SIZE.1),
+        )
     }
 
     /// World-space point seen at a pixel position.
@@ -274,7 +287,9 @@ mod tests {
     #[test]
     fn the_first_camera_is_that_of_the_standard_orbit_to_the_bit() {
         for (size, radius) in [((500, 500), 2.0), ((640, 480), 0.3), ((300, 801), 1234.5)] {
-            for (azimuth, elevation, fill) in [(HOME.0, HOME.1, 1.0), (-1.0, -0.7, 0.5), (4.0, 0.0, 3.0)] {
+            for (azimuth, elevation, fill) in
+                [(HOME.0, HOME.1, 1.0), (-1.0, -0.7, 0.5), (4.0, 0.0, 3.0)]
+            {
                 let ours = Orbit::new(CENTER, radius, size, (azimuth, elevation, fill)).camera();
                 let standard = Camera::orbit(size, CENTER, radius, azimuth, elevation, fill);
                 assert_eq!(ours, standard);
@@ -305,7 +320,10 @@ mod tests {
         let mut before = o.clone();
         before.elevation += 1e-5;
         let difference = (before.camera().view - o.camera().view).to_cols_array();
-        assert!(difference.into_iter().all(|d| d.abs() < 1e-3), "{difference:?}");
+        assert!(
+            difference.into_iter().all(|d| d.abs() < 1e-3),
+            "{difference:?}"
+        );
     }
 
     #[test]
@@ -335,7 +353,10 @@ mod tests {
         o.resize((900, 300));
         assert_eq!(o.eye, zoomed);
         o.resize((0, 0));
-        assert!(o.camera().view(DVec3::ZERO).is_ok(), "an empty window is no failure");
+        assert!(
+            o.camera().view(DVec3::ZERO).is_ok(),
+            "an empty window is no failure"
+        );
     }
 
     #[test]
@@ -349,7 +370,13 @@ mod tests {
     }
 
     fn step() -> impl Strategy<Value = (u8, f64, f64, f64, f64)> {
-        (0u8..5, -300.0..300.0f64, -300.0..300.0f64, 0.05..20.0f64, 1e-3..10.0f64)
+        (
+            0u8..5,
+            -300.0..300.0f64,
+            -300.0..300.0f64,
+            0.05..20.0f64,
+            1e-3..10.0f64,
+        )
     }
 
     proptest! {

@@ -65,7 +65,12 @@ pub fn command(key: Key, name: Option<&str>, modifiers: Modifiers) -> Option<Com
     match key {
         Key::Kp1 => return Some(Command::LookFrom(turn, 0.0)),
         Key::Kp3 => return Some(Command::LookFrom(FRAC_PI_2 + turn, 0.0)),
-        Key::Kp7 => return Some(Command::LookFrom(0.0, if has_control { -FRAC_PI_2 } else { FRAC_PI_2 })),
+        Key::Kp7 => {
+            return Some(Command::LookFrom(
+                0.0,
+                if has_control { -FRAC_PI_2 } else { FRAC_PI_2 },
+            ));
+        }
         _ => {}
     }
     if has_control || modifiers.intersects(Modifiers::Alt | Modifiers::Super) {
@@ -188,12 +193,12 @@ impl Mouse {
             glfw::MouseButtonMiddle => Drag::Pan,
             _ => return None,
         };
-        if drag == Drag::Turn {
-            if let Some((before, place)) = self.last_click.take() {
-                if time - before <= DOUBLE_CLICK_S && place.distance(self.at) <= CLICK_PX {
-                    return Some(Gesture::DoubleClick(self.at));
-                }
-            }
+        if drag == Drag::Turn
+            && let Some((before, place)) = self.last_click.take()
+            && time - before <= DOUBLE_CLICK_S
+            && place.distance(self.at) <= CLICK_PX
+        {
+            return Some(Gesture::DoubleClick(self.at));
         }
         self.drag = Some((button, drag, self.at));
         Some(Gesture::Begin(drag, self.at))
@@ -228,9 +233,18 @@ mod tests {
         assert_eq!(letter("x"), None);
         assert_eq!(command(Key::Escape, None, NONE), Some(Command::Quit));
         assert_eq!(command(Key::Enter, None, NONE), Some(Command::Print));
-        assert_eq!(command(Key::Space, Some(" "), NONE), Some(Command::Statistics));
-        assert_eq!(command(Key::Num7, Some("&"), NONE), Some(Command::Threshold(7.0)));
-        assert_eq!(command(Key::Kp7, Some("7"), NONE), Some(Command::LookFrom(0.0, FRAC_PI_2)));
+        assert_eq!(
+            command(Key::Space, Some(" "), NONE),
+            Some(Command::Statistics)
+        );
+        assert_eq!(
+            command(Key::Num7, Some("&"), NONE),
+            Some(Command::Threshold(7.0))
+        );
+        assert_eq!(
+            command(Key::Kp7, Some("7"), NONE),
+            Some(Command::LookFrom(0.0, FRAC_PI_2))
+        );
         let opposite = command(Key::Kp7, Some("7"), Modifiers::Control);
         assert_eq!(opposite, Some(Command::LookFrom(0.0, -FRAC_PI_2)));
     }
@@ -238,7 +252,10 @@ mod tests {
     #[test]
     fn letters_go_by_the_layout_and_shortcuts_of_the_desktop_are_left_alone() {
         // The key left of S prints Q on a French keyboard and must not quit where A is seen.
-        assert_eq!(command(Key::Q, Some("a"), NONE), Some(Command::Method(Method::Triangles)));
+        assert_eq!(
+            command(Key::Q, Some("a"), NONE),
+            Some(Command::Method(Method::Triangles))
+        );
         assert_eq!(command(Key::Q, Some("q"), Modifiers::Control), None);
         assert_eq!(command(Key::Num1, Some("1"), Modifiers::Alt), None);
     }
@@ -249,11 +266,24 @@ mod tests {
         let at = DVec2::new(10.0, 20.0);
         assert_eq!(mouse.moved(at), None);
         let press = |m: &mut Mouse, b, mods| m.button(b, Action::Press, mods, 0.0);
-        assert_eq!(press(&mut mouse, glfw::MouseButtonRight, NONE), Some(Gesture::Begin(Drag::Zoom, at)));
-        assert_eq!(press(&mut mouse, glfw::MouseButtonLeft, NONE), None, "one drag at a time");
-        assert_eq!(mouse.moved(at + DVec2::X), Some(Gesture::Move(Drag::Zoom, DVec2::X)));
+        assert_eq!(
+            press(&mut mouse, glfw::MouseButtonRight, NONE),
+            Some(Gesture::Begin(Drag::Zoom, at))
+        );
+        assert_eq!(
+            press(&mut mouse, glfw::MouseButtonLeft, NONE),
+            None,
+            "one drag at a time"
+        );
+        assert_eq!(
+            mouse.moved(at + DVec2::X),
+            Some(Gesture::Move(Drag::Zoom, DVec2::X))
+        );
         mouse.button(glfw::MouseButtonLeft, Action::Release, NONE, 0.0);
-        assert!(mouse.is_dragging(), "the other button's release ends nothing");
+        assert!(
+            mouse.is_dragging(),
+            "the other button's release ends nothing"
+        );
         mouse.button(glfw::MouseButtonRight, Action::Release, NONE, 0.0);
         assert!(!mouse.is_dragging());
         assert_eq!(mouse.moved(at), None);
@@ -274,7 +304,10 @@ mod tests {
         let turn = Some(Gesture::Begin(Drag::Turn, DVec2::ZERO));
         let mut mouse = Mouse::default();
         assert_eq!(click(&mut mouse, 1.0), turn);
-        assert_eq!(click(&mut mouse, 1.2), Some(Gesture::DoubleClick(DVec2::ZERO)));
+        assert_eq!(
+            click(&mut mouse, 1.2),
+            Some(Gesture::DoubleClick(DVec2::ZERO))
+        );
         assert_eq!(click(&mut mouse, 1.4), turn, "a third click begins anew");
         assert_eq!(click(&mut mouse, 3.0), turn, "too late");
         mouse.moved(DVec2::splat(50.0));

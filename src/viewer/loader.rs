@@ -86,10 +86,12 @@ impl Loader {
         let shared = Arc::new(Shared::default());
         let (sender, result) = channel();
         let (open, progress, target) = (self.open.clone(), shared.clone(), path.to_owned());
-        let thread = std::thread::Builder::new().name("loader".into()).spawn(move || {
-            // Nobody listens any more when the job was cancelled.
-            let _ = sender.send(open(&target, progress.as_ref()));
-        })?;
+        let thread = std::thread::Builder::new()
+            .name("loader".into())
+            .spawn(move || {
+                // Nobody listens any more when the job was cancelled.
+                let _ = sender.send(open(&target, progress.as_ref()));
+            })?;
         self.job = Some(Job {
             path: path.to_owned(),
             shared,
@@ -108,11 +110,17 @@ impl Loader {
     pub fn status(&self) -> Option<String> {
         let shared = &self.job.as_ref()?.shared;
         let stage = shared.stage.lock().unwrap_or_else(PoisonError::into_inner);
-        let (done, total) = (shared.done.load(Ordering::Relaxed), shared.total.load(Ordering::Relaxed));
+        let (done, total) = (
+            shared.done.load(Ordering::Relaxed),
+            shared.total.load(Ordering::Relaxed),
+        );
         Some(match (stage.as_str(), total) {
             ("", _) => "opening".into(),
             (name, 0) => name.into(),
-            (name, total) => format!("{name} {}%", (u128::from(done) * 100 / u128::from(total)).min(100)),
+            (name, total) => format!(
+                "{name} {}%",
+                (u128::from(done) * 100 / u128::from(total)).min(100)
+            ),
         })
     }
 

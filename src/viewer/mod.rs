@@ -90,7 +90,11 @@ pub fn run(options: Options, open: Arc<Open>, should_stop: &dyn Fn() -> bool) ->
     // The window is gone by now; whatever still loads stops.
     loader.stop();
     outcome?;
-    match messages.map(|m: Messages| m.list()).unwrap_or_default().as_slice() {
+    match messages
+        .map(|m: Messages| m.list())
+        .unwrap_or_default()
+        .as_slice()
+    {
         [] => Ok(()),
         all @ [first, ..] => Err(Error::Validation {
             count: all.len(),
@@ -124,7 +128,12 @@ fn show(
     let (width, height) = options.size;
     let name = text::name(&options.model);
     let (mut window, events) = glfw
-        .create_window(width, height, &text::loading(&name, "opening"), WindowMode::Windowed)
+        .create_window(
+            width,
+            height,
+            &text::loading(&name, "opening"),
+            WindowMode::Windowed,
+        )
         .ok_or_else(|| window_error("the window system gave none", &cause.borrow()))?;
     window.set_key_polling(true);
     window.set_mouse_button_polling(true);
@@ -209,7 +218,12 @@ struct Viewer {
 }
 
 impl Viewer {
-    fn run(&mut self, glfw: &mut glfw::Glfw, loader: &mut Loader, should_stop: &dyn Fn() -> bool) -> Result<(), Error> {
+    fn run(
+        &mut self,
+        glfw: &mut glfw::Glfw,
+        loader: &mut Loader,
+        should_stop: &dyn Fn() -> bool,
+    ) -> Result<(), Error> {
         let mut has_drawn = true;
         while !(self.is_closing || self.window.should_close() || should_stop()) {
             let can_draw = self.is_dirty && !self.is_iconified && self.has_area();
@@ -220,7 +234,11 @@ impl Viewer {
                 self.screen.finish()?;
                 self.update_title(loader);
                 let is_loading = loader.path().is_some();
-                glfw.wait_events_timeout(if is_loading || can_draw { LOADING_WAIT_S } else { IDLE_WAIT_S });
+                glfw.wait_events_timeout(if is_loading || can_draw {
+                    LOADING_WAIT_S
+                } else {
+                    IDLE_WAIT_S
+                });
             }
             self.handle_events(loader)?;
             if let Some((path, result)) = loader.poll() {
@@ -241,7 +259,10 @@ impl Viewer {
     /// Size of the picture, pixels.
     fn size(&self) -> (u32, u32) {
         let (width, height) = self.window.get_framebuffer_size();
-        (u32::try_from(width).unwrap_or(0), u32::try_from(height).unwrap_or(0))
+        (
+            u32::try_from(width).unwrap_or(0),
+            u32::try_from(height).unwrap_or(0),
+        )
     }
 
     fn has_area(&self) -> bool {
@@ -267,7 +288,10 @@ impl Viewer {
     /// A job of the loader has ended.
     fn loaded(&mut self, path: &Path, result: Result<Model, OpenError>) -> Result<(), Error> {
         let outcome = match result {
-            Ok(model) => self.screen.set_model(model).map_err(|e| Box::new(e) as OpenError),
+            Ok(model) => self
+                .screen
+                .set_model(model)
+                .map_err(|e| Box::new(e) as OpenError),
             Err(error) => Err(error),
         };
         match outcome {
@@ -283,7 +307,10 @@ impl Viewer {
                 self.is_dirty = true;
                 Ok(())
             }
-            Err(error) if self.options.screenshot.is_some() || self.options.exit_after_frames.is_some() => {
+            Err(error)
+                if self.options.screenshot.is_some()
+                    || self.options.exit_after_frames.is_some() =>
+            {
                 Err(Error::Open(error))
             }
             Err(error) => {
@@ -361,7 +388,9 @@ impl Viewer {
 
     /// Distance of what is seen at a pixel, or of the center of rotation where nothing is.
     fn distance_at(&mut self, at: DVec2) -> Result<f64, Error> {
-        let Some(orbit) = &self.orbit else { return Ok(1.0) };
+        let Some(orbit) = &self.orbit else {
+            return Ok(1.0);
+        };
         let away = orbit.pivot_distance();
         Ok(self.screen.distance_at(at)?.unwrap_or(away))
     }
@@ -428,9 +457,14 @@ impl Viewer {
             }
             Command::Frame => self.change(Orbit::frame_model),
             Command::Reset => self.change(Orbit::reset),
-            Command::LookFrom(azimuth, elevation) => self.change(|orbit| orbit.look_from(azimuth, elevation)),
+            Command::LookFrom(azimuth, elevation) => {
+                self.change(|orbit| orbit.look_from(azimuth, elevation))
+            }
         }
-        if !matches!(command, Command::Quit | Command::Print | Command::Screenshot | Command::Statistics) {
+        if !matches!(
+            command,
+            Command::Quit | Command::Print | Command::Screenshot | Command::Statistics
+        ) {
             self.touched();
         }
         Ok(())
@@ -508,7 +542,9 @@ impl Viewer {
 
     fn print_statistics(&mut self) -> Result<(), Error> {
         self.screen.finish()?;
-        let (Some(model), Some(orbit)) = (self.screen.model(), &self.orbit) else { return Ok(()) };
+        let (Some(model), Some(orbit)) = (self.screen.model(), &self.orbit) else {
+            return Ok(());
+        };
         let facts = text::Facts {
             name: &self.name,
             model,
@@ -536,7 +572,11 @@ impl Viewer {
             "drop a model here - surfel".to_owned()
         } else {
             let frame = (self.screen.frame_ms(), &self.screen.times().counts);
-            text::title(&self.name, &self.settings, self.has_statistics.then_some(frame))
+            text::title(
+                &self.name,
+                &self.settings,
+                self.has_statistics.then_some(frame),
+            )
         };
         if title != self.title {
             self.window.set_title(&title);

@@ -33,7 +33,10 @@ pub(super) fn is_survivable(error: &Error) -> bool {
     match error {
         Error::Memory { .. } | Error::Limit { .. } => true,
         Error::Vulkan { result, .. } => {
-            matches!(*result, R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY)
+            matches!(
+                *result,
+                R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY
+            )
         }
         _ => false,
     }
@@ -98,9 +101,11 @@ impl Screen {
 
     fn inject_fault(&mut self) {
         self.acquired += 1;
-        let Some(every) = self.lose_surface_every else { return };
-        if self.acquired % every == 0 {
-            self.surface.inject(if self.acquired / every % 2 == 1 {
+        let Some(every) = self.lose_surface_every else {
+            return;
+        };
+        if self.acquired.is_multiple_of(every) {
+            self.surface.inject(if !(self.acquired / every).is_multiple_of(2) {
                 ash::vk::Result::ERROR_SURFACE_LOST_KHR
             } else {
                 ash::vk::Result::ERROR_OUT_OF_DATE_KHR
@@ -145,7 +150,9 @@ impl Screen {
 
     /// Waits for the oldest frame.
     fn finish_one(&mut self) -> Result<(), Error> {
-        let Some(pending) = self.pending.pop_front() else { return Ok(()) };
+        let Some(pending) = self.pending.pop_front() else {
+            return Ok(());
+        };
         let times = self.renderer.finish(pending.submitted)?;
         let end = Instant::now();
         if pending.of_model {
@@ -153,7 +160,8 @@ impl Screen {
                 self.frame_times_ms.pop_front();
             }
             let begin = pending.start.max(self.last_end);
-            self.frame_times_ms.push_back((end - begin).as_secs_f64() * 1e3);
+            self.frame_times_ms
+                .push_back((end - begin).as_secs_f64() * 1e3);
             self.times = times;
         }
         self.last_end = end;
@@ -182,7 +190,9 @@ impl Screen {
         let slot = self.renderer.wait_for_next()?;
         let start = Instant::now();
         self.inject_fault();
-        let Some(onto) = self.surface.acquire(window, slot)? else { return Ok(Shown::Nothing) };
+        let Some(onto) = self.surface.acquire(window, slot)? else {
+            return Ok(Shown::Nothing);
+        };
         let size = (onto.width, onto.height);
         let mut settings = *settings;
         if settings.method == Method::Points {
@@ -203,7 +213,8 @@ impl Screen {
             match (view, &mut self.stage) {
                 (Some(view), Some((model, scene))) => {
                     self.drawn = Some(view);
-                    self.renderer.submit_onto(model, scene, &view, &settings, &onto)
+                    self.renderer
+                        .submit_onto(model, scene, &view, &settings, &onto)
                 }
                 _ => self.renderer.submit_background(settings.background, &onto),
             }
@@ -229,18 +240,24 @@ impl Screen {
 
     /// View-space distance of what the last frame shows near a pixel.
     pub(super) fn distance_at(&mut self, at: DVec2) -> Result<Option<f64>, Error> {
-        let Some(view) = self.drawn else { return Ok(None) };
+        let Some(view) = self.drawn else {
+            return Ok(None);
+        };
         if !(at.x >= 0.0 && at.y >= 0.0) {
             return Ok(None);
         }
         self.finish()?;
-        let distance = self.renderer.distance_near(&view, at.x as u32, at.y as u32)?;
+        let distance = self
+            .renderer
+            .distance_near(&view, at.x as u32, at.y as u32)?;
         Ok(distance.map(f64::from))
     }
 
     /// The picture of the last frame.
     pub(super) fn read(&mut self) -> Result<Option<Image>, Error> {
-        let Some(view) = self.drawn else { return Ok(None) };
+        let Some(view) = self.drawn else {
+            return Ok(None);
+        };
         self.finish()?;
         self.renderer.read(&view).map(Some)
     }

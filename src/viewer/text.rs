@@ -22,7 +22,7 @@ pub fn count(value: u64) -> String {
     let digits = value.to_string();
     let mut out = String::with_capacity(digits.len() * 4 / 3);
     for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index) % 3 == 0 {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
             out.push(',');
         }
         out.push(digit);
@@ -58,12 +58,17 @@ fn counts(counts: &Counts) -> String {
 
 /// The title while a model is shown; with `frame` milliseconds and counts of the last frame.
 pub fn title(name: &str, settings: &Settings, frame: Option<(f64, &Counts)>) -> String {
-    let Some((frame_ms, drawn)) = frame else { return format!("{name} - surfel") };
+    let Some((frame_ms, drawn)) = frame else {
+        return format!("{name} - surfel");
+    };
     let method = match settings.method {
         Method::Triangles => method(settings.method).to_owned(),
         other => format!("{}, threshold {} px", method(other), settings.threshold_px),
     };
-    format!("{name} - {method} - {frame_ms:.1} ms - {} - surfel", counts(drawn))
+    format!(
+        "{name} - {method} - {frame_ms:.1} ms - {} - surfel",
+        counts(drawn)
+    )
 }
 
 /// The title while a model is loaded.
@@ -185,7 +190,10 @@ mod tests {
             title("x", &settings, Some((0.04, &Counts::default()))),
             "x - triangles - 0.0 ms - nothing in view - surfel"
         );
-        assert_eq!(loading("scan.ply", "building nodes 43%"), "scan.ply - building nodes 43% - surfel");
+        assert_eq!(
+            loading("scan.ply", "building nodes 43%"),
+            "scan.ply - building nodes 43% - surfel"
+        );
         assert_eq!(failed("no such file\nat all"), "no such file - surfel");
     }
 
@@ -193,9 +201,17 @@ mod tests {
     fn names_and_counts() {
         assert_eq!(name(Path::new("a/b/scan.ply.gz")), "scan.ply.gz");
         assert_eq!(name(Path::new("-")), "standard input");
-        assert_eq!(name(Path::new("generate:statue:2000000")), "generate:statue:2000000");
+        assert_eq!(
+            name(Path::new("generate:statue:2000000")),
+            "generate:statue:2000000"
+        );
         assert_eq!(name(Path::new("/")), "/");
-        for (value, text) in [(0, "0"), (999, "999"), (1000, "1,000"), (12_345_678, "12,345,678")] {
+        for (value, text) in [
+            (0, "0"),
+            (999, "999"),
+            (1000, "1,000"),
+            (12_345_678, "12,345,678"),
+        ] {
             assert_eq!(count(value), text);
         }
         assert_eq!(median([]), 0.0);

@@ -66,7 +66,11 @@ impl Renderer {
     ///
     /// # Errors
     /// When the device is lost; the image must be abandoned then.
-    pub fn submit_background(&mut self, background: [f32; 3], onto: &Acquired) -> Result<Submitted, Error> {
+    pub fn submit_background(
+        &mut self,
+        background: [f32; 3],
+        onto: &Acquired,
+    ) -> Result<Submitted, Error> {
         let start = Instant::now();
         let context = Context {
             width: self.targets.color.width,
@@ -100,7 +104,10 @@ impl Renderer {
         if x >= width || y >= height {
             return Ok(None);
         }
-        let (left, top) = (x.saturating_sub(PROBE_RADIUS_PX), y.saturating_sub(PROBE_RADIUS_PX));
+        let (left, top) = (
+            x.saturating_sub(PROBE_RADIUS_PX),
+            y.saturating_sub(PROBE_RADIUS_PX),
+        );
         let right = (x + PROBE_RADIUS_PX + 1).min(width);
         let bottom = (y + PROBE_RADIUS_PX + 1).min(height);
         let part = [left, top, right - left, bottom - top];
@@ -128,7 +135,12 @@ fn nearest_covered(depth: &[f32], width: u32, height: u32, (x, y): (u32, u32)) -
     let limit = PROBE_RADIUS_PX * PROBE_RADIUS_PX;
     (0..width * height)
         .filter(|&i| depth[i as usize] > 0.0)
-        .map(|i| ((i % width).abs_diff(x).pow(2) + (i / width).abs_diff(y).pow(2), i))
+        .map(|i| {
+            (
+                (i % width).abs_diff(x).pow(2) + (i / width).abs_diff(y).pow(2),
+                i,
+            )
+        })
         .filter(|(distance, _)| *distance <= limit)
         .min()
         .map(|(_, i)| depth[i as usize])
@@ -144,7 +156,11 @@ mod tests {
         let mut depth = vec![0.0; w as usize * h as usize];
         assert_eq!(nearest_covered(&depth, w, h, (6, 4)), None);
         depth[0] = 0.9;
-        assert_eq!(nearest_covered(&depth, w, h, (6, 4)), None, "7.2 pixels away");
+        assert_eq!(
+            nearest_covered(&depth, w, h, (6, 4)),
+            None,
+            "7.2 pixels away"
+        );
         assert_eq!(nearest_covered(&depth, w, h, (4, 4)), Some(0.9));
         depth[(4 * w + 8) as usize] = 0.5;
         depth[(6 * w + 6) as usize] = 0.25;
