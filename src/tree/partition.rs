@@ -203,37 +203,22 @@ impl Partition<'_> {
         let (from_one, from_two) = from.split_at_mut(k);
         let (to_one, to_two) = to.split_at_mut(k);
         // The leaves now lie in `to`: the roles change.
-        if n > PARALLEL {
-            *scratch = Scratch::default();
-            rayon::join(
-                || {
-                    self.divide(
-                        one,
-                        to_one,
-                        from_one,
-                        !stays,
-                        bounds_one,
-                        &mut Scratch::default(),
-                    )
-                },
-                || {
-                    self.divide(
-                        two,
-                        to_two,
-                        from_two,
-                        !stays,
-                        bounds_two,
-                        &mut Scratch::default(),
-                    )
-                },
-            );
-        } else {
+        if n <= PARALLEL {
             self.divide(one, to_one, from_one, !stays, bounds_one, scratch);
             self.divide(two, to_two, from_two, !stays, bounds_two, scratch);
-            if n * 2 > PARALLEL {
-                (self.placed)(n as u64);
-            }
+            return;
         }
+        *scratch = Scratch::default();
+        let task = |run: Run, from: &mut [Item], to: &mut [Item], bounds: Bounds| {
+            self.divide(run, from, to, !stays, bounds, &mut Scratch::default());
+            if from.len() <= PARALLEL {
+                (self.placed)(from.len() as u64);
+            }
+        };
+        rayon::join(
+            || task(one, to_one, from_one, bounds_one),
+            || task(two, to_two, from_two, bounds_two),
+        );
     }
 
     /// Orders a small set where it lies.
