@@ -1,9 +1,15 @@
 //! Trees over whole models: every promise, on shapes that are easy, awkward and broken.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "tree/models.rs"]
+mod models;
+#[path = "tree/shapes.rs"]
+mod shapes;
+
 use glam::{DVec3, Vec3};
+use models::{horse, models, obj};
+use shapes::{Random, cloud, needles, soup, sphere, square, torus};
 use std::collections::HashMap;
-use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use surfel::math::cone::faces_away;
 use surfel::math::octahedral;
@@ -13,117 +19,6 @@ use surfel::tree::{self, BuildOptions, Cone, Error, Model, Node, Strip, build, c
 
 fn tree_of(mesh: &Mesh) -> Model {
     build(mesh.clone(), &BuildOptions { moments: true }, &Silent).unwrap()
-}
-
-/// A grid of `nu` by `nv` cells over a surface; `closed_u`, `closed_v`: doubled seams with equal positions.
-fn grid(nu: usize, nv: usize, wraps: (bool, bool), surface: impl Fn(f64, f64) -> DVec3) -> Mesh {
-    let mut mesh = Mesh::default();
-    for j in 0..=nv {
-        for i in 0..=nu {
-            let i = if wraps.0 { i % nu } else { i };
-            let j = if wraps.1 { j % nv } else { j };
-            mesh.positions
-                .push(surface(i as f64 / nu as f64, j as f64 / nv as f64).as_vec3());
-        }
-    }
-    for j in 0..nv {
-        for i in 0..nu {
-            let a = (j * (nu + 1) + i) as u32;
-            let row = nu as u32 + 1;
-            mesh.triangles.push([a, a + 1, a + row + 1]);
-            mesh.triangles.push([a, a + row + 1, a + row]);
-        }
-    }
-    mesh
-}
-
-fn torus(nu: usize, nv: usize) -> Mesh {
-    let tau = std::f64::consts::TAU;
-    grid(nu, nv, (true, true), |s, t| {
-        let (u, w) = (tau * s, tau * (t - 0.5));
-        DVec3::new(
-            (1.0 + 0.4 * w.cos()) * u.sin(),
-            0.4 * w.sin(),
-            (1.0 + 0.4 * w.cos()) * u.cos(),
-        )
-    })
-}
-
-fn sphere(nu: usize, nv: usize) -> Mesh {
-    grid(nu, nv, (true, false), |s, t| {
-        let (u, w) = (std::f64::consts::TAU * s, std::f64::consts::PI * (t - 0.5));
-        // Exact poles, so that the caps close.
-        let ring = if t == 0.0 || t == 1.0 { 0.0 } else { w.cos() };
-        DVec3::new(ring * u.sin(), w.sin(), ring * u.cos())
-    })
-}
-
-fn square(n: usize) -> Mesh {
-    grid(n, n, (false, false), |s, t| {
-        DVec3::new(s - 0.5, t - 0.5, 0.0)
-    })
-}
-
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f32 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 40) as f32 / (1u64 << 24) as f32
-    }
-
-    fn vector(&mut self) -> Vec3 {
-        Vec3::new(self.unit(), self.unit(), self.unit()) - 0.5
-    }
-}
-
-/// Unconnected triangles of very different sizes, some of them points, segments or copies.
-fn soup(count: usize, seed: u64) -> Mesh {
-    let mut random = Random(seed);
-    let mut mesh = Mesh::default();
-    for index in 0..count {
-        let at = random.vector() * 10.0;
-        let size = 10f32.powf(random.unit() * 6.0 - 5.0);
-        let mut corners = [(); 3].map(|()| at + random.vector() * size);
-        match index % 11 {
-            3 => corners[1] = corners[0],
-            5 => corners = [at; 3],
-            7 => corners[2] = corners[0] + (corners[1] - corners[0]) * 0.25,
-            8 if index > 20 => corners.copy_from_slice(&mesh.positions[30..33]),
-            _ => {}
-        }
-        let first = mesh.positions.len() as u32;
-        mesh.positions.extend(corners);
-        mesh.triangles.push([first, first + 1, first + 2]);
-    }
-    mesh
-}
-
-fn needles(count: usize) -> Mesh {
-    let mut random = Random(3);
-    let mut mesh = Mesh::default();
-    for _ in 0..count {
-        let at = random.vector() * 3.0;
-        let axis = random.vector().normalize_or(Vec3::X);
-        let first = mesh.positions.len() as u32;
-        let side = axis.any_orthonormal_vector() * 1e-4;
-        mesh.positions.extend([at, at + axis * 5.0, at + side]);
-        mesh.triangles.push([first, first + 1, first + 2]);
-    }
-    mesh
-}
-
-fn cloud(count: usize) -> Mesh {
-    let mut random = Random(17);
-    Mesh {
-        positions: (0..count)
-            .map(|_| random.vector().normalize_or(Vec3::Y))
-            .collect(),
-        ..Mesh::default()
-    }
 }
 
 /// Corner positions of every triangle as bits, sorted; those of points likewise.
@@ -717,37 +612,6 @@ fn files_hold_the_whole_model() {
     assert!(missing.to_string().contains("missing.surfel"), "{missing}");
 }
 
-/// The folder with real models, or a line that says there is none.
-fn models() -> Option<PathBuf> {
-    let default = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models");
-    let folder = std::env::var_os("SURFEL_MODELS").map_or(default, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("no real models: set SURFEL_MODELS to test with them");
-    None
-}
-
-/// The one binary layout of `horse.ply`: x y z nx ny nz, then triangles with a count byte.
-fn horse(folder: &std::path::Path) -> Mesh {
-    let bytes = std::fs::read(folder.join("thesis/horse.ply")).unwrap();
-    let end = b"end_header\n";
-    let start = bytes.windows(end.len()).position(|w| w == end).unwrap() + end.len();
-    let float = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
-    let vector = |at: usize| Vec3::new(float(at), float(at + 4), float(at + 8));
-    let faces = start + 48_485 * 24;
-    let mesh = Mesh {
-        positions: (0..48_485).map(|i| vector(start + i * 24)).collect(),
-        normals: (0..48_485).map(|i| vector(start + i * 24 + 12)).collect(),
-        triangles: (0..96_966)
-            .map(|i| [1, 5, 9].map(|k| float(faces + i * 13 + k).to_bits()))
-            .collect(),
-        ..Mesh::default()
-    };
-    assert_eq!(faces + 96_966 * 13, bytes.len());
-    mesh
-}
-
 #[test]
 fn the_horse_has_the_thesis_node_count() {
     let Some(folder) = models() else { return };
@@ -773,5 +637,23 @@ fn the_horse_has_the_thesis_node_count() {
             means[&level] < 0.72 * means[&(level - 1)],
             "level {level}: {means:?}"
         );
+    }
+}
+
+#[test]
+fn promises_hold_on_real_models_with_slivers_and_holes() {
+    let Some(folder) = models() else { return };
+    for (name, triangles, is_closed) in [
+        ("sharp/house/house.obj", 11_262, false),
+        ("thesis/porsche.obj", 7_322, false),
+        ("meshes/beetle-alt.obj", 38_656, false),
+        ("meshes/rocker-arm.obj", 20_088, true),
+        ("meshes/fandisk.obj", 12_946, true),
+        ("sharp/office_chair.obj", 6_893, false),
+    ] {
+        let mesh = obj(&folder.join(name));
+        let model = assert_sound(&mesh, name);
+        assert_eq!(model.triangles.len(), triangles, "{name}");
+        assert_eq!(model.is_closed, is_closed, "{name}");
     }
 }

@@ -18,8 +18,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Levels of a block.
 const HEIGHT: usize = 4;
-/// Blocks that one task does.
+/// Least number of blocks that one task does.
 const GRAIN: u32 = 32;
+/// Most tasks, so that progress is told a few thousand times at most.
+const TASKS: u32 = 2048;
 
 /// What the nodes are made from.
 pub(super) struct Source<'a> {
@@ -161,7 +163,8 @@ struct Below<'a> {
 impl Source<'_> {
     /// Does blocks `first..end` of level `top`, in parallel.
     fn run(&self, top: usize, first: u32, end: u32, part: Part) -> Findings {
-        if end - first <= GRAIN {
+        let block_count = self.shape.levels[top].len() as u32;
+        if end - first <= GRAIN.max(block_count / TASKS) {
             return self.run_serial(top, first, end, part);
         }
         let middle = first + (end - first) / 2;

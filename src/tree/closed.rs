@@ -53,9 +53,7 @@ fn mix(a: u64, b: u64) -> u64 {
 #[inline]
 fn hash_position(p: Vec3) -> u64 {
     // Adding zero turns -0 into +0.
-    let [x, y, z] = (p + Vec3::ZERO)
-        .to_array()
-        .map(|c| u64::from((c + 0.0).to_bits()));
+    let [x, y, z] = p.to_array().map(|c| u64::from((c + 0.0).to_bits()));
     mix(
         mix(x | (y << 32), 0x9e37_79b9_7f4a_7c15) ^ z,
         0xd6e8_feb8_6659_fd93,
@@ -70,4 +68,35 @@ fn edge(a: u64, b: u64) -> u64 {
         .wrapping_mul(0x8ebc_6af0_9c88_c6e3);
     let sign = u64::from(a < b).wrapping_sub(u64::from(b < a));
     hash.wrapping_mul(sign)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn reversed_edges_cancel_and_others_do_not() {
+        let points: Vec<u64> = (0..50u8)
+            .map(|i| hash_position(Vec3::new(f32::from(i), 0.5, -1.0)))
+            .collect();
+        for &a in &points {
+            assert_eq!(edge(a, a), 0);
+            for &b in points.iter().filter(|&&b| b != a) {
+                assert_eq!(edge(a, b).wrapping_add(edge(b, a)), 0);
+                assert_ne!(edge(a, b), 0);
+            }
+        }
+        // Places that differ only in the order of coordinates, or in the last bit, are different.
+        let places = [
+            Vec3::new(1.0, 2.0, 3.0),
+            Vec3::new(2.0, 1.0, 3.0),
+            Vec3::new(3.0, 2.0, 1.0),
+            Vec3::new(1.0, 2.0, 3.0f32.next_up()),
+        ];
+        let hashes = places.map(hash_position);
+        for (index, hash) in hashes.iter().enumerate() {
+            assert!(!hashes[..index].contains(hash));
+        }
+        assert_eq!(hash_position(Vec3::ZERO), hash_position(-Vec3::ZERO));
+    }
 }

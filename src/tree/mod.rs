@@ -13,6 +13,7 @@ mod moments;
 mod node;
 mod order;
 mod partition;
+mod select;
 mod shape;
 mod spacing;
 mod strip;

@@ -10,7 +10,8 @@ use glam::Vec3;
 pub struct Node {
     /// Center of the bounding sphere, model space.
     pub center: Vec3,
-    /// Radius of the bounding sphere; it contains the children's spheres and every triangle below.
+    /// Radius of the bounding sphere; it contains the children's spheres and every triangle below. As spheres are
+    /// nested they widen upward: by about 5 percent in the lowest levels, up to twice at the root of a closed shape.
     pub radius: f32,
     /// Index of the first child: a node, or a leaf if [`Node::has_leaves`].
     pub first_child: u32,
@@ -117,7 +118,8 @@ pub struct NodeAttributes {
     pub normal: [i16; 2],
     /// Area-weighted mean color; alpha as in [`crate::abi::Vertex::color`].
     pub color: [u8; 4],
-    /// Radius of the splat that stands for the node: covers its surface, at most the bounding radius.
+    /// Radius of the splat that stands for the node: the largest distance of a corner below from the sphere's center
+    /// (above 256 leaves a bound of it), at most the bounding radius. For points the bounding radius.
     pub splat_radius: f32,
     /// Sum of the triangle areas below, model units squared.
     pub area: f32,

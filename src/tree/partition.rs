@@ -12,6 +12,7 @@
 //! splitting value comes from a sample (many leaves), from interpolated counting (fewer), or from ranks by comparison
 //! of all pairs (few, the bulk of the work: everything stays in registers and the first cache).
 
+use super::select::{self, Pivot, Scratch};
 use super::shape::Shape;
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4};
@@ -35,7 +36,7 @@ impl Item {
     }
 
     #[inline]
-    fn key(&self, axis: usize) -> f32 {
+    pub(super) fn key(&self, axis: usize) -> f32 {
         self.center[axis]
     }
 }
@@ -117,13 +118,6 @@ struct Run {
     end: u32,
 }
 
-/// Buffers of one task.
-#[derive(Default)]
-struct Scratch {
-    keys: Vec<f32>,
-    candidates: Vec<u64>,
-}
-
 impl Partition<'_> {
     /// Orders `items` (in file order at first). `spare` has the same length; its content is lost.
     pub(super) fn run(&self, items: &mut [Item], spare: &mut [Item]) {
@@ -195,45 +189,30 @@ impl Partition<'_> {
         let (one, two, k) = self.halves(run);
         let axis = bounds.axis();
         let pivot = if n > LARGE {
-            pivot_by_sample(from, k, axis, scratch)
+            select::pivot_by_sample(from, k, axis, scratch)
         } else {
-            pivot_by_counting(from, k, axis, bounds, scratch)
+            select::pivot_by_counting(from, k, axis, (bounds.min[axis], bounds.max[axis]), scratch)
         };
         let (bounds_one, bounds_two) = split(from, to, k, axis, pivot);
         let (from_one, from_two) = from.split_at_mut(k);
         let (to_one, to_two) = to.split_at_mut(k);
         // The leaves now lie in `to`: the roles change.
-        if n > PARALLEL {
-            *scratch = Scratch::default();
-            rayon::join(
-                || {
-                    self.divide(
-                        one,
-                        to_one,
-                        from_one,
-                        !stays,
-                        bounds_one,
-                        &mut Scratch::default(),
-                    )
-                },
-                || {
-                    self.divide(
-                        two,
-                        to_two,
-                        from_two,
-                        !stays,
-                        bounds_two,
-                        &mut Scratch::default(),
-                    )
-                },
-            );
-        } else {
+        if n <= PARALLEL {
             self.divide(one, to_one, from_one, !stays, bounds_one, scratch);
             self.divide(two, to_two, from_two, !stays, bounds_two, scratch);
-            if n * 2 > PARALLEL {
-                (self.placed)(n as u64);
-            }
+            return;
         }
+        *scratch = Scratch::default();
+        let task = |run: Run, from: &mut [Item], to: &mut [Item], bounds: Bounds| {
+            self.divide(run, from, to, !stays, bounds, &mut Scratch::default());
+            if from.len() <= PARALLEL {
+                (self.placed)(from.len() as u64);
+            }
+        };
+        rayon::join(
+            || task(one, to_one, from_one, bounds_one),
+            || task(two, to_two, from_two, bounds_two),
+        );
     }
 
     /// Orders a small set where it lies.
@@ -261,13 +240,6 @@ impl Partition<'_> {
             self.finish(two, items_two);
         }
     }
-}
-
-/// The item that is first on the right: everything before it, by coordinate and then by position, goes left.
-#[derive(Clone, Copy)]
-struct Pivot {
-    key: f32,
-    position: u32,
 }
 
 /// Moves the k first of at most N items to the front, both parts in their old order.
@@ -342,157 +314,6 @@ fn split(from: &[Item], to: &mut [Item], k: usize, axis: usize, pivot: Pivot) ->
         start += piece.len();
     }
     (one, two)
-}
-
-/// An integer that orders like the float; -0 equals +0.
-#[inline]
-fn ordered(key: f32) -> u32 {
-    let bits = (key + 0.0).to_bits();
-    bits ^ (((bits as i32) >> 31) as u32 | 0x8000_0000)
-}
-
-#[inline]
-fn unordered(code: u32) -> f32 {
-    let mask = if code & 0x8000_0000 != 0 {
-        0x8000_0000
-    } else {
-        u32::MAX
-    };
-    f32::from_bits(code ^ mask)
-}
-
-/// Collects position and key of all items with `low <= key < high`, and counts those below `low`.
-fn collect(
-    keys: impl Iterator<Item = f32>,
-    low: f32,
-    high: f32,
-    candidates: &mut Vec<u64>,
-) -> usize {
-    const PIECE: usize = 1024;
-    let mut below = 0usize;
-    let mut found = 0usize;
-    for (i, key) in keys.enumerate() {
-        if i % PIECE == 0 && candidates.len() < found + PIECE {
-            candidates.resize((found + PIECE).next_power_of_two(), 0);
-        }
-        below += usize::from(key < low);
-        candidates[found] = (u64::from(ordered(key)) << 32) | i as u64;
-        found += usize::from((key >= low) & (key < high));
-    }
-    candidates.truncate(found);
-    below
-}
-
-/// The candidate of rank `rank`.
-fn select(candidates: &mut [u64], rank: usize) -> Pivot {
-    let (_, &mut code, _) = candidates.select_nth_unstable(rank);
-    Pivot {
-        key: unordered((code >> 32) as u32),
-        position: code as u32,
-    }
-}
-
-/// Splitting value of a large set (after Floyd and Rivest, 1975): a sample brackets it, one pass collects what lies in
-/// the bracket, the exact element is selected there.
-fn pivot_by_sample(items: &[Item], k: usize, axis: usize, scratch: &mut Scratch) -> Pivot {
-    let n = items.len();
-    let count = if n > 1 << 18 { 4096 } else { 512 };
-    scratch.keys.clear();
-    // An odd stride pattern is not needed: a fixed one keeps the result a function of the input, and a bad sample
-    // only costs time.
-    scratch
-        .keys
-        .extend((0..count).map(|s| items[s * n / count].key(axis)));
-    scratch.keys.sort_unstable_by(f32::total_cmp);
-    let expected = (k as f64 / n as f64 * count as f64) as usize;
-    // Four standard deviations of the rank in the sample at its middle.
-    let margin = 2 * (count as f64).sqrt() as usize;
-    let low = match expected.checked_sub(margin) {
-        Some(rank) => scratch.keys[rank],
-        None => f32::NEG_INFINITY,
-    };
-    let high = scratch
-        .keys
-        .get(expected + margin)
-        .map_or(f32::INFINITY, |key| key.next_up());
-    scratch.candidates.clear();
-    let below = collect(
-        items.iter().map(|item| item.key(axis)),
-        low,
-        high,
-        &mut scratch.candidates,
-    );
-    if (below..below + scratch.candidates.len()).contains(&k) {
-        select(&mut scratch.candidates, k - below)
-    } else {
-        // The sample misled: all items are candidates.
-        scratch.candidates.clear();
-        let all = items.iter().enumerate();
-        scratch
-            .candidates
-            .extend(all.map(|(i, item)| (u64::from(ordered(item.key(axis))) << 32) | i as u64));
-        select(&mut scratch.candidates, k)
-    }
-}
-
-/// Splitting value of a set of 33 to 4096: counting passes over the bare keys, guided by interpolation, narrow a bracket.
-fn pivot_by_counting(
-    items: &[Item],
-    k: usize,
-    axis: usize,
-    bounds: Bounds,
-    scratch: &mut Scratch,
-) -> Pivot {
-    let n = items.len();
-    scratch.keys.clear();
-    scratch.keys.extend(items.iter().map(|item| item.key(axis)));
-    let (mut low, mut low_rank) = (bounds.min[axis], 0);
-    let (mut high, mut high_rank) = (bounds.max[axis].next_up(), n);
-    let enough = (n / 16).max(8);
-    for round in 0..6 {
-        if high_rank - low_rank <= enough {
-            break;
-        }
-        // Regula falsi, drawn towards the middle so that the bracket closes from both sides.
-        let share = (k - low_rank) as f32 + 0.5;
-        let width = (high_rank - low_rank) as f32;
-        let pull = enough as f32 * 0.25 * if round % 2 == 0 { 1.0 } else { -1.0 };
-        let guess = low + (high - low) * ((share + pull) / width).clamp(0.02, 0.98);
-        if !(guess > low && guess < high) {
-            break;
-        }
-        let rank = count_below(&scratch.keys, guess);
-        if rank <= k {
-            (low, low_rank) = (guess, rank);
-        } else {
-            (high, high_rank) = (guess, rank);
-        }
-    }
-    scratch.candidates.clear();
-    let below = collect(
-        scratch.keys.iter().copied(),
-        low,
-        high,
-        &mut scratch.candidates,
-    );
-    select(&mut scratch.candidates, k - below)
-}
-
-#[inline]
-fn count_below(keys: &[f32], bound: f32) -> usize {
-    let mut chunks = keys.chunks_exact(16);
-    let mut lanes = [0u32; 16];
-    for chunk in &mut chunks {
-        for (lane, &key) in lanes.iter_mut().zip(chunk) {
-            *lane += u32::from(key < bound);
-        }
-    }
-    let rest = chunks
-        .remainder()
-        .iter()
-        .filter(|&&key| key < bound)
-        .count();
-    lanes.iter().map(|&lane| lane as usize).sum::<usize>() + rest
 }
 
 #[cfg(test)]
@@ -635,13 +456,5 @@ mod tests {
         let mut seen: Vec<u32> = place(&items).iter().map(|item| item.index).collect();
         seen.sort_unstable();
         assert!(seen.iter().copied().eq(0..5000));
-    }
-
-    #[test]
-    fn ordered_integers_sort_like_floats() {
-        let keys = [f32::MIN, -1.0, -1e-45, 0.0, 1e-45, 1.0, f32::MAX];
-        assert!(keys.windows(2).all(|w| ordered(w[0]) < ordered(w[1])));
-        assert!(keys.iter().all(|&key| unordered(ordered(key)) == key));
-        assert_eq!(ordered(-0.0), ordered(0.0));
     }
 }

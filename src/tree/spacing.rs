@@ -3,6 +3,7 @@
 use super::shape::Shape;
 use glam::Vec3;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// The radius of a point is the distance to the neighbor of this rank (QSplat, section 2.2, leaves the number open).
 pub(super) const NEIGHBORS: usize = 6;
@@ -65,21 +66,36 @@ impl Nearest {
     }
 }
 
-/// For each of `points`, in tree order, the distance to its sixth nearest other place; to the farthest one if there are fewer
-/// places, 0 if there is none. Deterministic. About O(n log n) also for coincident points.
-pub(super) fn radii(shape: &Shape, points: &[Vec3]) -> Vec<f32> {
+/// For each of `points`, in tree order, the distance to its sixth nearest other place; to the farthest one if there are
+/// fewer places, 0 if there is none. Deterministic. About O(n log n) also for coincident points. `stop` ends it early with
+/// zeros; `done` hears of numbers of finished points.
+pub(super) fn radii(
+    shape: &Shape,
+    points: &[Vec3],
+    stop: &AtomicBool,
+    done: &(dyn Fn(u64) + Sync),
+) -> Vec<f32> {
     let boxes = boxes(shape, points);
     let search = Search {
         shape,
         points,
         boxes: &boxes,
     };
-    // Consecutive points have nearly the same path: a task takes a run of them.
-    (0..points.len())
-        .into_par_iter()
-        .with_min_len(1024)
-        .map(|index| search.radius(index as u32))
-        .collect()
+    let mut radii = vec![0.0; points.len()];
+    let chunk = (points.len() / 2048).max(4096);
+    radii
+        .par_chunks_mut(chunk)
+        .enumerate()
+        .for_each(|(index, radii)| {
+            if stop.load(Ordering::Relaxed) {
+                return;
+            }
+            for (offset, radius) in radii.iter_mut().enumerate() {
+                *radius = search.radius((index * chunk + offset) as u32);
+            }
+            done(radii.len() as u64);
+        });
+    radii
 }
 
 /// Boxes of all nodes, by level.
@@ -207,7 +223,12 @@ mod tests {
                 let points: Vec<Vec3> = (0..n)
                     .map(|_| (Vec3::new(random(), random(), random()) * cells).floor())
                     .collect();
-                let radii = radii(&Shape::new(n as u32), &points);
+                let radii = radii(
+                    &Shape::new(n as u32),
+                    &points,
+                    &AtomicBool::new(false),
+                    &|_| {},
+                );
                 for (index, radius) in radii.into_iter().enumerate() {
                     assert_eq!(
                         radius,
@@ -223,7 +244,12 @@ mod tests {
     fn coincident_points_do_not_take_quadratic_time() {
         let n = 200_000;
         let points: Vec<Vec3> = (0..n).map(|i| Vec3::splat((i * 3 / n) as f32)).collect();
-        let radii = radii(&Shape::new(n as u32), &points);
+        let radii = radii(
+            &Shape::new(n as u32),
+            &points,
+            &AtomicBool::new(false),
+            &|_| {},
+        );
         assert_eq!(radii[0], 12f32.sqrt());
         assert_eq!(radii[n / 2], 3f32.sqrt());
     }

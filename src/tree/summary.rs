@@ -217,3 +217,112 @@ pub(super) fn geometric_normal(corners: [Vec3; 3]) -> (DVec3, f32) {
         (DVec3::ZERO, 0.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn childrens_sums_moved_are_the_sums_of_all() {
+        let corners: Vec<Vec3> = (0..60)
+            .map(|i| {
+                let t = i as f32;
+                Vec3::new(
+                    (t * 1.7).sin() * 4.0,
+                    (t * 0.3).cos(),
+                    (t * 2.9).sin() * 0.2 + 3.0,
+                )
+            })
+            .collect();
+        let around = |center: Vec3, corners: &[Vec3]| {
+            let mut sums = Sums::default();
+            corners
+                .iter()
+                .for_each(|&corner| sums.add_corner(corner - center));
+            sums
+        };
+        let center = Vec3::new(0.3, -0.2, 2.0);
+        let mut merged = Sums::default();
+        for (part, own) in corners
+            .chunks(17)
+            .zip([Vec3::ZERO, Vec3::ONE, Vec3::X * 5.0, -Vec3::Z])
+        {
+            merged.add_child(&around(own, part), own - center);
+        }
+        let direct = around(center, &corners);
+        assert_eq!(merged.corners, 60.0);
+        assert!((merged.first - direct.first).abs().max_element() < 1e-3);
+        for (a, b) in merged.second.iter().zip(direct.second) {
+            assert!((a - b).abs() < 1e-4 * direct.second[0], "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn principal_direction_is_that_of_the_spread() {
+        for axis in [
+            Vec3::X,
+            Vec3::new(1.0, -2.0, 0.5).normalize(),
+            Vec3::new(0.0, 1.0, 1.0).normalize(),
+            -Vec3::Z,
+        ] {
+            let side = axis.any_orthonormal_vector();
+            let mut sums = Sums::default();
+            for i in -10..=10 {
+                for j in -10..=10 {
+                    sums.add_corner(Vec3::splat(7.0) + axis * (i as f32) + side * (j as f32 * 0.5));
+                }
+            }
+            let found = sums.principal_direction().normalize();
+            assert!(found.dot(axis).abs() > 0.9999, "{axis} {found}");
+        }
+        let mut same = Sums::default();
+        (0..9).for_each(|_| same.add_corner(Vec3::ZERO));
+        assert_eq!(same.principal_direction(), Vec3::Z);
+        assert_eq!(Sums::default().principal_direction(), Vec3::Z);
+    }
+
+    #[test]
+    fn normals_that_cancel_take_the_substitute() {
+        let mut sums = Sums::default();
+        sums.add_leaf(2.0, Vec3::Z * 3.0, 3.0, Vec3::splat(10.0));
+        sums.add_leaf(2.0, Vec3::Z * -3.0, 3.0, Vec3::splat(20.0));
+        assert!(sums.normals_cancel());
+        let attributes = sums.attributes(1.0, || [7, 8]);
+        assert_eq!(
+            (attributes.normal, attributes.color, attributes.area),
+            ([7, 8], [15, 15, 15, 255], 4.0)
+        );
+        // A little more on one side decides.
+        sums.add_leaf(0.01, Vec3::Z * 3.0, 3.0, Vec3::ZERO);
+        assert!(!sums.normals_cancel());
+        assert_eq!(
+            sums.attributes(1.0, || [7, 8]).normal,
+            octahedral::encode(Vec3::Z)
+        );
+        // Without area every leaf counts the same.
+        let mut flat = Sums::default();
+        flat.add_leaf(0.0, Vec3::X * 3.0, 3.0, Vec3::splat(100.0));
+        flat.add_leaf(0.0, Vec3::X * 3.0, 3.0, Vec3::splat(50.0));
+        let attributes = flat.attributes(0.0, || [0, 0]);
+        assert_eq!(
+            (attributes.color, attributes.area),
+            ([75, 75, 75, 255], 0.0)
+        );
+    }
+
+    #[test]
+    fn needles_keep_their_normal_and_slivers_without_height_have_none() {
+        let needle = [Vec3::ZERO, Vec3::X, Vec3::new(0.5, 1e-9, 0.0)];
+        let (normal, area) = geometric_normal(needle);
+        assert_eq!(normal, DVec3::Z);
+        assert!((area - 5e-10).abs() < 1e-15);
+        for flat in [
+            [Vec3::ONE; 3],
+            [Vec3::ZERO, Vec3::ZERO, Vec3::X],
+            [Vec3::ZERO, Vec3::X, Vec3::X * 0.25],
+            [Vec3::ZERO, Vec3::X, Vec3::new(0.5, 1e-13, 0.0)],
+        ] {
+            assert_eq!(geometric_normal(flat), (DVec3::ZERO, 0.0));
+        }
+    }
+}
