@@ -165,6 +165,7 @@ pub struct Renderer {
     splats: Option<Pipeline>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
+    #[cfg(feature = "viewer")]
     probe: Option<Readback>,
 }
 
@@ -203,6 +204,7 @@ impl Renderer {
             points: None,
             splats: None,
             readback: None,
+            #[cfg(feature = "viewer")]
             probe: None,
         })
     }
