@@ -49,7 +49,9 @@ pub struct Frames {
 
 impl std::fmt::Debug for Frames {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Frames").field("in_flight", &self.slots.len()).finish_non_exhaustive()
+        f.debug_struct("Frames")
+            .field("in_flight", &self.slots.len())
+            .finish_non_exhaustive()
     }
 }
 
@@ -189,7 +191,11 @@ impl Frames {
                 vk::DescriptorType::STORAGE_BUFFER,
                 vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
             ]
-            .map(|kind| vk::DescriptorPoolSize::default().ty(kind).descriptor_count(4 * MAX_PASSES));
+            .map(|kind| {
+                vk::DescriptorPoolSize::default()
+                    .ty(kind)
+                    .descriptor_count(4 * MAX_PASSES)
+            });
             let info = vk::DescriptorPoolCreateInfo::default()
                 .max_sets(4 * MAX_PASSES)
                 .pool_sizes(&sizes);
@@ -247,8 +253,11 @@ impl Frames {
                 .device
                 .reset_descriptor_pool(slot.descriptors, vk::DescriptorPoolResetFlags::empty())
                 .map_err(Error::vulkan("vkResetDescriptorPool", "a frame"))?;
-            self.gpu.device.reset_query_pool(slot.queries, 0, 2 * MAX_PASSES);
-            let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            self.gpu
+                .device
+                .reset_query_pool(slot.queries, 0, 2 * MAX_PASSES);
+            let info = vk::CommandBufferBeginInfo::default()
+                .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             self.gpu
                 .device
                 .begin_command_buffer(slot.commands, &info)
@@ -278,9 +287,12 @@ impl Frames {
             let ticks = &mut ticks[..2 * slot.names.len()];
             // SAFETY: the queries were written by a submission that has finished.
             unsafe {
-                self.gpu
-                    .device
-                    .get_query_pool_results(slot.queries, 0, ticks, vk::QueryResultFlags::TYPE_64)
+                self.gpu.device.get_query_pool_results(
+                    slot.queries,
+                    0,
+                    ticks,
+                    vk::QueryResultFlags::TYPE_64,
+                )
             }
             .map_err(Error::vulkan("vkGetQueryPoolResults", "a frame"))?;
             let period = f64::from(self.gpu.info.timestamp_period_ns);
@@ -333,7 +345,9 @@ impl Frame<'_> {
     /// When the frame has no room left for uniforms.
     pub fn uniform<T: bytemuck::Pod>(&mut self, value: &T) -> Result<Uniform, Error> {
         let bytes = size_of::<T>() as u64;
-        let offset = self.uniform_bytes.next_multiple_of(self.frames.gpu.info.uniform_alignment);
+        let offset = self
+            .uniform_bytes
+            .next_multiple_of(self.frames.gpu.info.uniform_alignment);
         if offset + bytes > UNIFORM_BYTES {
             return Err(Error::Limit {
                 what: "the size of a frame's uniform blocks".into(),
@@ -342,7 +356,8 @@ impl Frame<'_> {
             });
         }
         let memory = &mut self.frames.slots[self.index].uniforms;
-        memory.bytes_mut()[offset as usize..(offset + bytes) as usize].copy_from_slice(bytemuck::bytes_of(value));
+        memory.bytes_mut()[offset as usize..(offset + bytes) as usize]
+            .copy_from_slice(bytemuck::bytes_of(value));
         memory.flush(offset..offset + bytes);
         self.uniform_bytes = offset + bytes;
         Ok(Uniform { offset, bytes })
@@ -373,7 +388,10 @@ impl Frame<'_> {
     /// # Panics
     /// When the buffer is smaller than the image.
     pub fn read_back(&mut self, name: &'static str, image: &Image, into: &Readback) {
-        assert!(into.bytes() >= image.bytes(), "{name}: the readback buffer is smaller than the image");
+        assert!(
+            into.bytes() >= image.bytes(),
+            "{name}: the readback buffer is smaller than the image"
+        );
         let pass = self.pass(name);
         let gpu = pass.gpu.clone();
         let commands = pass.slot.commands;
@@ -475,7 +493,8 @@ impl<'f> Pass<'f> {
     #[must_use]
     pub fn depth(mut self, image: &Image, load: Load) -> Self {
         self.target(image);
-        self.barriers.image(image, Access::DepthWrite, load != Load::Keep);
+        self.barriers
+            .image(image, Access::DepthWrite, load != Load::Keep);
         self.depth = Some((image.view, load));
         self
     }
@@ -502,7 +521,9 @@ impl<'f> Pass<'f> {
     /// # Panics
     /// When the pass has no target, or `record` binds a buffer that was not declared.
     pub fn draw(self, viewport: [f32; 4], record: impl FnOnce(&mut Draw<'_>)) {
-        let extent = self.extent.unwrap_or_else(|| panic!("pass {} has no target", self.name));
+        let extent = self
+            .extent
+            .unwrap_or_else(|| panic!("pass {} has no target", self.name));
         let Self {
             colors,
             color_count,
@@ -649,7 +670,9 @@ impl Timing<'_> {
         // SAFETY: the command buffer is being recorded outside of a rendering scope; the query was reset when
         // the frame began and is written once.
         unsafe {
-            self.gpu.device.cmd_write_timestamp2(self.commands, all, self.queries, query);
+            self.gpu
+                .device
+                .cmd_write_timestamp2(self.commands, all, self.queries, query);
             self.gpu.device.cmd_pipeline_barrier2(self.commands, &info);
         }
     }
@@ -678,7 +701,9 @@ pub struct Draw<'a> {
 
 impl std::fmt::Debug for Draw<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Draw").field("pass", &self.name).finish_non_exhaustive()
+        f.debug_struct("Draw")
+            .field("pass", &self.name)
+            .finish_non_exhaustive()
     }
 }
 
@@ -704,10 +729,18 @@ impl Draw<'_> {
         unsafe {
             let sets = match self.gpu.device.allocate_descriptor_sets(&info) {
                 Ok(sets) => sets,
-                Err(result) => panic!("{}: a frame has room for {} bindings: {result}", self.name, 4 * MAX_PASSES),
+                Err(result) => panic!(
+                    "{}: a frame has room for {} bindings: {result}",
+                    self.name,
+                    4 * MAX_PASSES
+                ),
             };
             for (&(binding, kind), uniform) in pipeline.bindings.iter().zip(uniforms) {
-                assert!(kind == BindingKind::UniformBuffer, "{}: binding {binding} is not uniform", self.name);
+                assert!(
+                    kind == BindingKind::UniformBuffer,
+                    "{}: binding {binding} is not uniform",
+                    self.name
+                );
                 let buffers = [vk::DescriptorBufferInfo::default()
                     .buffer(self.uniforms)
                     .offset(uniform.offset)
@@ -720,10 +753,17 @@ impl Draw<'_> {
                 self.gpu.device.update_descriptor_sets(&[write], &[]);
             }
             let point = vk::PipelineBindPoint::GRAPHICS;
-            self.gpu.device.cmd_bind_pipeline(self.commands, point, pipeline.handle);
             self.gpu
                 .device
-                .cmd_bind_descriptor_sets(self.commands, point, pipeline.layout, 0, &sets, &[]);
+                .cmd_bind_pipeline(self.commands, point, pipeline.handle);
+            self.gpu.device.cmd_bind_descriptor_sets(
+                self.commands,
+                point,
+                pipeline.layout,
+                0,
+                &sets,
+                &[],
+            );
         }
     }
 
@@ -760,9 +800,12 @@ impl Draw<'_> {
         );
         // SAFETY: declared, so alive until the frame has finished and visible to vertex input.
         unsafe {
-            self.gpu
-                .device
-                .cmd_bind_vertex_buffers(self.commands, 0, &[buffer.handle()], &[offset]);
+            self.gpu.device.cmd_bind_vertex_buffers(
+                self.commands,
+                0,
+                &[buffer.handle()],
+                &[offset],
+            );
         }
     }
 
@@ -779,9 +822,12 @@ impl Draw<'_> {
         );
         // SAFETY: declared, so alive until the frame has finished and visible to index input.
         unsafe {
-            self.gpu
-                .device
-                .cmd_bind_index_buffer(self.commands, buffer.handle(), offset, vk::IndexType::UINT32);
+            self.gpu.device.cmd_bind_index_buffer(
+                self.commands,
+                buffer.handle(),
+                offset,
+                vk::IndexType::UINT32,
+            );
         }
     }
 
@@ -824,7 +870,10 @@ pub(super) fn copy_once(
     }];
     // SAFETY: both buffers are alive until the wait below; the ranges lie inside of them; recording is open
     // outside of a rendering scope.
-    unsafe { gpu.device.cmd_copy_buffer(commands, from.handle(), to.handle(), &regions) };
+    unsafe {
+        gpu.device
+            .cmd_copy_buffer(commands, from.handle(), to.handle(), &regions)
+    };
     let ticket = frame.submit()?;
     frames.finish(ticket)?;
     Ok(())
