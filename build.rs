@@ -13,8 +13,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use glslang::{
-    Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage, SpirvVersion, Target,
-    VulkanVersion,
+    Compiler, CompilerOptions, ShaderInput, ShaderSource, ShaderStage, SourceLanguage,
+    SpirvVersion, Target, VulkanVersion,
 };
 use rspirv::dr::{Module, Operand};
 use rspirv::spirv::{Decoration, ExecutionMode, Op, StorageClass};
@@ -32,7 +32,11 @@ fn main() {
     let mut failures = Vec::new();
     for path in &sources {
         println!("cargo::rerun-if-changed={}", path.display());
-        let relative = path.strip_prefix(&root).unwrap_or(path).to_string_lossy().replace('\\', "/");
+        let relative = path
+            .strip_prefix(&root)
+            .unwrap_or(path)
+            .to_string_lossy()
+            .replace('\\', "/");
         if relative.starts_with("common/") {
             continue;
         }
@@ -64,7 +68,8 @@ fn main() {
     write_layouts(&mut out, &layouts);
     write_constants(&mut out, &root.join("common/constants.glsl"));
     let target = PathBuf::from(env("OUT_DIR")).join("shaders.rs");
-    std::fs::write(&target, out).unwrap_or_else(|e| panic!("cannot write {}: {e}", target.display()));
+    std::fs::write(&target, out)
+        .unwrap_or_else(|e| panic!("cannot write {}: {e}", target.display()));
 }
 
 fn env(name: &str) -> String {
@@ -72,7 +77,8 @@ fn env(name: &str) -> String {
 }
 
 fn collect(folder: &Path, out: &mut Vec<PathBuf>) {
-    let entries = std::fs::read_dir(folder).unwrap_or_else(|e| panic!("cannot list {}: {e}", folder.display()));
+    let entries = std::fs::read_dir(folder)
+        .unwrap_or_else(|e| panic!("cannot list {}: {e}", folder.display()));
     for entry in entries.flatten() {
         let path = entry.path();
         if path.is_dir() {
@@ -92,8 +98,15 @@ struct Expanded {
     origin: Vec<(String, usize)>,
 }
 
-fn expand(root: &Path, path: &Path, name: &str, seen: &mut BTreeSet<PathBuf>, out: &mut Expanded) -> Result<(), String> {
-    let text = std::fs::read_to_string(path).map_err(|e| format!("shaders/{name}:1: error: cannot read: {e}"))?;
+fn expand(
+    root: &Path,
+    path: &Path,
+    name: &str,
+    seen: &mut BTreeSet<PathBuf>,
+    out: &mut Expanded,
+) -> Result<(), String> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|e| format!("shaders/{name}:1: error: cannot read: {e}"))?;
     for (index, line) in text.lines().enumerate() {
         let Some(rest) = line.trim_start().strip_prefix("#include") else {
             out.text.push_str(line);
@@ -104,7 +117,10 @@ fn expand(root: &Path, path: &Path, name: &str, seen: &mut BTreeSet<PathBuf>, ou
         let target = rest.trim().trim_matches('"');
         let file = root.join(target);
         if !file.is_file() {
-            return Err(format!("shaders/{name}:{}: error: no file shaders/{target} to include", index + 1));
+            return Err(format!(
+                "shaders/{name}:{}: error: no file shaders/{target} to include",
+                index + 1
+            ));
         }
         if seen.insert(file.clone()) {
             expand(root, &file, target, seen, out)?;
@@ -114,18 +130,28 @@ fn expand(root: &Path, path: &Path, name: &str, seen: &mut BTreeSet<PathBuf>, ou
 }
 
 fn compile(root: &Path, path: &Path, name: &str) -> Result<Vec<u32>, String> {
-    let mut expanded = Expanded { text: String::new(), origin: Vec::new() };
+    let mut expanded = Expanded {
+        text: String::new(),
+        origin: Vec::new(),
+    };
     expand(root, path, name, &mut BTreeSet::new(), &mut expanded)?;
     let stage = match path.extension().and_then(|e| e.to_str()) {
         Some("vert") => ShaderStage::Vertex,
         Some("frag") => ShaderStage::Fragment,
         Some("comp") => ShaderStage::Compute,
-        other => return Err(format!("shaders/{name}:1: error: no shader stage for ending {other:?}")),
+        other => {
+            return Err(format!(
+                "shaders/{name}:1: error: no shader stage for ending {other:?}"
+            ));
+        }
     };
     let compiler = Compiler::acquire().expect("glslang starts");
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
-        target: Target::Vulkan { version: VulkanVersion::Vulkan1_3, spirv_version: SpirvVersion::SPIRV1_6 },
+        target: Target::Vulkan {
+            version: VulkanVersion::Vulkan1_3,
+            spirv_version: SpirvVersion::SPIRV1_6,
+        },
         ..CompilerOptions::default()
     };
     let source = ShaderSource::from(expanded.text.as_str());
@@ -142,11 +168,19 @@ fn compile(root: &Path, path: &Path, name: &str) -> Result<Vec<u32>, String> {
 fn place(log: &str, name: &str, expanded: &Expanded) -> String {
     let mut out = Vec::new();
     for line in log.lines() {
-        let Some(at) = line.find("ERROR: 0:") else { continue };
+        let Some(at) = line.find("ERROR: 0:") else {
+            continue;
+        };
         let rest = &line[at + "ERROR: 0:".len()..];
-        let Some((number, text)) = rest.split_once(':') else { continue };
+        let Some((number, text)) = rest.split_once(':') else {
+            continue;
+        };
         let line = number.trim().parse::<usize>().unwrap_or(0);
-        let (file, line) = expanded.origin.get(line.wrapping_sub(1)).cloned().unwrap_or((name.to_owned(), line));
+        let (file, line) = expanded
+            .origin
+            .get(line.wrapping_sub(1))
+            .cloned()
+            .unwrap_or((name.to_owned(), line));
         out.push(format!("shaders/{file}:{line}: error:{text}"));
     }
     if out.is_empty() {
@@ -157,8 +191,9 @@ fn place(log: &str, name: &str, expanded: &Expanded) -> String {
 
 fn parse(words: &[u32], name: &str) -> Module {
     let mut loader = rspirv::dr::Loader::new();
-    rspirv::binary::parse_words(words, &mut loader)
-        .unwrap_or_else(|e| panic!("shaders/{name}: the compiler wrote SPIR-V that cannot be read back: {e:?}"));
+    rspirv::binary::parse_words(words, &mut loader).unwrap_or_else(|e| {
+        panic!("shaders/{name}: the compiler wrote SPIR-V that cannot be read back: {e:?}")
+    });
     loader.module()
 }
 
@@ -174,60 +209,89 @@ fn name_of(module: &Module, id: u32) -> String {
         .debug_names
         .iter()
         .find_map(|i| match (i.class.opcode, i.operands.as_slice()) {
-            (Op::Name, [Operand::IdRef(target), Operand::LiteralString(text)]) if *target == id => Some(text.clone()),
+            (Op::Name, [Operand::IdRef(target), Operand::LiteralString(text)]) if *target == id => {
+                Some(text.clone())
+            }
             _ => None,
         })
         .unwrap_or_default()
 }
 
 fn decoration(module: &Module, id: u32, wanted: Decoration) -> Option<u32> {
-    module.annotations.iter().find_map(|i| match (i.class.opcode, i.operands.as_slice()) {
-        (Op::Decorate, [Operand::IdRef(target), Operand::Decoration(d), rest @ ..]) if *target == id && *d == wanted => {
-            match rest.first() {
-                Some(Operand::LiteralBit32(value)) => Some(*value),
-                _ => Some(0),
+    module
+        .annotations
+        .iter()
+        .find_map(|i| match (i.class.opcode, i.operands.as_slice()) {
+            (Op::Decorate, [Operand::IdRef(target), Operand::Decoration(d), rest @ ..])
+                if *target == id && *d == wanted =>
+            {
+                match rest.first() {
+                    Some(Operand::LiteralBit32(value)) => Some(*value),
+                    _ => Some(0),
+                }
             }
-        }
-        _ => None,
-    })
+            _ => None,
+        })
 }
 
 fn definition(module: &Module, id: u32) -> Option<&rspirv::dr::Instruction> {
-    module.types_global_values.iter().find(|i| i.result_id == Some(id))
+    module
+        .types_global_values
+        .iter()
+        .find(|i| i.result_id == Some(id))
 }
 
 /// Every structure with explicit offsets, by name.
 fn blocks(module: &Module) -> Vec<(String, Block)> {
     let mut out = Vec::new();
     for instruction in &module.types_global_values {
-        let (Op::TypeStruct, Some(id)) = (instruction.class.opcode, instruction.result_id) else { continue };
+        let (Op::TypeStruct, Some(id)) = (instruction.class.opcode, instruction.result_id) else {
+            continue;
+        };
         let mut fields = Vec::new();
         for (index, operand) in instruction.operands.iter().enumerate() {
-            let offset = module.annotations.iter().find_map(|i| match (i.class.opcode, i.operands.as_slice()) {
-                (
-                    Op::MemberDecorate,
-                    [Operand::IdRef(t), Operand::LiteralBit32(m), Operand::Decoration(Decoration::Offset), Operand::LiteralBit32(o)],
-                ) if *t == id && *m as usize == index => Some(*o),
-                _ => None,
-            });
-            let field = module.debug_names.iter().find_map(|i| match (i.class.opcode, i.operands.as_slice()) {
-                (Op::MemberName, [Operand::IdRef(t), Operand::LiteralBit32(m), Operand::LiteralString(text)])
-                    if *t == id && *m as usize == index =>
-                {
-                    Some(text.clone())
+            let offset = module.annotations.iter().find_map(|i| {
+                match (i.class.opcode, i.operands.as_slice()) {
+                    (
+                        Op::MemberDecorate,
+                        [
+                            Operand::IdRef(t),
+                            Operand::LiteralBit32(m),
+                            Operand::Decoration(Decoration::Offset),
+                            Operand::LiteralBit32(o),
+                        ],
+                    ) if *t == id && *m as usize == index => Some(*o),
+                    _ => None,
                 }
-                _ => None,
+            });
+            let field = module.debug_names.iter().find_map(|i| {
+                match (i.class.opcode, i.operands.as_slice()) {
+                    (
+                        Op::MemberName,
+                        [
+                            Operand::IdRef(t),
+                            Operand::LiteralBit32(m),
+                            Operand::LiteralString(text),
+                        ],
+                    ) if *t == id && *m as usize == index => Some(text.clone()),
+                    _ => None,
+                }
             });
             if let (Some(offset), Some(field), Operand::IdRef(kind)) = (offset, field, operand) {
                 fields.push((field, offset, size_of(module, *kind)));
             }
         }
-        let Some((_, offset, size)) = fields.last().cloned() else { continue };
+        let Some((_, offset, size)) = fields.last().cloned() else {
+            continue;
+        };
         let name = name_of(module, id);
         if name.is_empty() || name.starts_with("gl_") {
             continue;
         }
-        let block = Block { fields: fields.into_iter().map(|(n, o, _)| (n, o)).collect(), size: offset + size };
+        let block = Block {
+            fields: fields.into_iter().map(|(n, o, _)| (n, o)).collect(),
+            size: offset + size,
+        };
         out.push((name, block));
     }
     out
@@ -235,7 +299,9 @@ fn blocks(module: &Module) -> Vec<(String, Block)> {
 
 /// Size in bytes of a type inside a block; 0 for a run-time array.
 fn size_of(module: &Module, id: u32) -> u32 {
-    let Some(i) = definition(module, id) else { return 0 };
+    let Some(i) = definition(module, id) else {
+        return 0;
+    };
     let literal = |n: usize| match i.operands.get(n) {
         Some(Operand::LiteralBit32(value)) => *value,
         _ => 0,
@@ -254,7 +320,9 @@ fn size_of(module: &Module, id: u32) -> u32 {
 }
 
 fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module) {
-    let (stem, ending) = relative.rsplit_once('.').expect("a shader file has an ending");
+    let (stem, ending) = relative
+        .rsplit_once('.')
+        .expect("a shader file has an ending");
     let constant = format!("{}_{}", stem.replace(['/', '-', '.'], "_"), ending).to_uppercase();
     let stage = match ending {
         "vert" => "Vertex",
@@ -265,8 +333,12 @@ fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module
     let mut inputs = Vec::new();
     let mut push = 0;
     for i in &module.types_global_values {
-        let (Op::Variable, Some(id)) = (i.class.opcode, i.result_id) else { continue };
-        let Some(Operand::StorageClass(class)) = i.operands.first() else { continue };
+        let (Op::Variable, Some(id)) = (i.class.opcode, i.result_id) else {
+            continue;
+        };
+        let Some(Operand::StorageClass(class)) = i.operands.first() else {
+            continue;
+        };
         let pointee = i
             .result_type
             .and_then(|t| definition(module, t))
@@ -279,7 +351,10 @@ fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module
             StorageClass::Uniform | StorageClass::StorageBuffer | StorageClass::UniformConstant => {
                 let binding = decoration(module, id, Decoration::Binding).unwrap_or(0);
                 let set = decoration(module, id, Decoration::DescriptorSet).unwrap_or(0);
-                assert!(set == 0, "shaders/{relative}: only descriptor set 0 is used");
+                assert!(
+                    set == 0,
+                    "shaders/{relative}: only descriptor set 0 is used"
+                );
                 let kind = match class {
                     StorageClass::Uniform => "UniformBuffer",
                     StorageClass::StorageBuffer => "StorageBuffer",
@@ -291,7 +366,17 @@ fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module
                 bindings.push((binding, kind));
             }
             StorageClass::PushConstant => {
-                push = blocks(module).iter().map(|(n, b)| if *n == name_of(module, pointee) { b.size } else { 0 }).max().unwrap_or(0);
+                push = blocks(module)
+                    .iter()
+                    .map(|(n, b)| {
+                        if *n == name_of(module, pointee) {
+                            b.size
+                        } else {
+                            0
+                        }
+                    })
+                    .max()
+                    .unwrap_or(0);
             }
             StorageClass::Input if ending == "vert" => {
                 if let Some(location) = decoration(module, id, Decoration::Location) {
@@ -307,25 +392,47 @@ fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module
         .execution_modes
         .iter()
         .find_map(|i| match i.operands.as_slice() {
-            [_, Operand::ExecutionMode(ExecutionMode::LocalSize), Operand::LiteralBit32(x), Operand::LiteralBit32(y), Operand::LiteralBit32(z)] => {
-                Some([*x, *y, *z])
-            }
+            [
+                _,
+                Operand::ExecutionMode(ExecutionMode::LocalSize),
+                Operand::LiteralBit32(x),
+                Operand::LiteralBit32(y),
+                Operand::LiteralBit32(z),
+            ] => Some([*x, *y, *z]),
             _ => None,
         })
         .unwrap_or([1, 1, 1]);
-    let _ = writeln!(out, "/// `shaders/{relative}`.\npub const {constant}: Shader = Shader {{");
-    let _ = writeln!(out, "    name: {:?},\n    stage: Stage::{stage},", format!("{}.{ending}", stem.replace('/', ".")));
-    let _ = writeln!(out, "    push_constant_bytes: {push},\n    local_size: {local:?},");
-    let list: Vec<String> = bindings.iter().map(|(b, k)| format!("({b}, BindingKind::{k})")).collect();
+    let _ = writeln!(
+        out,
+        "/// `shaders/{relative}`.\npub const {constant}: Shader = Shader {{"
+    );
+    let _ = writeln!(
+        out,
+        "    name: {:?},\n    stage: Stage::{stage},",
+        format!("{}.{ending}", stem.replace('/', "."))
+    );
+    let _ = writeln!(
+        out,
+        "    push_constant_bytes: {push},\n    local_size: {local:?},"
+    );
+    let list: Vec<String> = bindings
+        .iter()
+        .map(|(b, k)| format!("({b}, BindingKind::{k})"))
+        .collect();
     let _ = writeln!(out, "    bindings: &[{}],", list.join(", "));
-    let list: Vec<String> = inputs.iter().map(|(l, n)| format!("({l}, {n:?})")).collect();
+    let list: Vec<String> = inputs
+        .iter()
+        .map(|(l, n)| format!("({l}, {n:?})"))
+        .collect();
     let _ = writeln!(out, "    inputs: &[{}],", list.join(", "));
     let list: Vec<String> = words.iter().map(|w| format!("{w:#x}")).collect();
     let _ = writeln!(out, "    words: &[{}],\n}};\n", list.join(","));
 }
 
 fn write_layouts(out: &mut String, layouts: &BTreeMap<String, (Block, String)>) {
-    out.push_str("/// Byte offsets of the fields of every block that a shader declares.\npub mod layout {\n");
+    out.push_str(
+        "/// Byte offsets of the fields of every block that a shader declares.\npub mod layout {\n",
+    );
     for (name, (block, first)) in layouts {
         let mut module = String::new();
         for (i, c) in name.chars().enumerate() {
@@ -334,7 +441,10 @@ fn write_layouts(out: &mut String, layouts: &BTreeMap<String, (Block, String)>) 
             }
             module.push(c.to_ascii_lowercase());
         }
-        let _ = writeln!(out, "    /// Block `{name}`, first seen in `shaders/{first}`.\n    pub mod {module} {{");
+        let _ = writeln!(
+            out,
+            "    /// Block `{name}`, first seen in `shaders/{first}`.\n    pub mod {module} {{"
+        );
         for (field, offset) in &block.fields {
             let _ = writeln!(
                 out,
@@ -342,7 +452,11 @@ fn write_layouts(out: &mut String, layouts: &BTreeMap<String, (Block, String)>) 
                 field.to_uppercase()
             );
         }
-        let _ = writeln!(out, "        /// End of the last field.\n        pub const END: usize = {};", block.size);
+        let _ = writeln!(
+            out,
+            "        /// End of the last field.\n        pub const END: usize = {};",
+            block.size
+        );
         let _ = writeln!(
             out,
             "        /// Number of fields.\n        pub const FIELDS: usize = {};\n    }}",
@@ -356,7 +470,9 @@ fn write_layouts(out: &mut String, layouts: &BTreeMap<String, (Block, String)>) 
 /// becomes their documentation.
 fn write_constants(out: &mut String, path: &Path) {
     let text = std::fs::read_to_string(path).unwrap_or_default();
-    out.push_str("/// Constants of both sides, from `shaders/common/constants.glsl`.\npub mod constants {\n");
+    out.push_str(
+        "/// Constants of both sides, from `shaders/common/constants.glsl`.\npub mod constants {\n",
+    );
     let mut doc = String::new();
     for (index, line) in text.lines().enumerate() {
         let line = line.trim();
@@ -364,22 +480,33 @@ fn write_constants(out: &mut String, path: &Path) {
             doc = comment.trim().to_owned();
             continue;
         }
-        let Some(rest) = line.strip_prefix("const ") else { continue };
-        let parsed = rest.strip_suffix(';').and_then(|r| r.split_once('=')).and_then(|(left, value)| {
-            let (kind, name) = left.trim().split_once(' ')?;
-            let kind = match kind {
-                "uint" => "u32",
-                "float" => "f32",
-                _ => return None,
-            };
-            Some((kind, name.trim(), value.trim().trim_end_matches('u')))
-        });
+        let Some(rest) = line.strip_prefix("const ") else {
+            continue;
+        };
+        let parsed = rest
+            .strip_suffix(';')
+            .and_then(|r| r.split_once('='))
+            .and_then(|(left, value)| {
+                let (kind, name) = left.trim().split_once(' ')?;
+                let kind = match kind {
+                    "uint" => "u32",
+                    "float" => "f32",
+                    _ => return None,
+                };
+                Some((kind, name.trim(), value.trim().trim_end_matches('u')))
+            });
         match parsed {
             Some((kind, name, value)) => {
-                let _ = writeln!(out, "    /// {doc}\n    pub const {name}: {kind} = {value};");
+                let _ = writeln!(
+                    out,
+                    "    /// {doc}\n    pub const {name}: {kind} = {value};"
+                );
             }
             None => {
-                println!("cargo::error=shaders/common/constants.glsl:{}: error: not `const uint|float NAME = literal;`", index + 1);
+                println!(
+                    "cargo::error=shaders/common/constants.glsl:{}: error: not `const uint|float NAME = literal;`",
+                    index + 1
+                );
                 std::process::exit(1);
             }
         }

@@ -32,7 +32,11 @@ fn row(name: &str, value: f64, unit: &str, target: Option<(bool, f64)>) {
     let verdict = match target {
         None => String::new(),
         Some((at_most, limit)) => {
-            let met = if at_most { value <= limit } else { value >= limit };
+            let met = if at_most {
+                value <= limit
+            } else {
+                value >= limit
+            };
             format!(
                 "  {} {limit} {unit}: {}",
                 if at_most { "at most" } else { "at least" },
@@ -56,7 +60,11 @@ fn memory() -> Option<(u64, u64)> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let field = |name: &str| {
         let line = status.lines().find(|l| l.starts_with(name))?;
-        line.split_whitespace().nth(1)?.parse::<u64>().ok().map(|kb| kb * 1024)
+        line.split_whitespace()
+            .nth(1)?
+            .parse::<u64>()
+            .ok()
+            .map(|kb| kb * 1024)
     };
     Some((field("VmRSS:")?, field("VmHWM:")?))
 }
@@ -67,12 +75,18 @@ fn reading(scale: u64) {
     let path = folder.path().join("torus.ply");
     generate::write_ply_file(&spec, &path, &Silent).expect("the torus is written");
     let load = || {
-        let loaded = input::load(Path::new(&path), &input::Options::default(), &Silent).expect("the torus loads");
+        let loaded = input::load(Path::new(&path), &input::Options::default(), &Silent)
+            .expect("the torus loads");
         assert_eq!(loaded.mesh.triangles.len() as u64, spec.counts().1);
     };
     load();
     let times: Vec<f64> = (0..5).map(|_| ms(load)).collect();
-    row("read binary PLY, torus 4 M", Distribution::of(&times).median / 1e3, "s", Some((true, 0.6)));
+    row(
+        "read binary PLY, torus 4 M",
+        Distribution::of(&times).median / 1e3,
+        "s",
+        Some((true, 0.6)),
+    );
 }
 
 fn building(scale: u64) {
@@ -99,10 +113,16 @@ fn building(scale: u64) {
                 peak = Some(highest.saturating_sub(resident));
             }
         }
-        let Some(model) = model else { unreachable!("built above") };
+        let Some(model) = model else {
+            unreachable!("built above")
+        };
         let seconds = Distribution::of(&times).median;
         row(
-            &format!("build the tree, {} {:.1} M", shape.name(), count as f64 / 1e6),
+            &format!(
+                "build the tree, {} {:.1} M",
+                shape.name(),
+                count as f64 / 1e6
+            ),
             seconds,
             "s",
             target.map(|t| (true, t)),
@@ -112,8 +132,14 @@ fn building(scale: u64) {
             row("   a triangle", seconds / count as f64 * 1e9, "ns", None);
         }
         let tree_bytes = model.memory_bytes().tree();
-        let mesh_bytes = (12 * source.positions.len() + 12 * source.normals.len() + 12 * count) as u64;
-        row("   tree, bytes a triangle", tree_bytes as f64 / count as f64, "B", None);
+        let mesh_bytes =
+            (12 * source.positions.len() + 12 * source.normals.len() + 12 * count) as u64;
+        row(
+            "   tree, bytes a triangle",
+            tree_bytes as f64 / count as f64,
+            "B",
+            None,
+        );
         if let Some(peak) = peak {
             // The mesh handed over was resident before, so it counts on top of what was added.
             row(
@@ -126,7 +152,12 @@ fn building(scale: u64) {
         }
     }
     if let (Some(first), Some(last)) = (per_triangle.first(), per_triangle.last()) {
-        row("   time a triangle, 8 M over 1 M", last / first, "x", Some((true, 1.5)));
+        row(
+            "   time a triangle, 8 M over 1 M",
+            last / first,
+            "x",
+            Some((true, 1.5)),
+        );
     }
 }
 
@@ -169,14 +200,23 @@ fn cutting(model: &Model, name: &str) {
 
 fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
     let mut scene = Scene::new(gpu, model).expect("the model fits the device");
-    let mut renderer = Renderer::new(gpu, SIZE.0, SIZE.1, Outputs::default(), true).expect("a renderer");
-    let candidates = [(Method::Triangles, 1.0), (Method::Pop, 1.0), (Method::Pop, 3.0)];
+    let mut renderer =
+        Renderer::new(gpu, SIZE.0, SIZE.1, Outputs::default(), true).expect("a renderer");
+    let candidates = [
+        (Method::Triangles, 1.0),
+        (Method::Pop, 1.0),
+        (Method::Pop, 3.0),
+    ];
     for fill in [1.0, 0.5, 0.125] {
         let mut times = vec![Vec::new(); candidates.len()];
         let mut counts = vec![(0, 0); candidates.len()];
         let views: Vec<View> = (0..9).map(|k| orbit(model, fill, k, 9)).collect();
         let mut made = (0, 0);
-        for (round, view) in std::iter::once(&views[0]).chain(&views).chain(&views).enumerate() {
+        for (round, view) in std::iter::once(&views[0])
+            .chain(&views)
+            .chain(&views)
+            .enumerate()
+        {
             if round == 1 + views.len() {
                 made = (gpu.compiled_pipelines(), gpu.created_resources());
             }
@@ -189,25 +229,37 @@ fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
                     threshold_px,
                     ..Settings::default()
                 };
-                let t = renderer.draw(model, &mut scene, view, &settings).expect("a frame");
+                let t = renderer
+                    .draw(model, &mut scene, view, &settings)
+                    .expect("a frame");
                 if round > 0 {
                     times[index].push(t.frame_ms);
                     counts[index] = (t.counts.triangles, t.counts.splats);
                 }
             }
         }
-        let made = (gpu.compiled_pipelines() - made.0, gpu.created_resources() - made.1);
+        let made = (
+            gpu.compiled_pipelines() - made.0,
+            gpu.created_resources() - made.1,
+        );
         let median: Vec<f64> = times.iter().map(|t| Distribution::of(t).median).collect();
         for (index, &(method, threshold_px)) in candidates.iter().enumerate() {
             let (triangles, splats) = counts[index];
             row(
-                &format!("{name}, fill {fill}, {method:?} {threshold_px} ({triangles} tri, {splats} splats)"),
+                &format!(
+                    "{name}, fill {fill}, {method:?} {threshold_px} ({triangles} tri, {splats} splats)"
+                ),
                 median[index],
                 "ms",
                 None,
             );
         }
-        row("   pop 1 faster than triangles", median[0] / median[1], "x", None);
+        row(
+            "   pop 1 faster than triangles",
+            median[0] / median[1],
+            "x",
+            None,
+        );
         row(
             "   pop 3 faster than triangles",
             median[0] / median[2],
@@ -224,8 +276,17 @@ fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
 }
 
 fn main() {
-    let scale = if std::env::args().any(|a| a == "quick") { 10 } else { 1 };
-    println!("{} threads; {}x{} pixels; medians", rayon::current_num_threads(), SIZE.0, SIZE.1);
+    let scale = if std::env::args().any(|a| a == "quick") {
+        10
+    } else {
+        1
+    };
+    println!(
+        "{} threads; {}x{} pixels; medians",
+        rayon::current_num_threads(),
+        SIZE.0,
+        SIZE.1
+    );
     reading(scale);
     building(scale);
     let gpu = match Gpu::open(&Options::default()) {
@@ -236,7 +297,10 @@ fn main() {
         }
     };
     println!("drawing on {}", gpu.info().name);
-    for (shape, triangles, target) in [(Shape::Statue, 8_000_000, 8.0), (Shape::Torus, 4_000_000, 4.0)] {
+    for (shape, triangles, target) in [
+        (Shape::Statue, 8_000_000, 8.0),
+        (Shape::Torus, 4_000_000, 4.0),
+    ] {
         let model = build(mesh(shape, triangles / scale));
         cutting(&model, shape.name());
         drawing(&gpu, &model, shape.name(), Some(target));

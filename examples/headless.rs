@@ -17,7 +17,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mesh = input::load(Path::new(&file), &input::Options::default(), &Silent)?.mesh;
     let model = tree::build(mesh, &tree::BuildOptions::default(), &Silent)?;
     let center = model.origin + model.orbit_center.as_dvec3();
-    let camera = Camera::orbit((800, 600), center, f64::from(model.orbit_radius), 0.5, 0.35, 1.0);
+    let camera = Camera::orbit(
+        (800, 600),
+        center,
+        f64::from(model.orbit_radius),
+        0.5,
+        0.35,
+        1.0,
+    );
     let view = camera.view(model.origin)?;
     let backend = Backend::open(&Options::default())?;
     let mut engine = Engine::new(&backend, &model, (800, 600), Outputs::default())?;
@@ -26,6 +33,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         threshold_px: 1.0,
         ..Settings::default()
     };
-    engine.render(&view, &settings)?.save_png(Path::new(&picture))?;
+    engine
+        .render(&view, &settings)?
+        .save_png(Path::new(&picture))?;
     Ok(())
 }

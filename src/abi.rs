@@ -56,10 +56,7 @@ pub struct FrameConstants {
 
 /// Shaders as compiled by `build.rs`, with what they declare.
 mod generated {
-    #![allow(
-        clippy::unreadable_literal,
-        reason = "written by build.rs"
-    )]
+    #![allow(clippy::unreadable_literal, reason = "written by build.rs")]
     use super::{BindingKind, Shader, Stage};
     include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 }

@@ -37,7 +37,9 @@ fn settings(method: Method, threshold_px: f32) -> Settings {
 
 /// The same coverage, and at most one pixel in 5,000 another grey level.
 fn is_almost_equal(d: &Difference) -> bool {
-    d.coverage_abs == 0.0 && d.whole.max_level < 1.5 && d.whole.past_level <= 1 + d.object.pixels / 5_000
+    d.coverage_abs == 0.0
+        && d.whole.max_level < 1.5
+        && d.whole.past_level <= 1 + d.object.pixels / 5_000
 }
 
 const METHODS: [(Method, f32); 4] = [
@@ -58,8 +60,13 @@ fn the_same_frame_twice_is_bit_identical() {
         let s = settings(method, threshold);
         let first = engine.render(&view, &s).unwrap();
         // Another view between them, so that slots and states turn over.
-        engine.render(&orbit(&model, (200, 200), 90.0, -20.0, 3.0), &s).unwrap();
-        assert!(first == engine.render(&view, &s).unwrap(), "{method:?} {threshold}");
+        engine
+            .render(&orbit(&model, (200, 200), 90.0, -20.0, 3.0), &s)
+            .unwrap();
+        assert!(
+            first == engine.render(&view, &s).unwrap(),
+            "{method:?} {threshold}"
+        );
     }
 }
 
@@ -96,7 +103,10 @@ fn culling_changes_nothing_on_a_closed_surface() {
                 culling: Culling::Off,
                 ..on
             };
-            let (a, b) = (draw(&device, &model, &view, &on), draw(&device, &model, &view, &off));
+            let (a, b) = (
+                draw(&device, &model, &view, &on),
+                draw(&device, &model, &view, &off),
+            );
             // Next to the silhouette a front and a back triangle meet in an edge; where their depths round to the
             // same value, the first drawn wins.
             let d = compare(&a, &b, 0.0).unwrap();
@@ -129,7 +139,9 @@ fn memory_that_is_not_coherent_gives_the_same_picture() {
 fn pages_do_not_show() {
     let Some(device) = Device::open() else { return };
     let statue = generated(Shape::Statue, 20_000);
-    let mut mesh = surfel::generate::mesh(&surfel::generate::Spec::with_triangles(Shape::Sphere, 3_000).unwrap());
+    let mut mesh = surfel::generate::mesh(
+        &surfel::generate::Spec::with_triangles(Shape::Sphere, 3_000).unwrap(),
+    );
     mesh.triangles.clear();
     let cloud = surfel::tree::build(
         mesh,
@@ -149,12 +161,17 @@ fn pages_do_not_show() {
                 if (vertices, model.triangles.len() > 10_000) == (3, true) {
                     continue; // A page a triangle: 20,000 buffers prove nothing more.
                 }
-                let mut scene = Scene::with_page_limits(device.gpu(), model, vertices, triangles).unwrap();
+                let mut scene =
+                    Scene::with_page_limits(device.gpu(), model, vertices, triangles).unwrap();
                 assert!(scene.pages.len() > 1 || model.triangles.is_empty());
                 let mut renderer = Renderer::new(device.gpu(), 200, 200, ALL, false).unwrap();
                 renderer.draw(model, &mut scene, &view, &s).unwrap();
                 let paged = renderer.read(&view).unwrap();
-                assert!(whole == paged, "{method:?} {threshold}: {} pages show", scene.pages.len());
+                assert!(
+                    whole == paged,
+                    "{method:?} {threshold}: {} pages show",
+                    scene.pages.len()
+                );
             }
         }
     }
@@ -172,16 +189,27 @@ fn the_frame_loop_makes_nothing_new() {
     let mut round = |renderer: &mut Renderer| {
         for view in &views {
             for (method, threshold) in METHODS {
-                renderer.draw(&model, &mut scene, view, &settings(method, threshold)).unwrap();
+                renderer
+                    .draw(&model, &mut scene, view, &settings(method, threshold))
+                    .unwrap();
             }
         }
     };
     // Both slots of the ring see every view.
     round(&mut renderer);
     round(&mut renderer);
-    let before = (device.gpu().compiled_pipelines(), device.gpu().created_resources());
+    let before = (
+        device.gpu().compiled_pipelines(),
+        device.gpu().created_resources(),
+    );
     round(&mut renderer);
-    assert_eq!(before, (device.gpu().compiled_pipelines(), device.gpu().created_resources()));
+    assert_eq!(
+        before,
+        (
+            device.gpu().compiled_pipelines(),
+            device.gpu().created_resources()
+        )
+    );
 }
 
 #[test]
@@ -189,7 +217,10 @@ fn splats_above_the_devices_point_limit_are_drawn_whole() {
     let Some(device) = Device::open() else { return };
     // Two points seen so near that their squares fill the picture.
     let mut mesh = surfel::mesh::Mesh::default();
-    mesh.positions = vec![glam::Vec3::new(-1.0, 0.0, 0.0), glam::Vec3::new(1.0, 0.0, 0.0)];
+    mesh.positions = vec![
+        glam::Vec3::new(-1.0, 0.0, 0.0),
+        glam::Vec3::new(1.0, 0.0, 0.0),
+    ];
     let model = surfel::tree::build(
         mesh,
         &surfel::tree::BuildOptions::default(),
@@ -198,8 +229,12 @@ fn splats_above_the_devices_point_limit_are_drawn_whole() {
     .unwrap();
     let limit = device.gpu().info().max_point_size_px;
     let view = orbit(&model, (600, 400), 20.0, 0.0, 1.0);
-    let largest = model.tree.leaves[0].radius * 2.0 * view.focal_px() / view.distance(model.tree.leaves[0].center);
-    assert!(largest > limit, "the scene must ask for more than {limit} px, not {largest}");
+    let largest = model.tree.leaves[0].radius * 2.0 * view.focal_px()
+        / view.distance(model.tree.leaves[0].center);
+    assert!(
+        largest > limit,
+        "the scene must ask for more than {limit} px, not {largest}"
+    );
     let picture = draw(&device, &model, &view, &settings(Method::Pop, 1.0));
     let mirror = Engine::new(&Backend::Mirror, &model, (600, 400), ALL)
         .unwrap()

@@ -53,7 +53,9 @@ fn compare(name: &str, device: &Image, mirror: &Image, tolerance: &Tolerance) {
             .map(|n| (mirror.depth[n] - m).abs())
             .filter(|s| s.is_finite())
             .fold(0.0, f32::max);
-        if d.is_finite() != m.is_finite() || (m.is_finite() && (d - m).abs() > 2e-5 * m + slope / 32.0) {
+        if d.is_finite() != m.is_finite()
+            || (m.is_finite() && (d - m).abs() > 2e-5 * m + slope / 32.0)
+        {
             depth += 1;
         }
         let (d, m) = (Vec3::from(device.normal[i]), Vec3::from(mirror.normal[i]));
@@ -62,12 +64,23 @@ fn compare(name: &str, device: &Image, mirror: &Image, tolerance: &Tolerance) {
         }
     }
     let allowed = (tolerance.edge_share * covered as f64).ceil() as usize + 2;
-    println!("{name}: {covered} covered; coverage {coverage}, color {color}, depth {depth}, normal {normal}; {allowed} allowed");
+    println!(
+        "{name}: {covered} covered; coverage {coverage}, color {color}, depth {depth}, normal {normal}; {allowed} allowed"
+    );
     assert!(covered > 0, "{name}: an empty picture proves nothing");
-    assert!(coverage <= allowed, "{name}: {coverage} pixels differ in coverage");
-    assert!(color <= allowed, "{name}: {color} pixels differ by more than one level");
+    assert!(
+        coverage <= allowed,
+        "{name}: {coverage} pixels differ in coverage"
+    );
+    assert!(
+        color <= allowed,
+        "{name}: {color} pixels differ by more than one level"
+    );
     assert!(depth <= allowed, "{name}: {depth} pixels differ in depth");
-    assert!(normal <= allowed, "{name}: {normal} pixels differ in normal");
+    assert!(
+        normal <= allowed,
+        "{name}: {normal} pixels differ in normal"
+    );
 }
 
 /// Indices of the pixels left, right, above and below.
@@ -92,7 +105,14 @@ const METHODS: [(Method, f32); 5] = [
     (Method::Pop, 4.5),
 ];
 
-fn both(device: &Device, model: &Model, view: &View, settings: &Settings, name: &str, tolerance: &Tolerance) {
+fn both(
+    device: &Device,
+    model: &Model,
+    view: &View,
+    settings: &Settings,
+    name: &str,
+    tolerance: &Tolerance,
+) {
     let size = (view.width, view.height);
     let backend = Backend::Device(device.gpu().clone());
     let picture = Engine::new(&backend, model, size, OUTPUTS)
@@ -117,18 +137,35 @@ fn every_method(device: &Device, model: &Model, view: &View, name: &str, edge_sh
             ..Settings::default()
         };
         let name = format!("{name}, {method:?} {threshold_px}");
-        both(device, model, view, &settings, &name, &Tolerance { edge_share });
+        both(
+            device,
+            model,
+            view,
+            &settings,
+            &name,
+            &Tolerance { edge_share },
+        );
     }
 }
 
 #[test]
 fn smooth_and_rough_surfaces_from_outside() {
     let Some(device) = Device::open() else { return };
-    for (shape, triangles) in [(Shape::Sphere, 20_000), (Shape::Statue, 60_000), (Shape::Square, 800)] {
+    for (shape, triangles) in [
+        (Shape::Sphere, 20_000),
+        (Shape::Statue, 60_000),
+        (Shape::Square, 800),
+    ] {
         let model = generated(shape, triangles);
         for (azimuth, elevation, fill) in [(30.0, 20.0, 1.0), (200.0, -35.0, 0.4)] {
             let view = orbit(&model, (240, 200), azimuth, elevation, fill);
-            every_method(&device, &model, &view, &format!("{shape:?} {azimuth} {fill}"), 0.003);
+            every_method(
+                &device,
+                &model,
+                &view,
+                &format!("{shape:?} {azimuth} {fill}"),
+                0.003,
+            );
         }
     }
 }
@@ -166,7 +203,14 @@ fn the_camera_inside_and_at_the_surface() {
                 if culling == Culling::On && eye == DVec3::ZERO {
                     continue; // All faces turn away: nothing to see, which another test asserts.
                 }
-                both(&device, &model, &view, &settings, &name, &Tolerance { edge_share: 0.003 });
+                both(
+                    &device,
+                    &model,
+                    &view,
+                    &settings,
+                    &name,
+                    &Tolerance { edge_share: 0.003 },
+                );
             }
         }
     }
@@ -178,19 +222,58 @@ fn orthographic_off_center_and_parallel_light() {
     let model = generated(Shape::Statue, 30_000);
     let mut camera = Camera::orbit((180, 220), DVec3::ZERO, 1.6, 0.7, 0.3, 1.0);
     camera.light = Light::Directional;
-    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "parallel light", 0.003);
+    every_method(
+        &device,
+        &model,
+        &camera.view(DVec3::ZERO).unwrap(),
+        "parallel light",
+        0.003,
+    );
     camera.proj.z_axis.x = 0.21;
     camera.proj.z_axis.y = -0.13;
-    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "off center", 0.003);
+    every_method(
+        &device,
+        &model,
+        &camera.view(DVec3::ZERO).unwrap(),
+        "off center",
+        0.003,
+    );
     let (near, far) = (1.0, 8.0);
     camera.proj = glam::DMat4::from_cols_array(&[
-        0.6, 0.0, 0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 0.0, 1.0 / (near - far), 0.0, 0.1, -0.05, near / (near - far), 1.0,
+        0.6,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        0.5,
+        0.0,
+        0.0,
+        0.0,
+        0.0,
+        1.0 / (near - far),
+        0.0,
+        0.1,
+        -0.05,
+        near / (near - far),
+        1.0,
     ]);
-    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "orthographic", 0.003);
+    every_method(
+        &device,
+        &model,
+        &camera.view(DVec3::ZERO).unwrap(),
+        "orthographic",
+        0.003,
+    );
     // A mirrored picture turns the fronts; a scaled view changes lengths.
     camera.proj.x_axis.x = -0.6;
     camera.view = glam::DMat4::from_scale(DVec3::splat(0.8)) * camera.view;
-    every_method(&device, &model, &camera.view(DVec3::ZERO).unwrap(), "mirrored and scaled", 0.003);
+    every_method(
+        &device,
+        &model,
+        &camera.view(DVec3::ZERO).unwrap(),
+        "mirrored and scaled",
+        0.003,
+    );
 }
 
 #[test]
@@ -202,7 +285,14 @@ fn colors_missing_normals_and_clouds() {
     mesh.colors = mesh
         .positions
         .iter()
-        .map(|p| [(p.x * 127.0 + 128.0) as u8, (p.y * 127.0 + 128.0) as u8, 200, 255])
+        .map(|p| {
+            [
+                (p.x * 127.0 + 128.0) as u8,
+                (p.y * 127.0 + 128.0) as u8,
+                200,
+                255,
+            ]
+        })
         .collect();
     let build = |mesh: Mesh| tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
     let colored = build(mesh.clone());
@@ -222,14 +312,27 @@ fn colors_missing_normals_and_clouds() {
             ..Settings::default()
         };
         let name = format!("{color_by:?} {use_colors} {two_sided}");
-        both(&device, &colored, &view, &settings, &name, &Tolerance { edge_share: 0.003 });
+        both(
+            &device,
+            &colored,
+            &view,
+            &settings,
+            &name,
+            &Tolerance { edge_share: 0.003 },
+        );
     }
     let mut cloud = mesh.clone();
     cloud.triangles.clear();
     every_method(&device, &build(cloud.clone()), &view, "cloud", 0.003);
     cloud.normals.clear();
     let near = orbit(&build(cloud.clone()), (200, 200), 10.0, 5.0, 4.0);
-    every_method(&device, &build(cloud), &near, "cloud without normals, near", 0.003);
+    every_method(
+        &device,
+        &build(cloud),
+        &near,
+        "cloud without normals, near",
+        0.003,
+    );
     // Some vertices without a normal.
     for normal in mesh.normals.iter_mut().step_by(3) {
         *normal = Vec3::ZERO;
@@ -240,7 +343,12 @@ fn colors_missing_normals_and_clouds() {
 #[test]
 fn real_models() {
     let Some(device) = Device::open() else { return };
-    for name in ["thesis/horse.ply", "thesis/porsche.obj", "meshes/ankylosaurus_mesh.ply.gz", "photos/sceaux/Sparse.ply"] {
+    for name in [
+        "thesis/horse.ply",
+        "thesis/porsche.obj",
+        "meshes/ankylosaurus_mesh.ply.gz",
+        "photos/sceaux/Sparse.ply",
+    ] {
         let Some(model) = real(name) else { return };
         let view = orbit(&model, (300, 300), 40.0, 25.0, 1.0);
         // Sharp, layered models have more edges and more ties.

@@ -14,7 +14,9 @@ const SIDE: u32 = 16;
 /// Clears an image in a pass with the given viewport and copies it out.
 fn clear_and_read(frames: &mut Frames, image: &Image, readback: &Readback, viewport: [f32; 4]) {
     let mut frame = frames.begin().unwrap();
-    let pass = frame.pass("test.clear").color(image, Load::Clear([1.0, 0.5, 0.25, 1.0]));
+    let pass = frame
+        .pass("test.clear")
+        .color(image, Load::Clear([1.0, 0.5, 0.25, 1.0]));
     pass.draw(viewport, |_| {});
     frame.read_back("test.read", image, readback);
     let ticket = frame.submit().unwrap();
@@ -30,7 +32,12 @@ fn a_clean_pass_leaves_no_message_and_the_cleared_value() {
     for _ in 0..5 {
         clear_and_read(&mut frames, &image, &readback, [0.0, 0.0, 16.0, 16.0]);
     }
-    assert!(readback.bytes().chunks_exact(4).all(|p| p == [255, 128, 64, 255]));
+    assert!(
+        readback
+            .bytes()
+            .chunks_exact(4)
+            .all(|p| p == [255, 128, 64, 255])
+    );
     assert_eq!(device.take_messages(), []);
 }
 
@@ -43,7 +50,9 @@ fn an_impossible_viewport_is_caught() {
     clear_and_read(&mut frames, &image, &readback, [0.0, 0.0, -5.0, 16.0]);
     let messages = device.take_messages();
     assert!(
-        messages.iter().any(|m| m.is_error && m.id.contains("VkViewport-width")),
+        messages
+            .iter()
+            .any(|m| m.is_error && m.id.contains("VkViewport-width")),
         "{messages:?}"
     );
 }
@@ -80,7 +89,12 @@ fn sizes_past_the_limits_are_errors_with_the_limit() {
             other => panic!("{w}x{h}: {other:?}"),
         }
     }
-    let too_many = device.gpu().info().max_buffer.min(device.gpu().info().max_allocation) + 1;
+    let too_many = device
+        .gpu()
+        .info()
+        .max_buffer
+        .min(device.gpu().info().max_allocation)
+        + 1;
     assert!(matches!(
         Readback::new(device.gpu(), "too large", too_many),
         Err(Error::Limit { .. })
@@ -95,7 +109,9 @@ fn a_device_that_is_not_there_is_named_with_those_that_are() {
         ..Options::default()
     };
     match Gpu::open(&wanted) {
-        Err(Error::UnknownDevice { available, .. }) => assert!(available.contains(&device.gpu().info().name)),
+        Err(Error::UnknownDevice { available, .. }) => {
+            assert!(available.contains(&device.gpu().info().name))
+        }
         other => panic!("{other:?}"),
     }
 }
@@ -114,5 +130,9 @@ fn pass_times_agree_with_the_host_clock() {
     assert_eq!(report.rows.len(), 3);
     assert!(report.rows.iter().all(|r| r.together_ms > 0.0));
     let sum: f64 = report.rows.iter().map(|r| r.together_ms).sum();
-    assert!(sum <= 1.5 * report.host_ms + 1.0, "{sum} ms of passes in {} ms", report.host_ms);
+    assert!(
+        sum <= 1.5 * report.host_ms + 1.0,
+        "{sum} ms of passes in {} ms",
+        report.host_ms
+    );
 }

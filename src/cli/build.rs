@@ -8,7 +8,9 @@ use surfel::tree;
 
 /// Build the tree of a model and write it to a file that opens at once.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png")]
+#[command(
+    after_help = "Example:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png"
+)]
 pub(crate) struct Args {
     #[command(flatten)]
     source: Source,
@@ -20,13 +22,20 @@ pub(crate) struct Args {
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let output = match args.output {
         Some(path) => path,
-        None if args.source.model == std::path::Path::new("-") || super::source::generated(&args.source.model).is_some() => {
-            return Err(super::usage("-o FILE is needed for a model without a file name"));
+        None if args.source.model == std::path::Path::new("-")
+            || super::source::generated(&args.source.model).is_some() =>
+        {
+            return Err(super::usage(
+                "-o FILE is needed for a model without a file name",
+            ));
         }
         None => args.source.model.with_extension("surfel"),
     };
     if output == args.source.model {
-        return Err(super::usage(format!("{} would be written over itself", output.display())));
+        return Err(super::usage(format!(
+            "{} would be written over itself",
+            output.display()
+        )));
     }
     let ready = args.source.ready(quiet)?;
     let start = Instant::now();

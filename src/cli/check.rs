@@ -37,7 +37,9 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         let ready = match source.ready(quiet) {
             Ok(ready) => ready,
             Err(Failure::Input(error)) => {
-                rows.push(json!({ "file": path.display().to_string(), "error": format!("{error:#}") }));
+                rows.push(
+                    json!({ "file": path.display().to_string(), "error": format!("{error:#}") }),
+                );
                 let _ = writeln!(text, "{}: {error:#}", path.display());
                 unreadable = Some(error);
                 continue;
@@ -73,7 +75,9 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         print(&text)?;
     }
     if broken > 0 {
-        return Err(Failure::Run(anyhow::anyhow!("{broken} tree(s) break an invariant")));
+        return Err(Failure::Run(anyhow::anyhow!(
+            "{broken} tree(s) break an invariant"
+        )));
     }
     match unreadable {
         Some(error) => Err(Failure::Input(error)),

@@ -15,7 +15,9 @@ use surfel::method::{Method, Settings};
 
 /// Draw the built-in statue (or another model) with every method: a picture each and a contact sheet.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  surfel demo\n  surfel demo --model scan.ply -o out --size 800x800")]
+#[command(
+    after_help = "Examples:\n  surfel demo\n  surfel demo --model scan.ply -o out --size 800x800"
+)]
 pub(crate) struct Args {
     /// Folder for the pictures; made if it is not there
     #[arg(short, long, value_name = "FOLDER", default_value = "surfel-demo")]
@@ -43,14 +45,70 @@ struct Shot {
 }
 
 const SHOTS: [Shot; 8] = [
-    shot("triangles", "triangles", Method::Triangles, 1.0, ColorBy::Shading, 1.0),
-    shot("points", "points, 2 px", Method::Points, 2.0, ColorBy::Shading, 1.0),
-    shot("pop-1", "pop, threshold 1 px", Method::Pop, 1.0, ColorBy::Shading, 1.0),
-    shot("pop-3", "pop, threshold 3 px", Method::Pop, 3.0, ColorBy::Shading, 1.0),
-    shot("pop-8", "pop, threshold 8 px", Method::Pop, 8.0, ColorBy::Shading, 1.0),
-    shot("pop-near", "pop, threshold 3 px, near", Method::Pop, 3.0, ColorBy::Shading, 6.0),
-    shot("pop-near-kinds", "the same: triangles blue", Method::Pop, 3.0, ColorBy::Primitive, 6.0),
-    shot("pop-far", "pop, threshold 1 px, far", Method::Pop, 1.0, ColorBy::Shading, 0.125),
+    shot(
+        "triangles",
+        "triangles",
+        Method::Triangles,
+        1.0,
+        ColorBy::Shading,
+        1.0,
+    ),
+    shot(
+        "points",
+        "points, 2 px",
+        Method::Points,
+        2.0,
+        ColorBy::Shading,
+        1.0,
+    ),
+    shot(
+        "pop-1",
+        "pop, threshold 1 px",
+        Method::Pop,
+        1.0,
+        ColorBy::Shading,
+        1.0,
+    ),
+    shot(
+        "pop-3",
+        "pop, threshold 3 px",
+        Method::Pop,
+        3.0,
+        ColorBy::Shading,
+        1.0,
+    ),
+    shot(
+        "pop-8",
+        "pop, threshold 8 px",
+        Method::Pop,
+        8.0,
+        ColorBy::Shading,
+        1.0,
+    ),
+    shot(
+        "pop-near",
+        "pop, threshold 3 px, near",
+        Method::Pop,
+        3.0,
+        ColorBy::Shading,
+        6.0,
+    ),
+    shot(
+        "pop-near-kinds",
+        "the same: triangles blue",
+        Method::Pop,
+        3.0,
+        ColorBy::Primitive,
+        6.0,
+    ),
+    shot(
+        "pop-far",
+        "pop, threshold 1 px, far",
+        Method::Pop,
+        1.0,
+        ColorBy::Shading,
+        0.125,
+    ),
 ];
 
 const fn shot(
@@ -73,7 +131,10 @@ const fn shot(
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     std::fs::create_dir_all(&args.output).map_err(|e| {
-        Failure::Run(anyhow::Error::new(e).context(format!("cannot make the folder {}", args.output.display())))
+        Failure::Run(
+            anyhow::Error::new(e)
+                .context(format!("cannot make the folder {}", args.output.display())),
+        )
     })?;
     let source = Source {
         model: args.model.clone(),

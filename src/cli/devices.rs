@@ -6,7 +6,9 @@ use surfel::gpu::{self, Gpu, Options, device, profile};
 
 /// List the devices of this machine and the limits that matter.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  surfel devices\n  surfel devices --self-test\n  surfel devices --json")]
+#[command(
+    after_help = "Examples:\n  surfel devices\n  surfel devices --self-test\n  surfel devices --json"
+)]
 pub(crate) struct Args {
     /// Print JSON
     #[arg(long)]

@@ -14,7 +14,12 @@ pub(crate) struct Args {
     /// square, sphere, torus or statue
     shape: Shape,
     /// Number of triangles wanted; the nearest grid is taken
-    #[arg(long, value_name = "N", default_value_t = 1_000_000, conflicts_with = "grid")]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1_000_000,
+        conflicts_with = "grid"
+    )]
     triangles: u64,
     /// Cells of the grid instead, such as 2000x1000 (statue: cells along a cube edge, such as 408)
     #[arg(long, value_name = "AxB")]
@@ -30,8 +35,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         Some(text) => {
             let (a, b) = text.split_once('x').unwrap_or((text, text));
             let cells = |t: &str| {
-                t.parse::<u32>()
-                    .map_err(|_| usage(format!("--grid {text:?}: expected two numbers of cells such as 2000x1000")))
+                t.parse::<u32>().map_err(|_| {
+                    usage(format!(
+                        "--grid {text:?}: expected two numbers of cells such as 2000x1000"
+                    ))
+                })
             };
             Spec::with_grid(args.shape, cells(a)?, cells(b)?)?
         }

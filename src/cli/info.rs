@@ -64,14 +64,24 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let leaves = m.tree.leaves.len().max(1) as f64;
     let tree_bytes = m.memory_bytes().tree();
     // Writing to a string cannot fail.
-    let _ = writeln!(out, "{} ({}, {})", ready.name, ready.format, bytes(ready.file_bytes));
+    let _ = writeln!(
+        out,
+        "{} ({}, {})",
+        ready.name,
+        ready.format,
+        bytes(ready.file_bytes)
+    );
     let _ = writeln!(
         out,
         "  {} vertices ({} used), {} triangles{}",
         count(m.vertices.len() as u64),
         count(u64::from(m.used_vertices)),
         count(m.triangles.len() as u64),
-        if m.triangles.is_empty() { ": a point cloud" } else { "" }
+        if m.triangles.is_empty() {
+            ": a point cloud"
+        } else {
+            ""
+        }
     );
     let _ = writeln!(
         out,
@@ -81,7 +91,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         } else {
             "open or not oriented outward: both sides are drawn"
         },
-        if m.has_colors { "vertex colors" } else { "no colors" }
+        if m.has_colors {
+            "vertex colors"
+        } else {
+            "no colors"
+        }
     );
     let corner = |v: glam::Vec3| {
         let v = m.origin + v.as_dvec3();
@@ -97,6 +111,10 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         bytes(tree_bytes),
         tree_bytes as f64 / leaves
     );
-    let _ = writeln!(out, "  read in {:.0} ms, built in {:.0} ms", ready.load_ms, ready.build_ms);
+    let _ = writeln!(
+        out,
+        "  read in {:.0} ms, built in {:.0} ms",
+        ready.load_ms, ready.build_ms
+    );
     print(&out)
 }

@@ -31,7 +31,9 @@ impl From<surfel::Error> for Failure {
     fn from(error: surfel::Error) -> Self {
         use surfel::Error as E;
         let is_input = match &error {
-            E::Input(surfel::input::Error::Cancelled) | E::Tree(surfel::tree::Error::Cancelled) => false,
+            E::Input(surfel::input::Error::Cancelled) | E::Tree(surfel::tree::Error::Cancelled) => {
+                false
+            }
             E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) => true,
             E::Image(surfel::image::Error::Read { .. }) => true,
             E::Gpu(g) => matches!(
@@ -101,7 +103,13 @@ fn help() -> String {
 #[command(arg_required_else_help = cfg!(not(feature = "viewer")), args_conflicts_with_subcommands = true)]
 struct Cli {
     /// What to log on standard error, such as `info` or `surfel=debug`.
-    #[arg(long, global = true, value_name = "FILTER", env = "SURFEL_LOG", hide_env = true)]
+    #[arg(
+        long,
+        global = true,
+        value_name = "FILTER",
+        env = "SURFEL_LOG",
+        hide_env = true
+    )]
     log: Option<String>,
     /// No progress bars.
     #[arg(long, short, global = true)]
@@ -130,7 +138,9 @@ enum Command {
     /// Draw the built-in statue with every method
     Demo(demo::Args),
     /// Print a completion script for a shell
-    #[command(after_help = "Example:\n  surfel completions bash > ~/.local/share/bash-completion/completions/surfel")]
+    #[command(
+        after_help = "Example:\n  surfel completions bash > ~/.local/share/bash-completion/completions/surfel"
+    )]
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
@@ -196,9 +206,9 @@ pub(crate) fn main() -> ExitCode {
 pub(crate) fn print(text: &str) -> Outcome {
     use std::io::Write;
     match std::io::stdout().write_all(text.as_bytes()) {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(Failure::Run(anyhow::Error::new(e).context("cannot write to standard output")))
-        }
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Failure::Run(
+            anyhow::Error::new(e).context("cannot write to standard output"),
+        )),
         _ => Ok(()),
     }
 }
@@ -218,7 +228,9 @@ pub(crate) fn write_text(path: &std::path::Path, text: &str) -> Outcome {
         file.persist(path).map_err(|e| e.error)?;
         Ok(())
     };
-    write().map_err(|e| Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", path.display()))))
+    write().map_err(|e| {
+        Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", path.display())))
+    })
 }
 
 /// Bytes for people: 12.3 MB.

@@ -50,7 +50,9 @@ impl Bar {
             return;
         }
         self.bar.set_draw_target(ProgressDrawTarget::stderr());
-        if let Ok(style) = ProgressStyle::with_template("{msg:>18} {wide_bar} {percent:>3}%  {elapsed}") {
+        if let Ok(style) =
+            ProgressStyle::with_template("{msg:>18} {wide_bar} {percent:>3}%  {elapsed}")
+        {
             self.bar.set_style(style);
         }
     }

@@ -43,7 +43,9 @@ impl DeviceArgs {
 
 /// A failure if the validation layer had anything to say.
 pub(crate) fn validated(backend: &Backend) -> Outcome {
-    let Backend::Device(gpu) = backend else { return Ok(()) };
+    let Backend::Device(gpu) = backend else {
+        return Ok(());
+    };
     let messages = gpu.messages().list();
     match messages.first() {
         None => Ok(()),
@@ -204,7 +206,9 @@ pub(crate) struct Args {
 }
 
 pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let sides = text.split_once('x').and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
+    let sides = text
+        .split_once('x')
+        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
     match sides {
         Some((w, h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),
         Some(_) => Err("each side must be 1 to 16384 pixels".into()),
@@ -248,7 +252,9 @@ fn parse_color(text: &str) -> Result<[f32; 3], String> {
 }
 
 fn ending(path: &Path) -> String {
-    path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default()
+    path.extension()
+        .map(|e| e.to_string_lossy().to_lowercase())
+        .unwrap_or_default()
 }
 
 pub(crate) fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&str]) -> Outcome {
@@ -272,7 +278,11 @@ fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
 }
 
 /// The camera of `orbit` for a model.
-pub(crate) fn orbit_camera(ready: &Ready, size: (u32, u32), [azimuth, elevation, fill]: [f64; 3]) -> Camera {
+pub(crate) fn orbit_camera(
+    ready: &Ready,
+    size: (u32, u32),
+    [azimuth, elevation, fill]: [f64; 3],
+) -> Camera {
     let model = &ready.model;
     Camera::orbit(
         size,
@@ -303,9 +313,18 @@ impl Args {
             ));
         }
         if self.frames == 0 || self.frames > 100_000 {
-            return Err(usage(format!("--frames {}: expected 1 to 100000", self.frames)));
+            return Err(usage(format!(
+                "--frames {}: expected 1 to 100000",
+                self.frames
+            )));
         }
-        let outputs = [&self.output, &self.depth, &self.normals, &self.coverage, &self.stats];
+        let outputs = [
+            &self.output,
+            &self.depth,
+            &self.normals,
+            &self.coverage,
+            &self.stats,
+        ];
         if outputs.iter().all(|o| o.is_none()) {
             return Err(usage(
                 "nothing to write: give -o FILE.png (or --depth, --normals, --coverage, --stats)",
@@ -315,14 +334,19 @@ impl Args {
     }
 
     fn wants_picture(&self) -> bool {
-        self.output.is_some() || self.depth.is_some() || self.normals.is_some() || self.coverage.is_some()
+        self.output.is_some()
+            || self.depth.is_some()
+            || self.normals.is_some()
+            || self.coverage.is_some()
     }
 
     fn cameras(&self, ready: &Ready) -> Result<Vec<Camera>, Failure> {
         if let Some(path) = &self.camera {
             let mut camera = Camera::read(path)?;
             if let Some((width, height)) = self.size {
-                if u64::from(width) * u64::from(camera.height) != u64::from(height) * u64::from(camera.width) {
+                if u64::from(width) * u64::from(camera.height)
+                    != u64::from(height) * u64::from(camera.width)
+                {
                     return Err(usage(format!(
                         "--size {width}x{height} has another shape than the camera's {}x{}",
                         camera.width, camera.height
@@ -416,7 +440,9 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let mut times = Vec::with_capacity(views.len());
     for (index, view) in views.iter().enumerate() {
         if is_interrupted() {
-            return Err(Failure::Run(anyhow::anyhow!("cancelled after {index} frames")));
+            return Err(Failure::Run(anyhow::anyhow!(
+                "cancelled after {index} frames"
+            )));
         }
         times.push(engine.draw(view, &settings)?);
         if args.wants_picture() {
@@ -447,7 +473,9 @@ pub(crate) fn stats(
     size: (u32, u32),
     times: &[FrameTimes],
 ) -> serde_json::Value {
-    let spread = |of: &dyn Fn(&FrameTimes) -> f64| Distribution::of(&times.iter().map(of).collect::<Vec<_>>());
+    let spread = |of: &dyn Fn(&FrameTimes) -> f64| {
+        Distribution::of(&times.iter().map(of).collect::<Vec<_>>())
+    };
     let mut names: Vec<&'static str> = Vec::new();
     for pass in times.iter().flat_map(|t| &t.passes) {
         if !names.contains(&pass.name) {
@@ -473,7 +501,9 @@ pub(crate) fn stats(
         Backend::Mirror => Vec::new(),
     };
     let model = &ready.model;
-    let count = |of: fn(&FrameTimes) -> u64| Distribution::of(&times.iter().map(|t| of(t) as f64).collect::<Vec<_>>());
+    let count = |of: fn(&FrameTimes) -> u64| {
+        Distribution::of(&times.iter().map(|t| of(t) as f64).collect::<Vec<_>>())
+    };
     json!({
         "model": super::info::facts(ready),
         "device": match backend {
@@ -515,18 +545,33 @@ mod tests {
     #[test]
     fn values_of_options_are_read_as_documented() {
         assert_eq!(parse_size("1024x768"), Ok((1024, 768)));
-        assert!(parse_size("0x5").is_err() && parse_size("5").is_err() && parse_size("99999x1").is_err());
+        assert!(
+            parse_size("0x5").is_err()
+                && parse_size("5").is_err()
+                && parse_size("99999x1").is_err()
+        );
         assert_eq!(parse_orbit("30,20"), Ok([30.0, 20.0, 1.0]));
         assert_eq!(parse_orbit("-30,-20,0.5"), Ok([-30.0, -20.0, 0.5]));
-        assert!(parse_orbit("1,91,1").is_err() && parse_orbit("1,2,0").is_err() && parse_orbit("x").is_err());
+        assert!(
+            parse_orbit("1,91,1").is_err()
+                && parse_orbit("1,2,0").is_err()
+                && parse_orbit("x").is_err()
+        );
         assert_eq!(parse_color("#ff0080"), Ok([1.0, 0.0, 128.0 / 255.0]));
         assert_eq!(parse_color("0,255,0"), Ok([0.0, 1.0, 0.0]));
-        assert!(parse_color("#ff00").is_err() && parse_color("256,0,0").is_err() && parse_color("pink").is_err());
+        assert!(
+            parse_color("#ff00").is_err()
+                && parse_color("256,0,0").is_err()
+                && parse_color("pink").is_err()
+        );
     }
 
     #[test]
     fn frames_are_numbered_only_when_there_are_several() {
-        assert_eq!(numbered(Path::new("a/turn.png"), 7, 36), Path::new("a/turn-007.png"));
+        assert_eq!(
+            numbered(Path::new("a/turn.png"), 7, 36),
+            Path::new("a/turn-007.png")
+        );
         assert_eq!(numbered(Path::new("one.exr"), 0, 1), Path::new("one.exr"));
     }
 }

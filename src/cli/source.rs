@@ -59,7 +59,8 @@ fn spec(shape: &str, triangles: Option<&str>) -> Result<Spec, Failure> {
 /// Whether a file is a tree file, by its ending and, failing that, by its first bytes.
 fn is_tree_file(path: &Path) -> bool {
     let mut start = [0; 16];
-    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut start));
+    let read =
+        std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut start));
     match read {
         Ok(length) if length > 0 => tree::file::is_tree_file(&start[..length]),
         // Let the reader of trees say what is wrong with a file of that name.

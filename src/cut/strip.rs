@@ -26,7 +26,7 @@ pub const MAX_COUNT: u32 = 16;
 
 /// Widest strip over the ball that a splat stands for. Beyond, pieces are so short that a row is hardly
 /// cheaper than the children.
-pub(super) const MAX_WIDTH: f32 = 0.75;
+pub(super) const MAX_WIDTH: f32 = 0.95;
 
 /// What the count needs to know of the frame; lengths in the tester's unit.
 pub(super) struct Frame {
@@ -64,26 +64,44 @@ pub(super) fn relative_sizes(nodes: &[Node; 4]) -> (Vec4, Vec4) {
 
 /// How many splats cover the strips of four nodes, and for which of them that is at most [`MAX_COUNT`] and
 /// the strip thin enough (bits of the lanes; other lanes mean nothing).
+///
+/// In a perspective G is bounded once more, to spare a division: a <= κ' = t / 2f because no depth exceeds its
+/// distance, so G >= κ' Z² (1 - κ'²) / S with Z the least depth and S the greatest distance, and
+/// n² = H² S² / (K Z⁴ - ω² S²), K = (κ' (1 - κ'²))².
 #[inline]
 pub(super) fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) {
     let (half, width) = (half * balls.radius, width * balls.radius);
     let nearest = balls.depth - half;
     let (t, f) = (frame.threshold_px, frame.twice_focal_px);
-    let ball = if !frame.is_perspective {
-        Vec4::splat(t / f)
+    let kappa = t / f;
+    // `ball`: how deep a ball reaches in front of its center at most. The square of the count is
+    // half² far² / (limit - width² far²). The limits are a little low, so that rounding here and in the size
+    // test cannot disagree.
+    const LOW: f32 = 0.999_8;
+    let (ball, limit, far_squared) = if !frame.is_perspective {
+        (
+            Vec4::splat(kappa),
+            Vec4::splat(kappa * kappa * LOW),
+            Vec4::ONE,
+        )
     } else if frame.is_nearest {
-        nearest * (t / (f + t))
+        let ball = nearest * (t / (f + t));
+        (ball, ball * ball * LOW, Vec4::ONE)
     } else {
-        // z a / (1 + a²) with a = p / q
-        let (p, q) = (nearest * t, (balls.distance + half) * f);
-        nearest * p * q / (q * q + p * p)
+        let far = balls.distance + half;
+        let low = kappa * (1.0 - kappa * kappa).max(0.0);
+        let z_squared = nearest * nearest;
+        (
+            nearest * kappa,
+            z_squared * z_squared * (low * low * LOW),
+            far * far,
+        )
     };
-    // A little below the limit, so that rounding here and in the size test cannot disagree.
-    let ball = ball * 0.999_9;
-    let squared = half * half / (ball * ball - width * width);
+    let thick = width * width * far_squared;
+    let squared = half * half * far_squared / (limit - thick);
     let fits = (nearest - ball).cmpgt(Vec4::splat(frame.near))
-        & ball.cmpgt(Vec4::ZERO)
-        & width.cmple(ball * MAX_WIDTH)
+        & nearest.cmpgt(Vec4::ZERO)
+        & thick.cmple(limit * (MAX_WIDTH * MAX_WIDTH))
         & squared.cmple(Vec4::splat((MAX_COUNT * MAX_COUNT) as f32));
     (squared.sqrt().ceil().max(Vec4::splat(2.0)), fits.bitmask())
 }

@@ -91,6 +91,9 @@ pub struct Tester {
     twice_focal_px: f32,
     threshold_px: f32,
     start: u8,
+    /// First node whose children are the lowest nodes, and how many leaves are below such a node on average.
+    low_nodes: u32,
+    low_leaves: u32,
 }
 
 impl Tester {
@@ -140,6 +143,13 @@ impl Tester {
             };
         let ratio = twice_focal / f64::from(threshold_px);
         let cull = |on: bool, bit: u8| if on { 0 } else { bit };
+        // Level starts end with the number of nodes: lowest level, and the one above it.
+        let tree = &model.tree;
+        let (low_nodes, low_end) = match tree.level_starts.as_slice() {
+            [.., low, end, _] => (*low, *end),
+            _ => (0, 0),
+        };
+        let low_leaves = tree.leaves.len() as u32 / low_end.saturating_sub(low_nodes).max(1);
         Self {
             reference,
             unit: unit as f32,
@@ -157,6 +167,8 @@ impl Tester {
             ratio_squared: (ratio * ratio) as f32,
             twice_focal_px: twice_focal as f32,
             threshold_px,
+            low_nodes,
+            low_leaves,
             start: cull(settings.cull_frustum, inherit::INSIDE)
                 | cull(settings.cull_back, inherit::FRONT),
         }
@@ -342,7 +354,7 @@ impl Tester {
         let small = self.small(&balls);
         let mut strips = [0; 4];
         if kept & !small != 0 {
-            strips = self.strips(model, first, group, &balls, kept & !small);
+            strips = self.strips(first, group, &balls, kept & !small);
         }
         let mut classes = [Class::DROP; 4];
         for (lane, class) in classes.iter_mut().enumerate() {
@@ -369,14 +381,7 @@ impl Tester {
 
     /// How many splats along their strips can stand for the nodes of `lanes`; 0 where none can.
     #[inline]
-    fn strips(
-        &self,
-        model: &Model,
-        first: u32,
-        group: &[Node; 4],
-        balls: &Balls,
-        lanes: u32,
-    ) -> [u32; 4] {
+    fn strips(&self, first: u32, group: &[Node; 4], balls: &Balls, lanes: u32) -> [u32; 4] {
         let mut lanes = lanes;
         for (lane, node) in group.iter().enumerate() {
             lanes &= !(u32::from(node.strip == Strip::SPHERE) << lane);
@@ -399,17 +404,12 @@ impl Tester {
         if lanes == 0 {
             return [0; 4];
         }
-        self.strip_counts(model, first, group, balls, half, width, lanes)
+        self.strip_counts(first, group, balls, half, width, lanes)
     }
 
     #[inline(never)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the unlikely half of `strips`, which has them all"
-    )]
     fn strip_counts(
         &self,
-        model: &Model,
         first: u32,
         group: &[Node; 4],
         balls: &Balls,
@@ -436,16 +436,14 @@ impl Tester {
             if fits & lanes & (1 << lane) == 0 {
                 continue;
             }
-            // Fewer splats than leaves below, else the leaves are the better picture. Children that are
-            // nodes have two leaves at least, which spares most look-ups.
+            // Fewer splats than leaves below, else the leaves are the better picture. Known without a look at
+            // them: the levels are complete and split evenly, so two levels up a node has about the average
+            // number of leaves, and three levels up at least as many as a row has splats.
             let (node, count) = (&group[lane], counts[lane] as u32);
-            let children = u32::from(node.child_count);
-            let id = first + lane as u32;
-            let is_fewer = match node.has_leaves() {
-                true => count < children,
-                false => {
-                    count < 2 * children || count < super::leaf_range(&model.tree, id).len() as u32
-                }
+            let is_fewer = if node.has_leaves() {
+                count < u32::from(node.child_count)
+            } else {
+                first + (lane as u32) < self.low_nodes || count < self.low_leaves
             };
             *fitting = if is_fewer { count } else { 0 };
         }

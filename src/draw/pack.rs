@@ -10,7 +10,13 @@ use glam::Vec3;
 /// How many splats [`splats`] will write at most for a cut.
 ///
 /// `max_size_px` is the largest square the device draws: a larger one is packed as several.
-pub fn splat_count(model: &Model, cut: &Cut, view: &View, threshold_px: f32, max_size_px: f32) -> usize {
+pub fn splat_count(
+    model: &Model,
+    cut: &Cut,
+    view: &View,
+    threshold_px: f32,
+    max_size_px: f32,
+) -> usize {
     let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
     let tiles = tiles_per_side(threshold_px, max_size_px);
     let mut count = (cut.nodes.len() + strips) * tiles * tiles;
@@ -97,8 +103,18 @@ pub fn splats(
             None => {
                 let vertex = &model.vertices[leaf as usize];
                 let side = cloud_side_px(model, leaf, view);
-                let radius = if side > threshold_px { sphere.radius } else { 0.0 };
-                writer.write(vertex.position, radius, side.max(threshold_px), vertex.normal, vertex.color);
+                let radius = if side > threshold_px {
+                    sphere.radius
+                } else {
+                    0.0
+                };
+                writer.write(
+                    vertex.position,
+                    radius,
+                    side.max(threshold_px),
+                    vertex.normal,
+                    vertex.color,
+                );
             }
         }
     }
@@ -112,11 +128,17 @@ fn mean(corners: [Vertex; 3]) -> ([i16; 2], [u8; 4]) {
         .filter(|v| v.color[3] != 0)
         .map(|v| octahedral::decode(v.normal))
         .sum();
-    let channel = |i: usize| ((corners.iter().map(|v| u32::from(v.color[i])).sum::<u32>() + 1) / 3) as u8;
+    let channel =
+        |i: usize| ((corners.iter().map(|v| u32::from(v.color[i])).sum::<u32>() + 1) / 3) as u8;
     let has_normal = sum != Vec3::ZERO;
     (
         octahedral::encode(sum),
-        [channel(0), channel(1), channel(2), if has_normal { 255 } else { 0 }],
+        [
+            channel(0),
+            channel(1),
+            channel(2),
+            if has_normal { 255 } else { 0 },
+        ],
     )
 }
 
@@ -161,9 +183,8 @@ impl Writer<'_> {
         // Model-space length of one pixel at the center's depth.
         let pixel = z / (self.view.focal_px() * self.view.model_scale);
         let tile_px = side_px / tiles as f32;
-        let axis = |row: usize| {
-            self.view.view_from_model.row(row).truncate() / self.view.model_scale
-        };
+        let axis =
+            |row: usize| self.view.view_from_model.row(row).truncate() / self.view.model_scale;
         let (right, up) = (axis(0), axis(1));
         for y in 0..tiles {
             for x in 0..tiles {

@@ -41,8 +41,8 @@ impl Raw {
             .usage(usage)
             .sharing_mode(vk::SharingMode::EXCLUSIVE);
         // SAFETY: the device is alive; the size is above 0 and within the limits.
-        let handle =
-            unsafe { gpu.device.create_buffer(&info, None) }.map_err(Error::vulkan("vkCreateBuffer", name))?;
+        let handle = unsafe { gpu.device.create_buffer(&info, None) }
+            .map_err(Error::vulkan("vkCreateBuffer", name))?;
         // Owned from here on, so that a failure below does not leak it.
         let mut raw = Self {
             gpu: gpu.clone(),
@@ -56,7 +56,10 @@ impl Raw {
         let requirements = unsafe { gpu.device.get_buffer_memory_requirements(handle) };
         let memory = gpu.allocate(name, requirements, location, true)?;
         // SAFETY: memory and offset come from the allocator for these requirements; bound once.
-        let bound = unsafe { gpu.device.bind_buffer_memory(handle, memory.memory(), memory.offset()) };
+        let bound = unsafe {
+            gpu.device
+                .bind_buffer_memory(handle, memory.memory(), memory.offset())
+        };
         raw.memory = Some(memory);
         bound.map_err(Error::vulkan("vkBindBufferMemory", name))?;
         gpu.name(handle, name);
@@ -74,9 +77,10 @@ impl Raw {
     /// Makes host writes available to the device, or device writes available to the host. The allocator
     /// takes coherent memory only, where Vulkan asks for nothing; kept as one place for others.
     fn is_coherent(&self) -> bool {
-        self.memory
-            .as_ref()
-            .is_some_and(|m| m.memory_properties().contains(vk::MemoryPropertyFlags::HOST_COHERENT))
+        self.memory.as_ref().is_some_and(|m| {
+            m.memory_properties()
+                .contains(vk::MemoryPropertyFlags::HOST_COHERENT)
+        })
     }
 }
 
@@ -169,7 +173,11 @@ impl Buffer {
             return Ok(Self { raw });
         }
         let buffer = Self { raw };
-        let mut staging = Upload::new(gpu, &format!("staging for {name}"), STAGING_BYTES.min(data.len()) as u64)?;
+        let mut staging = Upload::new(
+            gpu,
+            &format!("staging for {name}"),
+            STAGING_BYTES.min(data.len()) as u64,
+        )?;
         for (index, chunk) in data.chunks(STAGING_BYTES).enumerate() {
             staging.bytes_mut()[..chunk.len()].copy_from_slice(chunk);
             staging.flush(0..chunk.len() as u64);
@@ -239,7 +247,10 @@ impl Upload {
         {
             mapped[range.clone()].copy_from_slice(&shadow[range]);
         }
-        debug_assert!(self.raw.is_coherent(), "gpu-allocator gives coherent upload memory only");
+        debug_assert!(
+            self.raw.is_coherent(),
+            "gpu-allocator gives coherent upload memory only"
+        );
     }
 }
 
@@ -258,7 +269,13 @@ impl Readback {
     /// # Errors
     /// When memory cannot be had.
     pub fn new(gpu: &Arc<Gpu>, name: &str, bytes: u64) -> Result<Self, Error> {
-        let mut raw = Raw::new(gpu, name, bytes, vk::BufferUsageFlags::TRANSFER_DST, MemoryLocation::GpuToCpu)?;
+        let mut raw = Raw::new(
+            gpu,
+            name,
+            bytes,
+            vk::BufferUsageFlags::TRANSFER_DST,
+            MemoryLocation::GpuToCpu,
+        )?;
         let shadow = gpu.pretend_noncoherent.then(|| vec![0; raw.bytes as usize]);
         if let Some(mapped) = raw.mapped_mut() {
             mapped.fill(0);

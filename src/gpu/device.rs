@@ -77,25 +77,41 @@ pub(super) struct Instance {
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 impl Instance {
-    pub(super) fn create(entry: &ash::Entry, options: &Options, messages: &Messages) -> Result<Self, Error> {
+    pub(super) fn create(
+        entry: &ash::Entry,
+        options: &Options,
+        messages: &Messages,
+    ) -> Result<Self, Error> {
         // SAFETY: the entry is loaded.
         let version = unsafe { entry.try_enumerate_instance_version() }
             .map_err(Error::vulkan("vkEnumerateInstanceVersion", "the loader"))?
             .unwrap_or(vk::API_VERSION_1_0);
         if version < vk::API_VERSION_1_3 {
-            return Err(Error::NoDevice(format!("the Vulkan loader knows {} only", version_text(version))));
+            return Err(Error::NoDevice(format!(
+                "the Vulkan loader knows {} only",
+                version_text(version)
+            )));
         }
         // SAFETY: the entry is loaded.
-        let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }
-            .map_err(Error::vulkan("vkEnumerateInstanceExtensionProperties", "the loader"))?;
-        let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+        let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.map_err(
+            Error::vulkan("vkEnumerateInstanceExtensionProperties", "the loader"),
+        )?;
+        let has = |name: &CStr| {
+            extensions
+                .iter()
+                .any(|e| e.extension_name_as_c_str() == Ok(name))
+        };
         let mut wanted: Vec<CString> = Vec::new();
         let mut layers = Vec::new();
         if options.validation {
             // SAFETY: the entry is loaded.
-            let available = unsafe { entry.enumerate_instance_layer_properties() }
-                .map_err(Error::vulkan("vkEnumerateInstanceLayerProperties", "the loader"))?;
-            if !available.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION)) {
+            let available = unsafe { entry.enumerate_instance_layer_properties() }.map_err(
+                Error::vulkan("vkEnumerateInstanceLayerProperties", "the loader"),
+            )?;
+            if !available
+                .iter()
+                .any(|l| l.layer_name_as_c_str() == Ok(VALIDATION))
+            {
                 return Err(Error::NoValidation);
             }
             layers.push(VALIDATION.as_ptr());
@@ -122,7 +138,8 @@ impl Instance {
             .api_version(vk::API_VERSION_1_3);
         let mut messenger_info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
-                vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+                vk::DebugUtilsMessageSeverityFlagsEXT::ERROR
+                    | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
             )
             .message_type(
                 vk::DebugUtilsMessageTypeFlagsEXT::GENERAL
@@ -132,7 +149,8 @@ impl Instance {
             .pfn_user_callback(Some(messages::callback))
             .user_data(messages.user_data());
         let enabled = [vk::ValidationFeatureEnableEXT::SYNCHRONIZATION_VALIDATION];
-        let mut validation = vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
+        let mut validation =
+            vk::ValidationFeaturesEXT::default().enabled_validation_features(&enabled);
         let mut info = vk::InstanceCreateInfo::default()
             .flags(flags)
             .application_info(&application)
@@ -147,19 +165,29 @@ impl Instance {
         }
         // SAFETY: all pointers live until the call returns; the message list outlives the instance because
         // `Gpu` keeps it.
-        let raw = unsafe { entry.create_instance(&info, None) }
-            .map_err(|result| match result {
-                vk::Result::ERROR_INCOMPATIBLE_DRIVER => Error::NoDevice("no Vulkan driver is installed".into()),
-                result => Error::Vulkan { call: "vkCreateInstance", object: "the instance".into(), result },
-            })?;
-        let mut instance = Self { raw: Some(raw), messenger: None, has_debug };
+        let raw = unsafe { entry.create_instance(&info, None) }.map_err(|result| match result {
+            vk::Result::ERROR_INCOMPATIBLE_DRIVER => {
+                Error::NoDevice("no Vulkan driver is installed".into())
+            }
+            result => Error::Vulkan {
+                call: "vkCreateInstance",
+                object: "the instance".into(),
+                result,
+            },
+        })?;
+        let mut instance = Self {
+            raw: Some(raw),
+            messenger: None,
+            has_debug,
+        };
         if has_debug {
             let debug = ash::ext::debug_utils::Instance::new(entry, instance.raw());
             let mut info = messenger_info;
             info.p_next = std::ptr::null();
             // SAFETY: the extension is enabled; the callback's list outlives the messenger (see `Gpu`).
-            let messenger = unsafe { debug.create_debug_utils_messenger(&info, None) }
-                .map_err(Error::vulkan("vkCreateDebugUtilsMessengerEXT", "the messenger"))?;
+            let messenger = unsafe { debug.create_debug_utils_messenger(&info, None) }.map_err(
+                Error::vulkan("vkCreateDebugUtilsMessengerEXT", "the messenger"),
+            )?;
             instance.messenger = Some((debug, messenger));
         }
         Ok(instance)
@@ -168,14 +196,20 @@ impl Instance {
     fn raw(&self) -> &ash::Instance {
         match &self.raw {
             Some(raw) => raw,
-            None => unreachable!("an instance is taken apart only by into_parts, which consumes it"),
+            None => {
+                unreachable!("an instance is taken apart only by into_parts, which consumes it")
+            }
         }
     }
 
     /// Gives the parts away; the caller destroys them.
     pub(super) fn into_parts(
         mut self,
-    ) -> (ash::Instance, Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>, bool) {
+    ) -> (
+        ash::Instance,
+        Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+        bool,
+    ) {
         let raw = self.raw().clone();
         self.raw = None;
         (raw, self.messenger.take(), self.has_debug)
@@ -213,7 +247,9 @@ fn version_text(version: u32) -> String {
 }
 
 fn text(chars: Result<&CStr, std::ffi::FromBytesUntilNulError>) -> String {
-    chars.map(|c| c.to_string_lossy().into_owned()).unwrap_or_default()
+    chars
+        .map(|c| c.to_string_lossy().into_owned())
+        .unwrap_or_default()
 }
 
 fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize) -> Chosen {
@@ -233,24 +269,32 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
         (
             instance.get_physical_device_queue_family_properties(physical),
             instance.get_physical_device_memory_properties(physical),
-            instance.get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
+            instance
+                .get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
         )
     };
     let p = properties.properties;
     let is_recent = p.api_version >= vk::API_VERSION_1_3;
     let mut features = vk::PhysicalDeviceFeatures2::default();
     if is_recent {
-        features = features.push_next(&mut features12).push_next(&mut features13);
+        features = features
+            .push_next(&mut features12)
+            .push_next(&mut features13);
     }
     // SAFETY: as above.
     unsafe { instance.get_physical_device_features2(physical, &mut features) };
     let core = features.features;
     let family = families.iter().position(|f| {
-        f.queue_flags.contains(vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE) && f.queue_count > 0
+        f.queue_flags
+            .contains(vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE)
+            && f.queue_count > 0
     });
     let mut missing = Vec::new();
     if !is_recent {
-        missing.push(format!("it knows Vulkan {} only, 1.3 is needed", version_text(p.api_version)));
+        missing.push(format!(
+            "it knows Vulkan {} only, 1.3 is needed",
+            version_text(p.api_version)
+        ));
     }
     for (has, name) in [
         (features13.dynamic_rendering, "dynamicRendering"),
@@ -268,7 +312,9 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
         missing.push("it has no queue for graphics and compute".into());
     }
     let family = family.unwrap_or(0);
-    let has_timestamps = families.get(family).is_some_and(|f| f.timestamp_valid_bits >= 36);
+    let has_timestamps = families
+        .get(family)
+        .is_some_and(|f| f.timestamp_valid_bits >= 36);
     let device_memory = memory.memory_heaps[..memory.memory_heap_count as usize]
         .iter()
         .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
@@ -285,10 +331,18 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
             vk::PhysicalDeviceType::CPU => Kind::Cpu,
             _ => Kind::Other,
         },
-        driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
+        driver: format!(
+            "{} {}",
+            text(driver.driver_name_as_c_str()),
+            text(driver.driver_info_as_c_str())
+        ),
         api_version: version_text(p.api_version),
         unusable: (!missing.is_empty()).then(|| missing.join(", ")),
-        timestamp_period_ns: if has_timestamps { p.limits.timestamp_period } else { 0.0 },
+        timestamp_period_ns: if has_timestamps {
+            p.limits.timestamp_period
+        } else {
+            0.0
+        },
         max_point_size_px: p.limits.point_size_range[1],
         max_image_side: p
             .limits
@@ -297,11 +351,16 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
             .min(p.limits.max_framebuffer_height),
         max_storage_range: u64::from(p.limits.max_storage_buffer_range),
         max_allocation: maintenance3.max_memory_allocation_size,
-        max_buffer: if is_recent { maintenance4.max_buffer_size } else { 0 },
+        max_buffer: if is_recent {
+            maintenance4.max_buffer_size
+        } else {
+            0
+        },
         uniform_alignment: p.limits.min_uniform_buffer_offset_alignment.max(1),
         device_memory,
         has_full_index: core.full_draw_index_uint32 == vk::TRUE,
-        has_int64_atomics: core.shader_int64 == vk::TRUE && features12.shader_buffer_int64_atomics == vk::TRUE,
+        has_int64_atomics: core.shader_int64 == vk::TRUE
+            && features12.shader_buffer_int64_atomics == vk::TRUE,
         has_float_blend: float_target
             .optimal_tiling_features
             .contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND),
@@ -359,9 +418,14 @@ pub(super) fn choose(instance: &Instance, options: &Options) -> Result<Chosen, E
             let lower = wanted.to_lowercase();
             let found = match wanted.parse::<usize>() {
                 Ok(index) => devices.iter().position(|d| d.info.index == index),
-                Err(_) => devices.iter().position(|d| d.info.name.to_lowercase().contains(&lower)),
+                Err(_) => devices
+                    .iter()
+                    .position(|d| d.info.name.to_lowercase().contains(&lower)),
             };
-            found.ok_or_else(|| Error::UnknownDevice { wanted: wanted.clone(), available: available.clone() })?
+            found.ok_or_else(|| Error::UnknownDevice {
+                wanted: wanted.clone(),
+                available: available.clone(),
+            })?
         }
         None => {
             let best = devices
@@ -371,11 +435,19 @@ pub(super) fn choose(instance: &Instance, options: &Options) -> Result<Chosen, E
                 .min_by_key(|(index, d)| (rank(d.info.kind), *index));
             match best {
                 Some((position, _)) => position,
-                None if devices.is_empty() => return Err(Error::NoDevice("there is no Vulkan device".into())),
+                None if devices.is_empty() => {
+                    return Err(Error::NoDevice("there is no Vulkan device".into()));
+                }
                 None => {
                     let reasons = devices
                         .iter()
-                        .map(|d| format!("{}: {}", d.info.name, d.info.unusable.as_deref().unwrap_or("")))
+                        .map(|d| {
+                            format!(
+                                "{}: {}",
+                                d.info.name,
+                                d.info.unusable.as_deref().unwrap_or("")
+                            )
+                        })
                         .collect::<Vec<_>>()
                         .join("; ");
                     return Err(Error::NoDevice(reasons));
@@ -410,9 +482,20 @@ pub(super) fn create(
         .synchronization2(true)
         .maintenance4(true);
     // SAFETY: the physical device belongs to the instance.
-    let extensions = unsafe { instance.raw().enumerate_device_extension_properties(chosen.physical) }
-        .map_err(Error::vulkan("vkEnumerateDeviceExtensionProperties", &chosen.info.name))?;
-    let has = |name: &CStr| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
+    let extensions = unsafe {
+        instance
+            .raw()
+            .enumerate_device_extension_properties(chosen.physical)
+    }
+    .map_err(Error::vulkan(
+        "vkEnumerateDeviceExtensionProperties",
+        &chosen.info.name,
+    ))?;
+    let has = |name: &CStr| {
+        extensions
+            .iter()
+            .any(|e| e.extension_name_as_c_str() == Ok(name))
+    };
     let mut names = Vec::new();
     // The specification demands the subset extension to be enabled where it is offered.
     if has(c"VK_KHR_portability_subset") {
@@ -420,7 +503,10 @@ pub(super) fn create(
     }
     if !options.surface_extensions.is_empty() {
         if !has(SWAPCHAIN) {
-            return Err(Error::NoDevice(format!("{} cannot present to a window", chosen.info.name)));
+            return Err(Error::NoDevice(format!(
+                "{} cannot present to a window",
+                chosen.info.name
+            )));
         }
         names.push(SWAPCHAIN.as_ptr());
     }

@@ -51,7 +51,9 @@ pub struct Frames {
 
 impl std::fmt::Debug for Frames {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Frames").field("in_flight", &self.slots.len()).finish_non_exhaustive()
+        f.debug_struct("Frames")
+            .field("in_flight", &self.slots.len())
+            .finish_non_exhaustive()
     }
 }
 
@@ -99,11 +101,24 @@ impl Barriers {
     }
 
     fn image(&mut self, image: &Image, access: Access, discard: bool) {
-        self.handle(image.handle, image.format, &mut lock(&image.state), access, discard);
+        self.handle(
+            image.handle,
+            image.format,
+            &mut lock(&image.state),
+            access,
+            discard,
+        );
     }
 
     /// As [`image`](Barriers::image), for an image that another owns.
-    fn handle(&mut self, image: vk::Image, format: Format, state: &mut State, access: Access, discard: bool) {
+    fn handle(
+        &mut self,
+        image: vk::Image,
+        format: Format,
+        state: &mut State,
+        access: Access,
+        discard: bool,
+    ) {
         if let Some(b) = state.transition(access, true, discard) {
             self.images.push(
                 vk::ImageMemoryBarrier2::default()
@@ -195,7 +210,11 @@ impl Frames {
                 vk::DescriptorType::STORAGE_BUFFER,
                 vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
             ]
-            .map(|kind| vk::DescriptorPoolSize::default().ty(kind).descriptor_count(4 * MAX_PASSES));
+            .map(|kind| {
+                vk::DescriptorPoolSize::default()
+                    .ty(kind)
+                    .descriptor_count(4 * MAX_PASSES)
+            });
             let info = vk::DescriptorPoolCreateInfo::default()
                 .max_sets(4 * MAX_PASSES)
                 .pool_sizes(&sizes);
@@ -253,8 +272,11 @@ impl Frames {
                 .device
                 .reset_descriptor_pool(slot.descriptors, vk::DescriptorPoolResetFlags::empty())
                 .map_err(Error::vulkan("vkResetDescriptorPool", "a frame"))?;
-            self.gpu.device.reset_query_pool(slot.queries, 0, 2 * MAX_PASSES);
-            let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+            self.gpu
+                .device
+                .reset_query_pool(slot.queries, 0, 2 * MAX_PASSES);
+            let info = vk::CommandBufferBeginInfo::default()
+                .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             self.gpu
                 .device
                 .begin_command_buffer(slot.commands, &info)
@@ -284,9 +306,12 @@ impl Frames {
             let ticks = &mut ticks[..2 * slot.names.len()];
             // SAFETY: the queries were written by a submission that has finished.
             unsafe {
-                self.gpu
-                    .device
-                    .get_query_pool_results(slot.queries, 0, ticks, vk::QueryResultFlags::TYPE_64)
+                self.gpu.device.get_query_pool_results(
+                    slot.queries,
+                    0,
+                    ticks,
+                    vk::QueryResultFlags::TYPE_64,
+                )
             }
             .map_err(Error::vulkan("vkGetQueryPoolResults", "a frame"))?;
             let period = f64::from(self.gpu.info.timestamp_period_ns);
@@ -339,7 +364,9 @@ impl Frame<'_> {
     /// When the frame has no room left for uniforms.
     pub fn uniform<T: bytemuck::Pod>(&mut self, value: &T) -> Result<Uniform, Error> {
         let bytes = size_of::<T>() as u64;
-        let offset = self.uniform_bytes.next_multiple_of(self.frames.gpu.info.uniform_alignment);
+        let offset = self
+            .uniform_bytes
+            .next_multiple_of(self.frames.gpu.info.uniform_alignment);
         if offset + bytes > UNIFORM_BYTES {
             return Err(Error::Limit {
                 what: "the size of a frame's uniform blocks".into(),
@@ -348,7 +375,8 @@ impl Frame<'_> {
             });
         }
         let memory = &mut self.frames.slots[self.index].uniforms;
-        memory.bytes_mut()[offset as usize..(offset + bytes) as usize].copy_from_slice(bytemuck::bytes_of(value));
+        memory.bytes_mut()[offset as usize..(offset + bytes) as usize]
+            .copy_from_slice(bytemuck::bytes_of(value));
         memory.flush(offset..offset + bytes);
         self.uniform_bytes = offset + bytes;
         Ok(Uniform { offset, bytes })
@@ -393,9 +421,15 @@ impl Frame<'_> {
         [x, y, width, height]: [u32; 4],
         into: &Readback,
     ) {
-        assert!(x + width <= image.width && y + height <= image.height, "{name}: outside of the image");
+        assert!(
+            x + width <= image.width && y + height <= image.height,
+            "{name}: outside of the image"
+        );
         let bytes = image.format.pixel_bytes() * u64::from(width) * u64::from(height);
-        assert!(into.bytes() >= bytes, "{name}: the readback buffer is smaller than the image");
+        assert!(
+            into.bytes() >= bytes,
+            "{name}: the readback buffer is smaller than the image"
+        );
         let pass = self.pass(name);
         let gpu = pass.gpu.clone();
         let commands = pass.slot.commands;
@@ -444,7 +478,13 @@ impl Frame<'_> {
         let gpu = pass.gpu.clone();
         let commands = pass.slot.commands;
         pass.barriers.image(image, Access::BlitSource, false);
-        pass.barriers.handle(onto.image, Format::Rgba8, &mut state, Acquired::FIRST_ACCESS, true);
+        pass.barriers.handle(
+            onto.image,
+            Format::Rgba8,
+            &mut state,
+            Acquired::FIRST_ACCESS,
+            true,
+        );
         let timing = pass.begin();
         let layers = vk::ImageSubresourceLayers {
             aspect_mask: vk::ImageAspectFlags::COLOR,
@@ -480,7 +520,13 @@ impl Frame<'_> {
         }
         timing.end();
         let barriers = &mut self.frames.barriers;
-        barriers.handle(onto.image, Format::Rgba8, &mut state, Access::Present, false);
+        barriers.handle(
+            onto.image,
+            Format::Rgba8,
+            &mut state,
+            Access::Present,
+            false,
+        );
         barriers.record(&gpu, commands);
     }
 
@@ -570,7 +616,8 @@ impl<'f> Pass<'f> {
     #[must_use]
     pub fn depth(mut self, image: &Image, load: Load) -> Self {
         self.target(image);
-        self.barriers.image(image, Access::DepthWrite, load != Load::Keep);
+        self.barriers
+            .image(image, Access::DepthWrite, load != Load::Keep);
         self.depth = Some((image.view, load));
         self
     }
@@ -597,7 +644,9 @@ impl<'f> Pass<'f> {
     /// # Panics
     /// When the pass has no target, or `record` binds a buffer that was not declared.
     pub fn draw(self, viewport: [f32; 4], record: impl FnOnce(&mut Draw<'_>)) {
-        let extent = self.extent.unwrap_or_else(|| panic!("pass {} has no target", self.name));
+        let extent = self
+            .extent
+            .unwrap_or_else(|| panic!("pass {} has no target", self.name));
         let Self {
             colors,
             color_count,
@@ -744,7 +793,9 @@ impl Timing<'_> {
         // SAFETY: the command buffer is being recorded outside of a rendering scope; the query was reset when
         // the frame began and is written once.
         unsafe {
-            self.gpu.device.cmd_write_timestamp2(self.commands, all, self.queries, query);
+            self.gpu
+                .device
+                .cmd_write_timestamp2(self.commands, all, self.queries, query);
             self.gpu.device.cmd_pipeline_barrier2(self.commands, &info);
         }
     }
@@ -773,7 +824,9 @@ pub struct Draw<'a> {
 
 impl std::fmt::Debug for Draw<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Draw").field("pass", &self.name).finish_non_exhaustive()
+        f.debug_struct("Draw")
+            .field("pass", &self.name)
+            .finish_non_exhaustive()
     }
 }
 
@@ -799,10 +852,18 @@ impl Draw<'_> {
         unsafe {
             let sets = match self.gpu.device.allocate_descriptor_sets(&info) {
                 Ok(sets) => sets,
-                Err(result) => panic!("{}: a frame has room for {} bindings: {result}", self.name, 4 * MAX_PASSES),
+                Err(result) => panic!(
+                    "{}: a frame has room for {} bindings: {result}",
+                    self.name,
+                    4 * MAX_PASSES
+                ),
             };
             for (&(binding, kind), uniform) in pipeline.bindings.iter().zip(uniforms) {
-                assert!(kind == BindingKind::UniformBuffer, "{}: binding {binding} is not uniform", self.name);
+                assert!(
+                    kind == BindingKind::UniformBuffer,
+                    "{}: binding {binding} is not uniform",
+                    self.name
+                );
                 let buffers = [vk::DescriptorBufferInfo::default()
                     .buffer(self.uniforms)
                     .offset(uniform.offset)
@@ -815,10 +876,17 @@ impl Draw<'_> {
                 self.gpu.device.update_descriptor_sets(&[write], &[]);
             }
             let point = vk::PipelineBindPoint::GRAPHICS;
-            self.gpu.device.cmd_bind_pipeline(self.commands, point, pipeline.handle);
             self.gpu
                 .device
-                .cmd_bind_descriptor_sets(self.commands, point, pipeline.layout, 0, &sets, &[]);
+                .cmd_bind_pipeline(self.commands, point, pipeline.handle);
+            self.gpu.device.cmd_bind_descriptor_sets(
+                self.commands,
+                point,
+                pipeline.layout,
+                0,
+                &sets,
+                &[],
+            );
         }
     }
 
@@ -855,9 +923,12 @@ impl Draw<'_> {
         );
         // SAFETY: declared, so alive until the frame has finished and visible to vertex input.
         unsafe {
-            self.gpu
-                .device
-                .cmd_bind_vertex_buffers(self.commands, 0, &[buffer.handle()], &[offset]);
+            self.gpu.device.cmd_bind_vertex_buffers(
+                self.commands,
+                0,
+                &[buffer.handle()],
+                &[offset],
+            );
         }
     }
 
@@ -874,9 +945,12 @@ impl Draw<'_> {
         );
         // SAFETY: declared, so alive until the frame has finished and visible to index input.
         unsafe {
-            self.gpu
-                .device
-                .cmd_bind_index_buffer(self.commands, buffer.handle(), offset, vk::IndexType::UINT32);
+            self.gpu.device.cmd_bind_index_buffer(
+                self.commands,
+                buffer.handle(),
+                offset,
+                vk::IndexType::UINT32,
+            );
         }
     }
 
@@ -919,7 +993,10 @@ pub(super) fn copy_once(
     }];
     // SAFETY: both buffers are alive until the wait below; the ranges lie inside of them; recording is open
     // outside of a rendering scope.
-    unsafe { gpu.device.cmd_copy_buffer(commands, from.handle(), to.handle(), &regions) };
+    unsafe {
+        gpu.device
+            .cmd_copy_buffer(commands, from.handle(), to.handle(), &regions)
+    };
     let ticket = frame.submit()?;
     frames.finish(ticket)?;
     Ok(())

@@ -66,7 +66,13 @@ impl Image {
     ///
     /// # Errors
     /// When a side is 0 or above the device's limit, or memory cannot be had.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, format: Format, width: u32, height: u32) -> Result<Self, Error> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        format: Format,
+        width: u32,
+        height: u32,
+    ) -> Result<Self, Error> {
         let limit = gpu.info.max_image_side;
         for side in [width, height] {
             if side == 0 || side > limit {
@@ -84,7 +90,11 @@ impl Image {
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(format.vk())
-            .extent(vk::Extent3D { width, height, depth: 1 })
+            .extent(vk::Extent3D {
+                width,
+                height,
+                depth: 1,
+            })
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
@@ -93,7 +103,8 @@ impl Image {
             .initial_layout(vk::ImageLayout::UNDEFINED);
         // SAFETY: the device is alive; sides are within the limits; these formats and usages are mandatory in
         // Vulkan 1.3.
-        let handle = unsafe { gpu.device.create_image(&info, None) }.map_err(Error::vulkan("vkCreateImage", name))?;
+        let handle = unsafe { gpu.device.create_image(&info, None) }
+            .map_err(Error::vulkan("vkCreateImage", name))?;
         let mut image = Self {
             gpu: gpu.clone(),
             handle,
@@ -109,7 +120,10 @@ impl Image {
         let requirements = unsafe { gpu.device.get_image_memory_requirements(handle) };
         let memory = gpu.allocate(name, requirements, MemoryLocation::GpuOnly, false)?;
         // SAFETY: memory and offset come from the allocator for these requirements; bound once.
-        let bound = unsafe { gpu.device.bind_image_memory(handle, memory.memory(), memory.offset()) };
+        let bound = unsafe {
+            gpu.device
+                .bind_image_memory(handle, memory.memory(), memory.offset())
+        };
         image.memory = Some(memory);
         bound.map_err(Error::vulkan("vkBindImageMemory", name))?;
         let view = vk::ImageViewCreateInfo::default()
@@ -118,8 +132,8 @@ impl Image {
             .format(format.vk())
             .subresource_range(range(format));
         // SAFETY: the image is bound and of this format.
-        image.view =
-            unsafe { gpu.device.create_image_view(&view, None) }.map_err(Error::vulkan("vkCreateImageView", name))?;
+        image.view = unsafe { gpu.device.create_image_view(&view, None) }
+            .map_err(Error::vulkan("vkCreateImageView", name))?;
         gpu.name(handle, name);
         gpu.name(image.view, name);
         Ok(image)
@@ -150,7 +164,9 @@ pub(super) fn range(format: Format) -> vk::ImageSubresourceRange {
 impl Drop for Image {
     fn drop(&mut self) {
         match self.memory.take() {
-            Some(memory) => self.gpu.bury(Remains::Image(self.handle, self.view, memory)),
+            Some(memory) => self
+                .gpu
+                .bury(Remains::Image(self.handle, self.view, memory)),
             // SAFETY: creation failed before any use; destroyed once, here. A null view is allowed.
             None => unsafe {
                 self.gpu.device.destroy_image_view(self.view, None);

@@ -54,11 +54,16 @@ impl Messages {
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Message>> {
-        self.0.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+        self.0
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
     fn push(&self, message: Message) {
-        if ACCEPTED.iter().any(|a| (a.id.is_empty() || message.id == a.id) && message.text.contains(a.part)) {
+        if ACCEPTED
+            .iter()
+            .any(|a| (a.id.is_empty() || message.id == a.id) && message.text.contains(a.part))
+        {
             tracing::debug!(target: "vulkan", "accepted: {}: {}", message.id, message.text);
             return;
         }
@@ -101,7 +106,9 @@ pub(super) unsafe extern "system" fn callback(
             String::new()
         } else {
             // SAFETY: a string of the callback data, zero-terminated and valid for the call.
-            unsafe { CStr::from_ptr(pointer) }.to_string_lossy().into_owned()
+            unsafe { CStr::from_ptr(pointer) }
+                .to_string_lossy()
+                .into_owned()
         }
     };
     let message = Message {

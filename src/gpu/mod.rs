@@ -5,7 +5,10 @@
 //! one puts its handles on a list that is emptied when the device has passed the last submission that could
 //! use them. Commands are recorded only through [`frame::Frame`] and its passes.
 
-#![expect(unsafe_code, reason = "this is the GPU layer; every block says why it is sound")]
+#![expect(
+    unsafe_code,
+    reason = "this is the GPU layer; every block says why it is sound"
+)]
 
 pub mod access;
 pub mod buffer;
@@ -20,7 +23,9 @@ pub mod surface;
 
 use ash::{khr, vk};
 use device::DeviceInfo;
-use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc};
+use gpu_allocator::vulkan::{
+    Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
+};
 use messages::Messages;
 use std::collections::VecDeque;
 use std::ffi::CStr;
@@ -78,7 +83,9 @@ pub enum Error {
         cause: String,
     },
     /// The device cannot show pictures in this window.
-    #[error("{device} cannot show pictures in a window: {cause}. Choose another with --device (see surfel devices), or make pictures with surfel render")]
+    #[error(
+        "{device} cannot show pictures in a window: {cause}. Choose another with --device (see surfel devices), or make pictures with surfel render"
+    )]
     Surface {
         /// The device.
         device: String,
@@ -100,7 +107,11 @@ pub enum Error {
 impl Error {
     fn vulkan(call: &'static str, object: impl Into<String>) -> impl FnOnce(vk::Result) -> Self {
         let object = object.into();
-        move |result| Self::Vulkan { call, object, result }
+        move |result| Self::Vulkan {
+            call,
+            object,
+            result,
+        }
     }
 }
 
@@ -156,7 +167,9 @@ pub struct Gpu {
 
 impl std::fmt::Debug for Gpu {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Gpu").field("info", &self.info).finish_non_exhaustive()
+        f.debug_struct("Gpu")
+            .field("info", &self.info)
+            .finish_non_exhaustive()
     }
 }
 
@@ -187,7 +200,8 @@ impl Gpu {
             buffer_device_address: false,
             allocation_sizes: gpu_allocator::AllocationSizes::default(),
         });
-        let debug_device = has_debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device));
+        let debug_device =
+            has_debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device));
         let allocator = match allocator {
             Ok(allocator) => allocator,
             Err(cause) => {
@@ -264,7 +278,11 @@ impl Gpu {
     /// Live allocations by name, largest first: (name, bytes).
     pub fn memory_report(&self) -> Vec<(String, u64)> {
         let report = lock(&self.allocator).generate_report();
-        let mut rows: Vec<(String, u64)> = report.allocations.into_iter().map(|a| (a.name, a.size)).collect();
+        let mut rows: Vec<(String, u64)> = report
+            .allocations
+            .into_iter()
+            .map(|a| (a.name, a.size))
+            .collect();
         rows.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
         rows
     }
@@ -279,11 +297,17 @@ impl Gpu {
     }
 
     fn name<T: vk::Handle>(&self, handle: T, name: &str) {
-        let Some(debug) = &self.debug_device else { return };
+        let Some(debug) = &self.debug_device else {
+            return;
+        };
         let mut bytes: Vec<u8> = name.bytes().filter(|b| *b != 0).collect();
         bytes.push(0);
-        let Ok(text) = CStr::from_bytes_with_nul(&bytes) else { return };
-        let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(handle).object_name(text);
+        let Ok(text) = CStr::from_bytes_with_nul(&bytes) else {
+            return;
+        };
+        let info = vk::DebugUtilsObjectNameInfoEXT::default()
+            .object_handle(handle)
+            .object_name(text);
         // SAFETY: the handle belongs to this device and is alive; names are only a help, so a failure is
         // ignored.
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
@@ -327,7 +351,9 @@ impl Gpu {
     /// Destroys what the device is done with.
     fn collect(&self) {
         // SAFETY: the semaphore is alive and a timeline.
-        let Ok(done) = (unsafe { self.device.get_semaphore_counter_value(self.timeline) }) else { return };
+        let Ok(done) = (unsafe { self.device.get_semaphore_counter_value(self.timeline) }) else {
+            return;
+        };
         loop {
             let next = {
                 let mut list = lock(&self.remains);
@@ -356,8 +382,12 @@ impl Gpu {
                     self.free(memory);
                 }
                 Remains::Pipeline(pipeline) => self.device.destroy_pipeline(pipeline, None),
-                Remains::PipelineLayout(layout) => self.device.destroy_pipeline_layout(layout, None),
-                Remains::DescriptorSetLayout(layout) => self.device.destroy_descriptor_set_layout(layout, None),
+                Remains::PipelineLayout(layout) => {
+                    self.device.destroy_pipeline_layout(layout, None)
+                }
+                Remains::DescriptorSetLayout(layout) => {
+                    self.device.destroy_descriptor_set_layout(layout, None)
+                }
                 Remains::CommandPool(pool) => self.device.destroy_command_pool(pool, None),
                 Remains::QueryPool(pool) => self.device.destroy_query_pool(pool, None),
                 Remains::DescriptorPool(pool) => self.device.destroy_descriptor_pool(pool, None),
@@ -391,7 +421,11 @@ impl Gpu {
         all_signals.extend(signals.iter().map(|&s| signal(s)));
         let waits: Vec<_> = waits
             .iter()
-            .map(|&(s, stages)| vk::SemaphoreSubmitInfo::default().semaphore(s).stage_mask(stages))
+            .map(|&(s, stages)| {
+                vk::SemaphoreSubmitInfo::default()
+                    .semaphore(s)
+                    .stage_mask(stages)
+            })
             .collect();
         let submit = vk::SubmitInfo2::default()
             .command_buffer_infos(&commands)
@@ -399,8 +433,11 @@ impl Gpu {
             .signal_semaphore_infos(&all_signals);
         // SAFETY: the queue is locked, the command buffer is recorded and not pending (its frame slot was
         // waited for), the semaphores are alive, and the timeline value rises.
-        unsafe { self.device.queue_submit2(*queue, &[submit], vk::Fence::null()) }
-            .map_err(Error::vulkan("vkQueueSubmit2", "a frame"))?;
+        unsafe {
+            self.device
+                .queue_submit2(*queue, &[submit], vk::Fence::null())
+        }
+        .map_err(Error::vulkan("vkQueueSubmit2", "a frame"))?;
         self.submitted.store(value, Ordering::Release);
         Ok(value)
     }
@@ -412,9 +449,12 @@ impl Gpu {
         }
         let semaphores = [self.timeline];
         let values = [value];
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        let info = vk::SemaphoreWaitInfo::default()
+            .semaphores(&semaphores)
+            .values(&values);
         // SAFETY: the semaphore is alive and a timeline; `value` has been submitted.
-        unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(Error::vulkan("vkWaitSemaphores", "a frame"))
+        unsafe { self.device.wait_semaphores(&info, u64::MAX) }
+            .map_err(Error::vulkan("vkWaitSemaphores", "a frame"))
     }
 }
 
@@ -431,7 +471,8 @@ impl Drop for Gpu {
         // before its device, the messenger after the device so that it sees leaks, the instance last. The
         // allocator is not used after this.
         unsafe {
-            self.device.destroy_pipeline_cache(self.pipeline_cache, None);
+            self.device
+                .destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_semaphore(self.timeline, None);
             ManuallyDrop::drop(&mut self.allocator);
             self.device.destroy_device(None);

@@ -156,7 +156,10 @@ impl Pipeline {
             for &(binding, kind) in shader.bindings {
                 match bindings.iter_mut().find(|b| b.0 == binding) {
                     Some(known) => {
-                        assert!(known.1 == kind, "{name}: the shaders disagree about binding {binding}");
+                        assert!(
+                            known.1 == kind,
+                            "{name}: the shaders disagree about binding {binding}"
+                        );
                         known.2 |= stage_flags(shader.stage);
                     }
                     None => bindings.push((binding, kind, stage_flags(shader.stage))),
@@ -204,7 +207,11 @@ impl Pipeline {
     }
 }
 
-fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout) -> Result<vk::Pipeline, Error> {
+fn compile(
+    gpu: &Gpu,
+    description: &Description<'_>,
+    layout: vk::PipelineLayout,
+) -> Result<vk::Pipeline, Error> {
     let name = description.name;
     let vertex = Module::new(gpu, description.vertex)?;
     let fragment = Module::new(gpu, description.fragment)?;
@@ -221,7 +228,9 @@ fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout)
                 .size(4)
         })
         .collect();
-    let specialization = vk::SpecializationInfo::default().map_entries(&entries).data(&values);
+    let specialization = vk::SpecializationInfo::default()
+        .map_entries(&entries)
+        .data(&values);
     let stages = [
         vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::VERTEX)
@@ -238,8 +247,14 @@ fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout)
         .inputs
         .iter()
         .map(|&(location, input)| {
-            let found = description.record.attributes.iter().find(|a| a.name == input);
-            let Some(attribute) = found else { panic!("{name}: no attribute for the shader's input {input}") };
+            let found = description
+                .record
+                .attributes
+                .iter()
+                .find(|a| a.name == input);
+            let Some(attribute) = found else {
+                panic!("{name}: no attribute for the shader's input {input}")
+            };
             vk::VertexInputAttributeDescription::default()
                 .location(location)
                 .binding(0)
@@ -254,16 +269,19 @@ fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout)
     let input = vk::PipelineVertexInputStateCreateInfo::default()
         .vertex_attribute_descriptions(&attributes)
         .vertex_binding_descriptions(if attributes.is_empty() { &[] } else { &records });
-    let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(match description.topology {
-        Topology::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
-        Topology::Points => vk::PrimitiveTopology::POINT_LIST,
-    });
-    let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+    let assembly =
+        vk::PipelineInputAssemblyStateCreateInfo::default().topology(match description.topology {
+            Topology::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+            Topology::Points => vk::PrimitiveTopology::POINT_LIST,
+        });
+    let viewport = vk::PipelineViewportStateCreateInfo::default()
+        .viewport_count(1)
+        .scissor_count(1);
     let raster = vk::PipelineRasterizationStateCreateInfo::default()
         .polygon_mode(vk::PolygonMode::FILL)
         .line_width(1.0);
-    let samples =
-        vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+    let samples = vk::PipelineMultisampleStateCreateInfo::default()
+        .rasterization_samples(vk::SampleCountFlags::TYPE_1);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(description.depth)
         .depth_write_enable(description.depth)
@@ -272,7 +290,10 @@ fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout)
     let targets: Vec<_> = description
         .colors
         .iter()
-        .map(|_| vk::PipelineColorBlendAttachmentState::default().color_write_mask(vk::ColorComponentFlags::RGBA))
+        .map(|_| {
+            vk::PipelineColorBlendAttachmentState::default()
+                .color_write_mask(vk::ColorComponentFlags::RGBA)
+        })
         .collect();
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&targets);
     let states = [
@@ -283,7 +304,8 @@ fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout)
     ];
     let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&states);
     let formats: Vec<_> = description.colors.iter().map(|f| f.vk()).collect();
-    let mut rendering = vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);
+    let mut rendering =
+        vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);
     if description.depth {
         rendering = rendering.depth_attachment_format(Format::Depth32.vk());
     }
@@ -300,7 +322,10 @@ fn compile(gpu: &Gpu, description: &Description<'_>, layout: vk::PipelineLayout)
         .layout(layout)
         .push_next(&mut rendering);
     // SAFETY: everything the description points to lives until the call returns, and belongs to this device.
-    let made = unsafe { gpu.device.create_graphics_pipelines(gpu.pipeline_cache, &[info], None) };
+    let made = unsafe {
+        gpu.device
+            .create_graphics_pipelines(gpu.pipeline_cache, &[info], None)
+    };
     match made {
         Ok(pipelines) => Ok(pipelines[0]),
         Err((_, result)) => Err(Error::vulkan("vkCreateGraphicsPipelines", name)(result)),
@@ -330,15 +355,21 @@ fn cache_path(gpu: &Gpu) -> Option<PathBuf> {
         Some(folder) if !folder.is_empty() => PathBuf::from(folder),
         _ => dirs::cache_dir()?.join("surfel"),
     };
-    let key = fnv1a(format!("{} {} {}", gpu.info.name, gpu.info.driver, gpu.info.api_version).as_bytes());
+    let key = fnv1a(
+        format!(
+            "{} {} {}",
+            gpu.info.name, gpu.info.driver, gpu.info.api_version
+        )
+        .as_bytes(),
+    );
     Some(folder.join(format!("pipelines-{key:016x}.bin")))
 }
 
 /// FNV-1a, 64 bits: names a file and notices damage; not against malice.
 fn fnv1a(bytes: &[u8]) -> u64 {
-    bytes
-        .iter()
-        .fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3))
+    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, &b| {
+        (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
 /// The driver's part of a cache file, if the file is whole: magic, checksum, then the driver's bytes.
@@ -358,7 +389,8 @@ pub(super) fn load_cache(gpu: &Gpu) -> Result<vk::PipelineCache, Error> {
     let body = unwrap_cache(&bytes).unwrap_or_default();
     let info = vk::PipelineCacheCreateInfo::default().initial_data(body);
     // SAFETY: the device is alive; the data carries the driver's own header, which the driver must check.
-    unsafe { gpu.device.create_pipeline_cache(&info, None) }.map_err(Error::vulkan("vkCreatePipelineCache", "the cache"))
+    unsafe { gpu.device.create_pipeline_cache(&info, None) }
+        .map_err(Error::vulkan("vkCreatePipelineCache", "the cache"))
 }
 
 /// Writes the cache beside and renames it. Nothing depends on it, so a failure is only logged.
@@ -367,7 +399,9 @@ pub(super) fn store_cache(gpu: &Gpu) {
         return;
     }
     // SAFETY: the cache belongs to this device and is alive.
-    let Ok(body) = (unsafe { gpu.device.get_pipeline_cache_data(gpu.pipeline_cache) }) else { return };
+    let Ok(body) = (unsafe { gpu.device.get_pipeline_cache_data(gpu.pipeline_cache) }) else {
+        return;
+    };
     let Some(path) = cache_path(gpu) else { return };
     let mut bytes = Vec::with_capacity(body.len() + 16);
     bytes.extend_from_slice(CACHE_MAGIC);

@@ -52,7 +52,10 @@ impl SelfTest {
 impl std::fmt::Display for SelfTest {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         if self.rows.is_empty() {
-            return write!(f, "   self-test: no timestamps, pass times are not available");
+            return write!(
+                f,
+                "   self-test: no timestamps, pass times are not available"
+            );
         }
         let verdict = if self.agrees {
             "pass times agree with the host clock"
@@ -141,7 +144,12 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
             }
         })
         .collect();
-    let buffer = Buffer::with_data(gpu, "self-test splats", Usage::Vertex, bytemuck::cast_slice(&splats))?;
+    let buffer = Buffer::with_data(
+        gpu,
+        "self-test splats",
+        Usage::Vertex,
+        bytemuck::cast_slice(&splats),
+    )?;
     let clip = glam::Mat4::from_cols_array(&[
         1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0, 1.0,
     ]);
@@ -209,9 +217,10 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
             });
         }
     }
-    let agrees = rows
-        .iter()
-        .all(|r| (r.together_ms - r.alone_ms).abs() <= 0.1 + SelfTest::TOLERANCE * r.alone_ms.max(r.together_ms));
+    let agrees = rows.iter().all(|r| {
+        (r.together_ms - r.alone_ms).abs()
+            <= 0.1 + SelfTest::TOLERANCE * r.alone_ms.max(r.together_ms)
+    });
     Ok(SelfTest {
         rows,
         host_ms: median(&mut host),

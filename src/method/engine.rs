@@ -58,7 +58,10 @@ pub struct Engine<'m> {
 
 #[derive(Debug)]
 enum Kind {
-    Device { renderer: Box<Renderer>, scene: Scene },
+    Device {
+        renderer: Box<Renderer>,
+        scene: Scene,
+    },
     Mirror(Box<MirrorEngine>),
 }
 
@@ -130,7 +133,12 @@ impl<'m> Engine<'m> {
     ///
     /// # Errors
     /// As [`Engine::render`].
-    pub fn supersample(&mut self, view: &View, settings: &Settings, k: u32) -> Result<FloatImage, Error> {
+    pub fn supersample(
+        &mut self,
+        view: &View,
+        settings: &Settings,
+        k: u32,
+    ) -> Result<FloatImage, Error> {
         let mut mean = Accumulator::new();
         for i in 0..k * k {
             let image = self.render(&jittered(view, i, k), settings)?;

@@ -181,13 +181,23 @@ impl Renderer {
     ///
     /// # Errors
     /// When a side is 0 or above the device's limit, or memory runs out.
-    pub fn new(gpu: &Arc<Gpu>, width: u32, height: u32, outputs: Outputs, timestamps: bool) -> Result<Self, Error> {
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        width: u32,
+        height: u32,
+        outputs: Outputs,
+        timestamps: bool,
+    ) -> Result<Self, Error> {
         let frames = Frames::new(gpu, 2, timestamps)?;
         let lists = (0..frames.in_flight())
             .map(|slot| {
                 Ok(Lists {
                     splats: Upload::new(gpu, &format!("splats of frame {slot}"), FIRST_LIST_BYTES)?,
-                    indices: Upload::new(gpu, &format!("triangles of frame {slot}"), FIRST_LIST_BYTES)?,
+                    indices: Upload::new(
+                        gpu,
+                        &format!("triangles of frame {slot}"),
+                        FIRST_LIST_BYTES,
+                    )?,
                     runs: Vec::new(),
                 })
             })
@@ -242,7 +252,8 @@ impl Renderer {
         view: &View,
         settings: &Settings,
     ) -> Result<FrameTimes, Error> {
-        let submitted = self.submit(model, scene, view, settings, &mut |frame, _| frame.submit())?;
+        let submitted =
+            self.submit(model, scene, view, settings, &mut |frame, _| frame.submit())?;
         self.finish(submitted)
     }
 
@@ -274,8 +285,16 @@ impl Renderer {
         end: &mut End<'_>,
     ) -> Result<Submitted, Error> {
         for (what, value, limit) in [
-            ("the width of the view", view.width, self.targets.color.width),
-            ("the height of the view", view.height, self.targets.color.height),
+            (
+                "the width of the view",
+                view.width,
+                self.targets.color.width,
+            ),
+            (
+                "the height of the view",
+                view.height,
+                self.targets.color.height,
+            ),
         ] {
             if value != limit {
                 return Err(Error::Limit {
@@ -300,11 +319,20 @@ impl Renderer {
             Method::Points => self.draw_points(model, scene, view, settings, end)?,
             Method::Pop => self.draw_pop(model, scene, view, settings, end)?,
         };
-        Ok(Submitted { ticket, times, start })
+        Ok(Submitted {
+            ticket,
+            times,
+            start,
+        })
     }
 
     /// Makes the pipelines and buffers that `settings` need, outside of the frame.
-    fn prepare(&mut self, scene: &mut Scene, model: &Model, settings: &Settings) -> Result<(), Error> {
+    fn prepare(
+        &mut self,
+        scene: &mut Scene,
+        model: &Model,
+        settings: &Settings,
+    ) -> Result<(), Error> {
         let normals = self.outputs.normal;
         if settings.method == Method::Triangles {
             scene.ensure_indices(model)?;
@@ -336,11 +364,20 @@ impl Renderer {
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
         let context = self.context(view, settings, model, 0.0);
-        let Some((_, pipeline)) = &self.triangles else { unreachable!("prepare made the pipeline") };
+        let Some((_, pipeline)) = &self.triangles else {
+            unreachable!("prepare made the pipeline")
+        };
         let start = Instant::now();
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
-        triangles::record(&mut frame, pipeline, &self.targets, scene, &context, constants);
+        triangles::record(
+            &mut frame,
+            pipeline,
+            &self.targets,
+            scene,
+            &context,
+            constants,
+        );
         let ticket = end(frame, &self.targets.color)?;
         let times = FrameTimes {
             submit_ms: ms(start),
@@ -362,11 +399,20 @@ impl Renderer {
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
         let context = self.context(view, settings, model, settings.threshold_px.max(1.0));
-        let Some(pipeline) = &self.points else { unreachable!("prepare made the pipeline") };
+        let Some(pipeline) = &self.points else {
+            unreachable!("prepare made the pipeline")
+        };
         let start = Instant::now();
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
-        points::record(&mut frame, pipeline, &self.targets, scene, &context, constants);
+        points::record(
+            &mut frame,
+            pipeline,
+            &self.targets,
+            scene,
+            &context,
+            constants,
+        );
         let ticket = end(frame, &self.targets.color)?;
         let times = FrameTimes {
             submit_ms: ms(start),
@@ -396,7 +442,8 @@ impl Renderer {
         let context = self.context(view, settings, model, largest);
         let start = Instant::now();
         let cut_settings = cut_settings(settings, model);
-        self.selector.select(model, view, &cut_settings, &mut self.cut);
+        self.selector
+            .select(model, view, &cut_settings, &mut self.cut);
         let cut_ms = ms(start);
 
         let pack_start = Instant::now();
@@ -404,8 +451,16 @@ impl Renderer {
         let lists = &mut self.lists[self.frames.next_slot()];
         let side = settings.threshold_px.max(1.0);
         let capacity = pack::splat_count(model, &self.cut, view, side, max_point);
-        reserve(&self.gpu, &mut lists.splats, (capacity * size_of::<Splat>()) as u64)?;
-        reserve(&self.gpu, &mut lists.indices, 12 * self.cut.triangles.len() as u64)?;
+        reserve(
+            &self.gpu,
+            &mut lists.splats,
+            (capacity * size_of::<Splat>()) as u64,
+        )?;
+        reserve(
+            &self.gpu,
+            &mut lists.indices,
+            12 * self.cut.triangles.len() as u64,
+        )?;
         let splats = whole_records::<Splat>(lists.splats.bytes_mut());
         let splat_count = pack::splats(model, &self.cut, view, side, max_point, splats);
         let splat_bytes = (splat_count * size_of::<Splat>()) as u64;
@@ -415,7 +470,8 @@ impl Renderer {
         lists.indices.flush(0..index_bytes);
         let pack_ms = ms(pack_start);
 
-        let (Some((_, triangle_pipeline)), Some(splat_pipeline)) = (&self.triangles, &self.splats) else {
+        let (Some((_, triangle_pipeline)), Some(splat_pipeline)) = (&self.triangles, &self.splats)
+        else {
             unreachable!("prepare made the pipelines")
         };
         let submit_start = Instant::now();
@@ -463,15 +519,22 @@ impl Renderer {
         let gpu = &self.gpu;
         if self.readback.is_none() {
             let make = |name: &str, target: Option<&Target>| {
-                target.map(|t| Readback::new(gpu, name, t.bytes())).transpose()
+                target
+                    .map(|t| Readback::new(gpu, name, t.bytes()))
+                    .transpose()
             };
             self.readback = Some([
                 make("readback of color", Some(&self.targets.color))?,
-                make("readback of depth", self.outputs.depth.then_some(&self.targets.depth))?,
+                make(
+                    "readback of depth",
+                    self.outputs.depth.then_some(&self.targets.depth),
+                )?,
                 make("readback of normal", self.targets.normal.as_ref())?,
             ]);
         }
-        let Some([color, depth, normal]) = &mut self.readback else { unreachable!("made above") };
+        let Some([color, depth, normal]) = &mut self.readback else {
+            unreachable!("made above")
+        };
         let mut frame = self.frames.begin()?;
         if let Some(color) = color {
             frame.read_back("readback.color", &self.targets.color, color);
@@ -546,11 +609,16 @@ fn frame_constants(view: &View, settings: &Settings, context: &Context) -> Frame
             flags |= flag;
         }
     }
-    let columns = |m: Mat4| -> [[f32; 4]; 4] { [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c: Vec4| c.to_array()) };
+    let columns = |m: Mat4| -> [[f32; 4]; 4] {
+        [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c: Vec4| c.to_array())
+    };
     FrameConstants {
         view_from_model: columns(view.view_from_model),
         clip_from_view: columns(clip),
-        ray_scale: [2.0 / (view.width as f32 * sx), -2.0 / (view.height as f32 * sy)],
+        ray_scale: [
+            2.0 / (view.width as f32 * sx),
+            -2.0 / (view.height as f32 * sy),
+        ],
         ray_offset: [(ox - 1.0) / sx, (oy + 1.0) / sy],
         focal_px: view.focal_px(),
         splat_size_px: settings.threshold_px.max(1.0),

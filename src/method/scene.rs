@@ -104,7 +104,10 @@ impl Scene {
                 let mut own: Vec<Vertex> = Vec::new();
                 let mut local: Vec<[u32; 3]> = Vec::new();
                 for corners in &model.triangles[first..] {
-                    let new = corners.iter().filter(|&&c| place[c as usize].0 != page).count();
+                    let new = corners
+                        .iter()
+                        .filter(|&&c| place[c as usize].0 != page)
+                        .count();
                     if own.len() + new > max_vertices || local.len() == max_triangles {
                         break;
                     }
@@ -144,7 +147,12 @@ impl Scene {
             if page.indices.is_none() && !page.triangles.is_empty() {
                 let name = format!("indices, page {index}");
                 let corners = page.corners(model);
-                let buffer = Buffer::with_data(&self.gpu, &name, Usage::Index, bytemuck::cast_slice(corners))?;
+                let buffer = Buffer::with_data(
+                    &self.gpu,
+                    &name,
+                    Usage::Index,
+                    bytemuck::cast_slice(corners),
+                )?;
                 page.indices = Some(buffer);
             }
         }

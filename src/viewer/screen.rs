@@ -105,11 +105,12 @@ impl Screen {
             return;
         };
         if self.acquired.is_multiple_of(every) {
-            self.surface.inject(if !(self.acquired / every).is_multiple_of(2) {
-                ash::vk::Result::ERROR_SURFACE_LOST_KHR
-            } else {
-                ash::vk::Result::ERROR_OUT_OF_DATE_KHR
-            });
+            self.surface
+                .inject(if !(self.acquired / every).is_multiple_of(2) {
+                    ash::vk::Result::ERROR_SURFACE_LOST_KHR
+                } else {
+                    ash::vk::Result::ERROR_OUT_OF_DATE_KHR
+                });
         }
     }
 

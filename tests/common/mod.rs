@@ -5,8 +5,8 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use surfel::gpu::messages::Messages;
 use surfel::generate::{Shape, Spec};
+use surfel::gpu::messages::Messages;
 use surfel::gpu::{Gpu, Options};
 use surfel::math::camera::{Camera, View};
 use surfel::progress::Silent;
@@ -80,7 +80,10 @@ pub(crate) fn models() -> Option<PathBuf> {
     if folder.is_dir() {
         Some(folder)
     } else {
-        eprintln!("real models are absent ({}): nothing tested with them", folder.display());
+        eprintln!(
+            "real models are absent ({}): nothing tested with them",
+            folder.display()
+        );
         None
     }
 }
@@ -88,7 +91,12 @@ pub(crate) fn models() -> Option<PathBuf> {
 /// A generated model with its tree.
 pub(crate) fn generated(shape: Shape, triangles: u64) -> Model {
     let spec = Spec::with_triangles(shape, triangles).unwrap();
-    tree::build(surfel::generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
+    tree::build(
+        surfel::generate::mesh(&spec),
+        &BuildOptions::default(),
+        &Silent,
+    )
+    .unwrap()
 }
 
 /// A real model with its tree, or `None` when the models are absent.
@@ -105,7 +113,13 @@ fn load(path: &Path) -> surfel::mesh::Mesh {
 }
 
 /// The standard orbit of a model; angles in degrees.
-pub(crate) fn orbit(model: &Model, size: (u32, u32), azimuth: f64, elevation: f64, fill: f64) -> View {
+pub(crate) fn orbit(
+    model: &Model,
+    size: (u32, u32),
+    azimuth: f64,
+    elevation: f64,
+    fill: f64,
+) -> View {
     Camera::orbit(
         size,
         model.origin + model.orbit_center.as_dvec3(),

@@ -3,10 +3,10 @@
 //! Source: Benda, *Point Based Rendering*, section 3.3. Both kinds go into one color and one depth target;
 //! triangles come first, so that the depth test spares the splats behind them.
 
+use super::SPLAT;
 use super::renderer::{Context, Targets};
 use super::scene::Scene;
 use super::triangles::targets;
-use super::SPLAT;
 use crate::abi::shaders;
 use crate::gpu::buffer::Upload;
 use crate::gpu::frame::{Frame, Load, Uniform};
@@ -52,7 +52,9 @@ pub(crate) fn record_triangles(
     context: &Context,
     constants: Uniform,
 ) {
-    let mut pass = targets.attach(frame.pass("hybrid.triangles"), context).indices(indices);
+    let mut pass = targets
+        .attach(frame.pass("hybrid.triangles"), context)
+        .indices(indices);
     for page in &scene.pages {
         pass = pass.vertices(&page.vertices);
     }

@@ -1,9 +1,9 @@
 //! Every vertex as a square of constant size: what a viewer without a tree does with a scan.
 
+use super::VERTEX;
 use super::renderer::{Context, Targets};
 use super::scene::Scene;
 use super::triangles::targets;
-use super::VERTEX;
 use crate::abi::shaders;
 use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::{Description, Pipeline, Topology};

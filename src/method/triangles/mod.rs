@@ -59,7 +59,9 @@ pub(crate) fn record(
         draw.cull_back_faces(context.cull_back, context.is_mirrored);
         draw.bind(pipeline, &[constants]);
         for page in &scene.pages {
-            let Some(indices) = &page.indices else { continue };
+            let Some(indices) = &page.indices else {
+                continue;
+            };
             draw.vertices(&page.vertices, 0);
             draw.indices(indices, 0);
             draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
