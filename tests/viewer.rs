@@ -44,6 +44,7 @@ impl Display {
             skip("no Vulkan device");
             return None;
         }
+        // Without -noreset the server starts anew whenever its last client leaves, and refuses others meanwhile.
         let server = Command::new("Xvfb")
             .args([
                 "-displayfd",
@@ -51,6 +52,7 @@ impl Display {
                 "-screen",
                 "0",
                 "1280x1024x24",
+                "-noreset",
                 "-nolisten",
                 "tcp",
             ])
@@ -137,10 +139,16 @@ impl<'d> Window<'d> {
             .unwrap();
         let pid = process.id().to_string();
         let id = wait_for("the window", || {
-            assert!(
-                process.try_wait().unwrap().is_none(),
-                "ended before its window came"
-            );
+            if let Some(status) = process.try_wait().unwrap() {
+                let mut text = String::new();
+                process
+                    .stderr
+                    .take()
+                    .unwrap()
+                    .read_to_string(&mut text)
+                    .unwrap();
+                panic!("ended before its window came, {status}: {text}");
+            }
             let ids = display.tool("xdotool", &["search", "--pid", &pid])?;
             Some(ids.lines().last()?.to_owned())
         });
