@@ -196,26 +196,43 @@ impl<'d> Window<'d> {
 
     /// Waits for the program to end.
     fn end(mut self) -> Output {
-        let status = wait_for("the program to end", || self.process.try_wait().unwrap());
-        let mut output = Output {
-            status,
-            stdout: Vec::new(),
-            stderr: Vec::new(),
-        };
-        self.process
-            .stdout
-            .take()
-            .unwrap()
-            .read_to_end(&mut output.stdout)
-            .unwrap();
-        self.process
-            .stderr
-            .take()
-            .unwrap()
-            .read_to_end(&mut output.stderr)
-            .unwrap();
-        output
+        output_of(&mut self.process)
     }
+}
+
+/// Waits for a program with piped output, which must be little, and kills it when it hangs.
+fn output_of(process: &mut Child) -> Output {
+    let start = Instant::now();
+    let status = loop {
+        if let Some(status) = process.try_wait().unwrap() {
+            break status;
+        }
+        if start.elapsed() > HANG {
+            process.kill().unwrap();
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    let mut output = Output {
+        status,
+        stdout: Vec::new(),
+        stderr: Vec::new(),
+    };
+    if let Some(mut out) = process.stdout.take() {
+        out.read_to_end(&mut output.stdout).unwrap();
+    }
+    if let Some(mut err) = process.stderr.take() {
+        err.read_to_end(&mut output.stderr).unwrap();
+    }
+    output
+}
+
+fn run(command: &mut Command) -> Output {
+    let mut process = command
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    output_of(&mut process)
 }
 
 fn must_succeed(output: &Output) {
@@ -276,14 +293,14 @@ fn the_windows_picture_is_the_one_that_render_draws() {
         arguments.extend(look);
         let mut to_window = arguments.clone();
         to_window.extend(["--screenshot", shown.to_str().unwrap()]);
-        must_succeed(&display.surfel(&to_window).output().unwrap());
+        must_succeed(&run(&mut display.surfel(&to_window)));
         let mut to_file: Vec<&str> = arguments
             .into_iter()
             .filter(|a| !["--vsync", "off"].contains(a))
             .collect();
         to_file.insert(0, "render");
         to_file.extend(["-o", drawn.to_str().unwrap()]);
-        must_succeed(&display.surfel(&to_file).output().unwrap());
+        must_succeed(&run(&mut display.surfel(&to_file)));
         let (shown, drawn) = (load(&shown), load(&drawn));
         assert!(lit_pixels(&drawn) > 3000, "{look:?} shows something");
         assert!(shown == drawn, "{look:?}: the window's picture differs");
@@ -359,7 +376,7 @@ fn what_is_on_the_screen_after_turning_and_resizing_is_what_render_draws() {
             drawn.to_str().unwrap(),
         ]);
         arguments.extend(view);
-        must_succeed(&display.surfel(&arguments).output().unwrap());
+        must_succeed(&run(&mut display.surfel(&arguments)));
         load(&drawn)
     };
     let expected = render(&["--camera", file("camera.json").to_str().unwrap()]);
@@ -391,13 +408,9 @@ fn a_lost_surface_and_a_swapchain_out_of_date_are_rebuilt() {
         "--log",
         "surfel::gpu=debug",
     ];
-    let run = |more: &[&str]| {
+    let rebuilds = |more: &[&str]| {
         let mut command = display.surfel(&arguments);
-        let output = command
-            .args(["--exit-after-frames", "20"])
-            .args(more)
-            .output()
-            .unwrap();
+        let output = run(command.args(["--exit-after-frames", "20"]).args(more));
         must_succeed(&output);
         let log = String::from_utf8_lossy(&output.stderr).into_owned();
         (
@@ -405,8 +418,8 @@ fn a_lost_surface_and_a_swapchain_out_of_date_are_rebuilt() {
             log.matches("present mode").count(),
         )
     };
-    assert_eq!(run(&[]), (1, 1), "one swapchain lasts");
-    let (swapchains, surfaces) = run(&["--lose-surface-every", "3"]);
+    assert_eq!(rebuilds(&[]), (1, 1), "one swapchain lasts");
+    let (swapchains, surfaces) = rebuilds(&["--lose-surface-every", "3"]);
     assert!(swapchains >= 6, "{swapchains} swapchains");
     assert!(surfaces >= 3, "{surfaces} surfaces");
 }
@@ -437,10 +450,8 @@ fn a_model_that_cannot_be_opened_is_told_and_the_window_stays() {
     let Some(display) = Display::open() else {
         return;
     };
-    let missing = display
-        .surfel(&["no-such-file.ply", "--screenshot", "none.png"])
-        .output()
-        .unwrap();
+    let mut missing = display.surfel(&["no-such-file.ply", "--screenshot", "none.png"]);
+    let missing = run(&mut missing);
     assert_eq!(missing.status.code(), Some(2));
     assert!(String::from_utf8_lossy(&missing.stderr).contains("no-such-file.ply"));
     if !display.has_tools() {
@@ -457,11 +468,8 @@ fn a_model_that_cannot_be_opened_is_told_and_the_window_stays() {
 
 #[test]
 fn without_a_display_the_program_says_what_to_do() {
-    let output = Command::new(env!("CARGO_BIN_EXE_surfel"))
-        .arg("generate:sphere:100")
-        .env_remove("DISPLAY")
-        .output()
-        .unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_surfel"));
+    let output = run(command.arg("generate:sphere:100").env_remove("DISPLAY"));
     let text = String::from_utf8_lossy(&output.stderr);
     assert_eq!(output.status.code(), Some(1), "{text}");
     assert!(
