@@ -131,8 +131,13 @@ fn wait_for<T>(what: &str, mut look: impl FnMut() -> Option<T>) -> T {
 
 impl<'d> Window<'d> {
     fn open(display: &'d Display, arguments: &[&str]) -> Self {
+        Self::open_in(display, Path::new("."), arguments)
+    }
+
+    fn open_in(display: &'d Display, folder: &Path, arguments: &[&str]) -> Self {
         let mut process = display
             .surfel(arguments)
+            .current_dir(folder)
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -325,7 +330,7 @@ fn what_is_on_the_screen_after_turning_and_resizing_is_what_render_draws() {
         "--color-by",
         "primitive",
     ];
-    let mut window = Window::open(&display, &arguments);
+    let mut window = Window::open_in(&display, folder.path(), &arguments);
     window.wait_for_title("threshold 1 px");
     for step in 0..50u32 {
         window.resize(120 + step * 97 % 500, 90 + step * 61 % 400);
@@ -384,6 +389,32 @@ fn what_is_on_the_screen_after_turning_and_resizing_is_what_render_draws() {
     let screen = wait_for("the picture of the printed camera on the screen", || {
         Some(window.picture(&file("screen.png"))).filter(|screen| *screen == expected)
     });
+    window.key("p");
+    wait_for("the picture written by P", || {
+        file("surfel-000.png").is_file().then_some(())
+    });
+    assert!(
+        load(&file("surfel-000.png")) == expected,
+        "P writes another picture"
+    );
+    // A double click on the model moves the center of rotation, and nothing that is seen.
+    let place = ["mousemove", "--window", &window.id, "150", "110"];
+    window.mouse(&place);
+    window.mouse(&["click", "--repeat", "2", "--delay", "50", "1"]);
+    window.key("p");
+    wait_for("the second picture", || {
+        file("surfel-001.png").is_file().then_some(())
+    });
+    let same = load(&file("surfel-001.png"));
+    let changed = same
+        .pixels()
+        .zip(expected.pixels())
+        .filter(|(a, b)| a != b)
+        .count();
+    assert!(
+        changed < 320 * 240 / 50,
+        "a double click changed {changed} pixels"
+    );
     window.key("Escape");
     must_succeed(&window.end());
     let unturned = render(&["--size", "320x240"]);

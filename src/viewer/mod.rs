@@ -41,6 +41,9 @@ pub enum Error {
     /// The picture could not be written.
     #[error(transparent)]
     Image(#[from] crate::image::Error),
+    /// The window was closed before the picture that was asked for.
+    #[error("the window was closed before the picture was made")]
+    Closed,
     /// The validation layer found faults.
     #[error("the validation layer found {count} fault(s); the first: {first}")]
     Validation {
@@ -107,6 +110,8 @@ pub fn run(options: Options, open: Arc<Open>, should_stop: &dyn Fn() -> bool) ->
 const LOADING_WAIT_S: f64 = 0.05;
 /// How long it sleeps at most when nothing happens, seconds: Ctrl-C is noticed after that.
 const IDLE_WAIT_S: f64 = 0.5;
+/// Largest threshold that the keys set, pixels.
+const LARGEST_THRESHOLD_PX: f32 = 4096.0;
 /// Least time between two titles while frames are drawn.
 const TITLE_INTERVAL: Duration = Duration::from_millis(250);
 
@@ -253,6 +258,9 @@ impl Viewer {
             }
         }
         self.screen.finish()?;
+        if self.options.screenshot.is_some() && self.frames == 0 {
+            return Err(Error::Closed);
+        }
         Ok(())
     }
 
@@ -432,7 +440,8 @@ impl Viewer {
             Command::Method(method) => self.settings.method = method,
             Command::Threshold(px) => self.settings.threshold_px = px,
             Command::ThresholdBy(px) => {
-                self.settings.threshold_px = (self.settings.threshold_px + px).max(0.0);
+                let changed = self.settings.threshold_px + px;
+                self.settings.threshold_px = changed.clamp(0.0, LARGEST_THRESHOLD_PX);
             }
             Command::Culling => {
                 self.settings.culling = if self.settings.culls_back(is_closed) {
