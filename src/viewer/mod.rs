@@ -1,6 +1,6 @@
 //! The window: opens at once, loads on another thread, draws only when something has changed.
 //!
-//! [`camera`], [`input`], [`loader`] and [`text`] know nothing of Vulkan; [`screen`] draws frames onto the
+//! [`camera`], [`input`], [`loader`] and [`text`] know nothing of Vulkan; `screen` draws frames onto the
 //! window; this file ties them together. The main thread owns window and device.
 
 pub mod camera;
