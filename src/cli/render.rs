@@ -270,7 +270,10 @@ fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
         return path.to_owned();
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!("{stem}-{frame:03}.{}", ending(path)))
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    // Wide enough for all of them, so that names sort like frames.
+    let digits = (frames - 1).to_string().len().max(3);
+    path.with_file_name(format!("{stem}-{frame:0digits$}.{extension}"))
 }
 
 /// The camera of `orbit` for a model.
@@ -288,6 +291,16 @@ pub(crate) fn orbit_camera(
         elevation.to_radians(),
         fill,
     )
+}
+
+/// Reads a camera file; every error names it.
+fn read_camera(path: &Path) -> Result<Camera, Failure> {
+    Camera::read(path).map_err(|error| match error {
+        error @ surfel::math::camera::Error::Value(_) => {
+            Failure::Input(anyhow::Error::new(error).context(path.display().to_string()))
+        }
+        other => other.into(),
+    })
 }
 
 impl Args {
@@ -320,11 +333,23 @@ impl Args {
             &self.normals,
             &self.coverage,
             &self.stats,
+            &self.save_camera,
         ];
-        if outputs.iter().all(|o| o.is_none()) {
+        let paths: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
+        if paths.is_empty() {
             return Err(usage(
                 "nothing to write: give -o FILE.png (or --depth, --normals, --coverage, --stats)",
             ));
+        }
+        for (i, path) in paths.iter().enumerate() {
+            let is_model = **path == self.source.model && **path != Path::new("-");
+            if paths[..i].contains(path) || is_model {
+                return Err(usage(format!(
+                    "{} would be written over by another output of this run, or is its model",
+                    path.display()
+                )));
+            }
+            super::require_folder(path)?;
         }
         Ok(())
     }
@@ -336,9 +361,9 @@ impl Args {
             || self.coverage.is_some()
     }
 
-    fn cameras(&self, ready: &Ready) -> Result<Vec<Camera>, Failure> {
-        if let Some(path) = &self.camera {
-            let mut camera = Camera::read(path)?;
+    /// The cameras of the frames; `read` is the one of `--camera`.
+    fn cameras(&self, ready: &Ready, read: Option<Camera>) -> Result<Vec<Camera>, Failure> {
+        if let Some(mut camera) = read {
             if let Some((width, height)) = self.size {
                 if u64::from(width) * u64::from(camera.height)
                     != u64::from(height) * u64::from(camera.width)
@@ -409,8 +434,9 @@ const WARM_UP: u32 = 2;
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
+    let camera = args.camera.as_deref().map(read_camera).transpose()?;
     let ready = args.source.ready(quiet)?;
-    let cameras = args.cameras(&ready)?;
+    let cameras = args.cameras(&ready, camera)?;
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);
     let outputs = Outputs {
@@ -567,6 +593,10 @@ mod tests {
         assert_eq!(
             numbered(Path::new("a/turn.png"), 7, 36),
             Path::new("a/turn-007.png")
+        );
+        assert_eq!(
+            numbered(Path::new("turn.PNG"), 7, 2000),
+            Path::new("turn-0007.PNG")
         );
         assert_eq!(numbered(Path::new("one.exr"), 0, 1), Path::new("one.exr"));
     }
