@@ -10,6 +10,7 @@ mod info;
 mod progress;
 mod render;
 mod source;
+mod stats;
 #[cfg(feature = "viewer")]
 mod view;
 
