@@ -1,7 +1,7 @@
 //! `surfel build`
 
 use super::source::Source;
-use super::{Outcome, bytes, count};
+use super::{Failure, Outcome, bytes, count, say};
 use std::path::PathBuf;
 use std::time::Instant;
 use surfel::tree;
@@ -37,11 +37,15 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             output.display()
         )));
     }
+    super::require_folder(&output)?;
     let ready = args.source.ready(quiet)?;
     let start = Instant::now();
-    tree::file::write(&ready.model, &output)?;
+    // The model was good; only the file can fail here, and that is no bad input.
+    tree::file::write(&ready.model, &output).map_err(|e| {
+        Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", output.display())))
+    })?;
     let size = std::fs::metadata(&output).map(|m| m.len()).unwrap_or(0);
-    eprintln!(
+    say(&format!(
         "{}: {} triangles, {} nodes; read {:.0} ms, built {:.0} ms, written {:.0} ms; {} to {}",
         ready.name,
         count(ready.model.triangles.len() as u64),
@@ -51,6 +55,6 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         start.elapsed().as_secs_f64() * 1e3,
         bytes(size),
         output.display()
-    );
+    ));
     Ok(())
 }

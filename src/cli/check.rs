@@ -1,7 +1,7 @@
 //! `surfel check`
 
 use super::source::Source;
-use super::{Failure, Outcome, count, print};
+use super::{Failure, Outcome, chain, count, print};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -37,10 +37,8 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         let ready = match source.ready(quiet) {
             Ok(ready) => ready,
             Err(Failure::Input(error)) => {
-                rows.push(
-                    json!({ "file": path.display().to_string(), "error": format!("{error:#}") }),
-                );
-                let _ = writeln!(text, "{}: {error:#}", path.display());
+                rows.push(json!({ "file": path.display().to_string(), "error": chain(&error) }));
+                let _ = writeln!(text, "{}", chain(&error));
                 unreadable = Some(error);
                 continue;
             }

@@ -2,7 +2,7 @@
 
 use super::render::{DeviceArgs, orbit_camera, validated};
 use super::source::Source;
-use super::{Failure, Outcome, count};
+use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -130,29 +130,30 @@ const fn shot(
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
-    std::fs::create_dir_all(&args.output).map_err(|e| {
-        Failure::Run(
-            anyhow::Error::new(e)
-                .context(format!("cannot make the folder {}", args.output.display())),
-        )
-    })?;
     let source = Source {
         model: args.model.clone(),
         weld: false,
     };
     let ready = source.ready(quiet)?;
     let model = &ready.model;
-    eprintln!(
+    say(&format!(
         "{}: {} triangles, {} vertices; ready in {:.1} s (tree {:.1} s)",
         ready.name,
         count(model.triangles.len() as u64),
         count(model.vertices.len() as u64),
         (ready.load_ms + ready.build_ms) / 1e3,
         ready.build_ms / 1e3
-    );
+    ));
     let backend = args.device.open()?;
-    eprintln!("drawing on {}", backend.name());
+    say(&format!("drawing on {}", backend.name()));
     let mut engine = Engine::new(&backend, model, args.size, Outputs::default())?;
+    // Only now, so that a model or device that is not there leaves no folder behind.
+    std::fs::create_dir_all(&args.output).map_err(|e| {
+        Failure::Run(
+            anyhow::Error::new(e)
+                .context(format!("cannot make the folder {}", args.output.display())),
+        )
+    })?;
     let bar = if quiet {
         ProgressBar::hidden()
     } else {

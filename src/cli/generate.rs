@@ -1,7 +1,7 @@
 //! `surfel generate`
 
 use super::progress::Bar;
-use super::{Failure, Outcome, count, usage};
+use super::{Outcome, count, say, usage};
 use std::path::PathBuf;
 use surfel::generate::{self, Shape, Spec};
 
@@ -44,15 +44,16 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             Spec::with_grid(args.shape, cells(a)?, cells(b)?)?
         }
     };
+    super::require_folder(&args.output)?;
     let bar = Bar::new(quiet);
-    generate::write_ply_file(&spec, &args.output, &bar).map_err(|e| Failure::Run(e.into()))?;
+    generate::write_ply_file(&spec, &args.output, &bar)?;
     drop(bar);
     let (vertices, triangles) = spec.counts();
-    eprintln!(
+    say(&format!(
         "{}: {} vertices, {} triangles",
         args.output.display(),
         count(vertices),
         count(triangles)
-    );
+    ));
     Ok(())
 }

@@ -10,10 +10,12 @@ mod info;
 mod progress;
 mod render;
 mod source;
+mod stats;
 #[cfg(feature = "viewer")]
 mod view;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use std::path::Path;
 use std::process::ExitCode;
 
 /// Why a command ended early.
@@ -30,10 +32,13 @@ pub(crate) type Outcome = Result<(), Failure>;
 impl From<surfel::Error> for Failure {
     fn from(error: surfel::Error) -> Self {
         use surfel::Error as E;
+        use surfel::generate::Error as G;
         let is_input = match &error {
             E::Input(surfel::input::Error::Cancelled) | E::Tree(surfel::tree::Error::Cancelled) => {
                 false
             }
+            // A bad specification is bad input; a file that cannot be written is not.
+            E::Generate(G::Write { .. } | G::Stream(_) | G::Cancelled) => false,
             E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) => true,
             E::Image(surfel::image::Error::Read { .. }) => true,
             E::Gpu(g) => matches!(
@@ -164,9 +169,11 @@ pub(crate) fn main() -> ExitCode {
         Ok(filter) => tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
+            // It would report a closed standard error on standard error, and panic.
+            .log_internal_errors(false)
             .init(),
         Err(error) => {
-            eprintln!("surfel: --log: {error}");
+            say(&format!("surfel: --log: {error}"));
             return ExitCode::from(2);
         }
     }
@@ -181,8 +188,10 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),
         Some(Command::Completions { shell }) => {
-            clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut std::io::stdout());
-            Ok(())
+            // Not straight to standard output: the generator panics when its reader goes away.
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Cli::command(), "surfel", &mut script);
+            print(&String::from_utf8_lossy(&script))
         }
         #[cfg(feature = "viewer")]
         None => view::run(cli.view, quiet),
@@ -192,13 +201,58 @@ pub(crate) fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Input(error)) => {
-            eprintln!("surfel: {error:#}");
+            say(&format!("surfel: {}", chain(&error)));
             ExitCode::from(2)
         }
         Err(Failure::Run(error)) => {
-            eprintln!("surfel: {error:#}");
+            say(&format!("surfel: {}", chain(&error)));
             ExitCode::from(1)
         }
+    }
+}
+
+/// An error and its causes in one line, each said once: many errors of the library quote their cause already.
+pub(crate) fn chain(error: &anyhow::Error) -> String {
+    let mut text = String::new();
+    for cause in error.chain() {
+        let cause = cause.to_string();
+        if !text.contains(&cause) {
+            if !text.is_empty() {
+                text.push_str(": ");
+            }
+            text.push_str(&cause);
+        }
+    }
+    text
+}
+
+/// A line of talk on standard error. Unlike `eprintln!` it does not panic when nobody listens any more.
+pub(crate) fn say(line: &str) {
+    use std::io::Write;
+    let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
+}
+
+/// Fails at once, before minutes of work, when the folder that `path` is to be written to is not there.
+pub(crate) fn require_folder(path: &Path) -> Outcome {
+    let folder = folder_of(path);
+    let reason = if path == Path::new("-") || folder.is_dir() {
+        return Ok(());
+    } else if folder.exists() {
+        "is not a folder"
+    } else {
+        "does not exist"
+    };
+    Err(Failure::Run(anyhow::anyhow!(
+        "cannot write {}: {} {reason}",
+        path.display(),
+        folder.display()
+    )))
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
     }
 }
 
@@ -213,19 +267,27 @@ pub(crate) fn print(text: &str) -> Outcome {
     }
 }
 
-/// Writes `text` beside `path` and renames it into place; `-` is standard output.
-pub(crate) fn write_text(path: &std::path::Path, text: &str) -> Outcome {
-    if path == std::path::Path::new("-") {
+/// Writes `text` beside `path` and renames it into place; `-` is standard output. A link is followed, and what is
+/// no plain file (a pipe, `/dev/null`) is written directly.
+pub(crate) fn write_text(path: &Path, text: &str) -> Outcome {
+    if path == Path::new("-") {
         return print(text);
     }
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => std::path::Path::new("."),
-    };
+    require_folder(path)?;
     let write = || -> std::io::Result<()> {
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+        if target.exists() && !target.is_file() {
+            let mut file = std::fs::OpenOptions::new().write(true).open(&target)?;
+            return std::io::Write::write_all(&mut file, text.as_bytes());
+        }
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(".surfel-");
+        // Private by default; this one becomes an ordinary file under the user's mask.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let mut file = builder.tempfile_in(folder_of(&target))?;
         std::io::Write::write_all(&mut file, text.as_bytes())?;
-        file.persist(path).map_err(|e| e.error)?;
+        file.persist(&target).map_err(|e| e.error)?;
         Ok(())
     };
     write().map_err(|e| {

@@ -4,15 +4,13 @@ use super::progress::{Bar, is_interrupted};
 use super::source::{Ready, Source};
 use super::{Failure, Outcome, usage, write_text};
 use clap::{Args as ClapArgs, ValueEnum};
-use serde_json::json;
 use std::path::{Path, PathBuf};
 use surfel::draw::ColorBy;
 use surfel::gpu::Options as GpuOptions;
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
-use surfel::measure::Distribution;
 use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{FrameTimes, Outputs};
+use surfel::method::renderer::Outputs;
 use surfel::method::{Culling, Method, Settings};
 use surfel::progress::Progress;
 
@@ -274,7 +272,10 @@ fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
         return path.to_owned();
     }
     let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    path.with_file_name(format!("{stem}-{frame:03}.{}", ending(path)))
+    let extension = path.extension().unwrap_or_default().to_string_lossy();
+    // Wide enough for all of them, so that names sort like frames.
+    let digits = (frames - 1).to_string().len().max(3);
+    path.with_file_name(format!("{stem}-{frame:0digits$}.{extension}"))
 }
 
 /// The camera of `orbit` for a model.
@@ -292,6 +293,16 @@ pub(crate) fn orbit_camera(
         elevation.to_radians(),
         fill,
     )
+}
+
+/// Reads a camera file; every error names it.
+fn read_camera(path: &Path) -> Result<Camera, Failure> {
+    Camera::read(path).map_err(|error| match error {
+        error @ surfel::math::camera::Error::Value(_) => {
+            Failure::Input(anyhow::Error::new(error).context(path.display().to_string()))
+        }
+        other => other.into(),
+    })
 }
 
 impl Args {
@@ -324,11 +335,23 @@ impl Args {
             &self.normals,
             &self.coverage,
             &self.stats,
+            &self.save_camera,
         ];
-        if outputs.iter().all(|o| o.is_none()) {
+        let paths: Vec<&PathBuf> = outputs.into_iter().flatten().collect();
+        if paths.is_empty() {
             return Err(usage(
                 "nothing to write: give -o FILE.png (or --depth, --normals, --coverage, --stats)",
             ));
+        }
+        for (i, path) in paths.iter().enumerate() {
+            let is_model = **path == self.source.model && **path != Path::new("-");
+            if paths[..i].contains(path) || is_model {
+                return Err(usage(format!(
+                    "{} would be written over by another output of this run, or is its model",
+                    path.display()
+                )));
+            }
+            super::require_folder(path)?;
         }
         Ok(())
     }
@@ -340,9 +363,9 @@ impl Args {
             || self.coverage.is_some()
     }
 
-    fn cameras(&self, ready: &Ready) -> Result<Vec<Camera>, Failure> {
-        if let Some(path) = &self.camera {
-            let mut camera = Camera::read(path)?;
+    /// The cameras of the frames; `read` is the one of `--camera`.
+    fn cameras(&self, ready: &Ready, read: Option<Camera>) -> Result<Vec<Camera>, Failure> {
+        if let Some(mut camera) = read {
             if let Some((width, height)) = self.size {
                 if u64::from(width) * u64::from(camera.height)
                     != u64::from(height) * u64::from(camera.width)
@@ -413,8 +436,9 @@ const WARM_UP: u32 = 2;
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
+    let camera = args.camera.as_deref().map(read_camera).transpose()?;
     let ready = args.source.ready(quiet)?;
-    let cameras = args.cameras(&ready)?;
+    let cameras = args.cameras(&ready, camera)?;
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);
     let outputs = Outputs {
@@ -458,84 +482,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     drop(bar);
     if let Some(path) = &args.stats {
-        let stats = stats(&ready, &backend, &settings, size, &times);
+        let stats = super::stats::of(&ready, &backend, &settings, size, &times);
         let text = serde_json::to_string_pretty(&stats).map_err(|e| Failure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
     validated(&backend)
-}
-
-/// Counts and times of a run, as `--stats` writes them.
-pub(crate) fn stats(
-    ready: &Ready,
-    backend: &Backend,
-    settings: &Settings,
-    size: (u32, u32),
-    times: &[FrameTimes],
-) -> serde_json::Value {
-    let spread = |of: &dyn Fn(&FrameTimes) -> f64| {
-        Distribution::of(&times.iter().map(of).collect::<Vec<_>>())
-    };
-    let mut names: Vec<&'static str> = Vec::new();
-    for pass in times.iter().flat_map(|t| &t.passes) {
-        if !names.contains(&pass.name) {
-            names.push(pass.name);
-        }
-    }
-    let passes: Vec<_> = names
-        .iter()
-        .map(|name| {
-            let values: Vec<f64> = times
-                .iter()
-                .flat_map(|t| t.passes.iter().filter(|p| p.name == *name).map(|p| p.ms))
-                .collect();
-            json!({ "name": name, "gpu_ms": Distribution::of(&values) })
-        })
-        .collect();
-    let memory: Vec<_> = match backend {
-        Backend::Device(gpu) => gpu
-            .memory_report()
-            .into_iter()
-            .map(|(name, bytes)| json!({ "name": name, "bytes": bytes }))
-            .collect(),
-        Backend::Mirror => Vec::new(),
-    };
-    let model = &ready.model;
-    let count = |of: fn(&FrameTimes) -> u64| {
-        Distribution::of(&times.iter().map(|t| of(t) as f64).collect::<Vec<_>>())
-    };
-    json!({
-        "model": super::info::facts(ready),
-        "device": match backend {
-            Backend::Device(gpu) => json!(gpu.info()),
-            Backend::Mirror => json!({ "name": Backend::MIRROR }),
-        },
-        "settings": {
-            "method": settings.method,
-            "threshold_px": settings.threshold_px,
-            "width": size.0,
-            "height": size.1,
-            "culls_back": settings.culls_back(model.is_closed),
-        },
-        "frames": times.len(),
-        "frame_ms": spread(&|t| t.frame_ms),
-        "cpu": [
-            { "name": "cut", "ms": spread(&|t| t.cut_ms) },
-            { "name": "pack", "ms": spread(&|t| t.pack_ms) },
-            { "name": "submit", "ms": spread(&|t| t.submit_ms) },
-            { "name": "wait", "ms": spread(&|t| t.wait_ms) },
-        ],
-        "passes": passes,
-        "counts": {
-            "nodes_in_tree": model.tree.nodes.len() + model.tree.leaves.len(),
-            "nodes_visited": count(|t| t.counts.nodes_visited),
-            "splats": count(|t| t.counts.splats),
-            "triangles": count(|t| t.counts.triangles),
-            "points": count(|t| t.counts.points),
-            "draw_list_bytes": count(|t| t.counts.draw_list_bytes),
-        },
-        "memory": memory,
-    })
 }
 
 #[cfg(test)]
@@ -571,6 +522,10 @@ mod tests {
         assert_eq!(
             numbered(Path::new("a/turn.png"), 7, 36),
             Path::new("a/turn-007.png")
+        );
+        assert_eq!(
+            numbered(Path::new("turn.PNG"), 7, 2000),
+            Path::new("turn-0007.PNG")
         );
         assert_eq!(numbered(Path::new("one.exr"), 0, 1), Path::new("one.exr"));
     }

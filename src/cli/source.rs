@@ -56,8 +56,12 @@ fn spec(shape: &str, triangles: Option<&str>) -> Result<Spec, Failure> {
     Ok(Spec::with_triangles(shape, triangles)?)
 }
 
-/// Whether a file is a tree file, by its ending and, failing that, by its first bytes.
+/// Whether a file is a tree file, by its first bytes and, when it has none, by its ending.
 fn is_tree_file(path: &Path) -> bool {
+    // What is read from a pipe is gone for the reader of models.
+    if path.metadata().is_ok_and(|found| !found.is_file()) {
+        return false;
+    }
     let mut start = [0; 16];
     let read =
         std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut start));
@@ -105,7 +109,7 @@ impl Source {
         };
         let loaded = input::load(&self.model, &options, bar)?;
         for warning in &loaded.warnings {
-            eprintln!("surfel: {name}: warning: {warning}");
+            super::say(&format!("surfel: {name}: warning: {warning}"));
         }
         let format = loaded.format.name().to_owned();
         self.build(loaded.mesh, name, format, loaded.file_bytes, start, bar)

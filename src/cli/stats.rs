@@ -1,0 +1,81 @@
+//! What `--stats` writes.
+
+use super::source::Ready;
+use serde_json::json;
+use surfel::measure::Distribution;
+use surfel::method::Settings;
+use surfel::method::engine::Backend;
+use surfel::method::renderer::FrameTimes;
+
+/// Counts and times of a run, as `--stats` writes them.
+pub(crate) fn of(
+    ready: &Ready,
+    backend: &Backend,
+    settings: &Settings,
+    size: (u32, u32),
+    times: &[FrameTimes],
+) -> serde_json::Value {
+    let spread = |of: &dyn Fn(&FrameTimes) -> f64| {
+        Distribution::of(&times.iter().map(of).collect::<Vec<_>>())
+    };
+    let mut names: Vec<&'static str> = Vec::new();
+    for pass in times.iter().flat_map(|t| &t.passes) {
+        if !names.contains(&pass.name) {
+            names.push(pass.name);
+        }
+    }
+    let passes: Vec<_> = names
+        .iter()
+        .map(|name| {
+            let values: Vec<f64> = times
+                .iter()
+                .flat_map(|t| t.passes.iter().filter(|p| p.name == *name).map(|p| p.ms))
+                .collect();
+            json!({ "name": name, "gpu_ms": Distribution::of(&values) })
+        })
+        .collect();
+    let memory: Vec<_> = match backend {
+        Backend::Device(gpu) => gpu
+            .memory_report()
+            .into_iter()
+            .map(|(name, bytes)| json!({ "name": name, "bytes": bytes }))
+            .collect(),
+        Backend::Mirror => Vec::new(),
+    };
+    let model = &ready.model;
+    let count = |of: fn(&FrameTimes) -> u64| {
+        Distribution::of(&times.iter().map(|t| of(t) as f64).collect::<Vec<_>>())
+    };
+    json!({
+        "model": super::info::facts(ready),
+        "device": match backend {
+            Backend::Device(gpu) => json!(gpu.info()),
+            Backend::Mirror => json!({ "name": Backend::MIRROR }),
+        },
+        "settings": {
+            "method": settings.method,
+            "threshold_px": settings.threshold_px,
+            "width": size.0,
+            "height": size.1,
+            "culls_back": settings.culls_back(model.is_closed),
+        },
+        "frames": times.len(),
+        "frame_ms": spread(&|t| t.frame_ms),
+        "cpu": [
+            { "name": "cut", "ms": spread(&|t| t.cut_ms) },
+            { "name": "pack", "ms": spread(&|t| t.pack_ms) },
+            { "name": "submit", "ms": spread(&|t| t.submit_ms) },
+            { "name": "wait", "ms": spread(&|t| t.wait_ms) },
+        ],
+        "passes": passes,
+        "counts": {
+            "nodes_in_tree": model.tree.nodes.len() + model.tree.leaves.len(),
+            "nodes_visited": count(|t| t.counts.nodes_visited),
+            "splats": count(|t| t.counts.splats),
+            "triangles": count(|t| t.counts.triangles),
+            "points": count(|t| t.counts.points),
+            "draw_list_bytes": count(|t| t.counts.draw_list_bytes),
+        },
+        "memory": memory,
+    })
+}

@@ -1,0 +1,607 @@
+//! The shape of the crate: which folder may know which, what the documents name, where `unsafe` may stand, how
+//! long a file may be. Read from the sources as text, so that a wrong turn is found before it is built upon.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Path, PathBuf};
+
+/// A folder (or file) of `src`, what it may use, and why where the way of the data alone does not say it.
+///
+/// The order is the way of the data, bottom first: a row may name only rows above it, so the arrows cannot
+/// form a circle. What is on top (`viewer`, `cli`, `error`) may use all of the library.
+struct Layer {
+    name: &'static str,
+    may_use: &'static [&'static str],
+}
+
+const fn layer(name: &'static str, may_use: &'static [&'static str]) -> Layer {
+    Layer { name, may_use }
+}
+
+const LAYERS: &[Layer] = &[
+    layer("progress", &[]),
+    layer("math", &[]),
+    layer("mesh", &["math"]),
+    layer("input", &["progress", "math", "mesh"]),
+    // `abi` is the bottom of the device's side. It takes `octahedral` for its constructors, nothing else.
+    layer("abi", &["math"]),
+    layer("generate", &["progress", "math", "mesh"]),
+    // A model keeps its vertices as the records that shaders read, so that drawing copies nothing.
+    layer("tree", &["progress", "math", "mesh", "abi"]),
+    // The strips' exact size of a triangle reads those records.
+    layer("cut", &["math", "tree", "abi"]),
+    layer("draw", &["math", "tree", "cut", "abi"]),
+    layer("image", &["math"]),
+    // Vulkan knows records and layouts, but neither trees nor meshes.
+    layer("gpu", &["abi"]),
+    layer(
+        "method",
+        &[
+            "progress", "math", "abi", "tree", "cut", "draw", "image", "gpu",
+        ],
+    ),
+    layer(
+        "measure",
+        &[
+            "math", "abi", "tree", "cut", "draw", "image", "gpu", "method",
+        ],
+    ),
+    // Wraps the error of every layer; no layer may use it.
+    layer(
+        "error",
+        &["math", "input", "generate", "tree", "image", "gpu"],
+    ),
+    layer(
+        "viewer",
+        &[
+            "progress", "math", "mesh", "input", "abi", "generate", "tree", "cut", "draw", "image",
+            "gpu", "method", "measure", "error",
+        ],
+    ),
+    layer(
+        "cli",
+        &[
+            "progress", "math", "mesh", "input", "abi", "generate", "tree", "cut", "draw", "image",
+            "gpu", "method", "measure", "error", "viewer",
+        ],
+    ),
+];
+
+/// Layers that a build may be without.
+const OPTIONAL: &[&str] = &["viewer"];
+
+/// Files above this many lines are split by thought.
+const LONGEST: usize = 600;
+
+/// Known to be longer, and to be split; an entry that is no longer needed fails the test.
+const OVERDUE: &[&str] = &["src/gpu/frame.rs", "src/method/renderer.rs"];
+
+/// The folders in which `unsafe` may stand.
+const UNSAFE: &[&str] = &["src/gpu/"];
+
+fn root() -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Files below `folder` (given from the root) with one of the endings, as paths from the root, sorted.
+fn files(folder: &str, endings: &[&str]) -> Vec<String> {
+    fn walk(at: &Path, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(at).unwrap_or_else(|e| panic!("{}: {e}", at.display())) {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(&path, found);
+            } else {
+                found.push(path);
+            }
+        }
+    }
+    let mut found = Vec::new();
+    walk(&root().join(folder), &mut found);
+    let mut names: Vec<String> = found
+        .iter()
+        .filter(|p| {
+            p.extension()
+                .is_some_and(|e| endings.iter().any(|wanted| e == *wanted))
+        })
+        .map(|p| {
+            p.strip_prefix(root())
+                .unwrap()
+                .to_string_lossy()
+                .replace('\\', "/")
+        })
+        .collect();
+    names.sort();
+    assert!(!names.is_empty(), "no file in {folder}");
+    names
+}
+
+fn text(file: &str) -> String {
+    std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"))
+}
+
+/// Source without comments and without the unit tests, which may look at whatever they like.
+fn code(source: &str) -> String {
+    let mut out = String::new();
+    let mut lines = source.lines().peekable();
+    while let Some(line) = lines.next() {
+        let is_tests = line.starts_with("#[cfg(test)]")
+            && lines
+                .peek()
+                .is_some_and(|next| next.starts_with("mod ") && next.ends_with('{'));
+        if is_tests {
+            // Formatted code: the block ends at the next brace in the first column.
+            for inside in lines.by_ref() {
+                if inside == "}" {
+                    break;
+                }
+            }
+            continue;
+        }
+        out.push_str(without_comment(line));
+        out.push('\n');
+    }
+    out
+}
+
+/// A line up to `//`, unless that is the one of an address.
+fn without_comment(line: &str) -> &str {
+    match line.find("//") {
+        Some(at) if at == 0 || !line[..at].ends_with(':') => &line[..at],
+        _ => line,
+    }
+}
+
+fn is_word(c: char) -> bool {
+    c.is_alphanumeric() || c == '_'
+}
+
+/// The first names of what follows `crate::`: one, or those of a group in braces.
+fn names_after(rest: &str) -> Vec<String> {
+    let name = |text: &str| -> String { text.chars().take_while(|c| is_word(*c)).collect() };
+    let Some(group) = rest.strip_prefix('{') else {
+        return vec![name(rest)];
+    };
+    let mut depth = 0;
+    let mut names = Vec::new();
+    let mut starts = true;
+    for (at, c) in group.char_indices() {
+        match c {
+            '{' => depth += 1,
+            '}' if depth == 0 => break,
+            '}' => depth -= 1,
+            ',' if depth == 0 => starts = true,
+            c if starts && is_word(c) => {
+                names.push(name(&group[at..]));
+                starts = false;
+            }
+            _ => {}
+        }
+    }
+    names
+}
+
+/// Every module of the root that a file names, by `crate::` or by enough `super::`.
+fn used_modules(file: &str, code: &str) -> BTreeSet<String> {
+    let inside = file.strip_prefix("src/").unwrap();
+    // src/math.rs and src/math/mod.rs are one step below the root, src/math/cone.rs two.
+    let depth = inside.split('/').count() - usize::from(inside.ends_with("/mod.rs"));
+    let mut used = BTreeSet::new();
+    for (at, _) in code.match_indices("crate::") {
+        if !code[..at].ends_with(|c| is_word(c)) {
+            used.extend(names_after(&code[at + "crate::".len()..]));
+        }
+    }
+    for (at, _) in code.match_indices("super::") {
+        let before = &code[..at];
+        if before.ends_with("super::") || before.ends_with(|c| is_word(c)) {
+            continue;
+        }
+        let mut rest = &code[at..];
+        let mut steps = 0;
+        while let Some(next) = rest.strip_prefix("super::") {
+            rest = next;
+            steps += 1;
+        }
+        if steps >= depth {
+            used.extend(names_after(rest));
+        }
+    }
+    used
+}
+
+/// The layer that a file belongs to; none for `lib.rs` and `main.rs`.
+fn layer_of(file: &str) -> Option<&str> {
+    let inside = file.strip_prefix("src/")?;
+    let name = inside.split('/').next()?.trim_end_matches(".rs");
+    (name != "lib" && name != "main").then_some(name)
+}
+
+/// Arrows that the table does not have, as sentences.
+fn arrows_that_point_back(sources: &BTreeMap<String, String>) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for (file, source) in sources {
+        let Some(name) = layer_of(file) else { continue };
+        let Some(layer) = LAYERS.iter().find(|l| l.name == name) else {
+            wrong.push(format!("{file}: `{name}` is in no row of the table"));
+            continue;
+        };
+        for used in used_modules(file, source) {
+            let is_layer = LAYERS.iter().any(|l| l.name == used);
+            // `crate::Error` is the one name of the root itself.
+            let used = if used == "Error" { "error" } else { &used };
+            if used != name && !layer.may_use.contains(&used) && (is_layer || used == "error") {
+                wrong.push(format!("{file}: {name} must not know {used}"));
+            }
+        }
+    }
+    wrong
+}
+
+fn sources() -> BTreeMap<String, String> {
+    files("src", &["rs"])
+        .into_iter()
+        .map(|file| (file.clone(), code(&text(&file))))
+        .collect()
+}
+
+#[test]
+fn the_table_of_layers_has_no_circle_and_knows_every_folder() {
+    for (at, layer) in LAYERS.iter().enumerate() {
+        for used in layer.may_use {
+            assert!(
+                LAYERS[..at].iter().any(|below| below.name == *used),
+                "{} may use {used}, which is not below it",
+                layer.name
+            );
+        }
+    }
+    let sources = sources();
+    let there: BTreeSet<&str> = sources.keys().filter_map(|f| layer_of(f)).collect();
+    for layer in LAYERS {
+        assert!(
+            there.contains(layer.name) || OPTIONAL.contains(&layer.name),
+            "{} has a row and no file",
+            layer.name
+        );
+    }
+}
+
+#[test]
+fn no_arrow_points_back() {
+    let wrong = arrows_that_point_back(&sources());
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn arrows_that_point_back_are_seen() {
+    let see = |file: &str, source: &str| {
+        arrows_that_point_back(&BTreeMap::from([(file.to_owned(), code(source))]))
+    };
+    for (file, source) in [
+        ("src/math/cone.rs", "use crate::tree::Node;\n"),
+        (
+            "src/math/cone.rs",
+            "use crate::{\n    math::sphere,\n    tree::{self, Node},\n};\n",
+        ),
+        ("src/math/cone.rs", "use super::super::tree::Node;\n"),
+        ("src/math/mod.rs", "use super::tree;\n"),
+        (
+            "src/gpu/frame.rs",
+            "fn f() { crate::mesh::normals::add(); }\n",
+        ),
+        ("src/cut/select.rs", "use crate::Error;\n"),
+        (
+            "src/tree/node.rs",
+            "/// Text.\npub(crate) fn f(a: crate::cut::Cut) {}\n",
+        ),
+        ("src/new/mod.rs", "\n"),
+    ] {
+        assert_eq!(see(file, source).len(), 1, "{file}: {source}");
+    }
+    for (file, source) in [
+        (
+            "src/math/cone.rs",
+            "/// As [`crate::tree::Node`].\nuse super::sphere; // crate::cut\n",
+        ),
+        (
+            "src/tree/node.rs",
+            "#[cfg(test)]\nmod tests {\n    use crate::cut::Cut;\n}\n",
+        ),
+        (
+            "src/tree/node.rs",
+            "#[cfg(test)]\nmod tests {\n    use super::*;\n}\nuse crate::math::cone;\n",
+        ),
+        (
+            "src/cut/select.rs",
+            "use crate::{math::{camera, cut}, tree};\nuse super::Cut;\n",
+        ),
+    ] {
+        assert_eq!(see(file, source), Vec::<String>::new(), "{source}");
+    }
+    // What comes after the tests counts again.
+    let late = "#[cfg(test)]\nmod tests {\n}\nuse crate::cut::Cut;\n";
+    assert_eq!(see("src/tree/node.rs", late).len(), 1);
+}
+
+#[test]
+fn unsafe_stands_only_where_vulkan_is() {
+    let has_unsafe = |code: &str| {
+        code.match_indices("unsafe").any(|(at, word)| {
+            !code[..at].ends_with(is_word) && !code[at + word.len()..].starts_with(is_word)
+        })
+    };
+    assert!(has_unsafe("let a = unsafe { b };") && !has_unsafe("#![deny(unsafe_code)]"));
+    let mut seen = 0;
+    for folder in ["src", "tests", "examples", "benches"] {
+        for file in files(folder, &["rs"]) {
+            if file == "tests/structure.rs" {
+                continue;
+            }
+            let source = text(&file);
+            let all: String = source
+                .lines()
+                .map(|l| without_comment(l).to_owned() + "\n")
+                .collect();
+            if has_unsafe(&all) {
+                assert!(
+                    UNSAFE.iter().any(|allowed| file.starts_with(allowed)),
+                    "{file} has `unsafe`"
+                );
+                seen += 1;
+            }
+        }
+    }
+    assert!(
+        seen > 3,
+        "only {seen} files with `unsafe`: the search is broken"
+    );
+}
+
+#[test]
+fn no_file_is_too_long_to_read() {
+    let mut long = Vec::new();
+    for file in files("src", &["rs"]) {
+        let lines = text(&file).lines().count();
+        if lines > LONGEST {
+            if !OVERDUE.contains(&file.as_str()) {
+                long.push(format!("{file}: {lines} lines"));
+            }
+        } else {
+            assert!(
+                !OVERDUE.contains(&file.as_str()),
+                "{file} has {lines} lines; take it off the list"
+            );
+        }
+    }
+    assert!(long.is_empty(), "longer than {LONGEST} lines: {long:#?}");
+}
+
+#[test]
+fn every_shader_is_used() {
+    let code: String = sources()
+        .iter()
+        .filter(|(file, _)| *file != "src/abi.rs")
+        .map(|(_, code)| code.as_str())
+        .collect();
+    let shaders = files("shaders", &["vert", "frag", "comp"]);
+    for file in &shaders {
+        let name = file.strip_prefix("shaders/").unwrap();
+        let constant = name.replace(['/', '-', '.'], "_").to_uppercase();
+        assert!(
+            code.contains(&format!("shaders::{constant}")),
+            "{file} is in no pipeline"
+        );
+    }
+    // What is included is included by something; `build.rs` reads the constants.
+    let mut including = text("build.rs");
+    for file in files("shaders", &["vert", "frag", "comp", "glsl"]) {
+        including += &text(&file);
+    }
+    for file in files("shaders", &["glsl"]) {
+        let name = file.rsplit('/').next().unwrap();
+        assert!(
+            including.contains(&format!("/{name}\"")) || including.contains(&format!("\"{name}\"")),
+            "{file} is included by nothing"
+        );
+    }
+}
+
+/// `shaders/points/draw.{vert,frag}` as two paths.
+fn expanded(path: &str) -> Vec<String> {
+    match (path.find('{'), path.find('}')) {
+        (Some(open), Some(close)) if open < close => path[open + 1..close]
+            .split(',')
+            .flat_map(|part| {
+                expanded(&format!(
+                    "{}{}{}",
+                    &path[..open],
+                    part.trim(),
+                    &path[close + 1..]
+                ))
+            })
+            .collect(),
+        _ => vec![path.to_owned()],
+    }
+}
+
+/// Whether a word between backticks is meant as a path of this repository.
+fn is_path(word: &str) -> bool {
+    const ENDINGS: &[&str] = &[
+        "rs", "vert", "frag", "comp", "glsl", "md", "toml", "sh", "lock", "json", "png",
+    ];
+    const TOPS: &[&str] = &[
+        "src", "shaders", "tests", "assets", "docs", "benches", "examples", "scripts", ".ci",
+    ];
+    let is_plain = !word.is_empty() && word.chars().all(|c| is_word(c) || "/.-{},".contains(c));
+    if !is_plain || word.starts_with('/') || word.starts_with("..") {
+        return false;
+    }
+    let top = word.split('/').next().unwrap_or_default();
+    let has_ending = word
+        .trim_end_matches('}')
+        .rsplit(['.', ',', '{'])
+        .next()
+        .is_some_and(|e| ENDINGS.contains(&e));
+    if word.contains('/') {
+        // Paths below src/ may leave that out: `gpu/frame.rs`.
+        TOPS.contains(&top) || (has_ending && LAYERS.iter().any(|l| l.name == top))
+    } else {
+        [
+            "build.rs",
+            "Makefile",
+            "Cargo.toml",
+            "Cargo.lock",
+            "clippy.toml",
+        ]
+        .contains(&word)
+            || (word.ends_with(".md") && word.starts_with(char::is_uppercase))
+    }
+}
+
+/// The paths that a document names between backticks (outside of fenced blocks: those are commands).
+fn named_paths(document: &str) -> Vec<String> {
+    let mut is_fenced = false;
+    let mut paths = Vec::new();
+    for line in document.lines() {
+        if line.trim_start().starts_with("```") {
+            is_fenced = !is_fenced;
+            continue;
+        }
+        if is_fenced {
+            continue;
+        }
+        for code in line.split('`').skip(1).step_by(2) {
+            for word in code.split_whitespace().filter(|w| is_path(w)) {
+                paths.extend(expanded(word));
+            }
+        }
+    }
+    paths
+}
+
+#[test]
+fn the_documents_name_only_what_is_there() {
+    let example = "Look at `src/math/cone.rs`, `shaders/points/draw.{vert,frag}` and `-o FILE.png`.\n\
+                   ```\n`src/in/a/block.rs`\n```\n`tests/` and `cargo test`; `gpu/frame.rs`, `a/b`, `../shared/x.ply`";
+    assert_eq!(
+        named_paths(example),
+        [
+            "src/math/cone.rs",
+            "shaders/points/draw.vert",
+            "shaders/points/draw.frag",
+            "tests/",
+            "gpu/frame.rs"
+        ]
+    );
+    for (document, at_least) in [
+        ("docs/ARCHITECTURE.md", 20),
+        ("README.md", 1),
+        ("assets/README.md", 0),
+    ] {
+        if !root().join(document).exists() {
+            println!("{document} is not there: nothing tested in it");
+            continue;
+        }
+        let source = text(document);
+        let paths = named_paths(&source);
+        let folder = Path::new(document).parent().unwrap();
+        for path in &paths {
+            let places = [
+                root().join(path),
+                root().join("src").join(path),
+                root().join(folder).join(path),
+            ];
+            assert!(
+                places.iter().any(|p| p.exists()),
+                "{document} names {path}, which is not there"
+            );
+        }
+        assert!(
+            paths.len() >= at_least,
+            "{document} names {} paths; the search or the document is broken",
+            paths.len()
+        );
+        // Links between brackets, to files of this repository.
+        for (at, _) in source.match_indices("](") {
+            let target = source[at + 2..].split(')').next().unwrap_or_default();
+            let file = target.split('#').next().unwrap_or_default();
+            if file.is_empty() || file.contains(':') || file.contains(char::is_whitespace) {
+                continue;
+            }
+            assert!(
+                root().join(folder).join(file).exists(),
+                "{document} links to {file}, which is not there"
+            );
+        }
+    }
+}
+
+/// The files that a checkout has: those of the index where git is there, else the folders of the crate.
+fn tracked() -> Vec<String> {
+    let listed = std::process::Command::new("git")
+        .args(["ls-files", "-z"])
+        .current_dir(root())
+        .output();
+    if let Ok(listed) = listed
+        && listed.status.success()
+        && !listed.stdout.is_empty()
+    {
+        return String::from_utf8_lossy(&listed.stdout)
+            .split('\0')
+            .filter(|f| !f.is_empty() && root().join(f).is_file())
+            .map(str::to_owned)
+            .collect();
+    }
+    let endings = [
+        "rs", "md", "sh", "toml", "json", "vert", "frag", "comp", "glsl",
+    ];
+    [
+        "src", "shaders", "tests", "assets", "benches", "examples", "scripts",
+    ]
+    .iter()
+    .flat_map(|folder| files_or_none(folder, &endings))
+    .collect()
+}
+
+fn files_or_none(folder: &str, endings: &[&str]) -> Vec<String> {
+    if root().join(folder).is_dir() {
+        files(folder, endings)
+    } else {
+        Vec::new()
+    }
+}
+
+/// The first path of somebody's own machine in a text.
+fn private_path(text: &str) -> Option<&str> {
+    // Put together here, so that this file does not find itself.
+    let folders = ["work", "tmp", "root", "home", "Users"].map(|name| format!("/{name}/"));
+    folders.iter().find_map(|folder| {
+        text.match_indices(folder.as_str()).find_map(|(at, _)| {
+            // `target/tmp/x` and `https://host/home/` are no paths from the root.
+            let is_absolute = !text[..at].ends_with(|c: char| is_word(c) || "./~})-$*".contains(c));
+            is_absolute.then(|| text[at..].split_whitespace().next().unwrap_or_default())
+        })
+    })
+}
+
+#[test]
+fn nothing_names_a_folder_of_one_machine() {
+    let planted = format!("see /{}/x for it", "work");
+    assert!(private_path(&planted).is_some());
+    assert_eq!(private_path("target/tmp/x, https://a.org/home/x"), None);
+    let files = tracked();
+    assert!(files.len() > 50, "only {} files", files.len());
+    let mut wrong = Vec::new();
+    for file in files {
+        // What is no text names nothing.
+        let Ok(source) = std::fs::read_to_string(root().join(&file)) else {
+            continue;
+        };
+        for (number, line) in source.lines().enumerate() {
+            if let Some(path) = private_path(line) {
+                wrong.push(format!("{file}:{}: {path}", number + 1));
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
