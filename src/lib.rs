@@ -61,5 +61,7 @@ pub mod mesh;
 pub mod method;
 pub mod progress;
 pub mod tree;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 
 pub use error::Error;

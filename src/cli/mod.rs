@@ -76,6 +76,7 @@ pub(crate) fn usage(text: impl Into<String>) -> Failure {
 
 const EXAMPLES: &str = "\
 Examples:
+  surfel dragon.ply.gz                               look at a model (where the viewer is built in)
   surfel render horse.ply -o horse.png               one picture, points and triangles by size on screen
   surfel render horse.ply -o horse.png --method triangles --samples 16
   surfel render scan.ply.gz -o scan.png --size 1024x768 --orbit 30,20,0.5 --stats scan.json
@@ -88,9 +89,17 @@ A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for st
 generate:SHAPE[:TRIANGLES] with SHAPE square, sphere, torus or statue.
 Exit codes: 0 done, 1 the run failed, 2 bad usage or input.";
 
+/// What follows the options in `surfel --help`.
+fn help() -> String {
+    #[cfg(feature = "viewer")]
+    return format!("{}\n\n{EXAMPLES}", view::HELP);
+    #[cfg(not(feature = "viewer"))]
+    return EXAMPLES.to_owned();
+}
+
 /// Draws enormous meshes and scans with points, triangles or both.
 #[derive(Debug, Parser)]
-#[command(name = "surfel", version, after_help = EXAMPLES, subcommand_negates_reqs = true)]
+#[command(name = "surfel", version, after_help = help(), subcommand_negates_reqs = true)]
 #[command(arg_required_else_help = cfg!(not(feature = "viewer")), args_conflicts_with_subcommands = true)]
 struct Cli {
     /// What to log on standard error, such as `info` or `surfel=debug`.

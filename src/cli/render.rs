@@ -28,12 +28,16 @@ pub(crate) struct DeviceArgs {
 }
 
 impl DeviceArgs {
-    pub(crate) fn open(&self) -> Result<Backend, Failure> {
-        Ok(Backend::open(&GpuOptions {
+    pub(crate) fn options(&self) -> GpuOptions {
+        GpuOptions {
             device: self.device.clone(),
             validation: self.validate,
             ..GpuOptions::default()
-        })?)
+        }
+    }
+
+    pub(crate) fn open(&self) -> Result<Backend, Failure> {
+        Ok(Backend::open(&self.options())?)
     }
 }
 
@@ -212,7 +216,7 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
+pub(crate) fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|p| p.trim().parse().ok()).collect();
     let [azimuth, elevation, fill] = match numbers.as_deref() {
         Some(&[a, e]) => [a, e, 1.0],
@@ -253,7 +257,7 @@ fn ending(path: &Path) -> String {
         .unwrap_or_default()
 }
 
-fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&str]) -> Outcome {
+pub(crate) fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&str]) -> Outcome {
     match path {
         Some(path) if !allowed.contains(&ending(path).as_str()) => Err(usage(format!(
             "{option} {}: the ending must be {}",
