@@ -129,7 +129,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Draw a model into a picture file
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// Build the tree of a model and write it to a file that opens at once
     Build(build::Args),
     /// Say what is in a model file
@@ -180,7 +180,7 @@ pub(crate) fn main() -> ExitCode {
     progress::catch_interrupt();
     let quiet = cli.quiet;
     let outcome = match cli.command {
-        Some(Command::Render(args)) => render::run(args, quiet),
+        Some(Command::Render(args)) => render::run(*args, quiet),
         Some(Command::Build(args)) => build::run(args, quiet),
         Some(Command::Info(args)) => info::run(args, quiet),
         Some(Command::Check(args)) => check::run(args, quiet),

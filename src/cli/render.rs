@@ -384,10 +384,7 @@ impl Args {
         if self.frames == 1 {
             return Ok(vec![orbit_camera(ready, size, orbit)]);
         }
-        let [azimuth, elevation, fill] = match self.orbit {
-            Some(orbit) => orbit,
-            None => [0.0, 20.0, 1.0],
-        };
+        let [azimuth, elevation, fill] = self.orbit.unwrap_or([0.0, 20.0, 1.0]);
         Ok((0..self.frames)
             .map(|k| {
                 let turn = (f64::from(k) + 0.5) * 360.0 / f64::from(self.frames);
