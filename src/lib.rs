@@ -1,9 +1,51 @@
 //! `surfel` draws enormous meshes and scans with points, triangles or both.
 //!
-//! The folders follow the data: [`input`] reads a file into a [`mesh::Mesh`], [`tree`] orders it into a
-//! bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`draw`] packs them into lists of
-//! plain records, [`method`] turns the lists into a picture on the device (or, as its mirror, on the CPU),
-//! [`image`] keeps and compares pictures, [`measure`] keeps times and counts.
+//! A model is ordered once into a tree of bounding spheres. Each view then takes from the tree only what it
+//! needs: a part that is small on screen becomes one square splat, a triangle that is large stays a triangle. The
+//! cost follows the picture, not the model. Drawing needs a Vulkan 1.3 device, hardware or software; without one
+//! the CPU mirror makes the same pictures, slowly.
+//!
+//! The folders follow the data: [`input`] reads a file into a [`mesh::Mesh`] (and [`generate`] makes one), [`tree`]
+//! orders it into a bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`draw`] packs them into
+//! lists of plain records, [`method`] turns the lists into a picture on the device (or, as its mirror, on the CPU),
+//! [`image`] keeps and compares pictures, [`measure`] keeps times and counts. [`gpu`] is the only place with Vulkan.
+//!
+//! # From a file to a picture, without a window
+//!
+//! ```no_run
+//! use std::path::Path;
+//! use surfel::gpu::Options;
+//! use surfel::math::camera::Camera;
+//! use surfel::method::Settings;
+//! use surfel::method::engine::{Backend, Engine};
+//! use surfel::method::renderer::Outputs;
+//! use surfel::progress::Silent;
+//! use surfel::{input, tree};
+//!
+//! fn main() -> Result<(), surfel::Error> {
+//!     // A file becomes a mesh, and the mesh a tree.
+//!     let mesh = input::load(Path::new("horse.ply"), &input::Options::default(), &Silent)?.mesh;
+//!     let model = tree::build(mesh, &tree::BuildOptions::default(), &Silent)?;
+//!     // Azimuth 0.5 and elevation 0.35 radians; fill 1: the bounding sphere fills the picture.
+//!     let center = model.origin + model.orbit_center.as_dvec3();
+//!     let radius = f64::from(model.orbit_radius);
+//!     let view = Camera::orbit((800, 600), center, radius, 0.5, 0.35, 1.0).view(model.origin)?;
+//!     // The best device here; with `device: Some("mirror".into())` the CPU draws, without Vulkan.
+//!     let backend = Backend::open(&Options::default())?;
+//!     let mut engine = Engine::new(&backend, &model, (800, 600), Outputs::default())?;
+//!     let image = engine.render(&view, &Settings::default())?;
+//!     image.save_png(Path::new("horse.png"))?;
+//!     Ok(())
+//! }
+//! ```
+//!
+//! `examples/headless.rs` is the same with arguments. Errors are [`Error`], one variant a layer. Long work takes a
+//! [`progress::Progress`], which hears how far it is and can cancel it.
+//!
+//! # Features
+//!
+//! `viewer` (default) adds the window to the program. Without default features everything headless builds with
+//! rustc and a C++ compiler alone.
 
 pub mod abi;
 pub mod cut;
@@ -19,5 +61,7 @@ pub mod mesh;
 pub mod method;
 pub mod progress;
 pub mod tree;
+#[cfg(feature = "viewer")]
+pub mod viewer;
 
 pub use error::Error;

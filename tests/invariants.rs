@@ -216,11 +216,13 @@ fn the_frame_loop_makes_nothing_new() {
 fn splats_above_the_devices_point_limit_are_drawn_whole() {
     let Some(device) = Device::open() else { return };
     // Two points seen so near that their squares fill the picture.
-    let mut mesh = surfel::mesh::Mesh::default();
-    mesh.positions = vec![
-        glam::Vec3::new(-1.0, 0.0, 0.0),
-        glam::Vec3::new(1.0, 0.0, 0.0),
-    ];
+    let mesh = surfel::mesh::Mesh {
+        positions: vec![
+            glam::Vec3::new(-1.0, 0.0, 0.0),
+            glam::Vec3::new(1.0, 0.0, 0.0),
+        ],
+        ..surfel::mesh::Mesh::default()
+    };
     let model = surfel::tree::build(
         mesh,
         &surfel::tree::BuildOptions::default(),

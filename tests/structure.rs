@@ -187,13 +187,13 @@ fn used_modules(file: &str, code: &str) -> BTreeSet<String> {
     let depth = inside.split('/').count() - usize::from(inside.ends_with("/mod.rs"));
     let mut used = BTreeSet::new();
     for (at, _) in code.match_indices("crate::") {
-        if !code[..at].ends_with(|c| is_word(c)) {
+        if !code[..at].ends_with(is_word) {
             used.extend(names_after(&code[at + "crate::".len()..]));
         }
     }
     for (at, _) in code.match_indices("super::") {
         let before = &code[..at];
-        if before.ends_with("super::") || before.ends_with(|c| is_word(c)) {
+        if before.ends_with("super::") || before.ends_with(is_word) {
             continue;
         }
         let mut rest = &code[at..];

@@ -415,9 +415,12 @@ fn attributes_are_area_weighted_means() {
     );
     assert!(m.vector_area.iter().all(|v| v.abs() < 1e-4 * m.area));
     assert_eq!(ball.tree.nodes[0].cone, Cone::ALL);
-    // Unknown normals are unknown above as well.
+    // Unknown normals are computed where there is a surface, and stay unknown, above as well, where there is none.
     let mut unknown = square(4);
     unknown.normals = vec![Vec3::ZERO; unknown.positions.len()];
+    let model = tree_of(&unknown);
+    assert!(model.vertices.iter().all(|v| v.color[3] == 255));
+    unknown.positions.fill(Vec3::ONE);
     let model = tree_of(&unknown);
     assert!(model.vertices.iter().all(|v| v.color[3] == 0));
     assert_eq!(model.tree.attributes[0].color, [255, 255, 255, 0]);

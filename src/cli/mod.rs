@@ -81,6 +81,7 @@ pub(crate) fn usage(text: impl Into<String>) -> Failure {
 
 const EXAMPLES: &str = "\
 Examples:
+  surfel dragon.ply.gz                               look at a model (where the viewer is built in)
   surfel render horse.ply -o horse.png               one picture, points and triangles by size on screen
   surfel render horse.ply -o horse.png --method triangles --samples 16
   surfel render scan.ply.gz -o scan.png --size 1024x768 --orbit 30,20,0.5 --stats scan.json
@@ -93,9 +94,17 @@ A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for st
 generate:SHAPE[:TRIANGLES] with SHAPE square, sphere, torus or statue.
 Exit codes: 0 done, 1 the run failed, 2 bad usage or input.";
 
+/// What follows the options in `surfel --help`.
+fn help() -> String {
+    #[cfg(feature = "viewer")]
+    return format!("{}\n\n{EXAMPLES}", view::HELP);
+    #[cfg(not(feature = "viewer"))]
+    return EXAMPLES.to_owned();
+}
+
 /// Draws enormous meshes and scans with points, triangles or both.
 #[derive(Debug, Parser)]
-#[command(name = "surfel", version, after_help = EXAMPLES, subcommand_negates_reqs = true)]
+#[command(name = "surfel", version, after_help = help(), subcommand_negates_reqs = true)]
 #[command(arg_required_else_help = cfg!(not(feature = "viewer")), args_conflicts_with_subcommands = true)]
 struct Cli {
     /// What to log on standard error, such as `info` or `surfel=debug`.
@@ -120,7 +129,7 @@ struct Cli {
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Draw a model into a picture file
-    Render(render::Args),
+    Render(Box<render::Args>),
     /// Build the tree of a model and write it to a file that opens at once
     Build(build::Args),
     /// Say what is in a model file
@@ -171,7 +180,7 @@ pub(crate) fn main() -> ExitCode {
     progress::catch_interrupt();
     let quiet = cli.quiet;
     let outcome = match cli.command {
-        Some(Command::Render(args)) => render::run(args, quiet),
+        Some(Command::Render(args)) => render::run(*args, quiet),
         Some(Command::Build(args)) => build::run(args, quiet),
         Some(Command::Info(args)) => info::run(args, quiet),
         Some(Command::Check(args)) => check::run(args, quiet),

@@ -26,12 +26,16 @@ pub(crate) struct DeviceArgs {
 }
 
 impl DeviceArgs {
-    pub(crate) fn open(&self) -> Result<Backend, Failure> {
-        Ok(Backend::open(&GpuOptions {
+    pub(crate) fn options(&self) -> GpuOptions {
+        GpuOptions {
             device: self.device.clone(),
             validation: self.validate,
             ..GpuOptions::default()
-        })?)
+        }
+    }
+
+    pub(crate) fn open(&self) -> Result<Backend, Failure> {
+        Ok(Backend::open(&self.options())?)
     }
 }
 
@@ -210,7 +214,7 @@ pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
     }
 }
 
-fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
+pub(crate) fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|p| p.trim().parse().ok()).collect();
     let [azimuth, elevation, fill] = match numbers.as_deref() {
         Some(&[a, e]) => [a, e, 1.0],
@@ -251,7 +255,7 @@ fn ending(path: &Path) -> String {
         .unwrap_or_default()
 }
 
-fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&str]) -> Outcome {
+pub(crate) fn require_ending(option: &str, path: Option<&PathBuf>, allowed: &[&str]) -> Outcome {
     match path {
         Some(path) if !allowed.contains(&ending(path).as_str()) => Err(usage(format!(
             "{option} {}: the ending must be {}",
@@ -380,10 +384,7 @@ impl Args {
         if self.frames == 1 {
             return Ok(vec![orbit_camera(ready, size, orbit)]);
         }
-        let [azimuth, elevation, fill] = match self.orbit {
-            Some(orbit) => orbit,
-            None => [0.0, 20.0, 1.0],
-        };
+        let [azimuth, elevation, fill] = self.orbit.unwrap_or([0.0, 20.0, 1.0]);
         Ok((0..self.frames)
             .map(|k| {
                 let turn = (f64::from(k) + 0.5) * 360.0 / f64::from(self.frames);

@@ -77,14 +77,18 @@ fn is_tree_file(path: &Path) -> bool {
 impl Source {
     /// Loads the model and builds its tree, with a progress bar from about a second on.
     pub(crate) fn ready(&self, quiet: bool) -> Result<Ready, Failure> {
-        let bar = Bar::new(quiet);
+        self.ready_with(&Bar::new(quiet))
+    }
+
+    /// Loads the model and builds its tree.
+    pub(crate) fn ready_with(&self, bar: &dyn Progress) -> Result<Ready, Failure> {
         let start = Instant::now();
         let name = self.model.display().to_string();
         if let Some(spec) = generated(&self.model) {
             let spec = spec?;
             bar.stage("generate", 0);
             let mesh = surfel::generate::mesh(&spec);
-            return self.build(mesh, name, "generated".into(), 0, start, &bar);
+            return self.build(mesh, name, "generated".into(), 0, start, bar);
         }
         if self.model != Path::new("-") && is_tree_file(&self.model) {
             bar.stage("read tree", 0);
@@ -103,12 +107,12 @@ impl Source {
             weld: self.weld,
             ..input::Options::default()
         };
-        let loaded = input::load(&self.model, &options, &bar)?;
+        let loaded = input::load(&self.model, &options, bar)?;
         for warning in &loaded.warnings {
             super::say(&format!("surfel: {name}: warning: {warning}"));
         }
         let format = loaded.format.name().to_owned();
-        self.build(loaded.mesh, name, format, loaded.file_bytes, start, &bar)
+        self.build(loaded.mesh, name, format, loaded.file_bytes, start, bar)
     }
 
     fn build(
@@ -118,7 +122,7 @@ impl Source {
         format: String,
         file_bytes: u64,
         start: Instant,
-        bar: &Bar,
+        bar: &dyn Progress,
     ) -> Result<Ready, Failure> {
         let load_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();

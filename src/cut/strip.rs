@@ -58,7 +58,9 @@ pub(super) fn relative_size(node: &Node) -> (f32, f32) {
 /// The same for four nodes.
 #[inline]
 pub(super) fn relative_sizes(nodes: &[Node; 4]) -> (Vec4, Vec4) {
-    let [a, b, c, d] = [0, 1, 2, 3].map(|i| relative_size(&nodes[i]));
+    // Written out: a closure per lane is not always inlined.
+    let (a, b) = (relative_size(&nodes[0]), relative_size(&nodes[1]));
+    let (c, d) = (relative_size(&nodes[2]), relative_size(&nodes[3]));
     (Vec4::new(a.0, b.0, c.0, d.0), Vec4::new(a.1, b.1, c.1, d.1))
 }
 

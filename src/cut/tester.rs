@@ -262,6 +262,10 @@ impl Tester {
     /// the limit.
     #[inline]
     fn cones(&self, balls: &Balls, cones: [Cone; 4]) -> (u32, u32) {
+        // On a rough surface most cones above the lowest levels are too wide to decide anything.
+        if cones.iter().all(|c| c.sin_half_angle == Cone::NEVER) {
+            return (0, 0);
+        }
         let of =
             |f: fn(&Cone) -> f32| Vec4::new(f(&cones[0]), f(&cones[1]), f(&cones[2]), f(&cones[3]));
         // The octahedral code unpacked by its definition, times 32767.
@@ -329,7 +333,13 @@ impl Tester {
         };
         let valid = (1u32 << count.min(4)) - 1;
         stats.visited += u64::from(count.min(4));
-        let balls = self.balls([0, 1, 2, 3].map(|i| group[i].center.extend(group[i].radius)));
+        let [a, b, c, d] = group;
+        let balls = self.balls([
+            a.center.extend(a.radius),
+            b.center.extend(b.radius),
+            c.center.extend(c.radius),
+            d.center.extend(d.radius),
+        ]);
         let mut kept = valid;
         let mut inside = 0;
         if inherited & inherit::INSIDE == 0 {
@@ -343,7 +353,7 @@ impl Tester {
         }
         let mut front = 0;
         if inherited & inherit::FRONT == 0 {
-            let (away, all_front) = self.cones(&balls, [0, 1, 2, 3].map(|i| group[i].cone));
+            let (away, all_front) = self.cones(&balls, [a.cone, b.cone, c.cone, d.cone]);
             stats.facing_away += u64::from((away & kept).count_ones());
             kept &= !away;
             front = all_front;
@@ -480,7 +490,13 @@ impl Tester {
             .min(u32::try_from(leaves.len()).unwrap_or(u32::MAX));
         let mut kept = (1u32 << count) - 1;
         stats.visited += u64::from(count);
-        let balls = self.balls([0, 1, 2, 3].map(|i| group[i].center.extend(group[i].radius)));
+        let [a, b, c, d] = group;
+        let balls = self.balls([
+            a.center.extend(a.radius),
+            b.center.extend(b.radius),
+            c.center.extend(c.radius),
+            d.center.extend(d.radius),
+        ]);
         if inherited & inherit::INSIDE == 0 {
             let (outside, _) = self.volume(&balls);
             stats.outside += u64::from((outside & kept).count_ones());

@@ -27,6 +27,10 @@ pub enum Access {
     CopySource,
     /// Written by a copy.
     CopyTarget,
+    /// Read by a blit (a copy that converts the format).
+    BlitSource,
+    /// Written by a blit.
+    BlitTarget,
     /// Read by the host after the submission has finished.
     HostRead,
     /// Read as vertex attributes.
@@ -54,7 +58,7 @@ pub struct Scope {
 
 impl Access {
     /// Every access, for tests of the table.
-    pub const ALL: [Self; 14] = [
+    pub const ALL: [Self; 16] = [
         Self::Sampled,
         Self::StorageRead,
         Self::StorageWrite,
@@ -64,6 +68,8 @@ impl Access {
         Self::DepthWrite,
         Self::CopySource,
         Self::CopyTarget,
+        Self::BlitSource,
+        Self::BlitTarget,
         Self::HostRead,
         Self::VertexRead,
         Self::IndexRead,
@@ -117,6 +123,8 @@ impl Access {
             ),
             Self::CopySource => (S::COPY, A::TRANSFER_READ, L::TRANSFER_SRC_OPTIMAL, false),
             Self::CopyTarget => (S::COPY, A::TRANSFER_WRITE, L::TRANSFER_DST_OPTIMAL, true),
+            Self::BlitSource => (S::BLIT, A::TRANSFER_READ, L::TRANSFER_SRC_OPTIMAL, false),
+            Self::BlitTarget => (S::BLIT, A::TRANSFER_WRITE, L::TRANSFER_DST_OPTIMAL, true),
             Self::HostRead => (S::HOST, A::HOST_READ, L::GENERAL, false),
             Self::VertexRead => (
                 S::VERTEX_ATTRIBUTE_INPUT,
@@ -180,6 +188,16 @@ impl Default for State {
 }
 
 impl State {
+    /// The state of an image just acquired from the presentation engine, whose semaphore the submission waits
+    /// for in the stages of `first`, the first access: contents undefined, and the first barrier has to chain
+    /// on that wait (its source stages are the waiting ones).
+    pub fn acquired(first: Access) -> Self {
+        Self {
+            written_by: (first.scope().stages, vk::AccessFlags2::NONE),
+            ..Self::default()
+        }
+    }
+
     /// The barrier needed before `next`, if any, and the state after it. `discard` says that the contents of
     /// an image need not survive (it is cleared or overwritten whole).
     pub fn transition(&mut self, next: Access, is_image: bool, discard: bool) -> Option<Barrier> {
@@ -274,6 +292,10 @@ mod tests {
         for first in Access::ALL.into_iter().filter(|a| a.scope().writes) {
             for second in Access::ALL {
                 for is_image in [false, true] {
+                    if second == Access::Present && !is_image {
+                        // Only images are presented.
+                        continue;
+                    }
                     let mut state = State::default();
                     let _ = state.transition(first, is_image, true);
                     let barrier = state
@@ -358,6 +380,30 @@ mod tests {
             .expect("store before load");
         assert_eq!(blend.src_access, A::COLOR_ATTACHMENT_WRITE);
         assert!(blend.dst_access.contains(A::COLOR_ATTACHMENT_READ));
+    }
+
+    #[test]
+    fn an_acquired_image_waits_for_its_semaphore_and_is_handed_on_after_the_write() {
+        let mut state = State::acquired(Access::BlitTarget);
+        let first = state
+            .transition(Access::BlitTarget, true, true)
+            .expect("layout");
+        assert_eq!(
+            (first.old_layout, first.new_layout),
+            (L::UNDEFINED, L::TRANSFER_DST_OPTIMAL)
+        );
+        assert_eq!(first.src_stages, S::BLIT, "chains on the semaphore wait");
+        let last = state
+            .transition(Access::Present, true, false)
+            .expect("layout");
+        assert_eq!(
+            (last.src_stages, last.src_access),
+            (S::BLIT, A::TRANSFER_WRITE)
+        );
+        assert_eq!(
+            (last.old_layout, last.new_layout),
+            (L::TRANSFER_DST_OPTIMAL, L::PRESENT_SRC_KHR)
+        );
     }
 
     #[test]

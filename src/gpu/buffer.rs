@@ -242,10 +242,10 @@ impl Upload {
     /// Makes the bytes of `range` visible to submissions that come after.
     pub fn flush(&mut self, range: Range<u64>) {
         let range = range.start as usize..range.end as usize;
-        if let Some(shadow) = &self.shadow {
-            if let Some(mapped) = self.raw.memory.as_mut().and_then(|m| m.mapped_slice_mut()) {
-                mapped[range.clone()].copy_from_slice(&shadow[range]);
-            }
+        if let Some(shadow) = &self.shadow
+            && let Some(mapped) = self.raw.memory.as_mut().and_then(|m| m.mapped_slice_mut())
+        {
+            mapped[range.clone()].copy_from_slice(&shadow[range]);
         }
         debug_assert!(
             self.raw.is_coherent(),

@@ -203,7 +203,6 @@ impl Instance {
     }
 
     /// Gives the parts away; the caller destroys them.
-    #[expect(clippy::type_complexity, reason = "three parts for one caller")]
     pub(super) fn into_parts(
         mut self,
     ) -> (

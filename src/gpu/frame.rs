@@ -1,10 +1,12 @@
 //! Frames in flight, and the pass: the only place that writes labels, timestamps, barriers and scopes.
 
-use super::access::{Access, Barrier};
+use super::access::{Access, State};
 use super::buffer::{AnyBuffer, Readback, Upload, state_of};
-use super::image::{Image, range};
+use super::image::{Format, Image, range};
 use super::pipeline::Pipeline;
 use super::profile::PassTime;
+#[cfg(feature = "viewer")]
+use super::surface::Acquired;
 use super::{Error, Gpu, Remains, lock};
 use crate::abi::BindingKind;
 use ash::vk;
@@ -99,8 +101,25 @@ impl Barriers {
     }
 
     fn image(&mut self, image: &Image, access: Access, discard: bool) {
-        let barrier: Option<Barrier> = lock(&image.state).transition(access, true, discard);
-        if let Some(b) = barrier {
+        self.handle(
+            image.handle,
+            image.format,
+            &mut lock(&image.state),
+            access,
+            discard,
+        );
+    }
+
+    /// As [`image`](Barriers::image), for an image that another owns.
+    fn handle(
+        &mut self,
+        image: vk::Image,
+        format: Format,
+        state: &mut State,
+        access: Access,
+        discard: bool,
+    ) {
+        if let Some(b) = state.transition(access, true, discard) {
             self.images.push(
                 vk::ImageMemoryBarrier2::default()
                     .src_stage_mask(b.src_stages)
@@ -111,8 +130,8 @@ impl Barriers {
                     .new_layout(b.new_layout)
                     .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
                     .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .image(image.handle)
-                    .subresource_range(range(image.format)),
+                    .image(image)
+                    .subresource_range(range(format)),
             );
         }
     }
@@ -388,8 +407,27 @@ impl Frame<'_> {
     /// # Panics
     /// When the buffer is smaller than the image.
     pub fn read_back(&mut self, name: &'static str, image: &Image, into: &Readback) {
+        self.read_back_part(name, image, [0, 0, image.width, image.height], into);
+    }
+
+    /// As [`read_back`](Frame::read_back), for the rectangle `[x, y, width, height]` of the image.
+    ///
+    /// # Panics
+    /// When the rectangle reaches out of the image, or the buffer is smaller than the rectangle.
+    pub fn read_back_part(
+        &mut self,
+        name: &'static str,
+        image: &Image,
+        [x, y, width, height]: [u32; 4],
+        into: &Readback,
+    ) {
         assert!(
-            into.bytes() >= image.bytes(),
+            x + width <= image.width && y + height <= image.height,
+            "{name}: outside of the image"
+        );
+        let bytes = image.format.pixel_bytes() * u64::from(width) * u64::from(height);
+        assert!(
+            into.bytes() >= bytes,
             "{name}: the readback buffer is smaller than the image"
         );
         let pass = self.pass(name);
@@ -405,9 +443,14 @@ impl Frame<'_> {
                 base_array_layer: 0,
                 layer_count: 1,
             })
+            .image_offset(vk::Offset3D {
+                x: x as i32,
+                y: y as i32,
+                z: 0,
+            })
             .image_extent(vk::Extent3D {
-                width: image.width,
-                height: image.height,
+                width,
+                height,
                 depth: 1,
             })];
         // SAFETY: both are alive until the frame has finished (their Drop defers), the image is in the copy
@@ -426,17 +469,97 @@ impl Frame<'_> {
         self.frames.barriers.record(&gpu, commands);
     }
 
+    /// Puts `image` onto an image acquired from a window, scaled if the sizes differ, and hands that to the
+    /// presentation engine, as the pass `present`. The frame must end with [`submit_onto`](Frame::submit_onto).
+    #[cfg(feature = "viewer")]
+    pub fn present(&mut self, image: &Image, onto: &Acquired) {
+        let mut state = State::acquired(Acquired::FIRST_ACCESS);
+        let pass = self.pass("present");
+        let gpu = pass.gpu.clone();
+        let commands = pass.slot.commands;
+        pass.barriers.image(image, Access::BlitSource, false);
+        pass.barriers.handle(
+            onto.image,
+            Format::Rgba8,
+            &mut state,
+            Acquired::FIRST_ACCESS,
+            true,
+        );
+        let timing = pass.begin();
+        let layers = vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: 1,
+        };
+        let corners = |width: u32, height: u32| {
+            let far = vk::Offset3D {
+                x: width as i32,
+                y: height as i32,
+                z: 1,
+            };
+            [vk::Offset3D::default(), far]
+        };
+        let regions = [vk::ImageBlit::default()
+            .src_subresource(layers)
+            .src_offsets(corners(image.width, image.height))
+            .dst_subresource(layers)
+            .dst_offsets(corners(onto.width, onto.height))];
+        // SAFETY: the image is alive until the frame has finished, the acquired one until its swapchain is
+        // rebuilt, which waits for the device; both are in these layouts by the barriers above.
+        unsafe {
+            gpu.device.cmd_blit_image(
+                commands,
+                image.handle,
+                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                onto.image,
+                vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+                &regions,
+                vk::Filter::NEAREST,
+            );
+        }
+        timing.end();
+        let barriers = &mut self.frames.barriers;
+        barriers.handle(
+            onto.image,
+            Format::Rgba8,
+            &mut state,
+            Access::Present,
+            false,
+        );
+        barriers.record(&gpu, commands);
+    }
+
+    /// Ends the recording of a frame with a [`present`](Frame::present) pass and submits it: the pass waits
+    /// until the window's image is free, and the image is shown only after the frame has finished.
+    ///
+    /// # Errors
+    /// When the device is lost or a Vulkan call fails.
+    #[cfg(feature = "viewer")]
+    pub fn submit_onto(self, onto: &Acquired) -> Result<Ticket, Error> {
+        let stages = Acquired::FIRST_ACCESS.scope().stages;
+        self.submit_with(&[(onto.free, stages)], &[onto.drawn])
+    }
+
     /// Ends the recording and submits the frame.
     ///
     /// # Errors
     /// When the device is lost or a Vulkan call fails.
     pub fn submit(self) -> Result<Ticket, Error> {
+        self.submit_with(&[], &[])
+    }
+
+    fn submit_with(
+        self,
+        waits: &[(vk::Semaphore, vk::PipelineStageFlags2)],
+        signals: &[vk::Semaphore],
+    ) -> Result<Ticket, Error> {
         let slot = &mut self.frames.slots[self.index];
         // SAFETY: recording was begun and no rendering scope is open.
         unsafe { self.frames.gpu.device.end_command_buffer(slot.commands) }
             .map_err(Error::vulkan("vkEndCommandBuffer", "a frame"))?;
         slot.submit_time = Some(Instant::now());
-        slot.submitted = self.frames.gpu.submit(slot.commands)?;
+        slot.submitted = self.frames.gpu.submit(slot.commands, waits, signals)?;
         let ticket = Ticket {
             slot: self.index,
             value: slot.submitted,

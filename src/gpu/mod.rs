@@ -18,6 +18,8 @@ pub mod image;
 pub mod messages;
 pub mod pipeline;
 pub mod profile;
+#[cfg(feature = "viewer")]
+pub mod surface;
 
 use ash::{khr, vk};
 use device::DeviceInfo;
@@ -78,6 +80,16 @@ pub enum Error {
         /// Which kind.
         place: &'static str,
         /// The allocator's reason.
+        cause: String,
+    },
+    /// The device cannot show pictures in this window.
+    #[error(
+        "{device} cannot show pictures in a window: {cause}. Choose another with --device (see surfel devices), or make pictures with surfel render"
+    )]
+    Surface {
+        /// The device.
+        device: String,
+        /// What is missing.
         cause: String,
     },
     /// Something is larger than the device allows.
@@ -144,6 +156,8 @@ pub struct Gpu {
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     instance: ash::Instance,
     entry: ash::Entry,
+    #[cfg(feature = "viewer")]
+    physical: vk::PhysicalDevice,
     queue: Mutex<vk::Queue>,
     queue_family: u32,
     submitted: AtomicU64,
@@ -220,6 +234,8 @@ impl Gpu {
             messenger,
             instance,
             entry,
+            #[cfg(feature = "viewer")]
+            physical: chosen.physical,
             queue: Mutex::new(queue),
             queue_family: chosen.queue_family,
             submitted: AtomicU64::new(0),
@@ -385,20 +401,38 @@ impl Gpu {
         }
     }
 
-    /// Submits a recorded command buffer and returns the timeline value that it signals.
-    fn submit(&self, commands: vk::CommandBuffer) -> Result<u64, Error> {
+    /// Submits a recorded command buffer and returns the timeline value that it signals. The stages given
+    /// with `waits` wait for these binary semaphores; `signals` are signalled beside the timeline.
+    fn submit(
+        &self,
+        commands: vk::CommandBuffer,
+        waits: &[(vk::Semaphore, vk::PipelineStageFlags2)],
+        signals: &[vk::Semaphore],
+    ) -> Result<u64, Error> {
         let queue = lock(&self.queue);
         let value = self.submitted.load(Ordering::Acquire) + 1;
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(commands)];
-        let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.timeline)
-            .value(value)
-            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let signal = |semaphore| {
+            vk::SemaphoreSubmitInfo::default()
+                .semaphore(semaphore)
+                .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
+        };
+        let mut all_signals = vec![signal(self.timeline).value(value)];
+        all_signals.extend(signals.iter().map(|&s| signal(s)));
+        let waits: Vec<_> = waits
+            .iter()
+            .map(|&(s, stages)| {
+                vk::SemaphoreSubmitInfo::default()
+                    .semaphore(s)
+                    .stage_mask(stages)
+            })
+            .collect();
         let submit = vk::SubmitInfo2::default()
             .command_buffer_infos(&commands)
-            .signal_semaphore_infos(&signals);
+            .wait_semaphore_infos(&waits)
+            .signal_semaphore_infos(&all_signals);
         // SAFETY: the queue is locked, the command buffer is recorded and not pending (its frame slot was
-        // waited for), and the timeline value rises.
+        // waited for), the semaphores are alive, and the timeline value rises.
         unsafe {
             self.device
                 .queue_submit2(*queue, &[submit], vk::Fence::null())

@@ -3,6 +3,9 @@
 //! A frame goes: cut (CPU) -> pack into the mapped buffers of a free slot -> passes -> wait. Reading the
 //! picture back is a submission of its own, so that its cost is not part of the frame's.
 
+#[cfg(feature = "viewer")]
+mod present;
+
 use super::hybrid::{self, Run};
 pub use super::mirror::Outputs;
 use super::scene::Scene;
@@ -12,7 +15,7 @@ use crate::abi::{FrameConstants, Splat, constants};
 use crate::cut::{self, Cut};
 use crate::draw::{ColorBy, pack};
 use crate::gpu::buffer::{AnyBuffer, Readback, Upload};
-use crate::gpu::frame::{Frames, Load, Pass};
+use crate::gpu::frame::{Frame, Frames, Load, Pass, Ticket};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::profile::PassTime;
@@ -127,6 +130,18 @@ pub struct FrameTimes {
     pub counts: Counts,
 }
 
+/// A frame on its way through the device.
+#[derive(Debug)]
+#[must_use = "a frame is finished only once it was waited for"]
+pub struct Submitted {
+    ticket: Ticket,
+    times: FrameTimes,
+    start: Instant,
+}
+
+/// Ends a frame: submits it, after passes of its own that may read the color target.
+type End<'e> = dyn FnMut(Frame<'_>, &Target) -> Result<Ticket, Error> + 'e;
+
 /// Mapped draw lists of one slot.
 #[derive(Debug)]
 struct Lists {
@@ -149,6 +164,9 @@ pub struct Renderer {
     points: Option<Pipeline>,
     splats: Option<Pipeline>,
     readback: Option<[Option<Readback>; 3]>,
+    /// Depth around one pixel, read for the viewer.
+    #[cfg(feature = "viewer")]
+    probe: Option<Readback>,
 }
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.
@@ -196,6 +214,8 @@ impl Renderer {
             points: None,
             splats: None,
             readback: None,
+            #[cfg(feature = "viewer")]
+            probe: None,
         })
     }
 
@@ -232,6 +252,38 @@ impl Renderer {
         view: &View,
         settings: &Settings,
     ) -> Result<FrameTimes, Error> {
+        let submitted =
+            self.submit(model, scene, view, settings, &mut |frame, _| frame.submit())?;
+        self.finish(submitted)
+    }
+
+    /// Waits until a frame is finished on the device and tells what it cost.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn finish(&mut self, submitted: Submitted) -> Result<FrameTimes, Error> {
+        let Submitted {
+            ticket,
+            mut times,
+            start,
+        } = submitted;
+        let wait = Instant::now();
+        let finished = self.frames.finish(ticket)?;
+        times.wait_ms = ms(wait);
+        times.passes = finished.passes;
+        times.frame_ms = ms(start);
+        Ok(times)
+    }
+
+    /// Records and submits one frame that `end` ends.
+    fn submit(
+        &mut self,
+        model: &Model,
+        scene: &mut Scene,
+        view: &View,
+        settings: &Settings,
+        end: &mut End<'_>,
+    ) -> Result<Submitted, Error> {
         for (what, value, limit) in [
             (
                 "the width of the view",
@@ -262,13 +314,16 @@ impl Renderer {
         }
         self.prepare(scene, model, settings)?;
         let start = Instant::now();
-        let mut times = match settings.method {
-            Method::Triangles => self.draw_triangles(model, scene, view, settings)?,
-            Method::Points => self.draw_points(model, scene, view, settings)?,
-            Method::Pop => self.draw_pop(model, scene, view, settings)?,
+        let (ticket, times) = match settings.method {
+            Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
+            Method::Points => self.draw_points(model, scene, view, settings, end)?,
+            Method::Pop => self.draw_pop(model, scene, view, settings, end)?,
         };
-        times.frame_ms = ms(start);
-        Ok(times)
+        Ok(Submitted {
+            ticket,
+            times,
+            start,
+        })
     }
 
     /// Makes the pipelines and buffers that `settings` need, outside of the frame.
@@ -306,7 +361,8 @@ impl Renderer {
         scene: &Scene,
         view: &View,
         settings: &Settings,
-    ) -> Result<FrameTimes, Error> {
+        end: &mut End<'_>,
+    ) -> Result<(Ticket, FrameTimes), Error> {
         let context = self.context(view, settings, model, 0.0);
         let Some((_, pipeline)) = &self.triangles else {
             unreachable!("prepare made the pipeline")
@@ -322,20 +378,16 @@ impl Renderer {
             &context,
             constants,
         );
-        let ticket = frame.submit()?;
-        let submit_ms = ms(start);
-        let wait = Instant::now();
-        let finished = self.frames.finish(ticket)?;
-        Ok(FrameTimes {
-            submit_ms,
-            wait_ms: ms(wait),
-            passes: finished.passes,
+        let ticket = end(frame, &self.targets.color)?;
+        let times = FrameTimes {
+            submit_ms: ms(start),
             counts: Counts {
                 triangles: model.triangles.len() as u64,
                 ..Counts::default()
             },
             ..FrameTimes::default()
-        })
+        };
+        Ok((ticket, times))
     }
 
     fn draw_points(
@@ -344,7 +396,8 @@ impl Renderer {
         scene: &Scene,
         view: &View,
         settings: &Settings,
-    ) -> Result<FrameTimes, Error> {
+        end: &mut End<'_>,
+    ) -> Result<(Ticket, FrameTimes), Error> {
         let context = self.context(view, settings, model, settings.threshold_px.max(1.0));
         let Some(pipeline) = &self.points else {
             unreachable!("prepare made the pipeline")
@@ -360,20 +413,16 @@ impl Renderer {
             &context,
             constants,
         );
-        let ticket = frame.submit()?;
-        let submit_ms = ms(start);
-        let wait = Instant::now();
-        let finished = self.frames.finish(ticket)?;
-        Ok(FrameTimes {
-            submit_ms,
-            wait_ms: ms(wait),
-            passes: finished.passes,
+        let ticket = end(frame, &self.targets.color)?;
+        let times = FrameTimes {
+            submit_ms: ms(start),
             counts: Counts {
                 points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
                 ..Counts::default()
             },
             ..FrameTimes::default()
-        })
+        };
+        Ok((ticket, times))
     }
 
     fn draw_pop(
@@ -382,7 +431,8 @@ impl Renderer {
         scene: &Scene,
         view: &View,
         settings: &Settings,
-    ) -> Result<FrameTimes, Error> {
+        end: &mut End<'_>,
+    ) -> Result<(Ticket, FrameTimes), Error> {
         let max_point = self.gpu.info().max_point_size_px;
         let largest = if model.triangles.is_empty() {
             max_point
@@ -444,17 +494,11 @@ impl Renderer {
             &context,
             constants,
         );
-        let ticket = frame.submit()?;
-        let submit_ms = ms(submit_start);
-        let wait = Instant::now();
-        let finished = self.frames.finish(ticket)?;
-        Ok(FrameTimes {
-            frame_ms: 0.0,
+        let ticket = end(frame, &self.targets.color)?;
+        let times = FrameTimes {
             cut_ms,
             pack_ms,
-            submit_ms,
-            wait_ms: ms(wait),
-            passes: finished.passes,
+            submit_ms: ms(submit_start),
             counts: Counts {
                 nodes_visited: self.cut.stats.visited,
                 splats: splat_count as u64,
@@ -462,7 +506,9 @@ impl Renderer {
                 points: 0,
                 draw_list_bytes: splat_bytes + index_bytes,
             },
-        })
+            ..FrameTimes::default()
+        };
+        Ok((ticket, times))
     }
 
     /// Reads the last drawn frame back, with the outputs that the renderer was made for.

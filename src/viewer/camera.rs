@@ -1,0 +1,455 @@
+//! The camera that a mouse moves: a turntable about a center of rotation. Pure logic, in double precision.
+//!
+//! The state is the center of rotation, the two angles of the turntable, and where the eye is as seen from the
+//! center in the turning frame (right, up, back). Turning changes the angles alone, so the center stays where
+//! it is on screen; a new center changes nothing that is seen.
+
+use crate::math::camera::Camera;
+use glam::{DVec2, DVec3};
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// Vertical field of view, radians: that of the standard orbit.
+pub const FOV_Y: f64 = PI / 4.0;
+/// Factor of the distance for one step of the wheel towards the model.
+const WHEEL_STEP: f64 = 0.85;
+/// Largest distance from the model's center, in radii.
+const FARTHEST: f64 = 200.0;
+/// Smallest distance of what is zoomed at, in radii.
+const NEAREST: f64 = 1e-5;
+/// Below this cosine of the elevation, "up" is taken from the turntable, not from the world.
+const POLE: f64 = 1e-6;
+
+/// A turntable camera for a model inside of a bounding sphere; world space.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Orbit {
+    model_center: DVec3,
+    radius: f64,
+    size: (u32, u32),
+    home: (f64, f64, f64),
+    pivot: DVec3,
+    azimuth: f64,
+    elevation: f64,
+    /// Right, up and back part of the eye's place as seen from the pivot.
+    eye: DVec3,
+    /// Part of the picture that the model fills, while nothing but turning has happened since it was framed.
+    framed: Option<f64>,
+}
+
+impl Orbit {
+    /// A camera that frames a sphere: `center` and `radius` in world space (a radius of 0 or less, or one that
+    /// is no number, counts as 1), `size` of the picture in pixels; `azimuth` and `elevation` in radians and
+    /// `fill` as in [`Camera::orbit`], which gives the same camera.
+    pub fn new(
+        center: DVec3,
+        radius: f64,
+        size: (u32, u32),
+        (azimuth, elevation, fill): (f64, f64, f64),
+    ) -> Self {
+        let mut orbit = Self {
+            model_center: center,
+            radius: if radius > 0.0 { radius } else { 1.0 },
+            size: (size.0.max(1), size.1.max(1)),
+            home: (azimuth, elevation, fill),
+            pivot: center,
+            azimuth,
+            elevation: elevation.clamp(-FRAC_PI_2, FRAC_PI_2),
+            eye: DVec3::Z,
+            framed: None,
+        };
+        orbit.frame(fill);
+        orbit
+    }
+
+    /// Distance from which the model fills the part `fill` of the shorter side.
+    fn distance_for(&self, fill: f64) -> f64 {
+        let (width, height) = self.size;
+        let t = (FOV_Y / 2.0).tan() * (f64::from(width) / f64::from(height)).min(1.0);
+        self.radius / (fill * t).atan().sin()
+    }
+
+    fn frame(&mut self, fill: f64) {
+        self.pivot = self.model_center;
+        self.eye = DVec3::new(0.0, 0.0, self.distance_for(fill));
+        self.framed = Some(fill);
+    }
+
+    /// Moves back or forth, and the center of rotation to the model's middle, so that the model fills the
+    /// picture; the direction stays.
+    pub fn frame_model(&mut self) {
+        self.frame(1.0);
+    }
+
+    /// Back to what [`new`](Orbit::new) made.
+    pub fn reset(&mut self) {
+        (self.azimuth, self.elevation) = (self.home.0, self.home.1.clamp(-FRAC_PI_2, FRAC_PI_2));
+        self.frame(self.home.2);
+    }
+
+    /// Looks from the given side, radians, without changing the distance.
+    pub fn look_from(&mut self, azimuth: f64, elevation: f64) {
+        self.azimuth = azimuth;
+        self.elevation = elevation.clamp(-FRAC_PI_2, FRAC_PI_2);
+        self.keep_near();
+    }
+
+    /// The picture has another size. A model that was framed and only turned since is framed again.
+    pub fn resize(&mut self, size: (u32, u32)) {
+        self.size = (size.0.max(1), size.1.max(1));
+        if let Some(fill) = self.framed {
+            self.frame(fill);
+        }
+    }
+
+    /// Right, up and back of view space in world space.
+    fn basis(&self) -> (DVec3, DVec3, DVec3) {
+        let (sin_a, cos_a) = self.azimuth.sin_cos();
+        let (sin_e, cos_e) = self.elevation.sin_cos();
+        (
+            DVec3::new(cos_a, 0.0, -sin_a),
+            DVec3::new(-sin_e * sin_a, cos_e, -sin_e * cos_a),
+            DVec3::new(cos_e * sin_a, sin_e, cos_e * cos_a),
+        )
+    }
+
+    fn world(&self, v: DVec3) -> DVec3 {
+        let (right, up, back) = self.basis();
+        v.x * right + v.y * up + v.z * back
+    }
+
+    /// Place of the eye, world space.
+    pub fn eye(&self) -> DVec3 {
+        self.pivot + self.world(self.eye)
+    }
+
+    /// Center of rotation, world space.
+    pub fn pivot(&self) -> DVec3 {
+        self.pivot
+    }
+
+    /// Distance of the center of rotation along the view direction; above 0.
+    pub fn pivot_distance(&self) -> f64 {
+        self.eye.z
+    }
+
+    /// Half the extent of the picture at view-space distance 1.
+    fn half_extent(&self) -> DVec2 {
+        let t = (FOV_Y / 2.0).tan();
+        DVec2::new(t * f64::from(self.size.0) / f64::from(self.size.1), t)
+    }
+
+    /// View-space point that is seen at pixel position `at` (y down) at `distance` along the view direction.
+    fn seen_at(&self, at: DVec2, distance: f64) -> DVec3 {
+        let size = DVec2::new(f64::from(self.size.0), f64::from(self.size.1));
+        let ndc = (2.0 * at / size - 1.0) * DVec2::new(1.0, -1.0);
+        (ndc * self.half_extent() * distance).extend(-distance)
+    }
+
+    /// Turns by a drag of `by` pixels: the picture's shorter side is half a turn. Stops at the poles.
+    pub fn turn(&mut self, by: DVec2) {
+        let side = f64::from(self.size.0.min(self.size.1));
+        self.azimuth = (self.azimuth - by.x * PI / side).rem_euclid(2.0 * PI);
+        self.elevation = (self.elevation + by.y * PI / side).clamp(-FRAC_PI_2, FRAC_PI_2);
+        self.keep_near();
+    }
+
+    /// Moves sideways by a drag of `by` pixels, so that what is at `distance` along the view direction follows
+    /// the cursor. The center of rotation stays with the model.
+    pub fn pan(&mut self, by: DVec2, distance: f64) {
+        let size = DVec2::new(f64::from(self.size.0), f64::from(self.size.1));
+        let shift = 2.0 * by / size * self.half_extent() * distance;
+        self.eye += DVec3::new(-shift.x, shift.y, 0.0);
+        self.keep_near();
+        self.framed = None;
+    }
+
+    /// Multiplies the distance from the point seen at pixel position `at` at `distance` along the view
+    /// direction by `factor`; that point stays where it is on screen.
+    ///
+    /// Where this would leave the center of rotation behind the eye, the point becomes the center.
+    pub fn zoom(&mut self, factor: f64, at: DVec2, distance: f64) {
+        let distance = distance.max(NEAREST * self.radius);
+        let least = (NEAREST * self.radius / distance).min(1.0);
+        let factor = if factor.is_finite() {
+            factor.max(least)
+        } else {
+            1.0
+        };
+        let point = self.seen_at(at, distance);
+        let eye = self.eye + (1.0 - factor) * point;
+        if eye.z <= NEAREST * self.radius {
+            self.pivot += self.world(self.eye + point);
+            self.eye = -point * factor;
+        } else {
+            self.eye = eye;
+        }
+        self.keep_near();
+        self.framed = None;
+    }
+
+    /// Factor of `steps` of the wheel, towards the model above 0.
+    pub fn wheel_factor(steps: f64) -> f64 {
+        WHEEL_STEP.powf(steps.clamp(-20.0, 20.0))
+    }
+
+    /// Factor of a drag by `pixels` downward, away from the model.
+    pub fn drag_factor(&self, pixels: f64) -> f64 {
+        (4.0 * pixels / f64::from(self.size.1))
+            .clamp(-8.0, 8.0)
+            .exp()
+    }
+
+    /// Makes the point seen at pixel position `at` at `distance` along the view direction the center of
+    /// rotation; what is seen does not change.
+    pub fn set_pivot(&mut self, at: DVec2, distance: f64) {
+        if !(distance.is_finite() && distance > 0.0) {
+            return;
+        }
+        let point = self.seen_at(at, distance);
+        self.pivot += self.world(self.eye + point);
+        self.eye = -point;
+        self.framed = None;
+    }
+
+    /// Keeps the eye within reach of the model.
+    fn keep_near(&mut self) {
+        let from_center = self.eye() - self.model_center;
+        let limit = FARTHEST * self.radius;
+        if from_center.length() > limit {
+            let excess = from_center - from_center.normalize_or_zero() * limit;
+            let (right, up, back) = self.basis();
+            self.eye -= DVec3::new(excess.dot(right), excess.dot(up), excess.dot(back));
+            if self.eye.z <= NEAREST * self.radius {
+                // The center of rotation came to lie behind the eye: it moves in front.
+                self.pivot += self.world(self.eye) - self.radius * back;
+                self.eye = self.radius * DVec3::Z;
+            }
+        }
+    }
+
+    /// Near and far plane: the model's sphere lies between them with 5% to spare, except for what is closer
+    /// than a hundredth of its radius, or a quarter of the distance to the center of rotation if that is less.
+    pub fn near_far(&self) -> (f64, f64) {
+        let back = self.basis().2;
+        // Written as a difference to the pivot's distance, so that it is exactly that for the model's center.
+        let distance = self.eye.z + (self.pivot - self.model_center).dot(back);
+        let reach = 1.05 * self.radius;
+        let least = (0.01 * self.radius).min(0.25 * self.eye.z);
+        let near = (distance - reach).max(least);
+        // The second bound serves a model that lies behind the eye.
+        (near, (distance + reach).max(near + 0.01 * self.radius))
+    }
+
+    /// The camera for a picture of the present size.
+    pub fn camera(&self) -> Camera {
+        let (right, up, back) = self.basis();
+        let target = self.pivot + self.eye.x * right + self.eye.y * up;
+        let eye = target + self.eye.z * back;
+        let world_up = if self.elevation.cos() < POLE {
+            up
+        } else {
+            DVec3::Y
+        };
+        Camera::look_at(self.size, eye, target, world_up, FOV_Y, self.near_far())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+    use super::*;
+    use proptest::prelude::*;
+
+    const CENTER: DVec3 = DVec3::new(10.0, -3.0, 7.0);
+    const SIZE: (u32, u32) = (640, 480);
+    const HOME: (f64, f64) = (0.5, 0.3);
+
+    fn orbit() -> Orbit {
+        Orbit::new(CENTER, 2.0, SIZE, (HOME.0, HOME.1, 1.0))
+    }
+
+    /// Pixel position of a world-space point.
+    fn pixel(orbit: &Orbit, point: DVec3) -> DVec2 {
+        let camera = orbit.camera();
+        let clip = camera.proj * camera.view * point.extend(1.0);
+        let ndc = clip.truncate() / clip.w;
+        DVec2::new(
+            (ndc.x + 1.0) / 2.0 * f64::from(SIZE.0),
+            (1.0 - ndc.y) / 2.0 * f64::from(SIZE.1),
+        )
+    }
+
+    /// World-space point seen at a pixel position.
+    fn point_at(orbit: &Orbit, at: DVec2, distance: f64) -> DVec3 {
+        orbit.eye() + orbit.world(orbit.seen_at(at, distance))
+    }
+
+    #[test]
+    fn the_first_camera_is_that_of_the_standard_orbit_to_the_bit() {
+        for (size, radius) in [((500, 500), 2.0), ((640, 480), 0.3), ((300, 801), 1234.5)] {
+            for (azimuth, elevation, fill) in
+                [(HOME.0, HOME.1, 1.0), (-1.0, -0.7, 0.5), (4.0, 0.0, 3.0)]
+            {
+                let ours = Orbit::new(CENTER, radius, size, (azimuth, elevation, fill)).camera();
+                let standard = Camera::orbit(size, CENTER, radius, azimuth, elevation, fill);
+                assert_eq!(ours, standard);
+            }
+        }
+    }
+
+    #[test]
+    fn turning_stops_at_the_poles_and_never_flips() {
+        let mut o = orbit();
+        for _ in 0..50 {
+            o.turn(DVec2::new(3.0, 40.0));
+            let camera = o.camera();
+            assert!(camera.view.is_finite());
+            // Row 1 of the view is "up" in world space: it never points down.
+            assert!(camera.view.row(1).y >= -1e-9, "upside down");
+            // And "right" stays level.
+            assert!(camera.view.row(0).y.abs() < 1e-9);
+        }
+        assert_eq!(o.elevation, FRAC_PI_2);
+        let top = o.camera().view;
+        assert!((top.row(2).y - 1.0).abs() < 1e-9, "looks straight down");
+        for _ in 0..100 {
+            o.turn(DVec2::new(0.0, -40.0));
+        }
+        assert_eq!(o.elevation, -FRAC_PI_2);
+        // Just before the pole the picture is the same as at the pole.
+        let mut before = o.clone();
+        before.elevation += 1e-5;
+        let difference = (before.camera().view - o.camera().view).to_cols_array();
+        assert!(
+            difference.into_iter().all(|d| d.abs() < 1e-3),
+            "{difference:?}"
+        );
+    }
+
+    #[test]
+    fn framing_and_reset_bring_the_model_back() {
+        let first = orbit();
+        let mut o = orbit();
+        o.turn(DVec2::new(100.0, -30.0));
+        o.pan(DVec2::new(-50.0, 20.0), 3.0);
+        o.zoom(0.1, DVec2::new(30.0, 400.0), 4.0);
+        assert!(pixel(&o, CENTER).distance(DVec2::new(320.0, 240.0)) > 10.0);
+        o.frame_model();
+        assert!(pixel(&o, CENTER).distance(DVec2::new(320.0, 240.0)) < 1e-9);
+        assert_eq!(o.eye.z, first.eye.z);
+        assert_ne!(o.azimuth, first.azimuth);
+        o.reset();
+        assert_eq!(o, first);
+    }
+
+    #[test]
+    fn a_framed_model_is_framed_again_when_the_window_changes_and_only_then() {
+        let mut o = orbit();
+        o.turn(DVec2::new(30.0, 5.0));
+        o.resize((200, 800));
+        assert_eq!(o.eye.z, o.distance_for(1.0));
+        o.zoom(0.5, DVec2::new(100.0, 400.0), o.pivot_distance());
+        let zoomed = o.eye;
+        o.resize((900, 300));
+        assert_eq!(o.eye, zoomed);
+        o.resize((0, 0));
+        assert!(
+            o.camera().view(DVec3::ZERO).is_ok(),
+            "an empty window is no failure"
+        );
+    }
+
+    #[test]
+    fn degenerate_models_get_a_usable_camera() {
+        for radius in [0.0, -1.0, f64::NAN] {
+            let mut o = Orbit::new(CENTER, radius, (1, 1), (0.0, 9.0, 1.0));
+            o.turn(DVec2::splat(1.0));
+            o.zoom(f64::NAN, DVec2::ZERO, 0.0);
+            assert!(o.camera().view(DVec3::ZERO).is_ok());
+        }
+    }
+
+    fn step() -> impl Strategy<Value = (u8, f64, f64, f64, f64)> {
+        (
+            0u8..5,
+            -300.0..300.0f64,
+            -300.0..300.0f64,
+            0.05..20.0f64,
+            1e-3..10.0f64,
+        )
+    }
+
+    proptest! {
+        #[test]
+        fn turning_keeps_the_distance_and_the_place_of_the_pivot(x in -900.0..900.0f64, y in -900.0..900.0f64) {
+            let mut o = orbit();
+            o.pan(DVec2::new(31.0, -12.0), 4.0);
+            o.set_pivot(DVec2::new(200.0, 100.0), 4.0);
+            let (distance, place) = (o.eye().distance(o.pivot()), pixel(&o, o.pivot()));
+            o.turn(DVec2::new(x, y));
+            prop_assert!((o.eye().distance(o.pivot()) - distance).abs() < 1e-9);
+            prop_assert!(pixel(&o, o.pivot()).distance(place) < 1e-6);
+        }
+
+        #[test]
+        fn zooming_keeps_what_is_under_the_cursor(
+            x in 0.0..640.0f64, y in 0.0..480.0f64, factor in 0.02..5.0f64, distance in 0.5..9.0f64
+        ) {
+            let mut o = orbit();
+            let at = DVec2::new(x, y);
+            let point = point_at(&o, at, distance);
+            let before = o.eye().distance(point);
+            o.zoom(factor, at, distance);
+            prop_assert!(pixel(&o, point).distance(at) < 1e-5);
+            prop_assert!((o.eye().distance(point) / before - factor).abs() < 1e-6);
+            prop_assert!(o.pivot_distance() > 0.0);
+        }
+
+        #[test]
+        fn panning_moves_what_was_grabbed_with_the_cursor(
+            x in -300.0..300.0f64, y in -300.0..300.0f64, distance in 0.5..9.0f64
+        ) {
+            let mut o = orbit();
+            let from = DVec2::new(300.0, 200.0);
+            let grabbed = point_at(&o, from, distance);
+            o.pan(DVec2::new(x, y), distance);
+            prop_assert!(pixel(&o, grabbed).distance(from + DVec2::new(x, y)) < 1e-6);
+        }
+
+        #[test]
+        fn a_new_pivot_changes_nothing_that_is_seen(
+            x in 0.0..640.0f64, y in 0.0..480.0f64, distance in 0.5..9.0f64
+        ) {
+            let mut o = orbit();
+            let before = o.camera().view;
+            let point = point_at(&o, DVec2::new(x, y), distance);
+            o.set_pivot(DVec2::new(x, y), distance);
+            prop_assert!(o.pivot().distance(point) < 1e-9);
+            let difference = (o.camera().view - before).to_cols_array();
+            prop_assert!(difference.into_iter().all(|d| d.abs() < 1e-9));
+        }
+
+        #[test]
+        fn after_any_walk_the_model_is_between_near_and_far(steps in prop::collection::vec(step(), 1..40)) {
+            let mut o = orbit();
+            for (kind, x, y, factor, distance) in steps {
+                match kind {
+                    0 => o.turn(DVec2::new(x, y)),
+                    1 => o.pan(DVec2::new(x, y), distance),
+                    2 => o.zoom(factor, DVec2::new(320.0 + x, 240.0 + y), distance),
+                    3 => o.set_pivot(DVec2::new(320.0 + x, 240.0 + y), distance),
+                    _ => o.look_from(x, y),
+                }
+                let (near, far) = o.near_far();
+                prop_assert!(near > 0.0 && far > near && far.is_finite());
+                let camera = o.camera();
+                prop_assert!(camera.view(CENTER).is_ok());
+                let center_distance = -(camera.view * CENTER.extend(1.0)).z;
+                prop_assert!(far >= center_distance + 2.0 - 1e-6);
+                prop_assert!(near <= (center_distance - 2.0).max(0.02) + 1e-6);
+                prop_assert!(o.eye().distance(CENTER) <= FARTHEST * 2.0 * 1.01);
+                prop_assert!(o.pivot_distance() > 0.0);
+            }
+        }
+    }
+}

@@ -1,0 +1,222 @@
+//! Loads models on a thread of its own, so that the window answers meanwhile.
+
+use crate::progress::Progress;
+use crate::tree::Model;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::mpsc::{Receiver, TryRecvError, channel};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// Why a model could not be opened, in words.
+pub type OpenError = Box<dyn std::error::Error + Send + Sync>;
+
+/// Opens what a path or `generate:SHAPE` names; returns early with an error once cancelled.
+pub type Open = dyn Fn(&Path, &dyn Progress) -> Result<Model, OpenError> + Send + Sync;
+
+/// How far a job is, shared with its thread.
+#[derive(Debug, Default)]
+struct Shared {
+    stage: Mutex<String>,
+    total: AtomicU64,
+    done: AtomicU64,
+    is_cancelled: AtomicBool,
+}
+
+impl Progress for Shared {
+    fn stage(&self, name: &str, total: u64) {
+        let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        name.clone_into(&mut stage);
+        self.done.store(0, Ordering::Relaxed);
+        self.total.store(total, Ordering::Relaxed);
+    }
+
+    fn advance(&self, amount: u64) {
+        self.done.fetch_add(amount, Ordering::Relaxed);
+    }
+
+    fn is_cancelled(&self) -> bool {
+        self.is_cancelled.load(Ordering::Relaxed)
+    }
+}
+
+struct Job {
+    path: PathBuf,
+    shared: Arc<Shared>,
+    result: Receiver<Result<Model, OpenError>>,
+    thread: JoinHandle<()>,
+}
+
+impl Drop for Job {
+    fn drop(&mut self) {
+        self.shared.is_cancelled.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Loads one model at a time.
+pub struct Loader {
+    open: Arc<Open>,
+    job: Option<Job>,
+}
+
+impl std::fmt::Debug for Loader {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Loader")
+            .field("path", &self.job.as_ref().map(|j| &j.path))
+            .finish_non_exhaustive()
+    }
+}
+
+/// How long closing the window waits for a cancelled job to clean up.
+const FAREWELL: Duration = Duration::from_secs(2);
+
+impl Loader {
+    /// A loader without a job.
+    pub fn new(open: Arc<Open>) -> Self {
+        Self { open, job: None }
+    }
+
+    /// Starts to load `path`; a job that still runs is cancelled and forgotten.
+    ///
+    /// # Errors
+    /// When the system has no thread left.
+    pub fn start(&mut self, path: &Path) -> std::io::Result<()> {
+        self.job = None;
+        let shared = Arc::new(Shared::default());
+        let (sender, result) = channel();
+        let (open, progress, target) = (self.open.clone(), shared.clone(), path.to_owned());
+        let thread = std::thread::Builder::new()
+            .name("loader".into())
+            .spawn(move || {
+                // Nobody listens any more when the job was cancelled.
+                let _ = sender.send(open(&target, progress.as_ref()));
+            })?;
+        self.job = Some(Job {
+            path: path.to_owned(),
+            shared,
+            result,
+            thread,
+        });
+        Ok(())
+    }
+
+    /// The path that is being loaded.
+    pub fn path(&self) -> Option<&Path> {
+        self.job.as_ref().map(|job| job.path.as_path())
+    }
+
+    /// How far the job is, such as `building nodes 43%`.
+    pub fn status(&self) -> Option<String> {
+        let shared = &self.job.as_ref()?.shared;
+        let stage = shared.stage.lock().unwrap_or_else(PoisonError::into_inner);
+        let (done, total) = (
+            shared.done.load(Ordering::Relaxed),
+            shared.total.load(Ordering::Relaxed),
+        );
+        Some(match (stage.as_str(), total) {
+            ("", _) => "opening".into(),
+            (name, 0) => name.into(),
+            (name, total) => format!(
+                "{name} {}%",
+                (u128::from(done) * 100 / u128::from(total)).min(100)
+            ),
+        })
+    }
+
+    /// The result of a job that has ended since the last call.
+    pub fn poll(&mut self) -> Option<(PathBuf, Result<Model, OpenError>)> {
+        let result = match self.job.as_ref()?.result.try_recv() {
+            Err(TryRecvError::Empty) => return None,
+            Ok(result) => result,
+            // The thread panicked; its message is on standard error.
+            Err(TryRecvError::Disconnected) => Err("loading stopped unexpectedly".into()),
+        };
+        let job = self.job.take()?;
+        Some((job.path.clone(), result))
+    }
+
+    /// Cancels the job and gives it a moment to clean up. Work that does not ask whether it was cancelled goes
+    /// on until the process ends; it holds nothing but memory.
+    pub fn stop(&mut self) {
+        let Some(job) = self.job.take() else { return };
+        job.shared.is_cancelled.store(true, Ordering::Relaxed);
+        let start = Instant::now();
+        while !job.thread.is_finished() && start.elapsed() < FAREWELL {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+    use super::*;
+
+    fn wait(loader: &mut Loader) -> (PathBuf, Result<Model, OpenError>) {
+        loop {
+            if let Some(result) = loader.poll() {
+                return result;
+            }
+            std::thread::yield_now();
+        }
+    }
+
+    #[test]
+    fn a_job_tells_its_progress_and_its_result() {
+        let (go, gate) = channel::<()>();
+        let (told, at_stage) = channel::<()>();
+        let (gate, told) = (Mutex::new(gate), Mutex::new(told));
+        let mut loader = Loader::new(Arc::new(move |path, progress| {
+            assert_eq!(path, Path::new("scan.ply"));
+            progress.stage("building nodes", 200);
+            progress.advance(86);
+            told.lock().unwrap().send(()).unwrap();
+            gate.lock().unwrap().recv()?;
+            Ok(Model::default())
+        }));
+        assert!(loader.poll().is_none() && loader.status().is_none());
+        loader.start(Path::new("scan.ply")).unwrap();
+        at_stage.recv().unwrap();
+        assert_eq!(loader.status().unwrap(), "building nodes 43%");
+        assert_eq!(loader.path(), Some(Path::new("scan.ply")));
+        assert!(loader.poll().is_none());
+        go.send(()).unwrap();
+        let (path, result) = wait(&mut loader);
+        assert_eq!(path, Path::new("scan.ply"));
+        assert!(result.is_ok() && loader.path().is_none());
+    }
+
+    #[test]
+    fn a_new_job_cancels_the_old_one_and_errors_come_through() {
+        let (saw, cancelled) = channel::<()>();
+        let saw = Mutex::new(saw);
+        let mut loader = Loader::new(Arc::new(move |path, progress| {
+            if path == Path::new("slow") {
+                while !progress.is_cancelled() {
+                    std::thread::yield_now();
+                }
+                saw.lock().unwrap().send(()).unwrap();
+                return Err("cancelled".into());
+            }
+            Err(format!("cannot open {}", path.display()).into())
+        }));
+        loader.start(Path::new("slow")).unwrap();
+        loader.start(Path::new("broken")).unwrap();
+        cancelled.recv().unwrap();
+        let (path, result) = wait(&mut loader);
+        assert_eq!(path, Path::new("broken"));
+        assert_eq!(result.unwrap_err().to_string(), "cannot open broken");
+        loader.start(Path::new("slow")).unwrap();
+        loader.stop();
+        cancelled.recv().unwrap();
+    }
+
+    #[test]
+    fn a_panic_while_loading_is_an_error_not_the_end() {
+        let mut loader = Loader::new(Arc::new(|_, _| panic!("on purpose")));
+        loader.start(Path::new("bad")).unwrap();
+        assert!(wait(&mut loader).1.is_err());
+    }
+}
