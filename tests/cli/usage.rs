@@ -108,7 +108,6 @@ fn what_cannot_be_meant_is_bad_usage() {
     // Each with a part of the reason that has to be given.
     for (words, reason) in [
         ("--no-such-option", "--no-such-option"),
-        ("no-such-command --weld", "no-such-command"),
         ("render", "MODEL"),
         ("render model.obj --no-such-option", "--no-such-option"),
         ("render model.obj model.obj -o a.png", "model.obj"),
@@ -151,7 +150,7 @@ fn what_cannot_be_meant_is_bad_usage() {
         ("render model.obj -o a.png --samples 0", "square"),
         ("render model.obj -o a.png --samples 2", "square"),
         ("render model.obj -o a.png --samples 81", "square"),
-        ("render model.obj -o a.png --samples -4", "--samples"),
+        ("render model.obj -o a.png --samples -4", "-4"),
         (
             "render model.obj -o a.png --samples 4 --depth d.npy",
             "--depth",
@@ -160,7 +159,7 @@ fn what_cannot_be_meant_is_bad_usage() {
             "render model.obj -o a.png --samples 4 --normals n.exr",
             "--normals",
         ),
-        ("render model.obj -o a.png --threshold -1", "--threshold"),
+        ("render model.obj -o a.png --threshold -1", "-1"),
         ("render model.obj -o a.png --threshold=-1", "--threshold"),
         ("render model.obj -o a.png --threshold nan", "--threshold"),
         ("render model.obj -o a.png --threshold inf", "--threshold"),
@@ -223,6 +222,9 @@ fn what_cannot_be_meant_is_bad_usage() {
 #[test]
 #[cfg(not(feature = "viewer"))]
 fn no_command_shows_the_help() {
+    let run = surfel(["no-such-command"]);
+    assert_eq!(run.code, 2);
+    assert!(run.err.contains("no-such-command"), "{}", run.err);
     let run = surfel([""; 0]);
     assert_eq!(run.code, 2);
     assert!(
@@ -230,6 +232,20 @@ fn no_command_shows_the_help() {
         "{}",
         run.err
     );
+}
+
+#[test]
+#[cfg(feature = "viewer")]
+fn options_of_the_window_do_not_go_with_a_command() {
+    for words in [
+        "--weld info a.ply",
+        "a.ply info a.ply",
+        "--vsync off -q check a.ply",
+    ] {
+        let run = surfel(words.split(' '));
+        assert_eq!(run.code, 2, "{words}");
+        assert!(run.err.contains("does not go with"), "{words}: {}", run.err);
+    }
 }
 
 #[test]
