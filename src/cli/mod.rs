@@ -14,7 +14,10 @@ mod stats;
 #[cfg(feature = "viewer")]
 mod view;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::io::IsTerminal;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -105,7 +108,7 @@ fn help() -> String {
 /// Draws enormous meshes and scans with points, triangles or both.
 #[derive(Debug, Parser)]
 #[command(name = "surfel", version, after_help = help(), subcommand_negates_reqs = true)]
-#[command(arg_required_else_help = cfg!(not(feature = "viewer")), args_conflicts_with_subcommands = true)]
+#[command(arg_required_else_help = cfg!(not(feature = "viewer")))]
 struct Cli {
     /// What to log on standard error, such as `info` or `surfel=debug`.
     #[arg(
@@ -152,9 +155,29 @@ enum Command {
     },
 }
 
+/// Parses the arguments. Those of the window do not go with a command; those of every command may stand before it
+/// (`args_conflicts_with_subcommands` would refuse these as well).
+fn parse() -> Result<Cli, clap::Error> {
+    let mut command = Cli::command();
+    let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+    let is_given = |arg: &&clap::Arg| {
+        matches.value_source(arg.get_id().as_str()) == Some(ValueSource::CommandLine)
+    };
+    let stray = command
+        .get_arguments()
+        .filter(|arg| !arg.is_global_set())
+        .find(is_given)
+        .map(ToString::to_string);
+    if let (Some(name), Some(arg)) = (matches.subcommand_name(), stray) {
+        let text = format!("'{arg}' does not go with the command '{name}'");
+        return Err(command.error(ErrorKind::ArgumentConflict, text));
+    }
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}
+
 /// Parses the arguments, runs the command and turns its end into an exit code.
 pub(crate) fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let cli = match parse() {
         Ok(cli) => cli,
         Err(error) => {
             // Help and version are no errors; clap uses code 2 for the others.
@@ -169,6 +192,7 @@ pub(crate) fn main() -> ExitCode {
         Ok(filter) => tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
+            .with_ansi(is_colorful())
             // It would report a closed standard error on standard error, and panic.
             .log_internal_errors(false)
             .init(),
@@ -224,6 +248,11 @@ pub(crate) fn chain(error: &anyhow::Error) -> String {
         }
     }
     text
+}
+
+/// Whether colors make sense on standard error: on a terminal, unless the user wants none (no-color.org).
+fn is_colorful() -> bool {
+    std::io::stderr().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty())
 }
 
 /// A line of talk on standard error. Unlike `eprintln!` it does not panic when nobody listens any more.

@@ -1,0 +1,12 @@
+//! The program from outside: what it prints and writes, its exit codes, what it leaves behind.
+
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod damage;
+mod harness;
+mod models;
+mod pictures;
+mod stats;
+mod streams;
+mod usage;
+mod writing;

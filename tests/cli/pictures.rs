@@ -1,0 +1,309 @@
+//! Pictures that the program writes: formats, cameras, samples, numbering, the demo.
+
+use super::harness::{expect, has_device, names};
+use std::path::Path;
+use surfel::image::{FloatImage, Picture, compare};
+
+fn load(path: &Path) -> FloatImage {
+    FloatImage::load(path).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn bytes(at: &Path, name: &str) -> Vec<u8> {
+    std::fs::read(at.join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// Whether two files are the same bit for bit (without printing them).
+fn is_same(at: &Path, a: &str, b: &str) -> bool {
+    bytes(at, a) == bytes(at, b)
+}
+
+#[test]
+fn every_output_format_tells_the_same() {
+    let mut devices = vec!["--device mirror"];
+    if has_device() {
+        devices.push("--validate");
+    }
+    for device in devices {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let outputs = "-o c.png --depth d.npy --normals n.exr --coverage a.png";
+        let scene = format!("render generate:statue:20000 --size 96x80 --threshold 3 {device}");
+        let run = expect(at, 0, &format!("{scene} {outputs}"));
+        assert_eq!((run.out.len(), run.err.as_str()), (0, ""));
+        expect(at, 0, &format!("{scene} -o c.exr --depth d.exr"));
+        assert_eq!(
+            names(at),
+            ["a.png", "c.exr", "c.png", "d.exr", "d.npy", "n.exr"]
+        );
+
+        let [color, float, coverage, normal, depth] =
+            ["c.png", "c.exr", "a.png", "n.exr", "d.exr"].map(|n| load(&at.join(n)));
+        for image in [&color, &float, &coverage, &normal, &depth] {
+            assert_eq!(image.size(), [96, 80]);
+        }
+        let stored = bytes(at, "d.npy");
+        let array = npyz::NpyFile::new(&stored[..]).unwrap();
+        assert_eq!(array.shape(), [80, 96]);
+        let array: Vec<f32> = array.into_vec().unwrap();
+        let mut covered = 0;
+        for i in 0..96 * 80 {
+            // 8 bits and floats of one picture.
+            assert_eq!(color.color[i][..3], float.color[i][..3], "pixel {i}");
+            assert_eq!(coverage.color[i][0], float.color[i][3], "pixel {i}");
+            assert_eq!(array[i].to_bits(), depth.depth[i].to_bits(), "pixel {i}");
+            let n = glam::Vec3::from(normal.normal[i]);
+            if float.color[i][3] == 1.0 {
+                covered += 1;
+                assert!(
+                    array[i] > 0.0 && array[i] < 10.0,
+                    "pixel {i}: depth {}",
+                    array[i]
+                );
+                assert!((n.length() - 1.0).abs() < 1e-3, "pixel {i}: normal {n}");
+            } else {
+                assert_eq!(float.color[i], [0.0; 4], "pixel {i}");
+                assert_eq!(array[i], f32::INFINITY, "pixel {i}");
+                assert_eq!(n, glam::Vec3::ZERO, "pixel {i}");
+            }
+        }
+        // The statue in its bounding sphere.
+        assert!((1000..4000).contains(&covered), "{covered} covered pixels");
+    }
+}
+
+#[test]
+fn the_device_draws_what_the_mirror_draws() {
+    if !has_device() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for method in ["triangles", "points", "pop"] {
+        let scene =
+            format!("render generate:torus:40000 --size 120x100 --method {method} --threshold 2");
+        expect(at, 0, &format!("{scene} -o device.png --validate"));
+        expect(at, 0, &format!("{scene} -o mirror.png --device mirror"));
+        let d = compare(
+            &load(&at.join("mirror.png")),
+            &load(&at.join("device.png")),
+            1.0,
+        )
+        .unwrap();
+        // Needles are all edge; see the tolerances of the oracle.
+        assert!(d.object.pixels > 2000, "{method}: {d:?}");
+        assert!(
+            d.whole.past_level <= 40 && d.missing + d.extra <= 20,
+            "{method}: {d:?}"
+        );
+    }
+}
+
+#[test]
+fn a_tree_file_is_its_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    expect(at, 0, "generate statue --triangles 9000 -o a.ply");
+    expect(at, 0, "build a.ply -o b.surfel");
+    expect(at, 0, "build a.ply -o c.surfel");
+    assert!(
+        is_same(at, "b.surfel", "c.surfel"),
+        "trees of one model differ"
+    );
+    for method in ["triangles", "points", "pop"] {
+        for model in ["a.ply", "b.surfel"] {
+            expect(
+                at,
+                0,
+                &format!(
+                    "render {model} -o {model}.png --depth {model}.npy --method {method} --threshold 2 --size 90x90 --device mirror"
+                ),
+            );
+        }
+        assert!(is_same(at, "a.ply.png", "b.surfel.png"), "{method}");
+        assert!(is_same(at, "a.ply.npy", "b.surfel.npy"), "{method}");
+    }
+    // Known by its content, whatever its name.
+    std::fs::copy(at.join("b.surfel"), at.join("tree.bin")).unwrap();
+    assert_eq!(
+        expect(at, 0, "info --json tree.bin").json()["format"],
+        "surfel tree"
+    );
+}
+
+#[test]
+fn a_saved_camera_gives_the_same_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "render generate:statue:9000 --threshold 2 --device mirror";
+    expect(
+        at,
+        0,
+        &format!("{scene} --size 90x60 --orbit -77.7,-12.3,1.37 -o a.exr --save-camera c.json"),
+    );
+    expect(
+        at,
+        0,
+        &format!("{scene} --camera c.json -o b.exr --save-camera d.json"),
+    );
+    assert!(is_same(at, "a.exr", "b.exr") && is_same(at, "c.json", "d.json"));
+    // Another size of the same shape: the same view.
+    expect(
+        at,
+        0,
+        &format!("{scene} --camera c.json --size 270x180 -o large.png"),
+    );
+    assert_eq!(load(&at.join("large.png")).size(), [270, 180]);
+    // And another direction is another picture.
+    expect(
+        at,
+        0,
+        &format!("{scene} --size 90x60 --orbit 77.7,-12.3,1.37 -o b.exr"),
+    );
+    assert!(!is_same(at, "a.exr", "b.exr"));
+}
+
+#[test]
+fn frames_are_the_views_of_the_standard_orbit() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "render generate:statue:9000 --size 50x40 --device mirror";
+    expect(
+        at,
+        0,
+        &format!("{scene} --frames 3 -o turn.png --depth turn.npy"),
+    );
+    let numbers = ["000", "001", "002"];
+    let wanted: Vec<String> = numbers
+        .iter()
+        .flat_map(|n| [format!("turn-{n}.npy"), format!("turn-{n}.png")])
+        .collect();
+    assert_eq!(names(at), wanted);
+    // Azimuth (k + 1/2) 360/n, elevation 20.
+    for (number, azimuth) in numbers.iter().zip([60, 180, 300]) {
+        expect(at, 0, &format!("{scene} --orbit {azimuth},20 -o one.png"));
+        assert!(
+            is_same(at, &format!("turn-{number}.png"), "one.png"),
+            "{number}"
+        );
+    }
+    assert!(!is_same(at, "turn-000.png", "turn-001.png"));
+}
+
+#[test]
+fn samples_are_averaged() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "render generate:sphere:9000 --method triangles --device mirror";
+    expect(
+        at,
+        0,
+        &format!("{scene} --size 60x60 --samples 16 -o mean.exr --coverage mean.png"),
+    );
+    expect(at, 0, &format!("{scene} --size 240x240 -o large.exr"));
+    let (mean, large, coverage) = (
+        load(&at.join("mean.exr")),
+        load(&at.join("large.exr")),
+        load(&at.join("mean.png")),
+    );
+    // 4 x 4 regular samples are the pixels of a picture of 4 times the size, with the same smallest distance
+    // of a sample to the next: exact but for the rounding of single precision, which moves an edge sample at times.
+    let (mut past, mut partly) = (0, 0);
+    for y in 0..60 {
+        for x in 0..60 {
+            let mut sum = [0.0; 4];
+            for i in 0..16 {
+                let p = large.color[(4 * y + i / 4) * 240 + 4 * x + i % 4];
+                (0..4).for_each(|c| sum[c] += f64::from(p[c]) / 16.0);
+            }
+            let found = mean.color[y * 60 + x];
+            past += usize::from((0..4).any(|c| (f64::from(found[c]) - sum[c]).abs() > 0.6 / 255.0));
+            partly += usize::from(found[3] > 0.0 && found[3] < 1.0);
+            assert_eq!((found[3] * 16.0).fract(), 0.0, "a share of 16 samples");
+            assert!((coverage.color[y * 60 + x][0] - found[3]).abs() < 0.51 / 255.0);
+        }
+    }
+    assert!(
+        past <= 8,
+        "{past} pixels differ from the mean of 16 samples"
+    );
+    assert!(partly > 100, "{partly} pixels are partly covered");
+}
+
+#[test]
+fn looks_are_what_their_options_say() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "render generate:sphere:9000 --size 60x60 --orbit 0,0,0.7 --device mirror -o a.png";
+    let draw = |options: &str| {
+        expect(at, 0, &format!("{scene} {options}"));
+        let image = load(&at.join("a.png"));
+        let level = |x: usize, y: usize| {
+            [0, 1, 2].map(|c| (image.color[y * 60 + x][c] * 255.0).round() as u8)
+        };
+        (level(0, 0), level(30, 30))
+    };
+    for (color, wanted) in [
+        ("black", [0, 0, 0]),
+        ("white", [255, 255, 255]),
+        ("gray", [128, 128, 128]),
+        ("#ff8001", [255, 128, 1]),
+        ("10,20,30", [10, 20, 30]),
+    ] {
+        let (corner, middle) = draw(&format!("--background {color}"));
+        assert_eq!(corner, wanted, "{color}");
+        // Facing gray: 0.8 of 255.
+        assert!(middle.iter().all(|c| c.abs_diff(204) <= 1), "{middle:?}");
+    }
+    let (_, splat) = draw("--color-by primitive --threshold 50");
+    let (_, triangle) = draw("--color-by primitive --threshold 0");
+    assert!(splat[0] > 100 && splat[2] < 50, "splats are red: {splat:?}");
+    assert!(
+        triangle[2] > 100 && triangle[0] < 50,
+        "triangles are blue: {triangle:?}"
+    );
+}
+
+#[test]
+fn the_demo_writes_every_picture_and_the_sheet() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let run = expect(
+        at,
+        0,
+        "demo --model generate:statue:20000 --repeats 1 --size 96x96 --device mirror -o deep/out",
+    );
+    let found = names(&at.join("deep/out"));
+    assert_eq!(found.len(), 9, "{found:?}");
+    for name in &found {
+        let image = load(&at.join("deep/out").join(name));
+        if name == "contact-sheet.png" {
+            assert!(
+                image.width > 4 * 96 && image.height > 2 * 96,
+                "{:?}",
+                image.size()
+            );
+        } else {
+            assert_eq!(image.size(), [96, 96], "{name}");
+        }
+        let lit = image
+            .color
+            .iter()
+            .filter(|c| c[0] > 0.1 || c[2] > 0.1)
+            .count();
+        assert!(lit > 50, "{name} shows {lit} pixels");
+        assert!(
+            run.text().contains(name.as_str()),
+            "{name} is not told: {}",
+            run.text()
+        );
+    }
+    // Of so small a model POP at one pixel is all triangles; the others differ.
+    let mut contents: Vec<_> = found
+        .iter()
+        .filter(|n| *n != "pop-1.png")
+        .map(|n| bytes(&at.join("deep/out"), n))
+        .collect();
+    contents.sort();
+    contents.dedup();
+    assert_eq!(contents.len(), 8, "two pictures are the same");
+}
