@@ -389,7 +389,11 @@ impl Frame<'_> {
     where
         Self: 'f,
     {
-        self.frames.barriers.declared.iter_mut().for_each(Vec::clear);
+        self.frames
+            .barriers
+            .declared
+            .iter_mut()
+            .for_each(Vec::clear);
         Pass {
             gpu: self.frames.gpu.clone(),
             timestamps: self.frames.timestamps,
