@@ -47,7 +47,7 @@ pub struct FilteredSplat {
     pub area_px: f32,
 }
 
-/// What every pass of a frame knows, 160 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 176 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -67,6 +67,8 @@ pub struct FrameConstants {
     pub model_scale: f32,
     /// Bits `FLAG_*` of [`constants`].
     pub flags: u32,
+    /// What a pixel shows where nothing is drawn; the last component is not used.
+    pub background: [f32; 4],
 }
 
 /// Shaders as compiled by `build.rs`, with what they declare.
@@ -156,4 +158,5 @@ same_layout!(
     splat_size_px = SPLAT_SIZE_PX,
     model_scale = MODEL_SCALE,
     flags = FLAGS,
+    background = BACKGROUND,
 );

@@ -12,7 +12,7 @@ use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Settings};
+use surfel::method::{Culling, Method, Settings, SplatKind};
 use surfel::progress::Progress;
 
 /// Which device draws.
@@ -88,6 +88,14 @@ enum CullingName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum SplatName {
+    /// Opaque squares of the threshold's size
+    Square,
+    /// Squares that deposit the area they cover: smooth rims, the mean of what is under a pixel
+    Filtered,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum SizeName {
     /// The longer axis of the ellipse that its sphere covers
     Exact,
@@ -130,6 +138,9 @@ pub(crate) struct LookArgs {
     /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels
     #[arg(long, short, value_name = "PIXELS", default_value_t = 1.0)]
     threshold: f32,
+    /// What a splat of pop looks like
+    #[arg(long, value_enum, default_value = "square")]
+    splat: SplatName,
     /// What the size of a node on screen is
     #[arg(long, value_enum, default_value = "exact")]
     size_metric: SizeName,
@@ -151,6 +162,11 @@ pub(crate) struct LookArgs {
 }
 
 impl LookArgs {
+    /// Whether the tree needs the sums of filtered splats.
+    pub(crate) fn needs_moments(&self) -> bool {
+        matches!(self.splat, SplatName::Filtered)
+    }
+
     pub(crate) fn settings(&self) -> Result<Settings, Failure> {
         if !(self.threshold >= 0.0 && self.threshold <= 4096.0) {
             return Err(usage(format!(
@@ -160,6 +176,10 @@ impl LookArgs {
         }
         Ok(Settings {
             method: self.method.into(),
+            splat: match self.splat {
+                SplatName::Square => SplatKind::Square,
+                SplatName::Filtered => SplatKind::Filtered,
+            },
             threshold_px: self.threshold,
             culling: match self.culling {
                 CullingName::Auto => Culling::Auto,
@@ -464,7 +484,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
     let camera = args.camera.as_deref().map(read_camera).transpose()?;
-    let ready = args.source.ready(quiet)?;
+    let source = Source {
+        moments: args.look.needs_moments(),
+        ..args.source.clone()
+    };
+    let ready = source.ready(quiet)?;
     let cameras = args.cameras(&ready, camera)?;
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);

@@ -1,5 +1,6 @@
 //! Draw lists: the cut as plain arrays of the records in [`crate::abi`], the same bytes for device and mirror.
 
+pub mod filtered;
 pub mod pack;
 
 use crate::abi::{FilteredSplat, Splat, Vertex};

@@ -403,6 +403,7 @@ impl Frame<'_> {
             colors: [None; 4],
             color_count: 0,
             depth: None,
+            depth_is_read_only: false,
             extent: None,
         }
     }
@@ -584,6 +585,7 @@ pub struct Pass<'f> {
     colors: [Option<(vk::ImageView, Load)>; 4],
     color_count: usize,
     depth: Option<(vk::ImageView, Load)>,
+    depth_is_read_only: bool,
     extent: Option<vk::Extent2D>,
 }
 
@@ -622,6 +624,23 @@ impl Pass<'_> {
         self.barriers
             .image(image, Access::DepthWrite, load != Load::Keep);
         self.depth = Some((image.view, load));
+        self
+    }
+
+    /// Tests against depth that an earlier pass wrote, and leaves it as it is.
+    #[must_use]
+    pub fn depth_test(mut self, image: &Image) -> Self {
+        self.target(image);
+        self.barriers.image(image, Access::DepthTest, false);
+        self.depth = Some((image.view, Load::Keep));
+        self.depth_is_read_only = true;
+        self
+    }
+
+    /// Samples an image in the fragment shader.
+    #[must_use]
+    pub fn sampled(self, image: &Image) -> Self {
+        self.barriers.image(image, Access::Sampled, false);
         self
     }
 
@@ -679,7 +698,7 @@ impl Pass<'_> {
             vk::RenderingAttachmentInfo::default()
                 .image_view(view)
                 .image_layout(if is_depth {
-                    vk::ImageLayout::DEPTH_ATTACHMENT_OPTIMAL
+                    Access::DepthWrite.scope().layout
                 } else {
                     vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
                 })
@@ -691,7 +710,12 @@ impl Pass<'_> {
         for (info, color) in color_infos.iter_mut().zip(colors.iter().flatten()) {
             *info = attachment(color.0, color.1, false);
         }
-        let depth_info = depth.map(|(view, load)| attachment(view, load, true));
+        let mut depth_info = depth.map(|(view, load)| attachment(view, load, true));
+        if let (Some(info), true) = (&mut depth_info, self.depth_is_read_only) {
+            *info = info
+                .image_layout(Access::DepthTest.scope().layout)
+                .store_op(vk::AttachmentStoreOp::NONE);
+        }
         let area = vk::Rect2D {
             offset: vk::Offset2D::default(),
             extent,
@@ -828,23 +852,18 @@ impl std::fmt::Debug for Draw<'_> {
 }
 
 impl Draw<'_> {
-    /// Binds a pipeline with its uniform blocks, one for each of its bindings in ascending order.
+    /// Binds a pipeline with its uniform blocks and its images, each in ascending order of their bindings.
     ///
     /// # Panics
-    /// When a binding gets no block or is not a uniform block, or the frame has bound too many.
-    pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform]) {
-        assert!(
-            uniforms.len() == pipeline.bindings.len(),
-            "{}: {} wants {} bindings",
-            self.name,
-            pipeline.name(),
-            pipeline.bindings.len()
-        );
+    /// When a binding gets nothing or something of another kind, an image was not declared by the pass, or the
+    /// frame has bound too many.
+    pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform], images: &[&Image]) {
         let layouts = [pipeline.set_layout];
         let info = vk::DescriptorSetAllocateInfo::default()
             .descriptor_pool(self.descriptors)
             .set_layouts(&layouts);
-        // SAFETY: the pool belongs to this frame's slot, whose last use has finished; the buffers written are
+        let (mut uniforms, mut images) = (uniforms.iter(), images.iter());
+        // SAFETY: the pool belongs to this frame's slot, whose last use has finished; buffers and images written are
         // alive as long as the frame; every binding of the set is written before it is bound.
         unsafe {
             let sets = match self.gpu.device.allocate_descriptor_sets(&info) {
@@ -855,23 +874,57 @@ impl Draw<'_> {
                     4 * MAX_PASSES
                 ),
             };
-            for (&(binding, kind), uniform) in pipeline.bindings.iter().zip(uniforms) {
-                assert!(
-                    kind == BindingKind::UniformBuffer,
-                    "{}: binding {binding} is not uniform",
-                    self.name
-                );
-                let buffers = [vk::DescriptorBufferInfo::default()
-                    .buffer(self.uniforms)
-                    .offset(uniform.offset)
-                    .range(uniform.bytes)];
+            for &(binding, kind) in &pipeline.bindings {
                 let write = vk::WriteDescriptorSet::default()
                     .dst_set(sets[0])
-                    .dst_binding(binding)
-                    .descriptor_type(vk::DescriptorType::UNIFORM_BUFFER)
-                    .buffer_info(&buffers);
-                self.gpu.device.update_descriptor_sets(&[write], &[]);
+                    .dst_binding(binding);
+                match kind {
+                    BindingKind::UniformBuffer => {
+                        let Some(uniform) = uniforms.next() else {
+                            panic!("{}: nothing for uniform binding {binding}", self.name)
+                        };
+                        let buffers = [vk::DescriptorBufferInfo::default()
+                            .buffer(self.uniforms)
+                            .offset(uniform.offset)
+                            .range(uniform.bytes)];
+                        let write = write
+                            .descriptor_type(vk::DescriptorType::UNIFORM_BUFFER)
+                            .buffer_info(&buffers);
+                        self.gpu.device.update_descriptor_sets(&[write], &[]);
+                    }
+                    BindingKind::SampledImage => {
+                        let Some(image) = images.next() else {
+                            panic!("{}: nothing for image binding {binding}", self.name)
+                        };
+                        assert!(
+                            lock(&image.state).layout() == Access::Sampled.scope().layout,
+                            "pass {} did not declare image {}",
+                            self.name,
+                            image.name()
+                        );
+                        let infos = [vk::DescriptorImageInfo::default()
+                            .sampler(self.gpu.sampler)
+                            .image_view(image.view)
+                            .image_layout(Access::Sampled.scope().layout)];
+                        let write = write
+                            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
+                            .image_info(&infos);
+                        self.gpu.device.update_descriptor_sets(&[write], &[]);
+                    }
+                    BindingKind::StorageBuffer | BindingKind::StorageImage => {
+                        panic!(
+                            "{}: binding {binding} is storage, which draws do not use",
+                            self.name
+                        )
+                    }
+                }
             }
+            assert!(
+                uniforms.next().is_none() && images.next().is_none(),
+                "{}: {} has fewer bindings",
+                self.name,
+                pipeline.name()
+            );
             let point = vk::PipelineBindPoint::GRAPHICS;
             self.gpu
                 .device

@@ -92,6 +92,14 @@ pub enum Error {
         /// What is missing.
         cause: String,
     },
+    /// The device lacks what this needs.
+    #[error("{what} cannot be drawn: {why}")]
+    Unsupported {
+        /// What was asked for.
+        what: &'static str,
+        /// What is missing.
+        why: String,
+    },
     /// Something is larger than the device allows.
     #[error("{what} is {value}; this device allows {limit}")]
     Limit {
@@ -151,6 +159,8 @@ pub struct Gpu {
     allocator: ManuallyDrop<Mutex<Allocator>>,
     timeline: vk::Semaphore,
     pipeline_cache: vk::PipelineCache,
+    /// Reads single texels; passes that filter do it by themselves.
+    sampler: vk::Sampler,
     device: ash::Device,
     debug_device: Option<ash::ext::debug_utils::Device>,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
@@ -229,6 +239,7 @@ impl Gpu {
             allocator: ManuallyDrop::new(Mutex::new(allocator)),
             timeline: vk::Semaphore::null(),
             pipeline_cache: vk::PipelineCache::null(),
+            sampler: vk::Sampler::null(),
             device,
             debug_device,
             messenger,
@@ -250,6 +261,15 @@ impl Gpu {
         gpu.timeline = unsafe { gpu.device.create_semaphore(&info, None) }
             .map_err(Error::vulkan("vkCreateSemaphore", "the timeline"))?;
         gpu.pipeline_cache = pipeline::load_cache(&gpu)?;
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(vk::Filter::NEAREST)
+            .min_filter(vk::Filter::NEAREST)
+            .address_mode_u(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .address_mode_v(vk::SamplerAddressMode::CLAMP_TO_EDGE);
+        // SAFETY: the device is alive.
+        gpu.sampler = unsafe { gpu.device.create_sampler(&info, None) }
+            .map_err(Error::vulkan("vkCreateSampler", "the sampler"))?;
+        gpu.name(gpu.sampler, "nearest");
         gpu.name(gpu.timeline, "timeline");
         Ok(Arc::new(gpu))
     }
@@ -472,6 +492,7 @@ impl Drop for Gpu {
         // before its device, the messenger after the device so that it sees leaks, the instance last. The
         // allocator is not used after this.
         unsafe {
+            self.device.destroy_sampler(self.sampler, None);
             self.device
                 .destroy_pipeline_cache(self.pipeline_cache, None);
             self.device.destroy_semaphore(self.timeline, None);

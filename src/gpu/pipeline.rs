@@ -68,8 +68,8 @@ pub struct Description<'a> {
     pub name: &'a str,
     /// Vertex shader.
     pub vertex: &'a Shader,
-    /// Fragment shader.
-    pub fragment: &'a Shader,
+    /// Fragment shader; none for a pass that writes depth only.
+    pub fragment: Option<&'a Shader>,
     /// Boolean specialization constants 0, 1, ... of the fragment shader.
     pub constants: &'a [bool],
     /// Vertex record.
@@ -78,8 +78,21 @@ pub struct Description<'a> {
     pub topology: Topology,
     /// Color targets in order of location.
     pub colors: &'a [Format],
-    /// Depth test (nearer wins) and write on a [`Format::Depth32`] target.
-    pub depth: bool,
+    /// What happens with the [`Format::Depth32`] target.
+    pub depth: Depth,
+    /// Add to the color targets instead of replacing.
+    pub is_additive: bool,
+}
+
+/// What a pipeline does with depth (reversed: nearer is greater).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Depth {
+    /// There is no depth target.
+    None,
+    /// Nearer passes and is written; the first drawn wins a tie.
+    Nearest,
+    /// What is not farther passes; nothing is written.
+    TestOnly,
 }
 
 /// A graphics pipeline with its layout.
@@ -152,7 +165,7 @@ impl Pipeline {
         } = *description;
         // Union of the bindings of both stages.
         let mut bindings: Vec<(u32, BindingKind, vk::ShaderStageFlags)> = Vec::new();
-        for shader in [vertex, fragment] {
+        for shader in std::iter::once(vertex).chain(fragment) {
             for &(binding, kind) in shader.bindings {
                 match bindings.iter_mut().find(|b| b.0 == binding) {
                     Some(known) => {
@@ -214,7 +227,10 @@ fn compile(
 ) -> Result<vk::Pipeline, Error> {
     let name = description.name;
     let vertex = Module::new(gpu, description.vertex)?;
-    let fragment = Module::new(gpu, description.fragment)?;
+    let fragment = description
+        .fragment
+        .map(|f| Module::new(gpu, f))
+        .transpose()?;
     let values: Vec<u8> = description
         .constants
         .iter()
@@ -238,7 +254,11 @@ fn compile(
             .name(c"main"),
         vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::FRAGMENT)
-            .module(fragment.handle)
+            .module(
+                fragment
+                    .as_ref()
+                    .map_or(vk::ShaderModule::null(), |f| f.handle),
+            )
             .name(c"main")
             .specialization_info(&specialization),
     ];
@@ -283,18 +303,22 @@ fn compile(
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-        .depth_test_enable(description.depth)
-        .depth_write_enable(description.depth)
-        // Depth is reversed: nearer is greater; the first drawn wins a tie.
-        .depth_compare_op(vk::CompareOp::GREATER);
-    let targets: Vec<_> = description
-        .colors
-        .iter()
-        .map(|_| {
-            vk::PipelineColorBlendAttachmentState::default()
-                .color_write_mask(vk::ColorComponentFlags::RGBA)
-        })
-        .collect();
+        .depth_test_enable(description.depth != Depth::None)
+        .depth_write_enable(description.depth == Depth::Nearest)
+        .depth_compare_op(match description.depth {
+            Depth::TestOnly => vk::CompareOp::GREATER_OR_EQUAL,
+            _ => vk::CompareOp::GREATER,
+        });
+    let target = vk::PipelineColorBlendAttachmentState::default()
+        .color_write_mask(vk::ColorComponentFlags::RGBA)
+        .blend_enable(description.is_additive)
+        .src_color_blend_factor(vk::BlendFactor::ONE)
+        .dst_color_blend_factor(vk::BlendFactor::ONE)
+        .color_blend_op(vk::BlendOp::ADD)
+        .src_alpha_blend_factor(vk::BlendFactor::ONE)
+        .dst_alpha_blend_factor(vk::BlendFactor::ONE)
+        .alpha_blend_op(vk::BlendOp::ADD);
+    let targets = vec![target; description.colors.len()];
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&targets);
     let states = [
         vk::DynamicState::VIEWPORT,
@@ -306,11 +330,11 @@ fn compile(
     let formats: Vec<_> = description.colors.iter().map(|f| f.vk()).collect();
     let mut rendering =
         vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);
-    if description.depth {
+    if description.depth != Depth::None {
         rendering = rendering.depth_attachment_format(Format::Depth32.vk());
     }
     let info = vk::GraphicsPipelineCreateInfo::default()
-        .stages(&stages)
+        .stages(&stages[..1 + usize::from(fragment.is_some())])
         .vertex_input_state(&input)
         .input_assembly_state(&assembly)
         .viewport_state(&viewport)

@@ -3,7 +3,7 @@
 use super::buffer::{Buffer, Usage};
 use super::frame::{Frames, Load};
 use super::image::{Format, Image};
-use super::pipeline::{Attribute, AttributeFormat, Description, Pipeline, Record, Topology};
+use super::pipeline::{Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology};
 use super::{Error, Gpu};
 use crate::abi::{FrameConstants, Splat, shaders};
 use bytemuck::Zeroable;
@@ -98,7 +98,7 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
         &Description {
             name: "self-test",
             vertex: &shaders::SPLATS_SQUARE_VERT,
-            fragment: &shaders::POINTS_DRAW_FRAG,
+            fragment: Some(&shaders::POINTS_DRAW_FRAG),
             constants: &[false],
             record: Record {
                 stride: size_of::<Splat>() as u32,
@@ -127,7 +127,8 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
             },
             topology: Topology::Points,
             colors: &[Format::Rgba8],
-            depth: true,
+            depth: Depth::Nearest,
+            is_additive: false,
         },
     )?;
     let most = PASSES.iter().map(|p| p.1).max().unwrap_or(1);
@@ -175,7 +176,7 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
                 .vertices(&buffer);
             pass.draw([0.0, 0.0, SIDE as f32, SIDE as f32], |draw| {
                 draw.cull_back_faces(false, false);
-                draw.bind(&pipeline, &[constants]);
+                draw.bind(&pipeline, &[constants], &[]);
                 draw.vertices(&buffer, 0);
                 draw.draw(0, count);
             });

@@ -2,6 +2,7 @@
 //! mirror on the CPU that tests compare it with.
 
 pub mod engine;
+pub mod filtered;
 pub mod hybrid;
 pub mod mirror;
 pub mod points;
@@ -27,6 +28,17 @@ pub enum Method {
     Pop,
 }
 
+/// What a splat of [`Method::Pop`] looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SplatKind {
+    /// An opaque square, facing the viewer, of the threshold's size.
+    #[default]
+    Square,
+    /// A square that deposits the area its patch of surface covers; the sums are coverage and mean color.
+    Filtered,
+}
+
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
@@ -44,6 +56,8 @@ pub enum Culling {
 pub struct Settings {
     /// How the model is drawn.
     pub method: Method,
+    /// What splats look like.
+    pub splat: SplatKind,
     /// Largest projected diameter of a node drawn whole, and side of its square; pixels. At least 0.
     pub threshold_px: f32,
     /// Back-face and normal-cone culling.
@@ -64,6 +78,7 @@ impl Default for Settings {
     fn default() -> Self {
         Self {
             method: Method::Pop,
+            splat: SplatKind::Square,
             threshold_px: 1.0,
             culling: Culling::Auto,
             color_by: ColorBy::Shading,

@@ -6,14 +6,15 @@
 #[cfg(feature = "viewer")]
 mod present;
 
+use super::filtered::{self, Filtered};
 use super::hybrid::{self, Run};
 pub use super::mirror::Outputs;
 use super::scene::Scene;
 use super::triangles::{self, Variant};
-use super::{COLOR, Method, NORMAL, Settings, points};
-use crate::abi::{FrameConstants, Splat, constants};
+use super::{COLOR, Method, NORMAL, Settings, SplatKind, points};
+use crate::abi::{FilteredSplat, FrameConstants, Splat, constants};
 use crate::cut::{self, Cut};
-use crate::draw::{ColorBy, pack};
+use crate::draw::{self, ColorBy, pack};
 use crate::gpu::buffer::{AnyBuffer, Readback, Upload};
 use crate::gpu::frame::{Frame, Frames, Load, Pass, Ticket};
 use crate::gpu::image::{Format, Image as Target};
@@ -44,6 +45,14 @@ impl Targets {
                 .then(|| Target::new(gpu, "normal", NORMAL, width, height))
                 .transpose()?,
         })
+    }
+
+    pub(crate) fn color(&self) -> &Target {
+        &self.color
+    }
+
+    pub(crate) fn depth(&self) -> &Target {
+        &self.depth
     }
 
     /// Attaches all targets, cleared: color to the background with coverage 0, depth to far.
@@ -163,6 +172,7 @@ pub struct Renderer {
     triangles: Option<(Variant, Pipeline)>,
     points: Option<Pipeline>,
     splats: Option<Pipeline>,
+    filtered: Option<Filtered>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
@@ -213,6 +223,7 @@ impl Renderer {
             triangles: None,
             points: None,
             splats: None,
+            filtered: None,
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
@@ -312,6 +323,9 @@ impl Renderer {
                 limit: max_point as u64,
             });
         }
+        if settings.method == Method::Pop && settings.splat == SplatKind::Filtered {
+            check_filtered(model, settings, self.outputs, max_point)?;
+        }
         self.prepare(scene, model, settings)?;
         let start = Instant::now();
         let (ticket, times) = match settings.method {
@@ -349,8 +363,17 @@ impl Renderer {
         if settings.method == Method::Points && self.points.is_none() {
             self.points = Some(points::pipeline(&self.gpu, normals)?);
         }
-        if settings.method == Method::Pop && self.splats.is_none() {
-            self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
+        if settings.method == Method::Pop {
+            match settings.splat {
+                SplatKind::Square if self.splats.is_none() => {
+                    self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
+                }
+                SplatKind::Filtered if self.filtered.is_none() => {
+                    let (width, height) = (self.targets.color.width, self.targets.color.height);
+                    self.filtered = Some(Filtered::new(&self.gpu, width, height)?);
+                }
+                _ => {}
+            }
         }
         Ok(())
     }
@@ -450,50 +473,69 @@ impl Renderer {
         self.frames.wait_for_next()?;
         let lists = &mut self.lists[self.frames.next_slot()];
         let side = settings.threshold_px.max(1.0);
-        let capacity = pack::splat_count(model, &self.cut, view, side, max_point);
-        reserve(
-            &self.gpu,
-            &mut lists.splats,
-            (capacity * size_of::<Splat>()) as u64,
-        )?;
-        reserve(
-            &self.gpu,
-            &mut lists.indices,
-            12 * self.cut.triangles.len() as u64,
-        )?;
-        let splats = whole_records::<Splat>(lists.splats.bytes_mut());
-        let splat_count = pack::splats(model, &self.cut, view, side, max_point, splats);
-        let splat_bytes = (splat_count * size_of::<Splat>()) as u64;
+        let (splat_count, splat_bytes) = match settings.splat {
+            SplatKind::Square => {
+                let most = pack::splat_count(model, &self.cut, view, side, max_point);
+                let out = records(&self.gpu, &mut lists.splats, most)?;
+                let count = pack::splats(model, &self.cut, view, side, max_point, out);
+                (count, (count * size_of::<Splat>()) as u64)
+            }
+            SplatKind::Filtered => {
+                let most = draw::filtered::splat_count(&self.cut);
+                let out = records(&self.gpu, &mut lists.splats, most)?;
+                let shade = filtered_shade(settings, model);
+                let count = draw::filtered::splats(model, &self.cut, view, shade, out);
+                (count, (count * size_of::<FilteredSplat>()) as u64)
+            }
+        };
         lists.splats.flush(0..splat_bytes);
+        let triangle_count = self.cut.triangles.len();
+        reserve(&self.gpu, &mut lists.indices, 12 * triangle_count as u64)?;
         pack_triangles(model, scene, &self.cut.triangles, lists);
         let index_bytes = 12 * self.cut.triangles.len() as u64;
         lists.indices.flush(0..index_bytes);
         let pack_ms = ms(pack_start);
 
-        let (Some((_, triangle_pipeline)), Some(splat_pipeline)) = (&self.triangles, &self.splats)
-        else {
-            unreachable!("prepare made the pipelines")
-        };
         let submit_start = Instant::now();
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
-        hybrid::record_triangles(
-            &mut frame,
-            triangle_pipeline,
-            &self.targets,
-            scene,
-            (&lists.indices, &lists.runs),
-            &context,
-            constants,
-        );
-        hybrid::record_splats(
-            &mut frame,
-            splat_pipeline,
-            &self.targets,
-            (&lists.splats, splat_count as u32),
-            &context,
-            constants,
-        );
+        match (
+            settings.splat,
+            &self.triangles,
+            &self.splats,
+            &self.filtered,
+        ) {
+            (SplatKind::Square, Some((_, triangles)), Some(splats), _) => {
+                hybrid::record_triangles(
+                    &mut frame,
+                    triangles,
+                    &self.targets,
+                    scene,
+                    (&lists.indices, &lists.runs),
+                    &context,
+                    constants,
+                );
+                hybrid::record_splats(
+                    &mut frame,
+                    splats,
+                    &self.targets,
+                    (&lists.splats, splat_count as u32),
+                    &context,
+                    constants,
+                );
+            }
+            (SplatKind::Filtered, _, _, Some(filtered)) => {
+                let list = filtered::List {
+                    scene,
+                    indices: &lists.indices,
+                    runs: &lists.runs,
+                    splats: &lists.splats,
+                    splat_count: splat_count as u32,
+                };
+                filtered.record(&mut frame, &self.targets, list, &context, constants);
+            }
+            _ => unreachable!("prepare made the pipelines"),
+        }
         let ticket = end(frame, &self.targets.color)?;
         let times = FrameTimes {
             cut_ms,
@@ -578,6 +620,50 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
     }
 }
 
+/// What the packing of filtered splats needs of the settings.
+pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
+    draw::filtered::Shade {
+        side_px: settings.threshold_px.max(1.0),
+        cull_back: settings.culls_back(model.is_closed),
+        use_colors: settings.use_colors,
+        color_by: settings.color_by,
+    }
+}
+
+/// Refuses by name what filtered splats cannot draw.
+///
+/// # Errors
+/// For point clouds, models without moments, normals as output, one-sided light, and thresholds above
+/// `max_size_px`.
+pub fn check_filtered(
+    model: &Model,
+    settings: &Settings,
+    outputs: Outputs,
+    max_size_px: f32,
+) -> Result<(), Error> {
+    let why = if model.triangles.is_empty() {
+        "a point cloud has no areas; use --splat square"
+    } else if model.tree.moments.len() != model.tree.nodes.len() {
+        "the tree was built without moments; build it again with them (surfel build --moments)"
+    } else if outputs.normal {
+        "they are sums over a pixel and have no normal; leave --normals out"
+    } else if !settings.two_sided {
+        "their sums do not tell the sides of a surface apart; leave --one-sided out"
+    } else if settings.threshold_px > max_size_px {
+        return Err(Error::Limit {
+            what: "the size of filtered splats (--threshold, pixels)".into(),
+            value: settings.threshold_px.ceil() as u64,
+            limit: max_size_px as u64,
+        });
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "filtered splats",
+        why: why.into(),
+    })
+}
+
 /// The uniform block of a frame.
 fn frame_constants(view: &View, settings: &Settings, context: &Context) -> FrameConstants {
     let [_, _, width, height] = context.viewport();
@@ -624,6 +710,10 @@ fn frame_constants(view: &View, settings: &Settings, context: &Context) -> Frame
         splat_size_px: settings.threshold_px.max(1.0),
         model_scale: view.model_scale,
         flags,
+        background: {
+            let [r, g, b] = settings.background;
+            [r, g, b, 0.0]
+        },
     }
 }
 
@@ -631,6 +721,16 @@ fn frame_constants(view: &View, settings: &Settings, context: &Context) -> Frame
 fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
     let whole = bytes.len() / size_of::<T>() * size_of::<T>();
     bytemuck::cast_slice_mut(&mut bytes[..whole])
+}
+
+/// A mapped buffer as `count` records at least, grown if need be.
+fn records<'a, T: bytemuck::Pod>(
+    gpu: &Arc<Gpu>,
+    buffer: &'a mut Upload,
+    count: usize,
+) -> Result<&'a mut [T], Error> {
+    reserve(gpu, buffer, (count * size_of::<T>()) as u64)?;
+    Ok(whole_records(buffer.bytes_mut()))
 }
 
 /// Grows a mapped buffer; its slot is free, so nothing reads it.

@@ -10,7 +10,7 @@ use super::triangles::targets;
 use crate::abi::shaders;
 use crate::gpu::buffer::Upload;
 use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::pipeline::{Description, Pipeline, Topology};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
 use std::sync::Arc;
 
@@ -21,12 +21,13 @@ pub(crate) fn splat_pipeline(gpu: &Arc<Gpu>, normals: bool) -> Result<Pipeline, 
         &Description {
             name: "splats.square",
             vertex: &shaders::SPLATS_SQUARE_VERT,
-            fragment: &shaders::POINTS_DRAW_FRAG,
+            fragment: Some(&shaders::POINTS_DRAW_FRAG),
             constants: &[normals],
             record: SPLAT,
             topology: Topology::Points,
             colors: targets(normals),
-            depth: true,
+            depth: Depth::Nearest,
+            is_additive: false,
         },
     )
 }
@@ -63,7 +64,7 @@ pub(crate) fn record_triangles(
             return;
         }
         draw.cull_back_faces(context.cull_back, context.is_mirrored);
-        draw.bind(pipeline, &[constants]);
+        draw.bind(pipeline, &[constants], &[]);
         draw.indices(indices, 0);
         for run in runs {
             draw.vertices(&scene.pages[run.page].vertices, 0);
@@ -89,7 +90,7 @@ pub(crate) fn record_splats(
         .vertices(splats);
     pass.draw(context.viewport(), |draw| {
         draw.cull_back_faces(false, false);
-        draw.bind(pipeline, &[constants]);
+        draw.bind(pipeline, &[constants], &[]);
         draw.vertices(splats, 0);
         draw.draw(0, count);
     });

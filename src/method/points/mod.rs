@@ -6,7 +6,7 @@ use super::scene::Scene;
 use super::triangles::targets;
 use crate::abi::shaders;
 use crate::gpu::frame::{Frame, Uniform};
-use crate::gpu::pipeline::{Description, Pipeline, Topology};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
 use std::sync::Arc;
 
@@ -17,12 +17,13 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, normals: bool) -> Result<Pipeline, Error>
         &Description {
             name: "points.draw",
             vertex: &shaders::POINTS_DRAW_VERT,
-            fragment: &shaders::POINTS_DRAW_FRAG,
+            fragment: Some(&shaders::POINTS_DRAW_FRAG),
             constants: &[normals],
             record: VERTEX,
             topology: Topology::Points,
             colors: targets(normals),
-            depth: true,
+            depth: Depth::Nearest,
+            is_additive: false,
         },
     )
 }
@@ -42,7 +43,7 @@ pub(crate) fn record(
     }
     pass.draw(context.viewport(), |draw| {
         draw.cull_back_faces(false, false);
-        draw.bind(pipeline, &[constants]);
+        draw.bind(pipeline, &[constants], &[]);
         for page in &scene.pages {
             draw.vertices(&page.vertices, 0);
             draw.draw(0, page.vertex_count);

@@ -40,6 +40,7 @@ impl Renderer {
         if (self.targets.color.width, self.targets.color.height) != (width, height) {
             self.targets = Targets::new(&self.gpu, width, height, self.outputs.normal)?;
             self.readback = None;
+            self.filtered = None;
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ use super::{COLOR, NORMAL, VERTEX};
 use crate::abi::shaders;
 use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::image::Format;
-use crate::gpu::pipeline::{Description, Pipeline, Topology};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
 use std::sync::Arc;
 
@@ -29,12 +29,13 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Err
         &Description {
             name: "triangles.draw",
             vertex: &shaders::TRIANGLES_DRAW_VERT,
-            fragment: &shaders::TRIANGLES_DRAW_FRAG,
+            fragment: Some(&shaders::TRIANGLES_DRAW_FRAG),
             constants: &[variant.normals, variant.colors],
             record: VERTEX,
             topology: Topology::Triangles,
             colors: targets(variant.normals),
-            depth: true,
+            depth: Depth::Nearest,
+            is_additive: false,
         },
     )
 }
@@ -57,7 +58,7 @@ pub(crate) fn record(
     }
     pass.draw(context.viewport(), |draw| {
         draw.cull_back_faces(context.cull_back, context.is_mirrored);
-        draw.bind(pipeline, &[constants]);
+        draw.bind(pipeline, &[constants], &[]);
         for page in &scene.pages {
             let Some(indices) = &page.indices else {
                 continue;
