@@ -55,18 +55,50 @@ fn build(mesh: Mesh) -> Model {
     tree::build(mesh, &BuildOptions::default(), &Silent).expect("the tree builds")
 }
 
-/// Resident memory of this process in bytes: now, and the most since the last reset. Linux only.
-fn memory() -> Option<(u64, u64)> {
+/// The most memory that was resident in this process so far, bytes. Linux only.
+fn highest_resident() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let field = |name: &str| {
-        let line = status.lines().find(|l| l.starts_with(name))?;
-        line.split_whitespace()
-            .nth(1)?
-            .parse::<u64>()
-            .ok()
-            .map(|kb| kb * 1024)
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    Some(line.split_whitespace().nth(1)?.parse::<u64>().ok()? * 1024)
+}
+
+/// The argument with which this program starts itself to build one tree in a fresh process.
+const PEAK: &str = "peak";
+
+/// Builds the torus in this process and prints the highest resident memory and the sizes of mesh and tree.
+fn peak_child(scale: u64) {
+    let source = mesh(Shape::Torus, 4_000_000 / scale);
+    let mesh_bytes = 12 * (source.positions.len() + source.normals.len() + source.triangles.len());
+    let model = build(source);
+    if let Some(highest) = highest_resident() {
+        println!("{highest} {mesh_bytes} {}", model.memory_bytes().tree());
+    }
+}
+
+/// Peak memory of a build, measured in a process of its own because freed memory stays with a process.
+fn peak(scale: u64) {
+    let Ok(program) = std::env::current_exe() else {
+        return;
     };
-    Some((field("VmRSS:")?, field("VmHWM:")?))
+    let mut command = std::process::Command::new(program);
+    command.arg(PEAK);
+    if scale > 1 {
+        command.arg("quick");
+    }
+    let Ok(output) = command.output() else { return };
+    let text = String::from_utf8_lossy(&output.stdout);
+    let numbers: Vec<f64> = text
+        .split_whitespace()
+        .filter_map(|n| n.parse().ok())
+        .collect();
+    if let [highest, mesh, tree] = numbers[..] {
+        row(
+            "peak memory less the mesh, over the tree, torus",
+            (highest - mesh) / tree,
+            "x",
+            Some((true, 3.0)),
+        );
+    }
 }
 
 fn reading(scale: u64) {
@@ -101,17 +133,10 @@ fn building(scale: u64) {
         let count = source.triangles.len();
         let mut times = Vec::new();
         let mut model = None;
-        let mut peak = None;
         for _ in 0..3 {
             let copy = source.clone();
             drop(model.take());
-            // Writing 5 resets the high-water mark; where that is not possible no peak is printed.
-            let reset = std::fs::write("/proc/self/clear_refs", "5").is_ok();
-            let before = memory();
             times.push(ms(|| model = Some(build(copy))) / 1e3);
-            if let (true, Some((resident, _)), Some((_, highest))) = (reset, before, memory()) {
-                peak = Some(highest.saturating_sub(resident));
-            }
         }
         let Some(model) = model else {
             unreachable!("built above")
@@ -132,25 +157,14 @@ fn building(scale: u64) {
             row("   a triangle", seconds / count as f64 * 1e9, "ns", None);
         }
         let tree_bytes = model.memory_bytes().tree();
-        let mesh_bytes =
-            (12 * source.positions.len() + 12 * source.normals.len() + 12 * count) as u64;
         row(
             "   tree, bytes a triangle",
             tree_bytes as f64 / count as f64,
             "B",
             None,
         );
-        if let Some(peak) = peak {
-            // The mesh handed over was resident before, so it counts on top of what was added.
-            row(
-                "   peak memory less the mesh, over the tree",
-                peak as f64 / tree_bytes as f64,
-                "x",
-                Some((true, 3.0)),
-            );
-            let _ = mesh_bytes;
-        }
     }
+    peak(scale);
     if let (Some(first), Some(last)) = (per_triangle.first(), per_triangle.last()) {
         row(
             "   time a triangle, 8 M over 1 M",
@@ -281,6 +295,10 @@ fn main() {
     } else {
         1
     };
+    if std::env::args().any(|a| a == PEAK) {
+        peak_child(scale);
+        return;
+    }
     println!(
         "{} threads; {}x{} pixels; medians",
         rayon::current_num_threads(),

@@ -32,6 +32,21 @@ pub struct Splat {
     pub color: [u8; 4],
 }
 
+/// One filtered splat to draw, 32 bytes: a patch of surface by its integral over the pixel.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FilteredSplat {
+    /// Centroid of the patch in model space.
+    pub center: Vec3,
+    /// Depth offset of the first pass in model units, away from the viewer: radius over the cosine of the
+    /// viewing angle, clamped.
+    pub offset: f32,
+    /// Mean color of what is seen of the patch, shaded: red, green, blue in 0..=1.
+    pub color: [f32; 3],
+    /// Projected area of what faces the viewer, square pixels.
+    pub area_px: f32,
+}
+
 /// What every pass of a frame knows, 160 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]

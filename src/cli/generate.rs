@@ -24,7 +24,7 @@ pub(crate) struct Args {
     /// Cells of the grid instead, such as 2000x1000 (statue: cells along a cube edge, such as 408)
     #[arg(long, value_name = "AxB")]
     grid: Option<String>,
-    /// PLY file to write
+    /// PLY file to write; - for standard output
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
 }
@@ -46,7 +46,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     };
     super::require_folder(&args.output)?;
     let bar = Bar::new(quiet);
-    generate::write_ply_file(&spec, &args.output, &bar)?;
+    if args.output == std::path::Path::new("-") {
+        let mut out = std::io::BufWriter::with_capacity(1 << 20, std::io::stdout().lock());
+        generate::write_ply(&spec, &mut out, &bar)?;
+    } else {
+        generate::write_ply_file(&spec, &args.output, &bar)?;
+    }
     drop(bar);
     let (vertices, triangles) = spec.counts();
     say(&format!(

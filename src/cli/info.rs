@@ -104,7 +104,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let _ = writeln!(out, "  box {} to {}", corner(m.min), corner(m.max));
     let _ = writeln!(
         out,
-        "  tree: {} nodes ({} interior) on {} levels, {} ({:.1} bytes a triangle)",
+        "  tree: {} nodes ({} interior) on {} levels, {} ({:.1} bytes a leaf)",
         count((m.tree.nodes.len() + m.tree.leaves.len()) as u64),
         count(m.tree.nodes.len() as u64),
         m.tree.level_starts.len(),

@@ -5,6 +5,7 @@ use super::source::{Ready, Source};
 use super::{Failure, Outcome, usage, write_text};
 use clap::{Args as ClapArgs, ValueEnum};
 use std::path::{Path, PathBuf};
+use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
 use surfel::gpu::Options as GpuOptions;
 use surfel::image::{FloatImage, Image};
@@ -87,6 +88,32 @@ enum CullingName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum SizeName {
+    /// The longer axis of the ellipse that its sphere covers
+    Exact,
+    /// Diameter over distance of the center along the view direction
+    Center,
+    /// Diameter over distance of the nearest point along the view direction
+    Nearest,
+    /// Twice the tangent of half the angle it is seen under
+    Angle,
+    /// Diameter of the circle of the ellipse's area
+    Area,
+}
+
+impl From<SizeName> for SizeMetric {
+    fn from(name: SizeName) -> Self {
+        match name {
+            SizeName::Exact => Self::Exact,
+            SizeName::Center => Self::Center,
+            SizeName::Nearest => Self::Nearest,
+            SizeName::Angle => Self::Angle,
+            SizeName::Area => Self::Area,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ColorByName {
     /// Headlight shading and vertex colors
     Shading,
@@ -103,6 +130,9 @@ pub(crate) struct LookArgs {
     /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels
     #[arg(long, short, value_name = "PIXELS", default_value_t = 1.0)]
     threshold: f32,
+    /// What the size of a node on screen is
+    #[arg(long, value_enum, default_value = "exact")]
+    size_metric: SizeName,
     /// Whether what faces away is dropped
     #[arg(long, value_enum, default_value = "auto")]
     culling: CullingName,
@@ -143,7 +173,7 @@ impl LookArgs {
             two_sided: !self.one_sided,
             use_colors: !self.no_colors,
             background: self.background,
-            ..Settings::default()
+            size: self.size_metric.into(),
         })
     }
 }

@@ -2,7 +2,7 @@
 
 pub mod pack;
 
-use crate::abi::{Splat, Vertex};
+use crate::abi::{FilteredSplat, Splat, Vertex};
 
 /// Everything one frame draws. Triangles are drawn first, then splats, then points; all with the same depth
 /// test (nearer wins, first drawn wins ties).
@@ -16,6 +16,24 @@ pub struct DrawList<'a> {
     pub splats: &'a [Splat],
     /// Vertices drawn as points of [`Style::splat_size_px`].
     pub points: &'a [Vertex],
+}
+
+/// Everything one frame with filtered splats draws, in three passes:
+///
+/// 1. `filtered.depth`: triangles and splats into depth only, pushed away from the eye by their offset.
+/// 2. `filtered.blend`: both again, unpushed, tested against that depth (not farther passes) without writing it,
+///    summed into (color * weight, weight). A splat of side s px has the weight area_px / s² in every pixel of its
+///    square; a triangle has the weight 1.
+/// 3. `filtered.normalize`: sum of color * weight over sum of weight; the weight itself is the covered fraction
+///    where the surface ends (a neighboring pixel has no weight), and 1 elsewhere.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FilteredList<'a> {
+    /// The model's vertices.
+    pub vertices: &'a [Vertex],
+    /// Corner indices into `vertices`.
+    pub triangles: &'a [[u32; 3]],
+    /// Square splats of [`Style::splat_size_px`], facing the viewer, of the center's depth.
+    pub splats: &'a [FilteredSplat],
 }
 
 /// How the primitives of a frame look.

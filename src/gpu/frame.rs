@@ -79,6 +79,8 @@ pub struct Finished {
 struct Barriers {
     buffers: Vec<vk::BufferMemoryBarrier2<'static>>,
     images: Vec<vk::ImageMemoryBarrier2<'static>>,
+    /// Vertex and index buffers that the pass being described declared; kept for their memory.
+    declared: [Vec<vk::Buffer>; 2],
     /// Record none: a planted fault, see [`Frames::omit_barriers`].
     omitted: bool,
 }
@@ -387,6 +389,11 @@ impl Frame<'_> {
     where
         Self: 'f,
     {
+        self.frames
+            .barriers
+            .declared
+            .iter_mut()
+            .for_each(Vec::clear);
         Pass {
             gpu: self.frames.gpu.clone(),
             timestamps: self.frames.timestamps,
@@ -397,8 +404,6 @@ impl Frame<'_> {
             color_count: 0,
             depth: None,
             extent: None,
-            vertex_buffers: Vec::new(),
-            index_buffers: Vec::new(),
         }
     }
 
@@ -430,7 +435,7 @@ impl Frame<'_> {
             into.bytes() >= bytes,
             "{name}: the readback buffer is smaller than the image"
         );
-        let pass = self.pass(name);
+        let mut pass = self.pass(name);
         let gpu = pass.gpu.clone();
         let commands = pass.slot.commands;
         pass.barriers.image(image, Access::CopySource, false);
@@ -474,7 +479,7 @@ impl Frame<'_> {
     #[cfg(feature = "viewer")]
     pub fn present(&mut self, image: &Image, onto: &Acquired) {
         let mut state = State::acquired(Acquired::FIRST_ACCESS);
-        let pass = self.pass("present");
+        let mut pass = self.pass("present");
         let gpu = pass.gpu.clone();
         let commands = pass.slot.commands;
         pass.barriers.image(image, Access::BlitSource, false);
@@ -538,7 +543,7 @@ impl Frame<'_> {
     #[cfg(feature = "viewer")]
     pub fn submit_onto(self, onto: &Acquired) -> Result<Ticket, Error> {
         let stages = Acquired::FIRST_ACCESS.scope().stages;
-        self.submit_with(&[(onto.free, stages)], &[onto.drawn])
+        self.submit_with(Some((onto.free, stages)), Some(onto.drawn))
     }
 
     /// Ends the recording and submits the frame.
@@ -546,13 +551,13 @@ impl Frame<'_> {
     /// # Errors
     /// When the device is lost or a Vulkan call fails.
     pub fn submit(self) -> Result<Ticket, Error> {
-        self.submit_with(&[], &[])
+        self.submit_with(None, None)
     }
 
     fn submit_with(
         self,
-        waits: &[(vk::Semaphore, vk::PipelineStageFlags2)],
-        signals: &[vk::Semaphore],
+        waits: Option<(vk::Semaphore, vk::PipelineStageFlags2)>,
+        signals: Option<vk::Semaphore>,
     ) -> Result<Ticket, Error> {
         let slot = &mut self.frames.slots[self.index];
         // SAFETY: recording was begun and no rendering scope is open.
@@ -580,11 +585,9 @@ pub struct Pass<'f> {
     color_count: usize,
     depth: Option<(vk::ImageView, Load)>,
     extent: Option<vk::Extent2D>,
-    vertex_buffers: Vec<vk::Buffer>,
-    index_buffers: Vec<vk::Buffer>,
 }
 
-impl<'f> Pass<'f> {
+impl Pass<'_> {
     fn target(&mut self, image: &Image) {
         let extent = vk::Extent2D {
             width: image.width,
@@ -624,17 +627,17 @@ impl<'f> Pass<'f> {
 
     /// Reads vertex records from a buffer.
     #[must_use]
-    pub fn vertices(mut self, buffer: &dyn AnyBuffer) -> Self {
+    pub fn vertices(self, buffer: &dyn AnyBuffer) -> Self {
         self.barriers.buffer(buffer, Access::VertexRead);
-        self.vertex_buffers.push(buffer.handle());
+        self.barriers.declared[0].push(buffer.handle());
         self
     }
 
     /// Reads indices from a buffer.
     #[must_use]
-    pub fn indices(mut self, buffer: &dyn AnyBuffer) -> Self {
+    pub fn indices(self, buffer: &dyn AnyBuffer) -> Self {
         self.barriers.buffer(buffer, Access::IndexRead);
-        self.index_buffers.push(buffer.handle());
+        self.barriers.declared[1].push(buffer.handle());
         self
     }
 
@@ -643,22 +646,16 @@ impl<'f> Pass<'f> {
     ///
     /// # Panics
     /// When the pass has no target, or `record` binds a buffer that was not declared.
-    pub fn draw(self, viewport: [f32; 4], record: impl FnOnce(&mut Draw<'_>)) {
+    pub fn draw(mut self, viewport: [f32; 4], record: impl FnOnce(&mut Draw<'_>)) {
         let extent = self
             .extent
             .unwrap_or_else(|| panic!("pass {} has no target", self.name));
-        let Self {
-            colors,
-            color_count,
-            depth,
-            name,
-            ..
-        } = self;
+        let (colors, color_count) = (self.colors, self.color_count);
+        let (depth, name) = (self.depth, self.name);
         let gpu = self.gpu.clone();
         let (commands, descriptors) = (self.slot.commands, self.slot.descriptors);
         let uniforms = self.slot.uniforms.handle();
-        let vertex_buffers = self.vertex_buffers.clone();
-        let index_buffers = self.index_buffers.clone();
+        let declared = std::mem::take(&mut self.barriers.declared);
         let timing = self.begin();
         let attachment = |view: vk::ImageView, load: Load, is_depth: bool| {
             let (op, clear) = match load {
@@ -727,17 +724,19 @@ impl<'f> Pass<'f> {
             commands,
             descriptors,
             uniforms,
-            vertex_buffers: &vertex_buffers,
-            index_buffers: &index_buffers,
+            vertex_buffers: &declared[0],
+            index_buffers: &declared[1],
             name,
         };
         record(&mut draw);
         // SAFETY: ends the scope begun above.
         unsafe { gpu.device.cmd_end_rendering(commands) };
         timing.end();
+        // Handed back for the next pass, which clears them.
+        self.barriers.declared = declared;
     }
 
-    fn begin(self) -> Timing<'f> {
+    fn begin(&mut self) -> Timing {
         let commands = self.slot.commands;
         self.barriers.record(&self.gpu, commands);
         if let Some(debug) = &self.gpu.debug_device {
@@ -757,11 +756,10 @@ impl<'f> Pass<'f> {
             None
         };
         let timing = Timing {
-            gpu: self.gpu,
+            gpu: self.gpu.clone(),
             commands,
             queries: self.slot.queries,
             query,
-            slot: std::marker::PhantomData,
         };
         if let Some(query) = timing.query {
             timing.stamp(query);
@@ -771,15 +769,14 @@ impl<'f> Pass<'f> {
 }
 
 /// The open end of a pass: writes the second timestamp and closes the label.
-struct Timing<'f> {
+struct Timing {
     gpu: Arc<Gpu>,
     commands: vk::CommandBuffer,
     queries: vk::QueryPool,
     query: Option<u32>,
-    slot: std::marker::PhantomData<&'f ()>,
 }
 
-impl Timing<'_> {
+impl Timing {
     /// A timestamp after all work so far, and a full barrier behind it: without the barrier a device may let
     /// later work start first (or record the stamp late), and its time is booked to the wrong pass.
     fn stamp(&self, query: u32) {

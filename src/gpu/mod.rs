@@ -406,8 +406,8 @@ impl Gpu {
     fn submit(
         &self,
         commands: vk::CommandBuffer,
-        waits: &[(vk::Semaphore, vk::PipelineStageFlags2)],
-        signals: &[vk::Semaphore],
+        waits: Option<(vk::Semaphore, vk::PipelineStageFlags2)>,
+        signals: Option<vk::Semaphore>,
     ) -> Result<u64, Error> {
         let queue = lock(&self.queue);
         let value = self.submitted.load(Ordering::Acquire) + 1;
@@ -417,20 +417,21 @@ impl Gpu {
                 .semaphore(semaphore)
                 .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)
         };
-        let mut all_signals = vec![signal(self.timeline).value(value)];
-        all_signals.extend(signals.iter().map(|&s| signal(s)));
-        let waits: Vec<_> = waits
-            .iter()
-            .map(|&(s, stages)| {
-                vk::SemaphoreSubmitInfo::default()
-                    .semaphore(s)
-                    .stage_mask(stages)
-            })
-            .collect();
+        // The second entries are used only where a window is presented to.
+        let all_signals = [
+            signal(self.timeline).value(value),
+            signal(signals.unwrap_or_default()),
+        ];
+        let all_signals = &all_signals[..1 + usize::from(signals.is_some())];
+        let (semaphore, stages) = waits.unwrap_or_default();
+        let wait = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(semaphore)
+            .stage_mask(stages)];
+        let waits = &wait[..usize::from(waits.is_some())];
         let submit = vk::SubmitInfo2::default()
             .command_buffer_infos(&commands)
-            .wait_semaphore_infos(&waits)
-            .signal_semaphore_infos(&all_signals);
+            .wait_semaphore_infos(waits)
+            .signal_semaphore_infos(all_signals);
         // SAFETY: the queue is locked, the command buffer is recorded and not pending (its frame slot was
         // waited for), the semaphores are alive, and the timeline value rises.
         unsafe {

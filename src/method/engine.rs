@@ -129,7 +129,7 @@ impl<'m> Engine<'m> {
     }
 
     /// The box-filtered mean of `k` x `k` pictures, each shifted by a part of a pixel: `k * k` regular samples a
-    /// pixel. Depth and normals are those of the sample nearest to the pixel center.
+    /// pixel. Color and coverage only: a mean of depths or normals is neither.
     ///
     /// # Errors
     /// As [`Engine::render`].
