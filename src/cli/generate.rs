@@ -48,7 +48,17 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let bar = Bar::new(quiet);
     if args.output == std::path::Path::new("-") {
         let mut out = std::io::BufWriter::with_capacity(1 << 20, std::io::stdout().lock());
-        generate::write_ply(&spec, &mut out, &bar)?;
+        let written = generate::write_ply(&spec, &mut out, &bar)
+            .and_then(|()| Ok(std::io::Write::flush(&mut out)?));
+        match written {
+            // A reader that went away is no failure.
+            Err(generate::Error::Stream(e)) if e.kind() == std::io::ErrorKind::BrokenPipe => {
+                // What is left in the buffer has nowhere to go.
+                let _ = out.into_parts();
+                return Ok(());
+            }
+            other => other?,
+        }
     } else {
         generate::write_ply_file(&spec, &args.output, &bar)?;
     }

@@ -46,23 +46,24 @@ fn every_output_format_tells_the_same() {
         assert_eq!(array.shape(), [80, 96]);
         let array: Vec<f32> = array.into_vec().unwrap();
         let mut covered = 0;
-        for i in 0..96 * 80 {
+        assert_eq!(array.len(), 96 * 80);
+        for (i, &distance) in array.iter().enumerate() {
             // 8 bits and floats of one picture.
             assert_eq!(color.color[i][..3], float.color[i][..3], "pixel {i}");
             assert_eq!(coverage.color[i][0], float.color[i][3], "pixel {i}");
-            assert_eq!(array[i].to_bits(), depth.depth[i].to_bits(), "pixel {i}");
+            assert_eq!(distance.to_bits(), depth.depth[i].to_bits(), "pixel {i}");
             let n = glam::Vec3::from(normal.normal[i]);
             if float.color[i][3] == 1.0 {
                 covered += 1;
                 assert!(
-                    array[i] > 0.0 && array[i] < 10.0,
+                    distance > 0.0 && distance < 10.0,
                     "pixel {i}: depth {}",
-                    array[i]
+                    distance
                 );
                 assert!((n.length() - 1.0).abs() < 1e-3, "pixel {i}: normal {n}");
             } else {
                 assert_eq!(float.color[i], [0.0; 4], "pixel {i}");
-                assert_eq!(array[i], f32::INFINITY, "pixel {i}");
+                assert_eq!(distance, f32::INFINITY, "pixel {i}");
                 assert_eq!(n, glam::Vec3::ZERO, "pixel {i}");
             }
         }
