@@ -67,7 +67,7 @@ pub struct FrameConstants {
     pub model_scale: f32,
     /// Bits `FLAG_*` of [`constants`].
     pub flags: u32,
-    /// What a pixel shows where nothing is drawn; the last component is not used.
+    /// What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
     pub background: [f32; 4],
 }
 

@@ -15,6 +15,6 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     // Length in view space of a unit vector in model space.
     float model_scale;
     uint flags;
-    // What a pixel shows where nothing is drawn; the last component is not used.
+    // What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
     vec4 background;
 } frame;

@@ -141,6 +141,9 @@ pub(crate) struct LookArgs {
     /// What a splat of pop looks like
     #[arg(long, value_enum, default_value = "square")]
     splat: SplatName,
+    /// Filtered splats: how deep a surface may be under a splat and still count as one, in half sides of a splat
+    #[arg(long, value_name = "FACTOR", default_value_t = 3.0)]
+    depth_offset: f32,
     /// What the size of a node on screen is
     #[arg(long, value_enum, default_value = "exact")]
     size_metric: SizeName,
@@ -174,6 +177,12 @@ impl LookArgs {
                 self.threshold
             )));
         }
+        if !(self.depth_offset >= 0.0 && self.depth_offset <= 1000.0) {
+            return Err(usage(format!(
+                "--depth-offset {} is no factor from 0 to 1000",
+                self.depth_offset
+            )));
+        }
         Ok(Settings {
             method: self.method.into(),
             splat: match self.splat {
@@ -181,6 +190,7 @@ impl LookArgs {
                 SplatName::Filtered => SplatKind::Filtered,
             },
             threshold_px: self.threshold,
+            depth_offset: self.depth_offset,
             culling: match self.culling {
                 CullingName::Auto => Culling::Auto,
                 CullingName::On => Culling::On,

@@ -24,6 +24,8 @@ use glam::{Mat3, Vec3};
 pub struct Shade {
     /// Side of a splat's square, pixels.
     pub side_px: f32,
+    /// Factor of the depth offset, see [`crate::method::Settings::depth_offset`].
+    pub depth_offset: f32,
     /// What faces away is dropped; else both sides count.
     pub cull_back: bool,
     /// Multiply by vertex colors.
@@ -88,7 +90,7 @@ struct Eye<'a> {
     shade: Shade,
     /// Square of the focal length in pixels, times the square of the view's scale.
     focal_squared: f32,
-    /// Model-space length of half a splat's side at distance 1.
+    /// Model-space length of half a splat's side at distance 1, times the offset factor.
     half_side: f32,
 }
 
@@ -162,7 +164,7 @@ pub fn splats(
         } else {
             focal * focal * view.model_scale * view.model_scale
         },
-        half_side: shade.side_px
+        half_side: shade.depth_offset * shade.side_px
             / (2.0 * focal)
             / if view.is_perspective {
                 1.0

@@ -53,6 +53,8 @@ pub struct Style {
     pub two_sided: bool,
     /// Multiply the albedo by the vertex color.
     pub use_colors: bool,
+    /// Factor of the depth offset of filtered splats, see [`crate::method::Settings::depth_offset`].
+    pub depth_offset: f32,
 }
 
 impl Default for Style {
@@ -64,6 +66,7 @@ impl Default for Style {
             cull_back_faces: false,
             two_sided: true,
             use_colors: true,
+            depth_offset: 3.0,
         }
     }
 }

@@ -208,5 +208,6 @@ pub fn style(settings: &Settings, model: &Model) -> Style {
         cull_back_faces: settings.culls_back(model.is_closed),
         two_sided: settings.two_sided,
         use_colors: settings.use_colors,
+        depth_offset: settings.depth_offset,
     }
 }

@@ -60,6 +60,11 @@ pub struct Settings {
     pub splat: SplatKind,
     /// Largest projected diameter of a node drawn whole, and side of its square; pixels. At least 0.
     pub threshold_px: f32,
+    /// Factor of the depth offset of filtered splats; at least 0. The offset is half a splat's side over the cosine of
+    /// the viewing angle (at least 0.1), times this. What lies behind the front by less is mixed into it. 1 is
+    /// enough for a smooth surface seen from the front; at a rim the surface turns away under the splat, and 1
+    /// loses its area. Larger lets what is near behind thin parts shine through.
+    pub depth_offset: f32,
     /// Back-face and normal-cone culling.
     pub culling: Culling,
     /// What decides the color.
@@ -79,6 +84,7 @@ impl Default for Settings {
         Self {
             method: Method::Pop,
             splat: SplatKind::Square,
+            depth_offset: 3.0,
             threshold_px: 1.0,
             culling: Culling::Auto,
             color_by: ColorBy::Shading,

@@ -624,6 +624,7 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
 pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
     draw::filtered::Shade {
         side_px: settings.threshold_px.max(1.0),
+        depth_offset: settings.depth_offset,
         cull_back: settings.culls_back(model.is_closed),
         use_colors: settings.use_colors,
         color_by: settings.color_by,
@@ -712,7 +713,7 @@ fn frame_constants(view: &View, settings: &Settings, context: &Context) -> Frame
         flags,
         background: {
             let [r, g, b] = settings.background;
-            [r, g, b, 0.0]
+            [r, g, b, settings.depth_offset]
         },
     }
 }
