@@ -16,10 +16,13 @@
 //! shading.
 
 mod clip;
+mod filtered;
 mod shade;
 mod square;
 mod target;
 mod triangle;
+
+pub use filtered::{Filtered, render_filtered};
 
 use crate::draw::{DrawList, Style};
 use crate::image::Image;
@@ -27,7 +30,7 @@ use crate::math::camera::View;
 use glam::{Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 use shade::Shading;
-use target::{Band, Target};
+use target::Target;
 
 /// Binary places of a window position after snapping: positions are multiples of 1/256 pixel. Vulkan asks for
 /// at least 4 (`subPixelPrecisionBits`); 8 is what lavapipe and the common GPUs report.
@@ -106,7 +109,11 @@ fn gather<T: Sync, S: Send>(chunk: &[T], set_up: impl Fn(&T, &mut Vec<S>) + Sync
 }
 
 /// Every band of rows draws all primitives in their order, so no pixel depends on the timing of threads.
-fn draw<S: Sync>(bands: &mut [Band], set_up: &[Vec<S>], rasterize: impl Fn(&mut Band, &S) + Sync) {
+fn draw<B: Send, S: Sync>(
+    bands: &mut [B],
+    set_up: &[Vec<S>],
+    rasterize: impl Fn(&mut B, &S) + Sync,
+) {
     bands.par_iter_mut().for_each(|band| {
         for primitive in set_up.iter().flatten() {
             rasterize(band, primitive);
@@ -151,7 +158,11 @@ impl<'a> Frame<'a> {
 
     /// The vertex shader: single precision, matrix by matrix. `None` when the result is not finite.
     fn place(&self, position: Vec3) -> Option<Placed> {
-        let in_view = self.view.view_from_model.transform_point3(position);
+        self.project(self.view.view_from_model.transform_point3(position))
+    }
+
+    /// The second half of the vertex shader. `None` when the result is not finite.
+    fn project(&self, in_view: Vec3) -> Option<Placed> {
         let clip = self.clip_from_view * in_view.extend(1.0);
         clip.is_finite().then_some(Placed {
             clip,

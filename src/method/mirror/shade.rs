@@ -45,8 +45,7 @@ impl Shading {
         }
     }
 
-    /// The color of a surface point; `normal` is a unit vector, or zero where the surface has none and is
-    /// shaded as if it faced the light. `color` holds value / 255.
+    /// The color of a surface point in the eight bits of the target; see [`Shading::value`].
     pub(super) fn color(
         &self,
         kind: Kind,
@@ -54,6 +53,13 @@ impl Shading {
         normal: DVec3,
         color: DVec3,
     ) -> [u8; 4] {
+        let value = self.value(kind, position, normal, color);
+        [unorm8(value.x), unorm8(value.y), unorm8(value.z), 255]
+    }
+
+    /// Red, green and blue of a surface point, 1 is white; `normal` is a unit vector, or zero where the surface
+    /// has none and is shaded as if it faced the light. `color` holds value / 255.
+    pub(super) fn value(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> DVec3 {
         let to_light = match self.light {
             Source::Point(eye) => (eye - position).normalize_or_zero(),
             Source::Direction(direction) => direction,
@@ -75,8 +81,7 @@ impl Shading {
             (ColorBy::Shading, _) => DVec3::ONE,
         };
         // The shader's constant is single precision; so is this one.
-        let value = f64::from(ALBEDO) * cosine * albedo;
-        [unorm8(value.x), unorm8(value.y), unorm8(value.z), 255]
+        f64::from(ALBEDO) * cosine * albedo
     }
 }
 

@@ -13,10 +13,18 @@ use std::ops::Range;
 
 /// A splat or point ready to be drawn.
 pub(super) struct Square {
-    columns: Range<u32>,
-    rows: Range<u32>,
-    depth: f32,
+    footprint: Footprint,
     fragment: Fragment,
+}
+
+/// Where a square lies.
+pub(super) struct Footprint {
+    pub(super) columns: Range<u32>,
+    pub(super) rows: Range<u32>,
+    /// Reversed depth of the center.
+    pub(super) depth: f32,
+    /// View-space distance of the center.
+    distance: f32,
 }
 
 /// A splat: the side is that of the frame for radius 0, else the projected diameter; at least 1 pixel.
@@ -52,6 +60,27 @@ fn set_up(
     color: [u8; 4],
     side_px: impl FnOnce(f32) -> f32,
 ) -> Option<Square> {
+    let footprint = footprint(frame, center, side_px)?;
+    let normal = normal_of(normal, color);
+    Some(Square {
+        fragment: Fragment {
+            color: frame
+                .shading
+                .color(Kind::Splat, center.as_dvec3(), normal, color_of(color)),
+            normal: normal.as_vec3().to_array(),
+            distance: footprint.distance,
+        },
+        footprint,
+    })
+}
+
+/// The pixels and the depth of a square; `None` when its center lies before the near or behind the far plane,
+/// or it covers no pixel center. `side_px` as in [`set_up`].
+pub(super) fn footprint(
+    frame: &Frame,
+    center: Vec3,
+    side_px: impl FnOnce(f32) -> f32,
+) -> Option<Footprint> {
     let placed = frame.place(center)?;
     let distance = placed.distance;
     if !(distance >= frame.view.near && distance <= frame.view.far) {
@@ -75,26 +104,25 @@ fn set_up(
     if columns.is_empty() || rows.is_empty() {
         return None;
     }
-    let normal = normal_of(normal, color);
-    Some(Square {
+    Some(Footprint {
         columns,
         rows,
         depth: (placed.clip.z / placed.clip.w).clamp(0.0, 1.0),
-        fragment: Fragment {
-            color: frame
-                .shading
-                .color(Kind::Splat, center.as_dvec3(), normal, color_of(color)),
-            normal: normal.as_vec3().to_array(),
-            distance,
-        },
+        distance,
     })
 }
 
 /// Draws the rows of a square that lie in the band.
 pub(super) fn rasterize(square: &Square, band: &mut Band) {
-    for y in band.rows(&square.rows) {
-        for x in square.columns.clone() {
-            band.put(x, y, square.depth, || square.fragment);
+    let Footprint {
+        columns,
+        rows,
+        depth,
+        ..
+    } = &square.footprint;
+    for y in band.rows(rows) {
+        for x in columns.clone() {
+            band.put(x, y, *depth, || square.fragment);
         }
     }
 }

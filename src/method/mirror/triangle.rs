@@ -4,8 +4,9 @@
 use super::clip::{Corner, clip};
 use super::shade::{Kind, color_of, normal_of};
 use super::target::{Band, Fragment};
-use super::{Frame, SUBPIXELS, pixels_between, snap};
+use super::{Frame, Placed, SUBPIXELS, pixels_between, snap};
 use crate::abi::Vertex;
+use glam::DVec3;
 use std::ops::Range;
 
 /// A triangle ready to be rasterized: clockwise as seen in the picture (y down), so that the inside of every
@@ -16,7 +17,7 @@ pub(super) struct Triangle {
     /// Twice the area in snapped units, positive.
     area: f64,
     columns: Range<u32>,
-    rows: Range<u32>,
+    pub(super) rows: Range<u32>,
 }
 
 /// A corner with its window position on the 1/256 pixel grid.
@@ -82,9 +83,27 @@ pub(super) fn set_up(
     corners: [u32; 3],
     out: &mut Vec<Triangle>,
 ) {
+    set_up_placed(
+        frame,
+        vertices,
+        corners,
+        |vertex| frame.place(vertex.position),
+        out,
+    );
+}
+
+/// [`set_up`] with a vertex shader of its own: `place` gives the place of a vertex, `None` when it is not
+/// finite.
+pub(super) fn set_up_placed(
+    frame: &Frame,
+    vertices: &[Vertex],
+    corners: [u32; 3],
+    place: impl Fn(&Vertex) -> Option<Placed>,
+    out: &mut Vec<Triangle>,
+) {
     let corner = |i: u32| {
         let vertex = vertices.get(i as usize)?;
-        let placed = frame.place(vertex.position)?;
+        let placed = place(vertex)?;
         Some(Corner {
             clip: placed.clip.as_dvec4(),
             distance: f64::from(placed.distance),
@@ -147,44 +166,84 @@ fn project(frame: &Frame, [a, mut b, mut c]: [Snapped; 3]) -> Option<Triangle> {
     })
 }
 
-/// Draws the rows of a triangle that lie in the band.
-pub(super) fn rasterize(frame: &Frame, triangle: &Triangle, band: &mut Band) {
-    let [a, b, c] = &triangle.corners;
-    for y in band.rows(&triangle.rows) {
-        let row = i64::from(y);
-        let mut columns = i64::from(triangle.columns.start)..i64::from(triangle.columns.end);
-        for edge in &triangle.edges {
-            columns = edge.narrow(row, columns);
-        }
-        for x in columns {
-            // Barycentric weights in the window, of the snapped corners: never negative, so no value leaves
-            // the range of its corners, however thin the triangle is.
-            let [wa, wb, wc] = triangle
-                .edges
-                .map(|edge| edge.at(x, row) as f64 / triangle.area);
-            let depth = (wa * a.depth + wb * b.depth + wc * c.depth).clamp(0.0, 1.0) as f32;
-            band.put(x as u32, y, depth, || {
-                let (pa, pb, pc) = (wa * a.inv_w, wb * b.inv_w, wc * c.inv_w);
-                let sum = pa + pb + pc;
-                let (pa, pb, pc) = (pa / sum, pb / sum, pc / sum);
-                let (a, b, c) = (&a.surface, &b.surface, &c.surface);
-                let position = pa * a.position + pb * b.position + pc * c.position;
-                let color = pa * a.color + pb * b.color + pc * c.color;
-                let normal = (pa * a.normal + pb * b.normal + pc * c.normal).normalize_or_zero();
-                Fragment {
-                    color: frame.shading.color(Kind::Triangle, position, normal, color),
-                    normal: normal.as_vec3().to_array(),
-                    distance: (pa * a.distance + pb * b.distance + pc * c.distance) as f32,
-                }
-            });
+/// What the surface is at a pixel center.
+pub(super) struct Surface {
+    /// Model space.
+    pub(super) position: DVec3,
+    /// Unit, or zero where the surface has none.
+    pub(super) normal: DVec3,
+    /// Value / 255.
+    pub(super) color: DVec3,
+    /// View-space distance.
+    distance: f64,
+}
+
+impl Triangle {
+    /// Calls `visit(x, y, depth, weights)` for every pixel of `rows` whose center the triangle covers: its
+    /// reversed depth, and the weights for [`Triangle::surface`].
+    #[inline]
+    pub(super) fn for_each_pixel(
+        &self,
+        rows: Range<u32>,
+        mut visit: impl FnMut(u32, u32, f32, [f64; 3]),
+    ) {
+        let [a, b, c] = &self.corners;
+        for y in rows {
+            let row = i64::from(y);
+            let mut columns = i64::from(self.columns.start)..i64::from(self.columns.end);
+            for edge in &self.edges {
+                columns = edge.narrow(row, columns);
+            }
+            for x in columns {
+                // Barycentric weights in the window, of the snapped corners: never negative, so no value
+                // leaves the range of its corners, however thin the triangle is.
+                let [wa, wb, wc] = self.edges.map(|edge| edge.at(x, row) as f64 / self.area);
+                let depth = (wa * a.depth + wb * b.depth + wc * c.depth).clamp(0.0, 1.0) as f32;
+                visit(x as u32, y, depth, [wa, wb, wc]);
+            }
         }
     }
+
+    /// The surface where the corners have these weights in the window.
+    #[inline]
+    pub(super) fn surface(&self, [wa, wb, wc]: [f64; 3]) -> Surface {
+        let [a, b, c] = &self.corners;
+        let (pa, pb, pc) = (wa * a.inv_w, wb * b.inv_w, wc * c.inv_w);
+        let sum = pa + pb + pc;
+        let (pa, pb, pc) = (pa / sum, pb / sum, pc / sum);
+        let (a, b, c) = (&a.surface, &b.surface, &c.surface);
+        Surface {
+            position: pa * a.position + pb * b.position + pc * c.position,
+            color: pa * a.color + pb * b.color + pc * c.color,
+            normal: (pa * a.normal + pb * b.normal + pc * c.normal).normalize_or_zero(),
+            distance: pa * a.distance + pb * b.distance + pc * c.distance,
+        }
+    }
+}
+
+/// Draws the rows of a triangle that lie in the band.
+pub(super) fn rasterize(frame: &Frame, triangle: &Triangle, band: &mut Band) {
+    triangle.for_each_pixel(band.rows(&triangle.rows), |x, y, depth, weights| {
+        band.put(x, y, depth, || {
+            let surface = triangle.surface(weights);
+            Fragment {
+                color: frame.shading.color(
+                    Kind::Triangle,
+                    surface.position,
+                    surface.normal,
+                    surface.color,
+                ),
+                normal: surface.normal.as_vec3().to_array(),
+                distance: surface.distance as f32,
+            }
+        });
+    });
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DVec3, DVec4};
+    use glam::DVec4;
     use proptest::prelude::*;
 
     fn snapped([x, y]: [i64; 2]) -> Snapped {

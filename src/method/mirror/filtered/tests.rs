@@ -1,0 +1,882 @@
+use super::*;
+use crate::draw::DrawList;
+use crate::math::camera::{Camera, Light};
+use crate::method::mirror::render;
+use glam::{DMat4, DVec3, DVec4};
+
+/// A repeatable stream of numbers in 0..1 (the splitmix64 generator of Steele et al., 2014).
+struct Numbers(u64);
+
+impl Numbers {
+    fn unit(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    fn between(&mut self, low: f64, high: f64) -> f32 {
+        (low + (high - low) * self.unit()) as f32
+    }
+}
+
+const SIZE: (u32, u32) = (48, 40);
+const FAR: f64 = 256.0;
+
+/// Orthographic, one unit a pixel, the model's x right and y down from the top left of the picture and z into
+/// it; depth is 1 - z / 256, exact for small dyadic z.
+fn flat_camera() -> Camera {
+    let (w, h) = (f64::from(SIZE.0), f64::from(SIZE.1));
+    Camera {
+        width: SIZE.0,
+        height: SIZE.1,
+        view: DMat4::from_cols(
+            DVec4::X,
+            -DVec4::Y,
+            -DVec4::Z,
+            DVec4::new(-w / 2.0, h / 2.0, 0.0, 1.0),
+        ),
+        proj: DMat4::from_cols(
+            DVec4::new(2.0 / w, 0.0, 0.0, 0.0),
+            DVec4::new(0.0, 2.0 / h, 0.0, 0.0),
+            DVec4::new(0.0, 0.0, -1.0 / FAR, 0.0),
+            DVec4::W,
+        ),
+        y_down: false,
+        light: Light::Point,
+        other: serde_json::Map::new(),
+    }
+}
+
+fn flat() -> View {
+    flat_camera().view(DVec3::ZERO).unwrap()
+}
+
+/// Perspective from the origin along -z, y up.
+fn perspective() -> View {
+    Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+        .view(DVec3::ZERO)
+        .unwrap()
+}
+
+fn splat(center: [f32; 3], color: [f32; 3], area_px: f32) -> FilteredSplat {
+    FilteredSplat {
+        center: Vec3::from_array(center),
+        offset: 0.5,
+        color,
+        area_px,
+    }
+}
+
+fn style(splat_size_px: f32) -> Style {
+    Style {
+        splat_size_px,
+        ..Style::default()
+    }
+}
+
+fn draw_splats(view: &View, splats: &[FilteredSplat], style: &Style) -> Filtered {
+    let list = FilteredList {
+        splats,
+        ..FilteredList::default()
+    };
+    render_filtered(view, &list, style, Outputs::default())
+}
+
+fn at(x: usize, y: usize) -> usize {
+    y * SIZE.0 as usize + x
+}
+
+fn vertex(position: Vec3, normal: Vec3, color: [u8; 3]) -> Vertex {
+    let [r, g, b] = color;
+    Vertex {
+        position,
+        normal: octahedral::encode(normal),
+        color: [r, g, b, 255],
+    }
+}
+
+#[track_caller]
+fn assert_near(a: f32, b: f32, tolerance: f32) {
+    assert!((a - b).abs() <= tolerance, "{a} is not {b}");
+}
+
+const RED: [f32; 3] = [1.0, 0.0, 0.0];
+const GREEN: [f32; 3] = [0.0, 1.0, 0.0];
+
+#[test]
+fn a_splat_deposits_its_area_evenly_over_its_square() {
+    for (side, center, pixels) in [(3.0, 10.5, 9..12), (4.0, 10.0, 8..12), (0.25, 10.5, 10..11)] {
+        let drawn_side = f32::max(side, 1.0);
+        let area = 0.5 * drawn_side * drawn_side;
+        let one = splat([center, center, 8.0], [0.25, 0.5, 1.0], area);
+        let got = draw_splats(&flat(), &[one], &style(side));
+        for y in 0..40 {
+            for x in 0..48 {
+                let inside = pixels.contains(&x) && pixels.contains(&y);
+                let i = at(x, y);
+                let sum = if inside {
+                    [0.125, 0.25, 0.5, 0.5]
+                } else {
+                    [0.0; 4]
+                };
+                assert_eq!(got.sums[i], sum, "{x} {y}");
+                let front = if inside { 1.0 - 8.5 / 256.0 } else { 0.0 };
+                assert_eq!(got.front[i], front, "{x} {y}");
+            }
+        }
+        let total: f32 = got.sums.iter().map(|s| s[3]).sum();
+        assert_eq!(total, area);
+    }
+}
+
+#[test]
+fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
+    let style = Style {
+        background: [0.0, 1.0, 0.0],
+        ..style(3.0)
+    };
+    let one = splat([10.5, 10.5, 8.0], [0.2, 0.4, 1.0], 4.5);
+    let got = draw_splats(&flat(), &[one], &style);
+    assert_eq!(got.image.color[at(10, 10)], [51, 102, 255, 255]);
+    for (x, y) in [(9, 9), (10, 9), (11, 10), (9, 11)] {
+        assert_eq!(got.image.color[at(x, y)], [26, 179, 128, 128], "{x} {y}");
+    }
+    assert_eq!(got.image.color[at(8, 9)], [0, 255, 0, 0]);
+    // A rim pixel with more weight than a pixel has area is covered, not brighter.
+    let twice = FilteredSplat {
+        area_px: 18.0,
+        ..one
+    };
+    let got = draw_splats(&flat(), &[twice], &style);
+    assert_eq!(got.image.color[at(9, 9)], [51, 102, 255, 255]);
+    // Very little weight is still something; less than that is nothing, whatever the depth says.
+    let faint = FilteredSplat {
+        area_px: 9.0 * 1e-4,
+        ..one
+    };
+    assert_eq!(
+        draw_splats(&flat(), &[faint], &style).image.color[at(9, 9)],
+        [0, 255, 0, 1]
+    );
+    let none = FilteredSplat {
+        area_px: 9.0 * 1e-7,
+        ..one
+    };
+    let got = draw_splats(&flat(), &[none], &style);
+    assert_eq!(got.image.color[at(10, 10)], [0, 255, 0, 0]);
+    assert!(got.front[at(10, 10)] > 0.0);
+    // The edge of the picture is no rim.
+    let corner = splat([0.5, 0.5, 8.0], RED, 4.5);
+    let got = draw_splats(&flat(), &[corner], &style);
+    assert_eq!(got.image.color[at(0, 0)][3], 255);
+    assert_eq!(got.image.color[at(1, 1)][3], 128);
+}
+
+#[test]
+fn layers_blend_by_area_up_to_the_offset_of_the_nearer_and_no_farther() {
+    let near = splat([10.5, 10.5, 8.0], RED, 1.0);
+    let shown = |z: f32, offset: f32| {
+        let far = FilteredSplat {
+            offset,
+            ..splat([10.5, 10.5, z], GREEN, 3.0)
+        };
+        let there = draw_splats(&flat(), &[near, far], &style(2.0));
+        let back = draw_splats(&flat(), &[far, near], &style(2.0));
+        assert_eq!(there, back);
+        there.sums[at(10, 10)]
+    };
+    let (alone, both) = ([0.25, 0.0, 0.0, 0.25], [0.25, 0.75, 0.0, 1.0]);
+    assert_eq!(shown(8.25, 0.5), both);
+    // The limit itself belongs to the blend. The smallest step of depth in 0.5..1 is 2^-24, here 2^-16 units.
+    assert_eq!(shown(8.5, 0.5), both);
+    assert_eq!(shown(8.5 + 1.0 / 4096.0, 0.5), alone);
+    assert_eq!(shown(20.0, 0.5), alone);
+    // The offset of the farther one matters only where it is nearer once pushed.
+    assert_eq!(shown(8.5, 100.0), both);
+    assert_eq!(shown(8.25, 0.0), [0.25, 0.75, 0.0, 1.0]);
+    assert_eq!(shown(8.5 + 1.0 / 4096.0, 100.0), alone);
+    // The mean is by area: (1 red + 3 green) / 4.
+    let far = splat([10.5, 10.5, 8.25], GREEN, 3.0);
+    let picture = draw_splats(&flat(), &[near, far], &style(2.0)).image;
+    assert_eq!(picture.color[at(10, 10)], [64, 191, 0, 255]);
+}
+
+#[test]
+fn a_perspective_pushes_along_the_ray_by_model_units() {
+    // A model of twice the size of its view space.
+    let camera = Camera {
+        view: DMat4::from_scale(DVec3::splat(2.0)),
+        ..Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+    };
+    let scaled = camera.view(DVec3::ZERO).unwrap();
+    assert_eq!(scaled.model_scale, 2.0);
+    for (view, scale) in [(perspective(), 1.0), (scaled, 2.0)] {
+        // Toward a corner of the picture, where the ray is much longer than the distance.
+        let ray = Vec3::new(0.75, 0.625, -1.0);
+        let center = ray * 10.0 / scale;
+        let offset = 0.5;
+        let near = FilteredSplat {
+            center,
+            offset,
+            color: RED,
+            area_px: 1.0,
+        };
+        let (x, y, _) = view.project(center);
+        let i = at(x as usize, y as usize);
+        let limit = center * (center.length() + offset) / center.length();
+        let front = draw_splats(&view, &[near], &style(1.0)).front[i];
+        assert_near(view.distance_of_depth(front), view.distance(limit), 2e-5);
+        for (factor, blends) in [(0.999, true), (1.001, false)] {
+            let far = FilteredSplat {
+                center: limit * factor,
+                color: GREEN,
+                ..near
+            };
+            let got = draw_splats(&view, &[near, far], &style(1.0)).sums[i];
+            assert_eq!(
+                got,
+                [
+                    1.0,
+                    if blends { 1.0 } else { 0.0 },
+                    0.0,
+                    if blends { 2.0 } else { 1.0 }
+                ]
+            );
+        }
+    }
+}
+
+#[test]
+fn an_offset_of_zero_draws_the_nearest_splat_everywhere() {
+    let mut numbers = Numbers(3);
+    let view = perspective();
+    for _ in 0..2000 {
+        let z = numbers.between(1.5, 90.0);
+        let one = FilteredSplat {
+            center: Vec3::new(
+                numbers.between(-0.6, 0.6) * z,
+                numbers.between(-0.5, 0.5) * z,
+                -z,
+            ),
+            offset: 0.0,
+            color: RED,
+            area_px: 1.0,
+        };
+        let got = draw_splats(&view, &[one], &style(1.0));
+        assert_eq!(got.sums.iter().map(|s| s[3]).sum::<f32>(), 1.0, "{one:?}");
+    }
+}
+
+#[test]
+fn the_far_plane_drops_centers_and_forgives_pushes() {
+    let splat_at = |z: f32, offset: f32, color| FilteredSplat {
+        offset,
+        ..splat([10.5, 10.5, z], color, 1.0)
+    };
+    let i = at(10, 10);
+    for z in [-1.0, 256.5, f32::NAN] {
+        let got = draw_splats(&flat(), &[splat_at(z, 0.5, RED)], &style(1.0));
+        assert!(got.front.iter().all(|&d| d == 0.0), "{z}");
+        assert!(got.sums.iter().all(|s| *s == [0.0; 4]), "{z}");
+    }
+    // Not even by a push is a splat behind the eye, or before the near plane, drawn.
+    let got = draw_splats(&flat(), &[splat_at(-0.25, 8.0, RED)], &style(1.0));
+    assert_eq!((got.front[i], got.sums[i][3]), (0.0, 0.0));
+    for offset in [1.0, 2.0, 1e30, f32::INFINITY] {
+        let near = splat_at(255.0, offset, RED);
+        let far = splat_at(255.75, 0.5, GREEN);
+        let got = draw_splats(&flat(), &[near], &style(1.0));
+        assert_eq!(
+            (got.front[i], got.sums[i]),
+            (0.0, [1.0, 0.0, 0.0, 1.0]),
+            "{offset}"
+        );
+        let both = draw_splats(&flat(), &[near, far], &style(1.0));
+        assert_eq!(both.sums[i], [1.0, 1.0, 0.0, 2.0], "{offset}");
+    }
+}
+
+fn cloud(view: &View, count: usize) -> Vec<FilteredSplat> {
+    let mut numbers = Numbers(11);
+    (0..count)
+        .map(|_| {
+            let (x, y) = (numbers.between(-0.9, 0.9), numbers.between(-0.9, 0.9));
+            let z = numbers.between(4.0, 9.0);
+            let center = if view.is_perspective {
+                Vec3::new(x * z / view.scale[0], y * z / view.scale[1], -z)
+            } else {
+                Vec3::new(24.0 + 23.0 * x, 20.0 + 19.0 * y, z)
+            };
+            FilteredSplat {
+                center,
+                offset: numbers.between(0.0, 1.0),
+                color: [
+                    numbers.between(0.0, 1.0),
+                    numbers.between(0.0, 1.0),
+                    numbers.between(0.0, 1.0),
+                ],
+                area_px: numbers.between(0.01, 2.0),
+            }
+        })
+        .collect()
+}
+
+#[test]
+fn the_order_of_splats_matters_to_rounding_only() {
+    for view in [flat(), perspective()] {
+        let mut splats = cloud(&view, 4000);
+        let first = draw_splats(&view, &splats, &style(2.5));
+        assert!(first.sums.iter().filter(|s| s[3] > 0.0).count() > 1000);
+        let mut numbers = Numbers(5);
+        for i in (1..splats.len()).rev() {
+            splats.swap(i, (numbers.unit() * (i + 1) as f64) as usize);
+        }
+        let second = draw_splats(&view, &splats, &style(2.5));
+        assert_eq!(first.front, second.front);
+        assert_ne!(first.sums, second.sums);
+        for (a, b) in first.sums.iter().zip(&second.sums) {
+            for (a, b) in a.iter().zip(b) {
+                assert_near(*a, *b, 1e-5 * (1.0 + a.abs()));
+            }
+        }
+    }
+}
+
+/// Written apart from the passes: for each pixel, everything that covers it, sorted.
+#[test]
+fn the_sums_are_those_of_a_list_of_fragments_at_each_pixel() {
+    for view in [flat(), perspective()] {
+        let splats = cloud(&view, 600);
+        let got = draw_splats(&view, &splats, &style(3.0));
+        let mut rejected = 0;
+        for y in 0..40 {
+            for x in 0..48 {
+                // (distance, distance once pushed, splat)
+                let fragments: Vec<(f64, f64, &FilteredSplat)> = splats
+                    .iter()
+                    .filter(|s| {
+                        let (px, py, _) = view.project(s.center);
+                        let inside = |p: f32, i: usize| (p - (i as f32 + 0.5)).abs() < 1.5;
+                        inside(px, x) && inside(py, y)
+                    })
+                    .map(|s| {
+                        let z = f64::from(view.distance(s.center));
+                        let stretch = if view.is_perspective {
+                            z / s.center.as_dvec3().length()
+                        } else {
+                            1.0
+                        };
+                        (z, z + f64::from(s.offset) * stretch, s)
+                    })
+                    .collect();
+                let front = fragments.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
+                // Pixel centers close to the side of a square, or splats close to the limit, may fall either way.
+                let is_doubtful = fragments.iter().any(|f| (f.0 - front).abs() < 1e-4)
+                    || splats.iter().any(|s| {
+                        let (px, py, _) = view.project(s.center);
+                        let close =
+                            |p: f32, i: usize| ((p - (i as f32 + 0.5)).abs() - 1.5).abs() < 0.005;
+                        close(px, x) || close(py, y)
+                    });
+                if is_doubtful {
+                    continue;
+                }
+                let sum: f64 = fragments
+                    .iter()
+                    .filter(|f| f.0 <= front)
+                    .map(|f| f64::from(f.2.area_px) / 9.0)
+                    .sum();
+                rejected += fragments.iter().filter(|f| f.0 > front).count();
+                assert_near(got.sums[at(x, y)][3], sum as f32, 1e-5);
+            }
+        }
+        assert!(rejected > 100, "{rejected}");
+    }
+}
+
+#[test]
+fn a_constant_color_stays_constant() {
+    let color = [0.3, 0.6, 0.9];
+    for view in [flat(), perspective()] {
+        let splats: Vec<FilteredSplat> = cloud(&view, 3000)
+            .into_iter()
+            .map(|s| FilteredSplat { color, ..s })
+            .collect();
+        for background in [[0.0; 3], color] {
+            let style = Style {
+                background,
+                ..style(1.7)
+            };
+            let got = draw_splats(&view, &splats, &style);
+            let (mut inside, mut rim) = (0, 0);
+            for (pixel, sum) in got.image.color.iter().zip(&got.sums) {
+                if sum[3] <= 1e-6 {
+                    assert_eq!(pixel[3], 0);
+                    continue;
+                }
+                let alpha = f64::from(pixel[3]) / 255.0;
+                *(if pixel[3] == 255 {
+                    &mut inside
+                } else {
+                    &mut rim
+                }) += 1;
+                for c in 0..3 {
+                    let (own, behind) = (f64::from(color[c]), f64::from(background[c]));
+                    let expected = 255.0 * (own * alpha + behind * (1.0 - alpha));
+                    assert!(
+                        (f64::from(pixel[c]) - expected).abs() <= 1.0,
+                        "{pixel:?} {expected}"
+                    );
+                    assert_near(sum[c] / sum[3], color[c], 1.0 / 255.0);
+                }
+            }
+            assert!(inside > 800 && rim > 50, "{inside} {rim}");
+        }
+    }
+}
+
+/// Area of a convex polygon, and its centroid, where `inside(p) >= 0` (linear).
+fn clipped(polygon: &[[f64; 2]], inside: impl Fn([f64; 2]) -> f64) -> (f64, [f64; 2]) {
+    let mut kept = Vec::new();
+    for (i, &a) in polygon.iter().enumerate() {
+        let b = polygon[(i + 1) % polygon.len()];
+        let (da, db) = (inside(a), inside(b));
+        if da >= 0.0 {
+            kept.push(a);
+        }
+        if (da >= 0.0) != (db >= 0.0) {
+            let t = da / (da - db);
+            kept.push([a[0] + t * (b[0] - a[0]), a[1] + t * (b[1] - a[1])]);
+        }
+    }
+    let (mut area, mut x, mut y) = (0.0, 0.0, 0.0);
+    for (i, a) in kept.iter().enumerate() {
+        let b = kept[(i + 1) % kept.len()];
+        let cross = (a[0] * b[1] - b[0] * a[1]) / 2.0;
+        area += cross;
+        x += cross * (a[0] + b[0]) / 3.0;
+        y += cross * (a[1] + b[1]) / 3.0;
+    }
+    (area, [x / area, y / area])
+}
+
+fn square_at(x: f64, y: f64, side: f64) -> [[f64; 2]; 4] {
+    [[x, y], [x + side, y], [x + side, y + side], [x, y + side]]
+}
+
+#[test]
+fn the_rim_of_a_tilted_half_plane_is_covered_as_the_half_plane_covers_it() {
+    for angle in [0.1f64, 0.4, 0.785, 1.3, 2.5, 4.0] {
+        let (sin, cos) = angle.sin_cos();
+        let inside = |[x, y]: [f64; 2]| (x - 24.1) * cos + (y - 20.3) * sin;
+        // Cells that fit neither the pixels nor the half plane.
+        let cell = 0.23;
+        let mut splats = Vec::new();
+        for j in -5..190 {
+            for i in -5..230 {
+                let (area, [x, y]) = clipped(
+                    &square_at(f64::from(i) * cell, f64::from(j) * cell, cell),
+                    inside,
+                );
+                if area > 1e-9 {
+                    // The half plane is tilted in depth, too.
+                    let z = 8.0 + 0.2 * x;
+                    splats.push(splat([x as f32, y as f32, z as f32], RED, area as f32));
+                }
+            }
+        }
+        let got = draw_splats(&flat(), &splats, &style(1.0));
+        let (mut count, mut off, mut bias) = (0.0, 0.0, 0.0);
+        for y in 1..39 {
+            for x in 1..47 {
+                let (exact, _) = clipped(&square_at(x as f64, y as f64, 1.0), inside);
+                let alpha = f64::from(got.image.color[at(x, y)][3]) / 255.0;
+                if exact > 1e-6 && exact < 1.0 - 1e-6 {
+                    count += 1.0;
+                    off += (alpha - exact).abs();
+                    bias += alpha - exact;
+                } else if exact < 0.5 {
+                    assert_eq!(alpha, 0.0, "{angle} {x} {y}");
+                } else if inside([x as f64 + 0.5, y as f64 + 0.5]) > 2.0 {
+                    assert_eq!(alpha, 1.0, "{angle} {x} {y}");
+                }
+            }
+        }
+        assert!(count > 30.0, "{count}");
+        assert!(off / count < 0.1, "{angle}: off by {}", off / count);
+        assert!(
+            (bias / count).abs() < 0.03,
+            "{angle}: {} too much",
+            bias / count
+        );
+    }
+}
+
+struct Surface {
+    vertices: Vec<Vertex>,
+    triangles: Vec<[u32; 3]>,
+}
+
+/// A waving sheet across the picture of [`perspective`] at about `distance`, and its true normals.
+fn sheet(distance: f32, wave: f32, extent: f32) -> Surface {
+    let n = 12u32;
+    let vertices = (0..=n)
+        .flat_map(|j| (0..=n).map(move |i| (i as f32 / n as f32, j as f32 / n as f32)))
+        .map(|(u, v)| {
+            let (x, y) = (extent * (2.0 * u - 1.0), extent * (2.0 * v - 1.0));
+            let z = -distance + wave * (x.sin() + (1.3 * y).cos());
+            let normal = Vec3::new(-wave * x.cos(), 1.3 * wave * (1.3 * y).sin(), 1.0);
+            vertex(
+                Vec3::new(x, y, z),
+                normal,
+                [(250.0 * u) as u8, 90, (250.0 * v) as u8],
+            )
+        })
+        .collect();
+    let triangles = (0..n)
+        .flat_map(|j| (0..n).map(move |i| j * (n + 1) + i))
+        .flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]])
+        .collect();
+    Surface {
+        vertices,
+        triangles,
+    }
+}
+
+#[test]
+fn triangles_alone_look_as_in_one_pass_unless_a_second_layer_is_near() {
+    let view = perspective();
+    let near = sheet(10.0, 0.4, 4.0);
+    // The farther sheet waves more than the nearer, which it comes close to here and there.
+    let behind = sheet(10.8, 0.9, 6.0);
+    let mut vertices = near.vertices.clone();
+    vertices.extend(&behind.vertices);
+    let shift = near.vertices.len() as u32;
+    let shifted: Vec<[u32; 3]> = behind
+        .triangles
+        .iter()
+        .map(|t| t.map(|i| i + shift))
+        .collect();
+    let triangles = [near.triangles.clone(), shifted.clone()].concat();
+    let style = Style {
+        background: [0.1, 0.2, 0.3],
+        ..style(2.0)
+    };
+    let outputs = Outputs {
+        depth: true,
+        normal: false,
+    };
+    let plain = |triangles: &[[u32; 3]]| {
+        let list = DrawList {
+            vertices: &vertices,
+            triangles,
+            ..DrawList::default()
+        };
+        render(&view, &list, &style, outputs)
+    };
+    let expected = plain(&triangles);
+    let (first, second) = (plain(&near.triangles), plain(&shifted));
+    let list = FilteredList {
+        vertices: &vertices,
+        triangles: &triangles,
+        splats: &[],
+    };
+    let got = render_filtered(&view, &list, &style, outputs);
+
+    let (mut apart, mut blended, mut one_layer) = (0, 0, 0);
+    for i in 0..expected.color.len() {
+        let sum = got.sums[i][3];
+        assert_eq!(got.image.color[i][3], expected.color[i][3]);
+        let (a, b) = (first.depth[i], second.depth[i]);
+        let gap = (a - b).abs();
+        // The radius of a splat of side 2 at that distance. Distances grow by it times the cosine between
+        // ray and view direction (down to 0.68 here) over that between ray and normal.
+        let radius = a.min(b) / view.focal_px();
+        if gap > 2.2 * radius {
+            let is_single = !a.is_finite() || !b.is_finite();
+            *(if is_single {
+                &mut one_layer
+            } else {
+                &mut apart
+            }) += usize::from(sum > 0.0);
+            assert_eq!(
+                sum,
+                if expected.color[i][3] == 0 { 0.0 } else { 1.0 },
+                "{i}"
+            );
+            for c in 0..3 {
+                assert!(
+                    got.image.color[i][c].abs_diff(expected.color[i][c]) <= 1,
+                    "{i}"
+                );
+            }
+        } else if gap < 0.6 * radius {
+            blended += 1;
+            assert_eq!(sum, 2.0, "{i}");
+            for c in 0..3 {
+                let mean = (f32::from(first.color[i][c]) + f32::from(second.color[i][c])) / 2.0;
+                assert_near(f32::from(got.image.color[i][c]), mean, 1.5);
+            }
+        }
+    }
+    assert!(
+        apart > 200 && blended > 20 && one_layer > 300,
+        "{apart} {blended} {one_layer}"
+    );
+}
+
+/// A triangle of one normal in the picture of [`flat`], at a constant distance.
+fn wall(z: f32, normal: Vec3) -> Vec<Vertex> {
+    [[0.0, 0.0], [0.0, 40.2], [40.3, 0.0]]
+        .map(|[x, y]| vertex(Vec3::new(x, y, z), normal, [255; 3]))
+        .to_vec()
+}
+
+#[test]
+fn a_triangle_is_pushed_by_a_splat_radius_over_the_cosine() {
+    let pushed_by = |view: &View, vertices: &[Vertex], side: f32, i: usize| {
+        let list = FilteredList {
+            vertices,
+            triangles: &[[0, 1, 2]],
+            splats: &[],
+        };
+        let outputs = Outputs {
+            depth: true,
+            normal: true,
+        };
+        let got = render_filtered(view, &list, &style(side), outputs);
+        assert_eq!(got.sums[i][3], 1.0);
+        assert!(got.image.normal.iter().all(|n| *n == [0.0; 3]));
+        got.image.depth[i]
+    };
+    // One pixel a unit: a splat of side 4 has the radius 2. Toward the eye is -z in that model.
+    let i = at(10, 10);
+    for (normal, by) in [
+        (Vec3::NEG_Z, 2.0),
+        (Vec3::Z, 2.0),
+        (Vec3::new(0.0, 0.75f32.sqrt(), -0.5), 4.0),
+        (Vec3::new(0.0, 0.9375f32.sqrt(), -0.25), 8.0),
+        (Vec3::Y, 20.0),
+    ] {
+        assert_near(
+            pushed_by(&flat(), &wall(100.0, normal), 4.0, i),
+            100.0 + by,
+            0.02,
+        );
+    }
+    assert_near(
+        pushed_by(&flat(), &wall(100.0, Vec3::NEG_Z), 0.1, i),
+        100.5,
+        1e-4,
+    );
+    let mut without = wall(100.0, Vec3::Y);
+    without.iter_mut().for_each(|v| v.color[3] = 0);
+    assert_near(pushed_by(&flat(), &without, 4.0, i), 102.0, 1e-3);
+
+    // Perspective: every vertex along its own ray, by the radius at its distance over the cosine of its ray.
+    let view = perspective();
+    let vertices: Vec<Vertex> = [[-30.0, -30.0], [30.0, -30.0], [0.0, 30.0]]
+        .map(|[x, y]| vertex(Vec3::new(x, y, -20.0), Vec3::Z, [255; 3]))
+        .to_vec();
+    let places: Vec<DVec3> = vertices
+        .iter()
+        .map(|v| {
+            let q = v.position.as_dvec3();
+            let radius = 4.0 * 20.0 / (2.0 * f64::from(view.focal_px()));
+            q * (1.0 + radius / (20.0 / q.length()) / q.length())
+        })
+        .collect();
+    // Where the ray through the pixel's center meets the plane of the three.
+    let normal = (places[1] - places[0]).cross(places[2] - places[0]);
+    let ray = DVec3::new(
+        ((10.5 / 24.0) - 1.0) / f64::from(view.scale[0]),
+        (1.0 - 25.5 / 20.0) / f64::from(view.scale[1]),
+        -1.0,
+    );
+    let expected = normal.dot(places[0]) / normal.dot(ray);
+    assert!(expected > 20.5);
+    assert_near(
+        pushed_by(&view, &vertices, 4.0, at(10, 25)),
+        expected as f32,
+        0.002,
+    );
+}
+
+#[test]
+fn splats_blend_with_triangles_within_the_offset_of_either() {
+    let vertices = wall(100.0, Vec3::NEG_Z);
+    let i = at(10, 10);
+    let sum = |z: f32| {
+        let splats = [splat([10.5, 10.5, z], GREEN, 8.0)];
+        let list = FilteredList {
+            vertices: &vertices,
+            triangles: &[[0, 1, 2]],
+            splats: &splats,
+        };
+        render_filtered(&flat(), &list, &style(4.0), Outputs::default()).sums[i]
+    };
+    // The wall in headlight is 0.8 and 2 deep; the splat has half the weight and is 0.5 deep.
+    for (z, weight, green) in [
+        (99.0, 0.5, 0.5),
+        (99.6, 1.5, 1.3),
+        (101.9, 1.5, 1.3),
+        (102.1, 1.0, 0.8),
+    ] {
+        let got = sum(z);
+        assert_near(got[3], weight, 1e-6);
+        assert_near(got[1], green, 1e-5);
+    }
+}
+
+#[test]
+fn backs_are_in_no_pass_when_they_are_culled() {
+    let vertices = wall(100.0, Vec3::NEG_Z);
+    for mirrored in [false, true] {
+        let mut camera = flat_camera();
+        if mirrored {
+            camera.proj.x_axis.x = -camera.proj.x_axis.x;
+        }
+        let view = camera.view(DVec3::ZERO).unwrap();
+        for (cull, corners, is_drawn) in [
+            (true, [0, 1, 2], true),
+            (true, [0, 2, 1], false),
+            (false, [0, 2, 1], true),
+        ] {
+            let list = FilteredList {
+                vertices: &vertices,
+                triangles: &[corners],
+                splats: &[],
+            };
+            let style = Style {
+                cull_back_faces: cull,
+                ..style(2.0)
+            };
+            let got = render_filtered(&view, &list, &style, Outputs::default());
+            assert_eq!(
+                got.front.iter().any(|&d| d > 0.0),
+                is_drawn,
+                "{cull} {corners:?}"
+            );
+            assert_eq!(
+                got.sums.iter().any(|s| s[3] > 0.0),
+                is_drawn,
+                "{cull} {corners:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_mirrored_view_gives_the_mirrored_picture() {
+    let style = Style {
+        cull_back_faces: true,
+        ..style(2.5)
+    };
+    for is_perspective in [false, true] {
+        let mut camera = if is_perspective {
+            Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+        } else {
+            flat_camera()
+        };
+        let view = camera.view(DVec3::ZERO).unwrap();
+        camera.proj.x_axis.x = -camera.proj.x_axis.x;
+        let mirrored = camera.view(DVec3::ZERO).unwrap();
+        let splats = cloud(&view, 300);
+        let surface = if is_perspective {
+            sheet(8.0, 0.4, 3.0)
+        } else {
+            Surface {
+                vertices: wall(5.0, Vec3::NEG_Z),
+                triangles: vec![[0, 1, 2]],
+            }
+        };
+        let list = FilteredList {
+            vertices: &surface.vertices,
+            triangles: &surface.triangles,
+            splats: &splats,
+        };
+        let a = render_filtered(&view, &list, &style, Outputs::default());
+        let b = render_filtered(&mirrored, &list, &style, Outputs::default());
+        // Sides and edges exactly at pixel centers fall the other way: a few, at 1/256 pixel.
+        let mut differing = 0;
+        for y in 0..40 {
+            for x in 0..48 {
+                let (p, q) = (a.sums[at(x, y)], b.sums[at(47 - x, y)]);
+                differing += usize::from(p.iter().zip(&q).any(|(p, q)| (p - q).abs() > 1e-4));
+            }
+        }
+        assert!(differing < 15, "{differing}");
+        assert!(a.sums.iter().filter(|s| s[3] > 0.0).count() > 700);
+        assert!(a.sums != b.sums);
+    }
+}
+
+#[test]
+fn depth_is_that_of_the_pushed_front_where_covered() {
+    let outputs = Outputs {
+        depth: true,
+        normal: true,
+    };
+    let splats = [
+        splat([10.5, 10.5, 8.0], RED, 1.0),
+        splat([20.5, 10.5, 8.0], RED, 0.0),
+        FilteredSplat {
+            offset: 9.0,
+            ..splat([30.5, 10.5, 250.0], RED, 1.0)
+        },
+    ];
+    let list = FilteredList {
+        splats: &splats,
+        ..FilteredList::default()
+    };
+    let image = render_filtered(&flat(), &list, &style(1.0), outputs).image;
+    for (i, &distance) in image.depth.iter().enumerate() {
+        assert_eq!(distance, if i == at(10, 10) { 8.5 } else { f32::INFINITY });
+    }
+    assert_eq!(image.normal, vec![[0.0; 3]; image.color.len()]);
+    assert_eq!(image.color[at(30, 10)][3], 255);
+}
+
+#[test]
+fn nothing_and_nonsense_draw_the_background() {
+    let style = Style {
+        background: [1.0, 0.5, 0.0],
+        ..style(2.0)
+    };
+    let nan = splat([f32::NAN, 1.0, 1.0], RED, 1.0);
+    let vertices = wall(f32::INFINITY, Vec3::Y);
+    for list in [
+        FilteredList::default(),
+        FilteredList {
+            vertices: &vertices,
+            triangles: &[[0, 1, 2], [0, 1, 9]],
+            splats: &[nan],
+        },
+    ] {
+        let got = render_filtered(&flat(), &list, &style, Outputs::default());
+        assert_eq!(got.image.color, vec![[255, 128, 0, 0]; 48 * 40]);
+        assert_eq!(got.front, vec![0.0; 48 * 40]);
+        assert_eq!(got.sums, vec![[0.0; 4]; 48 * 40]);
+        assert!(got.image.depth.is_empty() && got.image.normal.is_empty());
+    }
+    let hole = View { width: 0, ..flat() };
+    let got = draw_splats(&hole, &[splat([1.0; 3], RED, 1.0)], &style);
+    assert!(got.front.is_empty() && got.sums.is_empty() && got.image.color.is_empty());
+    // What is not finite spoils its own pixels.
+    let spoiled = [
+        splat([10.5, 10.5, 8.0], RED, f32::NAN),
+        splat([20.5, 10.5, 8.0], [f32::NAN; 3], 1.0),
+    ];
+    let got = draw_splats(
+        &flat(),
+        &spoiled,
+        &Style {
+            splat_size_px: 1.0,
+            ..style
+        },
+    );
+    assert_eq!(got.image.color[at(10, 10)], [255, 128, 0, 0]);
+    assert_eq!(got.image.color[at(20, 10)], [0, 0, 0, 255]);
+}
