@@ -11,7 +11,9 @@ use surfel::image::compare;
 use surfel::math::camera::Camera;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings};
+use surfel::method::{Method, Settings, SplatKind};
+use surfel::progress::Silent;
+use surfel::tree::{self, BuildOptions};
 
 const ALL: Outputs = Outputs {
     depth: true,
@@ -222,5 +224,47 @@ fn the_hybrid_at_one_pixel_is_close_to_supersampled_triangles() {
                 assert!(hybrid.object.psnr_db > 18.0, "{name}, fill {fill}");
             }
         }
+    }
+}
+
+/// Filtered splats beat one exact sample per pixel where detail is finer than a pixel (filtered-splats design), and a
+/// constant color stays constant.
+#[test]
+fn filtered_splats_beat_one_exact_sample_on_fine_detail() {
+    let Some(device) = Device::open() else {
+        return;
+    };
+    let backend = Backend::Device(device.gpu().clone());
+    let spec = surfel::generate::Spec::with_triangles(Shape::Statue, 2_000_000).unwrap();
+    let model = tree::build(
+        surfel::generate::mesh(&spec),
+        &BuildOptions { moments: true },
+        &Silent,
+    )
+    .unwrap();
+    let mut engine = Engine::new(&backend, &model, (300, 300), Outputs::default()).unwrap();
+    let filtered = Settings {
+        splat: SplatKind::Filtered,
+        ..settings(Method::Pop, 1.0)
+    };
+    for (fill, gain_db) in [(1.0, 4.0), (0.5, 6.0), (0.125, 7.0)] {
+        let view = orbit(&model, (300, 300), 30.0, 20.0, fill);
+        let reference = engine
+            .supersample(&view, &settings(Method::Triangles, 1.0), 4)
+            .unwrap();
+        let mut psnr = |settings: &Settings| {
+            let picture = engine.render(&view, settings).unwrap();
+            compare(&reference, &picture, 8.0).unwrap()
+        };
+        let exact = psnr(&settings(Method::Triangles, 1.0)).object.psnr_db;
+        let square = psnr(&settings(Method::Pop, 1.0)).object.psnr_db;
+        let sums = psnr(&filtered);
+        println!(
+            "fill {fill}: one exact sample {exact:.2} dB, squares {square:.2} dB, filtered {:.2} dB; {} holes",
+            sums.object.psnr_db, sums.holes
+        );
+        assert_eq!(sums.holes, 0);
+        assert!(sums.object.psnr_db > exact + gain_db);
+        assert!(sums.object.psnr_db > square + gain_db);
     }
 }

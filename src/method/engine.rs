@@ -1,12 +1,14 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::renderer::{Counts, FrameTimes, Outputs, Renderer, cut_settings};
+use super::renderer::{
+    Counts, FrameTimes, Outputs, Renderer, check_filtered, cut_settings, filtered_shade,
+};
 use super::scene::Scene;
-use super::{Method, Settings, mirror};
-use crate::abi::Splat;
+use super::{Method, Settings, SplatKind, mirror};
+use crate::abi::{FilteredSplat, Splat};
 use crate::cut::{Cut, Selector};
-use crate::draw::{DrawList, Style, pack};
+use crate::draw::{self, DrawList, FilteredList, Style, pack};
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
@@ -104,7 +106,12 @@ impl<'m> Engine<'m> {
     pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
         match &mut self.kind {
             Kind::Device { renderer, scene } => renderer.draw(self.model, scene, view, settings),
-            Kind::Mirror(mirror) => Ok(mirror.draw(self.model, view, settings)),
+            Kind::Mirror(mirror) => {
+                if settings.method == Method::Pop && settings.splat == SplatKind::Filtered {
+                    check_filtered(self.model, settings, mirror.outputs, f32::INFINITY)?;
+                }
+                Ok(mirror.draw(self.model, view, settings))
+            }
         }
     }
 
@@ -158,6 +165,7 @@ impl MirrorEngine {
         let style = style(settings, model);
         let used = &model.vertices[..model.used_vertices as usize];
         let mut splats = Vec::new();
+        let mut filtered = Vec::new();
         let mut triangles = Vec::new();
         let mut list = DrawList {
             vertices: used,
@@ -171,10 +179,24 @@ impl MirrorEngine {
                     .select(model, view, &cut_settings(settings, model), &mut self.cut);
                 times.cut_ms = start.elapsed().as_secs_f64() * 1e3;
                 let pack_start = Instant::now();
-                let side = style.splat_size_px;
-                let count = pack::splat_count(model, &self.cut, view, side, f32::INFINITY);
-                splats.resize(count, Splat::zeroed());
-                pack::splats(model, &self.cut, view, side, f32::INFINITY, &mut splats);
+                match settings.splat {
+                    SplatKind::Square => {
+                        let side = style.splat_size_px;
+                        let most = pack::splat_count(model, &self.cut, view, side, f32::INFINITY);
+                        splats.resize(most, Splat::zeroed());
+                        let count =
+                            pack::splats(model, &self.cut, view, side, f32::INFINITY, &mut splats);
+                        splats.truncate(count);
+                    }
+                    SplatKind::Filtered => {
+                        let most = draw::filtered::splat_count(&self.cut);
+                        filtered.resize(most, FilteredSplat::zeroed());
+                        let shade = filtered_shade(settings, model);
+                        let count =
+                            draw::filtered::splats(model, &self.cut, view, shade, &mut filtered);
+                        filtered.truncate(count);
+                    }
+                }
                 triangles.resize(self.cut.triangles.len(), [0; 3]);
                 pack::triangles(&self.cut.triangles, &model.triangles, 0, &mut triangles);
                 times.pack_ms = pack_start.elapsed().as_secs_f64() * 1e3;
@@ -188,12 +210,23 @@ impl MirrorEngine {
             } else {
                 0
             },
-            splats: list.splats.len() as u64,
+            splats: (list.splats.len() + filtered.len()) as u64,
             triangles: list.triangles.len() as u64,
             points: list.points.len() as u64,
-            draw_list_bytes: (size_of_val(list.splats) + size_of_val(triangles.as_slice())) as u64,
+            draw_list_bytes: (size_of_val(list.splats)
+                + size_of_val(filtered.as_slice())
+                + size_of_val(triangles.as_slice())) as u64,
         };
-        self.image = mirror::render(view, &list, &style, self.outputs);
+        self.image = if settings.method == Method::Pop && settings.splat == SplatKind::Filtered {
+            let list = FilteredList {
+                vertices: list.vertices,
+                triangles: list.triangles,
+                splats: &filtered,
+            };
+            mirror::render_filtered(view, &list, &style, self.outputs).image
+        } else {
+            mirror::render(view, &list, &style, self.outputs)
+        };
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         times
     }
