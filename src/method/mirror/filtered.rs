@@ -47,7 +47,7 @@ pub struct Filtered {
 /// constant depth of its center pushed away from the eye, along the ray, by [`FilteredSplat::offset`] (parallel
 /// to the view direction in an orthographic view). The vertices of triangles are pushed likewise by
 /// `m s d / (2 f)` over the cosine between normal and view ray (at least 0.1; 1 without a normal), where d is the
-/// distance along the view direction and f the focal length in pixels (orthographic: `s / (2 f)`): by the radius
+/// distance along the view direction (0 behind the eye) and f the focal length in pixels (orthographic: `m s / (2 f)`): by m times the radius
 /// of a splat at that distance. The nearest depth stays. A splat that is pushed to the far plane or behind has
 /// the depth 0 and hides nothing.
 ///
@@ -172,7 +172,12 @@ fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
         };
         normal.dot(to_eye).abs()
     };
-    let distance = if view.is_perspective { -in_view.z } else { 1.0 };
+    let distance = if view.is_perspective {
+        // What lies behind the eye stays: large splats would pull it through the eye.
+        (-in_view.z).max(0.0)
+    } else {
+        1.0
+    };
     let radius =
         frame.style.depth_offset * side_px(frame.style) * distance / (2.0 * view.focal_px());
     frame.project(pushed(frame, in_view, radius / cosine.max(LEAST_COSINE)))
