@@ -11,7 +11,7 @@ use surfel::math::camera::View;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Outputs, Renderer};
 use surfel::method::scene::Scene;
-use surfel::method::{Culling, Method, Settings};
+use surfel::method::{Culling, Method, Settings, SplatKind};
 use surfel::tree::Model;
 
 const ALL: Outputs = Outputs {
@@ -19,9 +19,18 @@ const ALL: Outputs = Outputs {
     normal: true,
 };
 
+/// Sums have no normal.
+fn outputs_of((_, splat, _): (Method, SplatKind, f32)) -> Outputs {
+    Outputs {
+        depth: true,
+        normal: splat == SplatKind::Square,
+    }
+}
+
 fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Image {
     let backend = Backend::Device(device.gpu().clone());
-    Engine::new(&backend, model, (view.width, view.height), ALL)
+    let outputs = outputs_of((settings.method, settings.splat, 0.0));
+    Engine::new(&backend, model, (view.width, view.height), outputs)
         .unwrap()
         .render(view, settings)
         .unwrap()
@@ -42,31 +51,42 @@ fn is_almost_equal(d: &Difference) -> bool {
         && d.whole.past_level <= 1 + d.object.pixels / 5_000
 }
 
-const METHODS: [(Method, f32); 4] = [
-    (Method::Triangles, 1.0),
-    (Method::Points, 2.0),
-    (Method::Pop, 1.0),
-    (Method::Pop, 5.0),
+const METHODS: [(Method, SplatKind, f32); 6] = [
+    (Method::Triangles, SplatKind::Square, 1.0),
+    (Method::Points, SplatKind::Square, 2.0),
+    (Method::Pop, SplatKind::Square, 1.0),
+    (Method::Pop, SplatKind::Square, 5.0),
+    (Method::Pop, SplatKind::Filtered, 1.0),
+    (Method::Pop, SplatKind::Filtered, 3.0),
 ];
+
+fn settings_of((method, splat, threshold_px): (Method, SplatKind, f32)) -> Settings {
+    Settings {
+        splat,
+        ..settings(method, threshold_px)
+    }
+}
+
+/// Whether a model without triangles can be drawn so.
+fn draws_clouds((method, splat, _): (Method, SplatKind, f32)) -> bool {
+    method != Method::Triangles && splat == SplatKind::Square
+}
 
 #[test]
 fn the_same_frame_twice_is_bit_identical() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 50_000);
     let view = orbit(&model, (200, 200), 30.0, 20.0, 1.0);
-    for (method, threshold) in METHODS {
+    for case in METHODS {
         let backend = Backend::Device(device.gpu().clone());
-        let mut engine = Engine::new(&backend, &model, (200, 200), ALL).unwrap();
-        let s = settings(method, threshold);
+        let mut engine = Engine::new(&backend, &model, (200, 200), outputs_of(case)).unwrap();
+        let s = settings_of(case);
         let first = engine.render(&view, &s).unwrap();
         // Another view between them, so that slots and states turn over.
         engine
             .render(&orbit(&model, (200, 200), 90.0, -20.0, 3.0), &s)
             .unwrap();
-        assert!(
-            first == engine.render(&view, &s).unwrap(),
-            "{method:?} {threshold}"
-        );
+        assert!(first == engine.render(&view, &s).unwrap(), "{case:?}");
     }
 }
 
@@ -126,11 +146,11 @@ fn memory_that_is_not_coherent_gives_the_same_picture() {
     };
     let model = generated(Shape::Statue, 50_000);
     let view = orbit(&model, (200, 200), 30.0, 20.0, 1.0);
-    for (method, threshold) in METHODS {
-        let s = settings(method, threshold);
+    for case in METHODS {
+        let s = settings_of(case);
         assert!(
             draw(&device, &model, &view, &s) == draw(&pretending, &model, &view, &s),
-            "{method:?} {threshold}: something is not flushed"
+            "{case:?}: something is not flushed"
         );
     }
 }
@@ -151,11 +171,11 @@ fn pages_do_not_show() {
     .unwrap();
     for model in [&statue, &cloud] {
         let view = orbit(model, (200, 200), 30.0, 20.0, 1.5);
-        for (method, threshold) in METHODS {
-            if model.triangles.is_empty() && method == Method::Triangles {
+        for case in METHODS {
+            if model.triangles.is_empty() && !draws_clouds(case) {
                 continue;
             }
-            let s = settings(method, threshold);
+            let s = settings_of(case);
             let whole = draw(&device, model, &view, &s);
             for (vertices, triangles) in [(1000, usize::MAX), (usize::MAX, 777), (3, 1_000)] {
                 if (vertices, model.triangles.len() > 10_000) == (3, true) {
@@ -164,14 +184,11 @@ fn pages_do_not_show() {
                 let mut scene =
                     Scene::with_page_limits(device.gpu(), model, vertices, triangles).unwrap();
                 assert!(scene.pages.len() > 1 || model.triangles.is_empty());
-                let mut renderer = Renderer::new(device.gpu(), 200, 200, ALL, false).unwrap();
+                let mut renderer =
+                    Renderer::new(device.gpu(), 200, 200, outputs_of(case), false).unwrap();
                 renderer.draw(model, &mut scene, &view, &s).unwrap();
                 let paged = renderer.read(&view).unwrap();
-                assert!(
-                    whole == paged,
-                    "{method:?} {threshold}: {} pages show",
-                    scene.pages.len()
-                );
+                assert!(whole == paged, "{case:?}: {} pages show", scene.pages.len());
             }
         }
     }
@@ -188,9 +205,9 @@ fn the_frame_loop_makes_nothing_new() {
         .collect();
     let mut round = |renderer: &mut Renderer| {
         for view in &views {
-            for (method, threshold) in METHODS {
+            for case in METHODS {
                 renderer
-                    .draw(&model, &mut scene, view, &settings(method, threshold))
+                    .draw(&model, &mut scene, view, &settings_of(case))
                     .unwrap();
             }
         }
