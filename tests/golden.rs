@@ -15,7 +15,7 @@ use surfel::generate::{Shape, Spec};
 use surfel::image::{FloatImage, Image, compare, difference_picture};
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings};
+use surfel::method::{Method, Settings, SplatKind};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -73,10 +73,13 @@ fn cases() -> Vec<Case> {
         case("pop-near", Method::Pop, 9.0, near),
         case("primitive", Method::Pop, 2.5, whole),
         case("background", Method::Pop, 2.0, [200.0, -30.0, 0.7]),
+        case("filtered-1", Method::Pop, 1.0, [30.0, 20.0, 0.4]),
+        case("filtered-3", Method::Pop, 3.0, whole),
     ];
     for case in &mut cases {
         match case.name {
             "primitive" => case.settings.color_by = ColorBy::Primitive,
+            "filtered-1" | "filtered-3" => case.settings.splat = SplatKind::Filtered,
             "background" => case.settings.background = [0.2, 0.4, 0.8],
             _ => {}
         }
@@ -87,7 +90,7 @@ fn cases() -> Vec<Case> {
 fn models() -> Vec<(&'static str, Model)> {
     let build = |spec: Spec| {
         let mesh = surfel::generate::mesh(&spec);
-        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+        tree::build(mesh, &BuildOptions { moments: true }, &Silent).unwrap()
     };
     vec![
         (

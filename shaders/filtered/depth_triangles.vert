@@ -19,5 +19,5 @@ void main() {
     float facing = color.a == 0.0 ? 1.0 : max(abs(dot(n, to_eye)), 0.1);
     float depth = is_orthographic ? 1.0 : max(-position_in_view.z, 0.0);
     float radius = frame.background.a * max(frame.splat_size_px, 1.0) * depth / (2.0 * frame.focal_px);
-    gl_Position = clip_of_pushed(push_away(position_in_view, radius / facing));
+    gl_Position = frame.clip_from_view * vec4(push_away(position_in_view, radius / facing), 1.0);
 }

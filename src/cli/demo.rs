@@ -11,7 +11,7 @@ use surfel::image::contact_sheet;
 use surfel::measure::Distribution;
 use surfel::method::engine::Engine;
 use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings};
+use surfel::method::{Method, Settings, SplatKind};
 
 /// Draw the built-in statue (or another model) with every method: a picture each and a contact sheet.
 #[derive(Debug, clap::Args)]
@@ -39,93 +39,90 @@ struct Shot {
     file: &'static str,
     label: &'static str,
     method: Method,
+    splat: SplatKind,
     threshold_px: f32,
     color_by: ColorBy,
     fill: f64,
 }
 
-const SHOTS: [Shot; 8] = [
-    shot(
-        "triangles",
-        "triangles",
-        Method::Triangles,
-        1.0,
-        ColorBy::Shading,
-        1.0,
-    ),
-    shot(
-        "points",
-        "points, 2 px",
-        Method::Points,
-        2.0,
-        ColorBy::Shading,
-        1.0,
-    ),
-    shot(
-        "pop-1",
-        "pop, threshold 1 px",
-        Method::Pop,
-        1.0,
-        ColorBy::Shading,
-        1.0,
-    ),
-    shot(
-        "pop-3",
-        "pop, threshold 3 px",
-        Method::Pop,
-        3.0,
-        ColorBy::Shading,
-        1.0,
-    ),
-    shot(
-        "pop-8",
-        "pop, threshold 8 px",
-        Method::Pop,
-        8.0,
-        ColorBy::Shading,
-        1.0,
-    ),
-    shot(
-        "pop-near",
-        "pop, threshold 3 px, near",
-        Method::Pop,
-        3.0,
-        ColorBy::Shading,
-        6.0,
-    ),
-    shot(
-        "pop-near-kinds",
-        "the same: triangles blue",
-        Method::Pop,
-        3.0,
-        ColorBy::Primitive,
-        6.0,
-    ),
-    shot(
-        "pop-far",
-        "pop, threshold 1 px, far",
-        Method::Pop,
-        1.0,
-        ColorBy::Shading,
-        0.125,
-    ),
+/// A whole model at threshold 1, as squares.
+const BASE: Shot = Shot {
+    file: "pop-1",
+    label: "pop, threshold 1 px",
+    method: Method::Pop,
+    splat: SplatKind::Square,
+    threshold_px: 1.0,
+    color_by: ColorBy::Shading,
+    fill: 1.0,
+};
+
+const SHOTS: [Shot; 10] = [
+    Shot {
+        file: "triangles",
+        label: "triangles",
+        method: Method::Triangles,
+        ..BASE
+    },
+    Shot {
+        file: "points",
+        label: "points, 2 px",
+        method: Method::Points,
+        threshold_px: 2.0,
+        ..BASE
+    },
+    BASE,
+    Shot {
+        file: "pop-3",
+        label: "pop, threshold 3 px",
+        threshold_px: 3.0,
+        ..BASE
+    },
+    Shot {
+        file: "pop-8",
+        label: "pop, threshold 8 px",
+        threshold_px: 8.0,
+        ..BASE
+    },
+    Shot {
+        file: "filtered-1",
+        label: "filtered, threshold 1 px",
+        splat: SplatKind::Filtered,
+        ..BASE
+    },
+    Shot {
+        file: "pop-near",
+        label: "pop, threshold 3 px, near",
+        threshold_px: 3.0,
+        fill: 6.0,
+        ..BASE
+    },
+    Shot {
+        file: "pop-near-kinds",
+        label: "the same: triangles blue",
+        threshold_px: 3.0,
+        color_by: ColorBy::Primitive,
+        fill: 6.0,
+        ..BASE
+    },
+    Shot {
+        file: "pop-far",
+        label: "pop, threshold 1 px, far",
+        fill: 0.125,
+        ..BASE
+    },
+    Shot {
+        file: "filtered-far",
+        label: "filtered, 1 px, far",
+        splat: SplatKind::Filtered,
+        fill: 0.125,
+        ..BASE
+    },
 ];
 
-const fn shot(
-    file: &'static str,
-    label: &'static str,
-    method: Method,
-    threshold_px: f32,
-    color_by: ColorBy,
-    fill: f64,
-) -> Shot {
-    Shot {
-        file,
-        label,
-        method,
-        threshold_px,
-        color_by,
-        fill,
+impl Shot {
+    /// Whether this can draw a model without triangles.
+    fn draws_clouds(&self) -> bool {
+        self.method != Method::Triangles && self.splat == SplatKind::Square
     }
 }
 
@@ -170,10 +167,15 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         if super::progress::is_interrupted() {
             return Err(Failure::Run(anyhow::anyhow!("cancelled")));
         }
+        if model.is_cloud() && !shot.draws_clouds() {
+            bar.inc(1);
+            continue;
+        }
         bar.set_message(shot.label);
         let view = orbit_camera(&ready, args.size, [30.0, 20.0, shot.fill]).view(model.origin)?;
         let settings = Settings {
             method: shot.method,
+            splat: shot.splat,
             threshold_px: shot.threshold_px,
             color_by: shot.color_by,
             ..Settings::default()
@@ -201,7 +203,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "{:<26} {:>9.2} ms {:>8} {:>12} {:>12}  {}",
             shot.label,
             ms,
-            if shot.fill == 1.0 {
+            if shot.fill == 1.0 && reference_ms.is_finite() {
                 format!("{:.1}x", reference_ms / ms)
             } else {
                 "-".into()
@@ -215,7 +217,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     bar.finish_and_clear();
     let sheet = args.output.join("contact-sheet.png");
-    contact_sheet(&pictures, 4).save_png(&sheet)?;
+    contact_sheet(&pictures, 5).save_png(&sheet)?;
     let mut out = format!(
         "{:<26} {:>12} {:>8} {:>12} {:>12}  picture\n",
         "", "frame", "speed", "triangles", "splats"

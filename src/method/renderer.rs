@@ -600,7 +600,15 @@ impl Renderer {
         }
         if let Some(depth) = depth {
             let raw: Vec<f32> = bytemuck::pod_collect_to_vec(depth.bytes());
-            image.depth = raw.into_iter().map(|d| view.distance_of_depth(d)).collect();
+            // Nothing drawn, or nothing of any weight: no distance.
+            image.depth = raw
+                .into_iter()
+                .zip(&image.color)
+                .map(|(d, color)| match color[3] {
+                    0 => f32::INFINITY,
+                    _ => view.distance_of_depth(d),
+                })
+                .collect();
         }
         if let Some(normal) = normal {
             let raw: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(normal.bytes());
