@@ -1,42 +1,32 @@
-//! Frames in flight, and the pass: the only place that writes labels, timestamps, barriers and scopes.
+//! Frames in flight: recorded, submitted, waited for, read back.
 
-use super::access::{Access, State};
-use super::buffer::{AnyBuffer, Readback, Upload, state_of};
-use super::image::{Format, Image, range};
-use super::pipeline::Pipeline;
+use super::access::Access;
+use super::buffer::{AnyBuffer, Readback, Upload};
+use super::image::Image;
+use super::pass::Barriers;
+pub use super::pass::{Draw, Load, Pass};
 use super::profile::PassTime;
+use super::{Error, Gpu, Remains};
 #[cfg(feature = "viewer")]
-use super::surface::Acquired;
-use super::{Error, Gpu, Remains, lock};
-use crate::abi::BindingKind;
+use super::{access::State, image::Format, surface::Acquired};
 use ash::vk;
-use std::ffi::CStr;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Most passes in one frame that get timestamps.
-const MAX_PASSES: u32 = 64;
+pub(super) const MAX_PASSES: u32 = 64;
 /// Bytes of uniform blocks in one frame.
 const UNIFORM_BYTES: u64 = 64 << 10;
 
-/// What a pass finds in a target.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Load {
-    /// The given value everywhere (the first component for depth).
-    Clear([f32; 4]),
-    /// What the pass before left.
-    Keep,
-}
-
 /// One frame slot: recorded, submitted and read back before it is used again.
-struct Slot {
+pub(super) struct Slot {
     pool: vk::CommandPool,
-    commands: vk::CommandBuffer,
-    queries: vk::QueryPool,
-    descriptors: vk::DescriptorPool,
-    uniforms: Upload,
+    pub(super) commands: vk::CommandBuffer,
+    pub(super) queries: vk::QueryPool,
+    pub(super) descriptors: vk::DescriptorPool,
+    pub(super) uniforms: Upload,
     submitted: u64,
-    names: Vec<&'static str>,
+    pub(super) names: Vec<&'static str>,
     submit_time: Option<Instant>,
 }
 
@@ -73,89 +63,6 @@ pub struct Finished {
     pub passes: Vec<PassTime>,
     /// From the submission until the host saw the end.
     pub host: Duration,
-}
-
-#[derive(Default)]
-struct Barriers {
-    buffers: Vec<vk::BufferMemoryBarrier2<'static>>,
-    images: Vec<vk::ImageMemoryBarrier2<'static>>,
-    /// Vertex and index buffers that the pass being described declared; kept for their memory.
-    declared: [Vec<vk::Buffer>; 2],
-    /// Record none: a planted fault, see [`Frames::omit_barriers`].
-    omitted: bool,
-}
-
-impl Barriers {
-    fn buffer(&mut self, buffer: &dyn AnyBuffer, access: Access) {
-        if let Some(b) = state_of(buffer).transition(access, false, false) {
-            self.buffers.push(
-                vk::BufferMemoryBarrier2::default()
-                    .src_stage_mask(b.src_stages)
-                    .src_access_mask(b.src_access)
-                    .dst_stage_mask(b.dst_stages)
-                    .dst_access_mask(b.dst_access)
-                    .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .buffer(buffer.handle())
-                    .size(vk::WHOLE_SIZE),
-            );
-        }
-    }
-
-    fn image(&mut self, image: &Image, access: Access, discard: bool) {
-        self.handle(
-            image.handle,
-            image.format,
-            &mut lock(&image.state),
-            access,
-            discard,
-        );
-    }
-
-    /// As [`image`](Barriers::image), for an image that another owns.
-    fn handle(
-        &mut self,
-        image: vk::Image,
-        format: Format,
-        state: &mut State,
-        access: Access,
-        discard: bool,
-    ) {
-        if let Some(b) = state.transition(access, true, discard) {
-            self.images.push(
-                vk::ImageMemoryBarrier2::default()
-                    .src_stage_mask(b.src_stages)
-                    .src_access_mask(b.src_access)
-                    .dst_stage_mask(b.dst_stages)
-                    .dst_access_mask(b.dst_access)
-                    .old_layout(b.old_layout)
-                    .new_layout(b.new_layout)
-                    .src_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .dst_queue_family_index(vk::QUEUE_FAMILY_IGNORED)
-                    .image(image)
-                    .subresource_range(range(format)),
-            );
-        }
-    }
-
-    fn record(&mut self, gpu: &Gpu, commands: vk::CommandBuffer) {
-        if self.buffers.is_empty() && self.images.is_empty() {
-            return;
-        }
-        if self.omitted {
-            self.buffers.clear();
-            self.images.clear();
-            return;
-        }
-        let info = vk::DependencyInfo::default()
-            .buffer_memory_barriers(&self.buffers)
-            .image_memory_barriers(&self.images);
-        // SAFETY: the command buffer is being recorded outside of a rendering scope; the handles are alive
-        // (their owners are borrowed by the pass).
-        unsafe { gpu.device.cmd_pipeline_barrier2(commands, &info) };
-        self.buffers.clear();
-        self.images.clear();
-    }
 }
 
 impl Frames {
@@ -342,8 +249,8 @@ impl Drop for Frames {
 /// Where a uniform block was put.
 #[derive(Debug, Clone, Copy)]
 pub struct Uniform {
-    offset: u64,
-    bytes: u64,
+    pub(super) offset: u64,
+    pub(super) bytes: u64,
 }
 
 /// A frame being recorded. Passes run in the order written.
@@ -389,23 +296,13 @@ impl Frame<'_> {
     where
         Self: 'f,
     {
-        self.frames
-            .barriers
-            .declared
-            .iter_mut()
-            .for_each(Vec::clear);
-        Pass {
-            gpu: self.frames.gpu.clone(),
-            timestamps: self.frames.timestamps,
-            slot: &mut self.frames.slots[self.index],
-            barriers: &mut self.frames.barriers,
+        Pass::new(
+            &self.frames.gpu,
+            self.frames.timestamps,
+            &mut self.frames.slots[self.index],
+            &mut self.frames.barriers,
             name,
-            colors: [None; 4],
-            color_count: 0,
-            depth: None,
-            depth_is_read_only: false,
-            extent: None,
-        }
+        )
     }
 
     /// Copies an image into a readback buffer, tightly packed, as a pass of its own.
@@ -572,453 +469,6 @@ impl Frame<'_> {
         };
         self.frames.next = (self.index + 1) % self.frames.slots.len();
         Ok(ticket)
-    }
-}
-
-/// A pass being described: its targets and what it reads. [`draw`](Pass::draw) records it.
-pub struct Pass<'f> {
-    gpu: Arc<Gpu>,
-    timestamps: bool,
-    slot: &'f mut Slot,
-    barriers: &'f mut Barriers,
-    name: &'static str,
-    colors: [Option<(vk::ImageView, Load)>; 4],
-    color_count: usize,
-    depth: Option<(vk::ImageView, Load)>,
-    depth_is_read_only: bool,
-    extent: Option<vk::Extent2D>,
-}
-
-impl Pass<'_> {
-    fn target(&mut self, image: &Image) {
-        let extent = vk::Extent2D {
-            width: image.width,
-            height: image.height,
-        };
-        assert!(
-            self.extent.is_none_or(|e| e == extent),
-            "pass {}: its targets differ in size",
-            self.name
-        );
-        self.extent = Some(extent);
-    }
-
-    /// Draws into a color target; targets get locations 0, 1, ... in this order.
-    #[must_use]
-    pub fn color(mut self, image: &Image, load: Load) -> Self {
-        self.target(image);
-        let access = match load {
-            Load::Clear(_) => Access::ColorTarget,
-            Load::Keep => Access::BlendTarget,
-        };
-        self.barriers.image(image, access, load != Load::Keep);
-        self.colors[self.color_count] = Some((image.view, load));
-        self.color_count += 1;
-        self
-    }
-
-    /// Tests and writes depth.
-    #[must_use]
-    pub fn depth(mut self, image: &Image, load: Load) -> Self {
-        self.target(image);
-        self.barriers
-            .image(image, Access::DepthWrite, load != Load::Keep);
-        self.depth = Some((image.view, load));
-        self
-    }
-
-    /// Tests against depth that an earlier pass wrote, and leaves it as it is.
-    #[must_use]
-    pub fn depth_test(mut self, image: &Image) -> Self {
-        self.target(image);
-        self.barriers.image(image, Access::DepthTest, false);
-        self.depth = Some((image.view, Load::Keep));
-        self.depth_is_read_only = true;
-        self
-    }
-
-    /// Samples an image in the fragment shader.
-    #[must_use]
-    pub fn sampled(self, image: &Image) -> Self {
-        self.barriers.image(image, Access::Sampled, false);
-        self
-    }
-
-    /// Reads vertex records from a buffer.
-    #[must_use]
-    pub fn vertices(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::VertexRead);
-        self.barriers.declared[0].push(buffer.handle());
-        self
-    }
-
-    /// Reads indices from a buffer.
-    #[must_use]
-    pub fn indices(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::IndexRead);
-        self.barriers.declared[1].push(buffer.handle());
-        self
-    }
-
-    /// Records the pass: barriers, label, timestamps, rendering scope, and what `record` draws in it.
-    /// `viewport` is x, y, width and height in pixels; it may reach beyond the targets.
-    ///
-    /// # Panics
-    /// When the pass has no target, or `record` binds a buffer that was not declared.
-    pub fn draw(mut self, viewport: [f32; 4], record: impl FnOnce(&mut Draw<'_>)) {
-        let extent = self
-            .extent
-            .unwrap_or_else(|| panic!("pass {} has no target", self.name));
-        let (colors, color_count) = (self.colors, self.color_count);
-        let (depth, name) = (self.depth, self.name);
-        let gpu = self.gpu.clone();
-        let (commands, descriptors) = (self.slot.commands, self.slot.descriptors);
-        let uniforms = self.slot.uniforms.handle();
-        let declared = std::mem::take(&mut self.barriers.declared);
-        let timing = self.begin();
-        let attachment = |view: vk::ImageView, load: Load, is_depth: bool| {
-            let (op, clear) = match load {
-                Load::Keep => (vk::AttachmentLoadOp::LOAD, vk::ClearValue::default()),
-                Load::Clear(value) if is_depth => (
-                    vk::AttachmentLoadOp::CLEAR,
-                    vk::ClearValue {
-                        depth_stencil: vk::ClearDepthStencilValue {
-                            depth: value[0],
-                            stencil: 0,
-                        },
-                    },
-                ),
-                Load::Clear(value) => (
-                    vk::AttachmentLoadOp::CLEAR,
-                    vk::ClearValue {
-                        color: vk::ClearColorValue { float32: value },
-                    },
-                ),
-            };
-            vk::RenderingAttachmentInfo::default()
-                .image_view(view)
-                .image_layout(if is_depth {
-                    Access::DepthWrite.scope().layout
-                } else {
-                    vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
-                })
-                .load_op(op)
-                .store_op(vk::AttachmentStoreOp::STORE)
-                .clear_value(clear)
-        };
-        let mut color_infos = [vk::RenderingAttachmentInfo::default(); 4];
-        for (info, color) in color_infos.iter_mut().zip(colors.iter().flatten()) {
-            *info = attachment(color.0, color.1, false);
-        }
-        let mut depth_info = depth.map(|(view, load)| attachment(view, load, true));
-        if let (Some(info), true) = (&mut depth_info, self.depth_is_read_only) {
-            *info = info
-                .image_layout(Access::DepthTest.scope().layout)
-                .store_op(vk::AttachmentStoreOp::NONE);
-        }
-        let area = vk::Rect2D {
-            offset: vk::Offset2D::default(),
-            extent,
-        };
-        let mut rendering = vk::RenderingInfo::default()
-            .render_area(area)
-            .layer_count(1)
-            .color_attachments(&color_infos[..color_count]);
-        if let Some(info) = &depth_info {
-            rendering = rendering.depth_attachment(info);
-        }
-        let [x, y, width, height] = viewport;
-        let viewports = [vk::Viewport {
-            x,
-            y,
-            width,
-            height,
-            min_depth: 0.0,
-            max_depth: 1.0,
-        }];
-        // SAFETY: the command buffer is being recorded; targets are alive until the frame has finished and in
-        // the layouts that the barriers of `begin` gave them.
-        unsafe {
-            gpu.device.cmd_begin_rendering(commands, &rendering);
-            gpu.device.cmd_set_viewport(commands, 0, &viewports);
-            gpu.device.cmd_set_scissor(commands, 0, &[area]);
-        }
-        let mut draw = Draw {
-            gpu: &gpu,
-            commands,
-            descriptors,
-            uniforms,
-            vertex_buffers: &declared[0],
-            index_buffers: &declared[1],
-            name,
-        };
-        record(&mut draw);
-        // SAFETY: ends the scope begun above.
-        unsafe { gpu.device.cmd_end_rendering(commands) };
-        timing.end();
-        // Handed back for the next pass, which clears them.
-        self.barriers.declared = declared;
-    }
-
-    fn begin(&mut self) -> Timing {
-        let commands = self.slot.commands;
-        self.barriers.record(&self.gpu, commands);
-        if let Some(debug) = &self.gpu.debug_device {
-            let mut text = [0u8; 64];
-            let length = self.name.len().min(text.len() - 1);
-            text[..length].copy_from_slice(&self.name.as_bytes()[..length]);
-            if let Ok(label) = CStr::from_bytes_until_nul(&text) {
-                let info = vk::DebugUtilsLabelEXT::default().label_name(label);
-                // SAFETY: the command buffer is being recorded; ended in `Timing::end`.
-                unsafe { debug.cmd_begin_debug_utils_label(commands, &info) };
-            }
-        }
-        let query = if self.timestamps && self.slot.names.len() < MAX_PASSES as usize {
-            self.slot.names.push(self.name);
-            Some(2 * (self.slot.names.len() as u32 - 1))
-        } else {
-            None
-        };
-        let timing = Timing {
-            gpu: self.gpu.clone(),
-            commands,
-            queries: self.slot.queries,
-            query,
-        };
-        if let Some(query) = timing.query {
-            timing.stamp(query);
-        }
-        timing
-    }
-}
-
-/// The open end of a pass: writes the second timestamp and closes the label.
-struct Timing {
-    gpu: Arc<Gpu>,
-    commands: vk::CommandBuffer,
-    queries: vk::QueryPool,
-    query: Option<u32>,
-}
-
-impl Timing {
-    /// A timestamp after all work so far, and a full barrier behind it: without the barrier a device may let
-    /// later work start first (or record the stamp late), and its time is booked to the wrong pass.
-    fn stamp(&self, query: u32) {
-        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
-        let barriers = [vk::MemoryBarrier2::default()
-            .src_stage_mask(all)
-            .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
-            .dst_stage_mask(all)
-            .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)];
-        let info = vk::DependencyInfo::default().memory_barriers(&barriers);
-        // SAFETY: the command buffer is being recorded outside of a rendering scope; the query was reset when
-        // the frame began and is written once.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_write_timestamp2(self.commands, all, self.queries, query);
-            self.gpu.device.cmd_pipeline_barrier2(self.commands, &info);
-        }
-    }
-
-    fn end(self) {
-        if let Some(query) = self.query {
-            self.stamp(query + 1);
-        }
-        if let Some(debug) = &self.gpu.debug_device {
-            // SAFETY: closes the label that `Pass::begin` opened.
-            unsafe { debug.cmd_end_debug_utils_label(self.commands) };
-        }
-    }
-}
-
-/// Draws inside a pass.
-pub struct Draw<'a> {
-    gpu: &'a Gpu,
-    commands: vk::CommandBuffer,
-    descriptors: vk::DescriptorPool,
-    uniforms: vk::Buffer,
-    vertex_buffers: &'a [vk::Buffer],
-    index_buffers: &'a [vk::Buffer],
-    name: &'static str,
-}
-
-impl std::fmt::Debug for Draw<'_> {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Draw")
-            .field("pass", &self.name)
-            .finish_non_exhaustive()
-    }
-}
-
-impl Draw<'_> {
-    /// Binds a pipeline with its uniform blocks and its images, each in ascending order of their bindings.
-    ///
-    /// # Panics
-    /// When a binding gets nothing or something of another kind, an image was not declared by the pass, or the
-    /// frame has bound too many.
-    pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform], images: &[&Image]) {
-        let layouts = [pipeline.set_layout];
-        let info = vk::DescriptorSetAllocateInfo::default()
-            .descriptor_pool(self.descriptors)
-            .set_layouts(&layouts);
-        let (mut uniforms, mut images) = (uniforms.iter(), images.iter());
-        // SAFETY: the pool belongs to this frame's slot, whose last use has finished; buffers and images written are
-        // alive as long as the frame; every binding of the set is written before it is bound.
-        unsafe {
-            let sets = match self.gpu.device.allocate_descriptor_sets(&info) {
-                Ok(sets) => sets,
-                Err(result) => panic!(
-                    "{}: a frame has room for {} bindings: {result}",
-                    self.name,
-                    4 * MAX_PASSES
-                ),
-            };
-            for &(binding, kind) in &pipeline.bindings {
-                let write = vk::WriteDescriptorSet::default()
-                    .dst_set(sets[0])
-                    .dst_binding(binding);
-                match kind {
-                    BindingKind::UniformBuffer => {
-                        let Some(uniform) = uniforms.next() else {
-                            panic!("{}: nothing for uniform binding {binding}", self.name)
-                        };
-                        let buffers = [vk::DescriptorBufferInfo::default()
-                            .buffer(self.uniforms)
-                            .offset(uniform.offset)
-                            .range(uniform.bytes)];
-                        let write = write
-                            .descriptor_type(vk::DescriptorType::UNIFORM_BUFFER)
-                            .buffer_info(&buffers);
-                        self.gpu.device.update_descriptor_sets(&[write], &[]);
-                    }
-                    BindingKind::SampledImage => {
-                        let Some(image) = images.next() else {
-                            panic!("{}: nothing for image binding {binding}", self.name)
-                        };
-                        assert!(
-                            lock(&image.state).layout() == Access::Sampled.scope().layout,
-                            "pass {} did not declare image {}",
-                            self.name,
-                            image.name()
-                        );
-                        let infos = [vk::DescriptorImageInfo::default()
-                            .sampler(self.gpu.sampler)
-                            .image_view(image.view)
-                            .image_layout(Access::Sampled.scope().layout)];
-                        let write = write
-                            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
-                            .image_info(&infos);
-                        self.gpu.device.update_descriptor_sets(&[write], &[]);
-                    }
-                    BindingKind::StorageBuffer | BindingKind::StorageImage => {
-                        panic!(
-                            "{}: binding {binding} is storage, which draws do not use",
-                            self.name
-                        )
-                    }
-                }
-            }
-            assert!(
-                uniforms.next().is_none() && images.next().is_none(),
-                "{}: {} has fewer bindings",
-                self.name,
-                pipeline.name()
-            );
-            let point = vk::PipelineBindPoint::GRAPHICS;
-            self.gpu
-                .device
-                .cmd_bind_pipeline(self.commands, point, pipeline.handle);
-            self.gpu.device.cmd_bind_descriptor_sets(
-                self.commands,
-                point,
-                pipeline.layout,
-                0,
-                &sets,
-                &[],
-            );
-        }
-    }
-
-    /// Which triangles are dropped: those that show their back, where the front is counter-clockwise on the
-    /// picture (`mirrored`: clockwise).
-    pub fn cull_back_faces(&mut self, cull: bool, mirrored: bool) {
-        let mode = if cull {
-            vk::CullModeFlags::BACK
-        } else {
-            vk::CullModeFlags::NONE
-        };
-        let front = if mirrored {
-            vk::FrontFace::CLOCKWISE
-        } else {
-            vk::FrontFace::COUNTER_CLOCKWISE
-        };
-        // SAFETY: the command buffer is being recorded; both states are core in Vulkan 1.3.
-        unsafe {
-            self.gpu.device.cmd_set_cull_mode(self.commands, mode);
-            self.gpu.device.cmd_set_front_face(self.commands, front);
-        }
-    }
-
-    /// Binds vertex records that start `offset` bytes into a declared buffer.
-    ///
-    /// # Panics
-    /// When the pass did not declare the buffer.
-    pub fn vertices(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
-        assert!(
-            self.vertex_buffers.contains(&buffer.handle()),
-            "pass {} did not declare vertex buffer {}",
-            self.name,
-            buffer.name()
-        );
-        // SAFETY: declared, so alive until the frame has finished and visible to vertex input.
-        unsafe {
-            self.gpu.device.cmd_bind_vertex_buffers(
-                self.commands,
-                0,
-                &[buffer.handle()],
-                &[offset],
-            );
-        }
-    }
-
-    /// Binds 32-bit indices that start `offset` bytes into a declared buffer.
-    ///
-    /// # Panics
-    /// When the pass did not declare the buffer.
-    pub fn indices(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
-        assert!(
-            self.index_buffers.contains(&buffer.handle()),
-            "pass {} did not declare index buffer {}",
-            self.name,
-            buffer.name()
-        );
-        // SAFETY: declared, so alive until the frame has finished and visible to index input.
-        unsafe {
-            self.gpu.device.cmd_bind_index_buffer(
-                self.commands,
-                buffer.handle(),
-                offset,
-                vk::IndexType::UINT32,
-            );
-        }
-    }
-
-    /// Draws `count` vertices from `first` on.
-    pub fn draw(&mut self, first: u32, count: u32) {
-        // SAFETY: pipeline, state and vertices are bound; the range lies in the bound buffer (callers draw
-        // what they have written).
-        unsafe { self.gpu.device.cmd_draw(self.commands, count, 1, first, 0) };
-    }
-
-    /// Draws `count` indices from `first` on; `vertex_offset` is added to each.
-    pub fn draw_indexed(&mut self, first: u32, count: u32, vertex_offset: i32) {
-        // SAFETY: as in `draw`, and every index plus offset names a vertex of the bound buffer.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_draw_indexed(self.commands, count, 1, first, vertex_offset, 0);
-        }
     }
 }
 

@@ -16,6 +16,7 @@ pub mod device;
 pub mod frame;
 pub mod image;
 pub mod messages;
+mod pass;
 pub mod pipeline;
 pub mod profile;
 #[cfg(feature = "viewer")]

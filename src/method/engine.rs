@@ -1,9 +1,8 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::renderer::{
-    Counts, FrameTimes, Outputs, Renderer, check_filtered, cut_settings, filtered_shade,
-};
+use super::plan::{check_filtered, cut_settings, filtered_shade};
+use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::{Method, Settings, SplatKind, mirror};
 use crate::abi::{FilteredSplat, Splat};

@@ -5,9 +5,11 @@ pub mod engine;
 pub mod filtered;
 pub mod hybrid;
 pub mod mirror;
+pub mod plan;
 pub mod points;
 pub mod renderer;
 pub mod scene;
+pub(crate) mod targets;
 pub mod triangles;
 
 use crate::cut::SizeMetric;

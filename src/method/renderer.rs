@@ -9,101 +9,25 @@ mod present;
 use super::filtered::{self, Filtered};
 use super::hybrid::{self, Run};
 pub use super::mirror::Outputs;
+use super::plan::{check_filtered, cut_settings, filtered_shade, frame_constants};
 use super::scene::Scene;
+use super::targets::{Context, Targets};
 use super::triangles::{self, Variant};
-use super::{COLOR, Method, NORMAL, Settings, SplatKind, points};
-use crate::abi::{FilteredSplat, FrameConstants, Splat, constants};
+use super::{Method, Settings, SplatKind, points};
+use crate::abi::{FilteredSplat, Splat};
 use crate::cut::{self, Cut};
-use crate::draw::{self, ColorBy, pack};
+use crate::draw::{self, pack};
 use crate::gpu::buffer::{AnyBuffer, Readback, Upload};
-use crate::gpu::frame::{Frame, Frames, Load, Pass, Ticket};
-use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::frame::{Frame, Frames, Ticket};
+use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::profile::PassTime;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
-use crate::math::camera::{Light, View};
+use crate::math::camera::View;
 use crate::tree::Model;
-use glam::{Mat4, Vec3, Vec4};
 use std::sync::Arc;
 use std::time::Instant;
-
-/// The targets of a frame.
-#[derive(Debug)]
-pub(crate) struct Targets {
-    color: Target,
-    depth: Target,
-    normal: Option<Target>,
-}
-
-impl Targets {
-    fn new(gpu: &Arc<Gpu>, width: u32, height: u32, normals: bool) -> Result<Self, Error> {
-        Ok(Self {
-            color: Target::new(gpu, "color", COLOR, width, height)?,
-            depth: Target::new(gpu, "depth", Format::Depth32, width, height)?,
-            normal: normals
-                .then(|| Target::new(gpu, "normal", NORMAL, width, height))
-                .transpose()?,
-        })
-    }
-
-    pub(crate) fn color(&self) -> &Target {
-        &self.color
-    }
-
-    pub(crate) fn depth(&self) -> &Target {
-        &self.depth
-    }
-
-    /// Attaches all targets, cleared: color to the background with coverage 0, depth to far.
-    pub(crate) fn attach<'f>(&self, pass: Pass<'f>, context: &Context) -> Pass<'f> {
-        self.attach_with(pass, context, Load::Clear)
-    }
-
-    /// Attaches all targets; `load` decides from the clear value.
-    pub(crate) fn attach_with<'f>(
-        &self,
-        pass: Pass<'f>,
-        context: &Context,
-        load: impl Fn([f32; 4]) -> Load,
-    ) -> Pass<'f> {
-        let [r, g, b] = context.background;
-        let pass = pass.color(&self.color, load([r, g, b, 0.0]));
-        let pass = match &self.normal {
-            Some(normal) => pass.color(normal, load([0.0; 4])),
-            None => pass,
-        };
-        pass.depth(&self.depth, load([0.0; 4]))
-    }
-}
-
-/// What every pass of a frame needs besides its resources.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Context {
-    pub(crate) width: u32,
-    pub(crate) height: u32,
-    /// Pixels by which the viewport reaches beyond the picture on every side.
-    pub(crate) guard_px: u32,
-    pub(crate) background: [f32; 3],
-    pub(crate) cull_back: bool,
-    /// The camera mirrors the picture, so that fronts turn clockwise.
-    pub(crate) is_mirrored: bool,
-}
-
-impl Context {
-    /// The viewport: larger than the picture by the guard band. A point is dropped by the device when its
-    /// center leaves the view volume, even if its square still reaches into the picture; with the view volume
-    /// widened by half the largest square, none of those is lost.
-    pub(crate) fn viewport(&self) -> [f32; 4] {
-        let guard = self.guard_px as f32;
-        [
-            -guard,
-            -guard,
-            self.width as f32 + 2.0 * guard,
-            self.height as f32 + 2.0 * guard,
-        ]
-    }
-}
 
 /// Counts of one frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
@@ -615,114 +539,6 @@ impl Renderer {
             image.normal = raw.into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
         }
         Ok(image)
-    }
-}
-
-/// The cut settings of a frame.
-pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
-    cut::Settings {
-        threshold_px: settings.threshold_px,
-        cull_back: settings.culls_back(model.is_closed) && !model.triangles.is_empty(),
-        cull_frustum: true,
-        size: settings.size,
-    }
-}
-
-/// What the packing of filtered splats needs of the settings.
-pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
-    draw::filtered::Shade {
-        side_px: settings.threshold_px.max(1.0),
-        depth_offset: settings.depth_offset,
-        cull_back: settings.culls_back(model.is_closed),
-        use_colors: settings.use_colors,
-        color_by: settings.color_by,
-    }
-}
-
-/// Refuses by name what filtered splats cannot draw.
-///
-/// # Errors
-/// For point clouds, models without moments, normals as output, one-sided light, and thresholds above
-/// `max_size_px`.
-pub fn check_filtered(
-    model: &Model,
-    settings: &Settings,
-    outputs: Outputs,
-    max_size_px: f32,
-) -> Result<(), Error> {
-    let why = if model.triangles.is_empty() {
-        "a point cloud has no areas; use --splat square"
-    } else if model.tree.moments.len() != model.tree.nodes.len() {
-        "the tree was built without moments; build it again with them (surfel build --moments)"
-    } else if outputs.normal {
-        "they are sums over a pixel and have no normal; leave --normals out"
-    } else if !settings.two_sided {
-        "their sums do not tell the sides of a surface apart; leave --one-sided out"
-    } else if settings.threshold_px > max_size_px {
-        return Err(Error::Limit {
-            what: "the size of filtered splats (--threshold, pixels)".into(),
-            value: settings.threshold_px.ceil() as u64,
-            limit: max_size_px as u64,
-        });
-    } else {
-        return Ok(());
-    };
-    Err(Error::Unsupported {
-        what: "filtered splats",
-        why: why.into(),
-    })
-}
-
-/// The uniform block of a frame.
-fn frame_constants(view: &View, settings: &Settings, context: &Context) -> FrameConstants {
-    let [_, _, width, height] = context.viewport();
-    // Maps the picture's clip space into the middle of the wider viewport.
-    let shrink = Mat4::from_scale(Vec3::new(
-        view.width as f32 / width,
-        view.height as f32 / height,
-        1.0,
-    ));
-    let clip = shrink * view.clip_from_view();
-    // x_ndc = 2 px / W - 1 and x_ndc = (sx x + ox z) / -z with z = -1: x = (x_ndc + ox) / sx.
-    let [sx, sy] = view.scale;
-    let [ox, oy] = view.offset;
-    let mut flags = 0;
-    for (on, flag) in [
-        (settings.use_colors, constants::FLAG_USE_COLORS),
-        (settings.two_sided, constants::FLAG_TWO_SIDED),
-        (
-            settings.color_by == ColorBy::Primitive,
-            constants::FLAG_COLOR_BY_PRIMITIVE,
-        ),
-        (
-            view.light == Light::Directional || !view.is_perspective,
-            constants::FLAG_PARALLEL_LIGHT,
-        ),
-        (!view.is_perspective, constants::FLAG_ORTHOGRAPHIC),
-    ] {
-        if on {
-            flags |= flag;
-        }
-    }
-    let columns = |m: Mat4| -> [[f32; 4]; 4] {
-        [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c: Vec4| c.to_array())
-    };
-    FrameConstants {
-        view_from_model: columns(view.view_from_model),
-        clip_from_view: columns(clip),
-        ray_scale: [
-            2.0 / (view.width as f32 * sx),
-            -2.0 / (view.height as f32 * sy),
-        ],
-        ray_offset: [(ox - 1.0) / sx, (oy + 1.0) / sy],
-        focal_px: view.focal_px(),
-        splat_size_px: settings.threshold_px.max(1.0),
-        model_scale: view.model_scale,
-        flags,
-        background: {
-            let [r, g, b] = settings.background;
-            [r, g, b, settings.depth_offset]
-        },
     }
 }
 

@@ -7,8 +7,8 @@
 
 use super::VERTEX;
 use super::hybrid::Run;
-use super::renderer::{Context, Targets};
 use super::scene::Scene;
+use super::targets::{Context, Targets};
 use super::triangles::targets;
 use crate::abi::{FilteredSplat, shaders};
 use crate::gpu::buffer::Upload;

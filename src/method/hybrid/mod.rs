@@ -4,8 +4,8 @@
 //! triangles come first, so that the depth test spares the splats behind them.
 
 use super::SPLAT;
-use super::renderer::{Context, Targets};
 use super::scene::Scene;
+use super::targets::{Context, Targets};
 use super::triangles::targets;
 use crate::abi::shaders;
 use crate::gpu::buffer::Upload;

@@ -1,8 +1,8 @@
 //! Every vertex as a square of constant size: what a viewer without a tree does with a scan.
 
 use super::VERTEX;
-use super::renderer::{Context, Targets};
 use super::scene::Scene;
+use super::targets::{Context, Targets};
 use super::triangles::targets;
 use crate::abi::shaders;
 use crate::gpu::frame::{Frame, Uniform};

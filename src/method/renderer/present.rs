@@ -1,13 +1,14 @@
 //! What a window asks of the renderer beyond pictures: frames that go to the screen without waiting for each
 //! other, new sizes, and the depth under the cursor.
 
-use super::{Context, FrameTimes, Renderer, Submitted, Targets};
+use super::{FrameTimes, Renderer, Submitted};
 use crate::gpu::Error;
 use crate::gpu::buffer::Readback;
 use crate::gpu::surface::Acquired;
 use crate::math::camera::View;
 use crate::method::Settings;
 use crate::method::scene::Scene;
+use crate::method::targets::{Context, Targets};
 use crate::tree::Model;
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! Every triangle of the mesh: the reference that the other methods are compared with.
 
-use super::renderer::{Context, Targets};
 use super::scene::Scene;
+use super::targets::{Context, Targets};
 use super::{COLOR, NORMAL, VERTEX};
 use crate::abi::shaders;
 use crate::gpu::frame::{Frame, Uniform};

@@ -1,0 +1,90 @@
+//! What a frame draws into, and what its passes share.
+
+use super::{COLOR, NORMAL};
+use crate::gpu::frame::{Load, Pass};
+use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::{Error, Gpu};
+use std::sync::Arc;
+
+/// The targets of a frame.
+#[derive(Debug)]
+pub(crate) struct Targets {
+    pub(super) color: Target,
+    pub(super) depth: Target,
+    pub(super) normal: Option<Target>,
+}
+
+impl Targets {
+    /// Targets of `width` x `height` pixels.
+    pub(super) fn new(
+        gpu: &Arc<Gpu>,
+        width: u32,
+        height: u32,
+        normals: bool,
+    ) -> Result<Self, Error> {
+        Ok(Self {
+            color: Target::new(gpu, "color", COLOR, width, height)?,
+            depth: Target::new(gpu, "depth", Format::Depth32, width, height)?,
+            normal: normals
+                .then(|| Target::new(gpu, "normal", NORMAL, width, height))
+                .transpose()?,
+        })
+    }
+
+    pub(crate) fn color(&self) -> &Target {
+        &self.color
+    }
+
+    pub(crate) fn depth(&self) -> &Target {
+        &self.depth
+    }
+
+    /// Attaches all targets, cleared: color to the background with coverage 0, depth to far.
+    pub(crate) fn attach<'f>(&self, pass: Pass<'f>, context: &Context) -> Pass<'f> {
+        self.attach_with(pass, context, Load::Clear)
+    }
+
+    /// Attaches all targets; `load` decides from the clear value.
+    pub(crate) fn attach_with<'f>(
+        &self,
+        pass: Pass<'f>,
+        context: &Context,
+        load: impl Fn([f32; 4]) -> Load,
+    ) -> Pass<'f> {
+        let [r, g, b] = context.background;
+        let pass = pass.color(&self.color, load([r, g, b, 0.0]));
+        let pass = match &self.normal {
+            Some(normal) => pass.color(normal, load([0.0; 4])),
+            None => pass,
+        };
+        pass.depth(&self.depth, load([0.0; 4]))
+    }
+}
+
+/// What every pass of a frame needs besides its resources.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Context {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Pixels by which the viewport reaches beyond the picture on every side.
+    pub(crate) guard_px: u32,
+    pub(crate) background: [f32; 3],
+    pub(crate) cull_back: bool,
+    /// The camera mirrors the picture, so that fronts turn clockwise.
+    pub(crate) is_mirrored: bool,
+}
+
+impl Context {
+    /// The viewport: larger than the picture by the guard band. A point is dropped by the device when its
+    /// center leaves the view volume, even if its square still reaches into the picture; with the view volume
+    /// widened by half the largest square, none of those is lost.
+    pub(crate) fn viewport(&self) -> [f32; 4] {
+        let guard = self.guard_px as f32;
+        [
+            -guard,
+            -guard,
+            self.width as f32 + 2.0 * guard,
+            self.height as f32 + 2.0 * guard,
+        ]
+    }
+}
