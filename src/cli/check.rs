@@ -27,7 +27,8 @@ pub(crate) struct Args {
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let mut rows = Vec::new();
     let mut text = String::new();
-    let mut unreadable = None;
+    let count_of_models = args.models.len();
+    let mut unreadable = Vec::new();
     let mut broken = 0;
     for path in args.models {
         let source = Source {
@@ -39,8 +40,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             Ok(ready) => ready,
             Err(Failure::Input(error)) => {
                 rows.push(json!({ "file": path.display().to_string(), "error": chain(&error) }));
-                let _ = writeln!(text, "{}", chain(&error));
-                unreadable = Some(error);
+                // A single model's error is said once, at the end.
+                if count_of_models > 1 {
+                    let _ = writeln!(text, "{}", chain(&error));
+                }
+                unreadable.push(error);
                 continue;
             }
             Err(failure) => return Err(failure),
@@ -78,8 +82,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             "{broken} tree(s) break an invariant"
         )));
     }
-    match unreadable {
-        Some(error) => Err(Failure::Input(error)),
-        None => Ok(()),
+    match (unreadable.pop(), unreadable.len()) {
+        (None, _) => Ok(()),
+        (Some(error), _) if count_of_models == 1 => Err(Failure::Input(error)),
+        (Some(_), others) => Err(Failure::Input(anyhow::anyhow!(
+            "{} of {count_of_models} models cannot be read",
+            others + 1
+        ))),
     }
 }

@@ -46,7 +46,9 @@ impl From<surfel::Error> for Failure {
             E::Image(surfel::image::Error::Read { .. }) => true,
             E::Gpu(g) => matches!(
                 g,
-                surfel::gpu::Error::UnknownDevice { .. } | surfel::gpu::Error::Limit { .. }
+                surfel::gpu::Error::UnknownDevice { .. }
+                    | surfel::gpu::Error::Limit { .. }
+                    | surfel::gpu::Error::Unsupported { .. }
             ),
             _ => false,
         };

@@ -274,12 +274,12 @@ fn the_demo_writes_every_picture_and_the_sheet() {
         "demo --model generate:statue:20000 --repeats 1 --size 96x96 --device mirror -o deep/out",
     );
     let found = names(&at.join("deep/out"));
-    assert_eq!(found.len(), 9, "{found:?}");
+    assert_eq!(found.len(), 11, "{found:?}");
     for name in &found {
         let image = load(&at.join("deep/out").join(name));
         if name == "contact-sheet.png" {
             assert!(
-                image.width > 4 * 96 && image.height > 2 * 96,
+                image.width > 5 * 96 && image.height > 2 * 96,
                 "{:?}",
                 image.size()
             );
@@ -306,5 +306,45 @@ fn the_demo_writes_every_picture_and_the_sheet() {
         .collect();
     contents.sort();
     contents.dedup();
-    assert_eq!(contents.len(), 8, "two pictures are the same");
+    assert_eq!(contents.len(), 10, "two pictures are the same");
+}
+
+/// `--splat filtered` from outside: a rim of part coverage, the tree file with and without its sums, refusals by name.
+#[test]
+fn filtered_splats_need_the_sums_of_the_tree() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    expect(
+        at,
+        0,
+        "render generate:statue:50000 --device mirror --size 96x96 --splat filtered -o f.png --coverage c.png",
+    );
+    let coverage = load(&at.join("c.png"));
+    let part = coverage.color.iter().filter(|c| c[0] > 0.02 && c[0] < 0.98);
+    assert!(part.count() > 20, "the rim is covered in part");
+    for (flags, code) in [("", 2), ("--moments", 0)] {
+        expect(
+            at,
+            0,
+            &format!("build generate:statue:50000 {flags} -o s.surfel"),
+        );
+        let run = expect(
+            at,
+            code,
+            "render s.surfel --device mirror --size 96x96 --splat filtered -o g.png",
+        );
+        if code == 2 {
+            assert!(run.err.contains("surfel build --moments"), "{}", run.err);
+        }
+    }
+    assert_eq!(load(&at.join("f.png")).color, load(&at.join("g.png")).color);
+    for refused in ["--normals n.exr", "--one-sided", "--depth-offset -1"] {
+        expect(
+            at,
+            2,
+            &format!(
+                "render generate:statue:5000 --device mirror --splat filtered -o r.png {refused}"
+            ),
+        );
+    }
 }
