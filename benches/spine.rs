@@ -371,6 +371,10 @@ fn main() {
             return;
         }
     };
+    cutting(
+        &build(mesh(Shape::Sphere, 1_000_000 / scale)),
+        Shape::Sphere.name(),
+    );
     println!("drawing on {}", gpu.info().name);
     for (shape, triangles, target) in [
         (Shape::Statue, 8_000_000, 8.0),
