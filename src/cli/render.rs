@@ -177,6 +177,11 @@ impl LookArgs {
                 self.threshold
             )));
         }
+        if self.needs_moments() && !matches!(self.method, MethodName::Pop) {
+            return Err(usage(
+                "--splat filtered belongs to --method pop; the other methods draw no splats",
+            ));
+        }
         if !(self.depth_offset >= 0.0 && self.depth_offset <= 1000.0) {
             return Err(usage(format!(
                 "--depth-offset {} is no factor from 0 to 1000",

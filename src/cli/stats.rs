@@ -54,7 +54,10 @@ pub(crate) fn of(
         },
         "settings": {
             "method": settings.method,
+            "splat": settings.splat,
             "threshold_px": settings.threshold_px,
+            "depth_offset": settings.depth_offset,
+            "size_metric": settings.size,
             "width": size.0,
             "height": size.1,
             "culls_back": settings.culls_back(model.is_closed),

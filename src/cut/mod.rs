@@ -45,7 +45,8 @@ impl Default for Settings {
 /// The projected diameter of a bounding sphere, pixels. f is the focal length in pixels, R the radius, z the
 /// distance of the center along the view direction, D its distance from the eye. All are infinite when the
 /// sphere reaches the near plane; all are monotone over nested spheres.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum SizeMetric {
     /// Major axis of the ellipse that the sphere covers: 2 f R sqrt(D² - R²) / (z² - R²).
     #[default]

@@ -338,7 +338,12 @@ fn filtered_splats_need_the_sums_of_the_tree() {
         }
     }
     assert_eq!(load(&at.join("f.png")).color, load(&at.join("g.png")).color);
-    for refused in ["--normals n.exr", "--one-sided", "--depth-offset -1"] {
+    for refused in [
+        "--normals n.exr",
+        "--one-sided",
+        "--depth-offset -1",
+        "--method points",
+    ] {
         expect(
             at,
             2,

@@ -66,7 +66,16 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
     assert!(parts <= spread(&stats["frame_ms"]) * 1.001, "{stats}");
     assert_eq!(
         keys(&stats["settings"]),
-        ["culls_back", "height", "method", "threshold_px", "width"]
+        [
+            "culls_back",
+            "depth_offset",
+            "height",
+            "method",
+            "size_metric",
+            "splat",
+            "threshold_px",
+            "width"
+        ]
     );
     assert_eq!(stats["settings"]["method"], method);
     assert_eq!(
