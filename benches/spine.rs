@@ -342,6 +342,38 @@ fn filtering(gpu: &Arc<Gpu>, model: &Model, name: &str) {
     }
 }
 
+/// What the factor of the depth offset does to filtered splats.
+fn offsets(gpu: &Arc<Gpu>, model: &Model, name: &str) {
+    let backend = Backend::Device(gpu.clone());
+    let mut engine =
+        Engine::new(&backend, model, SIZE, Outputs::default()).expect("the model fits the device");
+    let triangles = Settings {
+        method: Method::Triangles,
+        ..Settings::default()
+    };
+    for fill in [1.0, 0.5, 0.125] {
+        let view = orbit(model, fill, 0, 9);
+        let reference = engine
+            .supersample(&view, &triangles, 4)
+            .expect("a reference");
+        for depth_offset in [1.0, 2.0, 3.0, 4.0, 6.0] {
+            let settings = Settings {
+                splat: SplatKind::Filtered,
+                depth_offset,
+                ..Settings::default()
+            };
+            let picture = engine.render(&view, &settings).expect("a frame");
+            let difference = compare(&reference, &picture, 8.0).expect("pictures of one size");
+            row(
+                &format!("{name}, fill {fill}, filtered, depth offset {depth_offset}"),
+                difference.object.psnr_db,
+                "dB",
+                None,
+            );
+        }
+    }
+}
+
 /// Targets hold for the full size only.
 static HAS_TARGETS: AtomicBool = AtomicBool::new(true);
 
@@ -384,5 +416,6 @@ fn main() {
         cutting(&model, shape.name());
         drawing(&gpu, &model, shape.name(), Some(target));
         filtering(&gpu, &model, shape.name());
+        offsets(&gpu, &model, shape.name());
     }
 }

@@ -14,11 +14,11 @@ use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::{self, Variant};
 use super::{Method, Settings, SplatKind, points};
-use crate::abi::{FilteredSplat, Splat};
+use crate::abi::{FilteredSplat, FrameConstants, Splat};
 use crate::cut::{self, Cut};
 use crate::draw::{self, pack};
 use crate::gpu::buffer::{AnyBuffer, Readback, Upload};
-use crate::gpu::frame::{Frame, Frames, Ticket};
+use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::profile::PassTime;
@@ -314,27 +314,22 @@ impl Renderer {
         let Some((_, pipeline)) = &self.triangles else {
             unreachable!("prepare made the pipeline")
         };
-        let start = Instant::now();
-        let mut frame = self.frames.begin()?;
-        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
-        triangles::record(
-            &mut frame,
-            pipeline,
-            &self.targets,
-            scene,
-            &context,
-            constants,
-        );
-        let ticket = end(frame, &self.targets.color)?;
-        let times = FrameTimes {
-            submit_ms: ms(start),
-            counts: Counts {
-                triangles: model.triangles.len() as u64,
-                ..Counts::default()
-            },
-            ..FrameTimes::default()
+        let counts = Counts {
+            triangles: model.triangles.len() as u64,
+            ..Counts::default()
         };
-        Ok((ticket, times))
+        let constants = frame_constants(view, settings, &context);
+        let targets = &self.targets;
+        submit_whole(
+            &mut self.frames,
+            targets,
+            &constants,
+            counts,
+            end,
+            |frame, c| {
+                triangles::record(frame, pipeline, targets, scene, &context, c);
+            },
+        )
     }
 
     fn draw_points(
@@ -349,27 +344,22 @@ impl Renderer {
         let Some(pipeline) = &self.points else {
             unreachable!("prepare made the pipeline")
         };
-        let start = Instant::now();
-        let mut frame = self.frames.begin()?;
-        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
-        points::record(
-            &mut frame,
-            pipeline,
-            &self.targets,
-            scene,
-            &context,
-            constants,
-        );
-        let ticket = end(frame, &self.targets.color)?;
-        let times = FrameTimes {
-            submit_ms: ms(start),
-            counts: Counts {
-                points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
-                ..Counts::default()
-            },
-            ..FrameTimes::default()
+        let counts = Counts {
+            points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
+            ..Counts::default()
         };
-        Ok((ticket, times))
+        let constants = frame_constants(view, settings, &context);
+        let targets = &self.targets;
+        submit_whole(
+            &mut self.frames,
+            targets,
+            &constants,
+            counts,
+            end,
+            |frame, c| {
+                points::record(frame, pipeline, targets, scene, &context, c);
+            },
+        )
     }
 
     fn draw_pop(
@@ -540,6 +530,28 @@ impl Renderer {
         }
         Ok(image)
     }
+}
+
+/// Records and submits a frame of a method that draws the whole model: no cut, no draw lists.
+fn submit_whole(
+    frames: &mut Frames,
+    targets: &Targets,
+    constants: &FrameConstants,
+    counts: Counts,
+    end: &mut End<'_>,
+    record: impl FnOnce(&mut Frame<'_>, Uniform),
+) -> Result<(Ticket, FrameTimes), Error> {
+    let start = Instant::now();
+    let mut frame = frames.begin()?;
+    let constants = frame.uniform(constants)?;
+    record(&mut frame, constants);
+    let ticket = end(frame, &targets.color)?;
+    let times = FrameTimes {
+        submit_ms: ms(start),
+        counts,
+        ..FrameTimes::default()
+    };
+    Ok((ticket, times))
 }
 
 /// The records that fit a mapped buffer.
