@@ -4,6 +4,7 @@
 pub mod engine;
 pub mod filtered;
 pub mod hybrid;
+mod lists;
 pub mod mirror;
 pub mod plan;
 pub mod points;

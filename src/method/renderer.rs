@@ -7,7 +7,8 @@
 mod present;
 
 use super::filtered::{self, Filtered};
-use super::hybrid::{self, Run};
+use super::hybrid;
+use super::lists::{Lists, pack_triangles, records, reserve};
 pub use super::mirror::Outputs;
 use super::plan::{check_filtered, cut_settings, filtered_shade, frame_constants};
 use super::scene::Scene;
@@ -17,7 +18,7 @@ use super::{Method, Settings, SplatKind, points};
 use crate::abi::{FilteredSplat, FrameConstants, Splat};
 use crate::cut::{self, Cut};
 use crate::draw::{self, pack};
-use crate::gpu::buffer::{AnyBuffer, Readback, Upload};
+use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
@@ -74,14 +75,6 @@ pub struct Submitted {
 
 /// Ends a frame: submits it, after passes of its own that may read the color target.
 type End<'e> = dyn FnMut(Frame<'_>, &Target) -> Result<Ticket, Error> + 'e;
-
-/// Mapped draw lists of one slot.
-#[derive(Debug)]
-struct Lists {
-    splats: Upload,
-    indices: Upload,
-    runs: Vec<Run>,
-}
 
 /// Draws frames of one size on one device.
 #[derive(Debug)]
@@ -552,53 +545,4 @@ fn submit_whole(
         ..FrameTimes::default()
     };
     Ok((ticket, times))
-}
-
-/// The records that fit a mapped buffer.
-fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
-    let whole = bytes.len() / size_of::<T>() * size_of::<T>();
-    bytemuck::cast_slice_mut(&mut bytes[..whole])
-}
-
-/// A mapped buffer as `count` records at least, grown if need be.
-fn records<'a, T: bytemuck::Pod>(
-    gpu: &Arc<Gpu>,
-    buffer: &'a mut Upload,
-    count: usize,
-) -> Result<&'a mut [T], Error> {
-    reserve(gpu, buffer, (count * size_of::<T>()) as u64)?;
-    Ok(whole_records(buffer.bytes_mut()))
-}
-
-/// Grows a mapped buffer; its slot is free, so nothing reads it.
-fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
-    if bytes > buffer.bytes() {
-        let name = buffer.name().to_owned();
-        *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
-    }
-    Ok(())
-}
-
-/// Writes the corners of the chosen triangles, page by page.
-fn pack_triangles(model: &Model, scene: &Scene, ids: &[u32], lists: &mut Lists) {
-    lists.runs.clear();
-    let out: &mut [[u32; 3]] = whole_records(lists.indices.bytes_mut());
-    let mut done = 0;
-    for (index, page) in scene.pages.iter().enumerate() {
-        let end = done + ids[done..].partition_point(|&id| id < page.triangles.end);
-        if end > done {
-            pack::triangles(
-                &ids[done..end],
-                page.corners(model),
-                page.triangles.start,
-                &mut out[done..end],
-            );
-            lists.runs.push(Run {
-                page: index,
-                first: 3 * done as u32,
-                count: 3 * (end - done) as u32,
-            });
-            done = end;
-        }
-    }
 }
