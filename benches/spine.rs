@@ -359,7 +359,7 @@ fn offsets(gpu: &Arc<Gpu>, model: &Model, name: &str) {
         for depth_offset in [1.0, 2.0, 3.0, 4.0, 6.0] {
             let settings = Settings {
                 splat: SplatKind::Filtered,
-                depth_offset,
+                depth_offset: Some(depth_offset),
                 ..Settings::default()
             };
             let picture = engine.render(&view, &settings).expect("a frame");

@@ -1,18 +1,16 @@
 //! `surfel render`
 
+use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
 use super::source::{Ready, Source};
 use super::{Failure, Outcome, usage, write_text};
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
-use surfel::cut::SizeMetric;
-use surfel::draw::ColorBy;
 use surfel::gpu::Options as GpuOptions;
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Settings, SplatKind};
 use surfel::progress::Progress;
 
 /// Which device draws.
@@ -54,162 +52,6 @@ pub(crate) fn validated(backend: &Backend) -> Outcome {
             first.id,
             first.text
         ))),
-    }
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-pub(crate) enum MethodName {
-    /// Every triangle: the reference
-    Triangles,
-    /// Every vertex as a square of the threshold's size
-    Points,
-    /// Triangles where large on screen, splats where small
-    Pop,
-}
-
-impl From<MethodName> for Method {
-    fn from(name: MethodName) -> Self {
-        match name {
-            MethodName::Triangles => Self::Triangles,
-            MethodName::Points => Self::Points,
-            MethodName::Pop => Self::Pop,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum CullingName {
-    /// Drop what faces away on closed surfaces
-    Auto,
-    /// Always drop what faces away
-    On,
-    /// Draw both sides
-    Off,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum SplatName {
-    /// Opaque squares of the threshold's size
-    Square,
-    /// Squares that deposit the area they cover: smooth rims, the mean of what is under a pixel
-    Filtered,
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum SizeName {
-    /// The longer axis of the ellipse that its sphere covers
-    Exact,
-    /// Diameter over distance of the center along the view direction
-    Center,
-    /// Diameter over distance of the nearest point along the view direction
-    Nearest,
-    /// Twice the tangent of half the angle it is seen under
-    Angle,
-    /// Diameter of the circle of the ellipse's area
-    Area,
-}
-
-impl From<SizeName> for SizeMetric {
-    fn from(name: SizeName) -> Self {
-        match name {
-            SizeName::Exact => Self::Exact,
-            SizeName::Center => Self::Center,
-            SizeName::Nearest => Self::Nearest,
-            SizeName::Angle => Self::Angle,
-            SizeName::Area => Self::Area,
-        }
-    }
-}
-
-#[derive(Debug, Clone, Copy, ValueEnum)]
-enum ColorByName {
-    /// Headlight shading and vertex colors
-    Shading,
-    /// Splats red, triangles blue
-    Primitive,
-}
-
-/// How the model is drawn.
-#[derive(Debug, Clone, ClapArgs)]
-pub(crate) struct LookArgs {
-    /// How the model is drawn
-    #[arg(long, short, value_enum, default_value = "pop")]
-    method: MethodName,
-    /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels
-    #[arg(long, short, value_name = "PIXELS", default_value_t = 1.0)]
-    threshold: f32,
-    /// What a splat of pop looks like
-    #[arg(long, value_enum, default_value = "square")]
-    splat: SplatName,
-    /// Filtered splats: how deep a surface may be under a splat and still count as one, in half sides of a splat
-    #[arg(long, value_name = "FACTOR", default_value_t = 3.0)]
-    depth_offset: f32,
-    /// What the size of a node on screen is
-    #[arg(long, value_enum, default_value = "exact")]
-    size_metric: SizeName,
-    /// Whether what faces away is dropped
-    #[arg(long, value_enum, default_value = "auto")]
-    culling: CullingName,
-    /// What decides the color
-    #[arg(long, value_enum, default_value = "shading")]
-    color_by: ColorByName,
-    /// Light front sides only
-    #[arg(long)]
-    one_sided: bool,
-    /// Ignore vertex colors
-    #[arg(long)]
-    no_colors: bool,
-    /// Background: black, white, gray, #rrggbb, or R,G,B with 0 to 255
-    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
-    background: [f32; 3],
-}
-
-impl LookArgs {
-    /// Whether the tree needs the sums of filtered splats.
-    pub(crate) fn needs_moments(&self) -> bool {
-        matches!(self.splat, SplatName::Filtered)
-    }
-
-    pub(crate) fn settings(&self) -> Result<Settings, Failure> {
-        if !(self.threshold >= 0.0 && self.threshold <= 4096.0) {
-            return Err(usage(format!(
-                "--threshold {} is no size in pixels from 0 to 4096",
-                self.threshold
-            )));
-        }
-        if self.needs_moments() && !matches!(self.method, MethodName::Pop) {
-            return Err(usage(
-                "--splat filtered belongs to --method pop; the other methods draw no splats",
-            ));
-        }
-        if !(self.depth_offset >= 0.0 && self.depth_offset <= 1000.0) {
-            return Err(usage(format!(
-                "--depth-offset {} is no factor from 0 to 1000",
-                self.depth_offset
-            )));
-        }
-        Ok(Settings {
-            method: self.method.into(),
-            splat: match self.splat {
-                SplatName::Square => SplatKind::Square,
-                SplatName::Filtered => SplatKind::Filtered,
-            },
-            threshold_px: self.threshold,
-            depth_offset: self.depth_offset,
-            culling: match self.culling {
-                CullingName::Auto => Culling::Auto,
-                CullingName::On => Culling::On,
-                CullingName::Off => Culling::Off,
-            },
-            color_by: match self.color_by {
-                ColorByName::Shading => ColorBy::Shading,
-                ColorByName::Primitive => ColorBy::Primitive,
-            },
-            two_sided: !self.one_sided,
-            use_colors: !self.no_colors,
-            background: self.background,
-            size: self.size_metric.into(),
-        })
     }
 }
 
@@ -293,25 +135,6 @@ pub(crate) fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
         return Err("the fill must be above 0 (1 fills the picture)".into());
     }
     Ok([azimuth, elevation, fill])
-}
-
-fn parse_color(text: &str) -> Result<[f32; 3], String> {
-    let bytes: Option<Vec<u8>> = match text {
-        "black" => Some(vec![0; 3]),
-        "white" => Some(vec![255; 3]),
-        "gray" | "grey" => Some(vec![128; 3]),
-        _ => match text.strip_prefix('#') {
-            Some(hex) if hex.len() == 6 && hex.is_ascii() => (0..3)
-                .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).ok())
-                .collect(),
-            Some(_) => None,
-            None => text.split(',').map(|p| p.trim().parse().ok()).collect(),
-        },
-    };
-    match bytes.as_deref() {
-        Some(&[r, g, b]) => Ok([r, g, b].map(|c| f32::from(c) / 255.0)),
-        _ => Err("expected black, white, gray, #rrggbb or R,G,B with 0 to 255".into()),
-    }
 }
 
 fn ending(path: &Path) -> String {
@@ -500,7 +323,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let settings = args.look.settings()?;
     let camera = args.camera.as_deref().map(read_camera).transpose()?;
     let source = Source {
-        moments: args.look.needs_moments(),
+        moments: settings.draws_filtered(),
         ..args.source.clone()
     };
     let ready = source.ready(quiet)?;
@@ -573,13 +396,6 @@ mod tests {
             parse_orbit("1,91,1").is_err()
                 && parse_orbit("1,2,0").is_err()
                 && parse_orbit("x").is_err()
-        );
-        assert_eq!(parse_color("#ff0080"), Ok([1.0, 0.0, 128.0 / 255.0]));
-        assert_eq!(parse_color("0,255,0"), Ok([0.0, 1.0, 0.0]));
-        assert!(
-            parse_color("#ff00").is_err()
-                && parse_color("256,0,0").is_err()
-                && parse_color("pink").is_err()
         );
     }
 

@@ -55,8 +55,11 @@ pub(crate) fn of(
         "settings": {
             "method": settings.method,
             "splat": settings.splat,
+            "blend": settings.blend(),
+            "shading": settings.shading,
+            "reconstruction": settings.reconstruction,
             "threshold_px": settings.threshold_px,
-            "depth_offset": settings.depth_offset,
+            "depth_offset": settings.depth_offset(),
             "size_metric": settings.size,
             "width": size.0,
             "height": size.1,

@@ -1,7 +1,8 @@
 //! `surfel MODEL`
 
+use super::look::LookArgs;
 use super::progress::is_interrupted;
-use super::render::{DeviceArgs, LookArgs, parse_orbit, parse_size, require_ending};
+use super::render::{DeviceArgs, parse_orbit, parse_size, require_ending};
 use super::source::Source;
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
@@ -80,7 +81,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     }
     require_ending("--screenshot", args.screenshot.as_ref(), &["png"])?;
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
-    let (weld, moments) = (args.weld, args.look.needs_moments());
+    let (weld, moments) = (args.weld, settings.draws_filtered());
     let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress| {
         let source = Source {
             model: path.to_owned(),

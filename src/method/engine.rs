@@ -1,7 +1,7 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{check_filtered, cut_settings, filtered_shade};
+use super::plan::{check, cut_settings, filtered_shade};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::{Method, Settings, SplatKind, mirror};
@@ -106,9 +106,7 @@ impl<'m> Engine<'m> {
         match &mut self.kind {
             Kind::Device { renderer, scene } => renderer.draw(self.model, scene, view, settings),
             Kind::Mirror(mirror) => {
-                if settings.method == Method::Pop && settings.splat == SplatKind::Filtered {
-                    check_filtered(self.model, settings, mirror.outputs, f32::INFINITY)?;
-                }
+                check(self.model, settings, mirror.outputs, f32::INFINITY)?;
                 Ok(mirror.draw(self.model, view, settings))
             }
         }
@@ -173,13 +171,17 @@ impl MirrorEngine {
         match settings.method {
             Method::Triangles => list.triangles = &model.triangles,
             Method::Points => list.points = used,
-            Method::Pop => {
+            Method::Splats | Method::Pop => {
                 self.selector
                     .select(model, view, &cut_settings(settings, model), &mut self.cut);
                 times.cut_ms = start.elapsed().as_secs_f64() * 1e3;
                 let pack_start = Instant::now();
                 match settings.splat {
-                    SplatKind::Square => {
+                    SplatKind::Square
+                    | SplatKind::Disc
+                    | SplatKind::Ellipse
+                    | SplatKind::Gauss
+                    | SplatKind::Visibility => {
                         let side = style.splat_size_px;
                         let most = pack::splat_count(model, &self.cut, view, side, f32::INFINITY);
                         splats.resize(most, Splat::zeroed());
@@ -204,7 +206,7 @@ impl MirrorEngine {
             }
         }
         times.counts = Counts {
-            nodes_visited: if settings.method == Method::Pop {
+            nodes_visited: if settings.has_cut() {
                 self.cut.stats.visited
             } else {
                 0
@@ -216,7 +218,7 @@ impl MirrorEngine {
                 + size_of_val(filtered.as_slice())
                 + size_of_val(triangles.as_slice())) as u64,
         };
-        self.image = if settings.method == Method::Pop && settings.splat == SplatKind::Filtered {
+        self.image = if settings.draws_filtered() {
             let list = FilteredList {
                 vertices: list.vertices,
                 triangles: list.triangles,
@@ -240,6 +242,6 @@ pub fn style(settings: &Settings, model: &Model) -> Style {
         cull_back_faces: settings.culls_back(model.is_closed),
         two_sided: settings.two_sided,
         use_colors: settings.use_colors,
-        depth_offset: settings.depth_offset,
+        depth_offset: settings.depth_offset(),
     }
 }

@@ -1,9 +1,9 @@
 //! What the settings mean for one frame: for the cut, the draw lists and the uniform block, and what they ask for
 //! in vain.
 
-use super::Settings;
 use super::mirror::Outputs;
 use super::targets::Context;
+use super::{Blend, Method, Settings, Shading, SplatKind};
 use crate::abi::{FrameConstants, constants};
 use crate::cut;
 use crate::draw::{self, ColorBy};
@@ -26,11 +26,45 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
 pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
     draw::filtered::Shade {
         side_px: settings.threshold_px.max(1.0),
-        depth_offset: settings.depth_offset,
+        depth_offset: settings.depth_offset(),
         cull_back: settings.culls_back(model.is_closed),
         use_colors: settings.use_colors,
         color_by: settings.color_by,
     }
+}
+
+/// Refuses by name what `settings` ask for in vain: with this model, these outputs, and points of at most
+/// `max_size_px` (infinite on the mirror).
+///
+/// # Errors
+/// [`Error::Unsupported`] with the reason and what to do, or [`Error::Limit`] for a threshold that is too large.
+pub fn check(
+    model: &Model,
+    settings: &Settings,
+    outputs: Outputs,
+    max_size_px: f32,
+) -> Result<(), Error> {
+    if settings.method == Method::Points && settings.threshold_px > max_size_px {
+        return Err(Error::Limit {
+            what: "the size of points (--threshold, pixels)".into(),
+            value: settings.threshold_px.ceil() as u64,
+            limit: max_size_px as u64,
+        });
+    }
+    if !matches!(settings.splat, SplatKind::Square | SplatKind::Filtered)
+        || settings.method == Method::Splats
+        || settings.blend() != Blend::Opaque
+        || settings.shading != Shading::PerSplat
+    {
+        return Err(Error::Unsupported {
+            what: "these splats",
+            why: "they are not drawn yet".into(),
+        });
+    }
+    if settings.draws_filtered() {
+        check_filtered(model, settings, outputs, max_size_px)?;
+    }
+    Ok(())
 }
 
 /// Refuses by name what filtered splats cannot draw.
@@ -38,13 +72,15 @@ pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Sha
 /// # Errors
 /// For point clouds, models without moments, normals as output, one-sided light, and thresholds above
 /// `max_size_px`.
-pub fn check_filtered(
+fn check_filtered(
     model: &Model,
     settings: &Settings,
     outputs: Outputs,
     max_size_px: f32,
 ) -> Result<(), Error> {
-    let why = if model.triangles.is_empty() {
+    let why = if settings.method == Method::Points {
+        "points have no areas without a tree; use --method pop"
+    } else if model.triangles.is_empty() {
         "a point cloud has no areas; use --splat square"
     } else if model.tree.moments.len() != model.tree.nodes.len() {
         "the tree was built without moments; build it again with them (surfel build --moments)"
@@ -119,7 +155,7 @@ pub(super) fn frame_constants(
         flags,
         background: {
             let [r, g, b] = settings.background;
-            [r, g, b, settings.depth_offset]
+            [r, g, b, settings.depth_offset()]
         },
     }
 }

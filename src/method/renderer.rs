@@ -10,7 +10,7 @@ use super::filtered::{self, Filtered};
 use super::hybrid;
 use super::lists::{Lists, pack_triangles, records, reserve};
 pub use super::mirror::Outputs;
-use super::plan::{check_filtered, cut_settings, filtered_shade, frame_constants};
+use super::plan::{check, cut_settings, filtered_shade, frame_constants};
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::{self, Variant};
@@ -233,22 +233,13 @@ impl Renderer {
             }
         }
         let max_point = self.gpu.info().max_point_size_px;
-        if settings.method == Method::Points && settings.threshold_px > max_point {
-            return Err(Error::Limit {
-                what: "the size of points (--threshold, pixels)".into(),
-                value: settings.threshold_px.ceil() as u64,
-                limit: max_point as u64,
-            });
-        }
-        if settings.method == Method::Pop && settings.splat == SplatKind::Filtered {
-            check_filtered(model, settings, self.outputs, max_point)?;
-        }
+        check(model, settings, self.outputs, max_point)?;
         self.prepare(scene, model, settings)?;
         let start = Instant::now();
         let (ticket, times) = match settings.method {
             Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
             Method::Points => self.draw_points(model, scene, view, settings, end)?,
-            Method::Pop => self.draw_pop(model, scene, view, settings, end)?,
+            Method::Splats | Method::Pop => self.draw_pop(model, scene, view, settings, end)?,
         };
         Ok(Submitted {
             ticket,
@@ -280,7 +271,7 @@ impl Renderer {
         if settings.method == Method::Points && self.points.is_none() {
             self.points = Some(points::pipeline(&self.gpu, normals)?);
         }
-        if settings.method == Method::Pop {
+        if settings.has_cut() {
             match settings.splat {
                 SplatKind::Square if self.splats.is_none() => {
                     self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
@@ -381,7 +372,11 @@ impl Renderer {
         let lists = &mut self.lists[self.frames.next_slot()];
         let side = settings.threshold_px.max(1.0);
         let (splat_count, splat_bytes) = match settings.splat {
-            SplatKind::Square => {
+            SplatKind::Square
+            | SplatKind::Disc
+            | SplatKind::Ellipse
+            | SplatKind::Gauss
+            | SplatKind::Visibility => {
                 let most = pack::splat_count(model, &self.cut, view, side, max_point);
                 let out = records(&self.gpu, &mut lists.splats, most)?;
                 let count = pack::splats(model, &self.cut, view, side, max_point, out);

@@ -35,6 +35,7 @@ pub fn method(method: Method) -> &'static str {
     match method {
         Method::Triangles => "triangles",
         Method::Points => "points",
+        Method::Splats => "splats",
         Method::Pop => "pop",
     }
 }

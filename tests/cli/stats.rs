@@ -67,14 +67,17 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
     assert_eq!(
         keys(&stats["settings"]),
         [
+            "blend",
             "culls_back",
             "depth_offset",
             "height",
             "method",
+            "reconstruction",
+            "shading",
             "size_metric",
             "splat",
             "threshold_px",
-            "width"
+            "width",
         ]
     );
     assert_eq!(stats["settings"]["method"], method);

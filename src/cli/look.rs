@@ -1,0 +1,270 @@
+//! The options that decide how a model looks, shared by every command that draws.
+
+use super::{Failure, usage};
+use clap::{Args as ClapArgs, ValueEnum};
+use surfel::cut::SizeMetric;
+use surfel::draw::ColorBy;
+use surfel::method::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+pub(crate) enum MethodName {
+    /// Every triangle: the reference
+    Triangles,
+    /// Every vertex as a splat of the threshold's size
+    Points,
+    /// Splats only, also where triangles are large on screen
+    Splats,
+    /// Triangles where large on screen, splats where small
+    Pop,
+}
+
+impl From<MethodName> for Method {
+    fn from(name: MethodName) -> Self {
+        match name {
+            MethodName::Triangles => Self::Triangles,
+            MethodName::Points => Self::Points,
+            MethodName::Splats => Self::Splats,
+            MethodName::Pop => Self::Pop,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum CullingName {
+    /// Drop what faces away on closed surfaces
+    Auto,
+    /// Always drop what faces away
+    On,
+    /// Draw both sides
+    Off,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SplatName {
+    /// Squares that face the viewer
+    Square,
+    /// Discs that face the viewer
+    Disc,
+    /// Discs in the plane of the surface, seen in perspective
+    Ellipse,
+    /// As ellipse, fading outward as a Gaussian; blended in two passes
+    Gauss,
+    /// Visible centers, and a reconstruction of the picture between them
+    Visibility,
+    /// Squares that deposit the area they cover: smooth rims, the mean of what is under a pixel
+    Filtered,
+}
+
+impl From<SplatName> for SplatKind {
+    fn from(name: SplatName) -> Self {
+        match name {
+            SplatName::Square => Self::Square,
+            SplatName::Disc => Self::Disc,
+            SplatName::Ellipse => Self::Ellipse,
+            SplatName::Gauss => Self::Gauss,
+            SplatName::Visibility => Self::Visibility,
+            SplatName::Filtered => Self::Filtered,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum BlendName {
+    /// The nearest splat wins
+    Opaque,
+    /// The weighted mean of all splats within the depth offset of the front
+    TwoPass,
+    /// One pass with a depth threshold, for comparison; with --device mirror
+    DepthThreshold,
+    /// One pass with a depth range a pixel, for comparison; with --device mirror
+    DepthRange,
+}
+
+impl From<BlendName> for Blend {
+    fn from(name: BlendName) -> Self {
+        match name {
+            BlendName::Opaque => Self::Opaque,
+            BlendName::TwoPass => Self::TwoPass,
+            BlendName::DepthThreshold => Self::DepthThreshold,
+            BlendName::DepthRange => Self::DepthRange,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ShadingName {
+    /// Once a splat
+    PerSplat,
+    /// Once a pixel, from blended normals
+    Deferred,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ReconstructionName {
+    /// A Gaussian of the threshold's radius
+    Gaussian,
+    /// A Gaussian whose radius follows the density of centers
+    Density,
+    /// Pull-push over a pyramid of half sizes
+    PullPush,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum SizeName {
+    /// The longer axis of the ellipse that its sphere covers
+    Exact,
+    /// Diameter over distance of the center along the view direction
+    Center,
+    /// Diameter over distance of the nearest point along the view direction
+    Nearest,
+    /// Twice the tangent of half the angle it is seen under
+    Angle,
+    /// Diameter of the circle of the ellipse's area
+    Area,
+}
+
+impl From<SizeName> for SizeMetric {
+    fn from(name: SizeName) -> Self {
+        match name {
+            SizeName::Exact => Self::Exact,
+            SizeName::Center => Self::Center,
+            SizeName::Nearest => Self::Nearest,
+            SizeName::Angle => Self::Angle,
+            SizeName::Area => Self::Area,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum ColorByName {
+    /// Headlight shading and vertex colors
+    Shading,
+    /// Splats red, triangles blue
+    Primitive,
+}
+
+/// How the model is drawn.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct LookArgs {
+    /// How the model is drawn
+    #[arg(long, short, value_enum, default_value = "pop")]
+    method: MethodName,
+    /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels
+    #[arg(long, short, value_name = "PIXELS", default_value_t = 1.0)]
+    threshold: f32,
+    /// What a splat looks like
+    #[arg(long, value_enum, default_value = "square")]
+    splat: SplatName,
+    /// How splats that overlap become one surface [default: two-pass for gauss, else opaque]
+    #[arg(long, value_enum)]
+    blend: Option<BlendName>,
+    /// When blended splats are lit
+    #[arg(long, value_enum, default_value = "per-splat")]
+    shading: ShadingName,
+    /// How visibility splats are reconstructed
+    #[arg(long, value_enum, default_value = "gaussian")]
+    reconstruct: ReconstructionName,
+    /// Where splats are blended: how far behind the front a surface still counts as one with it, in radii of a splat [default: 3 for filtered, else 1]
+    #[arg(long, value_name = "FACTOR")]
+    depth_offset: Option<f32>,
+    /// What the size of a node on screen is
+    #[arg(long, value_enum, default_value = "exact")]
+    size_metric: SizeName,
+    /// Whether what faces away is dropped
+    #[arg(long, value_enum, default_value = "auto")]
+    culling: CullingName,
+    /// What decides the color
+    #[arg(long, value_enum, default_value = "shading")]
+    color_by: ColorByName,
+    /// Light front sides only
+    #[arg(long)]
+    one_sided: bool,
+    /// Ignore vertex colors
+    #[arg(long)]
+    no_colors: bool,
+    /// Background: black, white, gray, #rrggbb, or R,G,B with 0 to 255
+    #[arg(long, value_name = "COLOR", default_value = "black", value_parser = parse_color)]
+    background: [f32; 3],
+}
+
+impl LookArgs {
+    pub(crate) fn settings(&self) -> Result<Settings, Failure> {
+        if !(self.threshold >= 0.0 && self.threshold <= 4096.0) {
+            return Err(usage(format!(
+                "--threshold {} is no size in pixels from 0 to 4096",
+                self.threshold
+            )));
+        }
+        if let Some(factor) = self.depth_offset
+            && !(0.0..=1000.0).contains(&factor)
+        {
+            return Err(usage(format!(
+                "--depth-offset {factor} is no factor from 0 to 1000"
+            )));
+        }
+        Ok(Settings {
+            method: self.method.into(),
+            splat: self.splat.into(),
+            blend: self.blend.map(Blend::from),
+            shading: match self.shading {
+                ShadingName::PerSplat => Shading::PerSplat,
+                ShadingName::Deferred => Shading::Deferred,
+            },
+            reconstruction: match self.reconstruct {
+                ReconstructionName::Gaussian => Reconstruction::Gaussian,
+                ReconstructionName::Density => Reconstruction::Density,
+                ReconstructionName::PullPush => Reconstruction::PullPush,
+            },
+            threshold_px: self.threshold,
+            depth_offset: self.depth_offset,
+            culling: match self.culling {
+                CullingName::Auto => Culling::Auto,
+                CullingName::On => Culling::On,
+                CullingName::Off => Culling::Off,
+            },
+            color_by: match self.color_by {
+                ColorByName::Shading => ColorBy::Shading,
+                ColorByName::Primitive => ColorBy::Primitive,
+            },
+            two_sided: !self.one_sided,
+            use_colors: !self.no_colors,
+            background: self.background,
+            size: self.size_metric.into(),
+        })
+    }
+}
+
+fn parse_color(text: &str) -> Result<[f32; 3], String> {
+    let bytes: Option<Vec<u8>> = match text {
+        "black" => Some(vec![0; 3]),
+        "white" => Some(vec![255; 3]),
+        "gray" | "grey" => Some(vec![128; 3]),
+        _ => match text.strip_prefix('#') {
+            Some(hex) if hex.len() == 6 && hex.is_ascii() => (0..3)
+                .map(|i| u8::from_str_radix(&hex[2 * i..2 * i + 2], 16).ok())
+                .collect(),
+            Some(_) => None,
+            None => text.split(',').map(|p| p.trim().parse().ok()).collect(),
+        },
+    };
+    match bytes.as_deref() {
+        Some(&[r, g, b]) => Ok([r, g, b].map(|c| f32::from(c) / 255.0)),
+        _ => Err("expected black, white, gray, #rrggbb or R,G,B with 0 to 255".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn colors_are_read_as_documented() {
+        assert_eq!(parse_color("#ff0080"), Ok([1.0, 0.0, 128.0 / 255.0]));
+        assert_eq!(parse_color("0,255,0"), Ok([0.0, 1.0, 0.0]));
+        assert!(
+            parse_color("#ff00").is_err()
+                && parse_color("256,0,0").is_err()
+                && parse_color("pink").is_err()
+        );
+    }
+}

@@ -1,0 +1,186 @@
+//! Everything that decides a picture besides model and camera.
+
+use crate::cut::SizeMetric;
+use crate::draw::ColorBy;
+
+/// How the model is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Every triangle of the mesh: the reference.
+    Triangles,
+    /// Every vertex as a splat of the threshold's size, without a tree.
+    Points,
+    /// Splats only: where a triangle is large on screen, a splat of its own size stands for it (QSplat).
+    Splats,
+    /// Triangles where they are large on screen, splats where they are small (Benda, POP).
+    #[default]
+    Pop,
+}
+
+/// What a splat looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SplatKind {
+    /// A square, facing the viewer.
+    #[default]
+    Square,
+    /// A disc, facing the viewer.
+    Disc,
+    /// A disc in the plane of the surface, seen in perspective.
+    Ellipse,
+    /// As [`SplatKind::Ellipse`], with weights that fall off as a Gaussian of half the radius.
+    Gauss,
+    /// One pixel at the center where it is visible; what lies between is reconstructed on the picture.
+    Visibility,
+    /// A square that deposits the area its patch of surface covers; the sums are coverage and mean color.
+    Filtered,
+}
+
+/// How splats that overlap become one surface. Square, disc, ellipse and Gaussian only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Blend {
+    /// The nearest wins.
+    Opaque,
+    /// Two passes and a division: the weighted mean of all within the depth offset of the front.
+    TwoPass,
+    /// One pass with a depth threshold. Depends on the order of drawing; on the mirror only.
+    DepthThreshold,
+    /// One pass with a depth range a pixel. Depends on the order of drawing; on the mirror only.
+    DepthRange,
+}
+
+/// When a splat is lit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shading {
+    /// Once a splat; the colors are blended.
+    #[default]
+    PerSplat,
+    /// Once a pixel: normals and albedo are blended, the mean is lit. Only where splats are blended.
+    Deferred,
+}
+
+/// How [`SplatKind::Visibility`] fills the pixels between the centers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reconstruction {
+    /// A Gaussian of the threshold's radius.
+    #[default]
+    Gaussian,
+    /// A Gaussian whose radius follows the density of centers around the pixel.
+    Density,
+    /// Pull-push over a pyramid of half sizes.
+    PullPush,
+}
+
+/// Whether what faces away is dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Culling {
+    /// Where it cannot be seen: on surfaces that are closed and oriented outward.
+    #[default]
+    Auto,
+    /// Always. On an open surface its back disappears.
+    On,
+    /// Never.
+    Off,
+}
+
+/// Everything that decides a picture besides model and camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// How the model is drawn.
+    pub method: Method,
+    /// What splats look like.
+    pub splat: SplatKind,
+    /// How they are blended; `None` is the usual way of their kind, [`Settings::blend`].
+    pub blend: Option<Blend>,
+    /// When splats are lit.
+    pub shading: Shading,
+    /// How visibility splats are reconstructed.
+    pub reconstruction: Reconstruction,
+    /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0.
+    pub threshold_px: f32,
+    /// Factor of the depth offset where splats are blended; at least 0; `None` is the usual one of their kind,
+    /// [`Settings::depth_offset`].
+    pub depth_offset: Option<f32>,
+    /// Back-face and normal-cone culling.
+    pub culling: Culling,
+    /// What decides the color.
+    pub color_by: ColorBy,
+    /// Light both sides of a surface.
+    pub two_sided: bool,
+    /// Multiply by vertex colors.
+    pub use_colors: bool,
+    /// Background, red green blue in 0..=1.
+    pub background: [f32; 3],
+    /// What "projected diameter" means.
+    pub size: SizeMetric,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::Pop,
+            splat: SplatKind::Square,
+            blend: None,
+            shading: Shading::PerSplat,
+            reconstruction: Reconstruction::Gaussian,
+            depth_offset: None,
+            threshold_px: 1.0,
+            culling: Culling::Auto,
+            color_by: ColorBy::Shading,
+            two_sided: true,
+            use_colors: true,
+            background: [0.0; 3],
+            size: SizeMetric::Exact,
+        }
+    }
+}
+
+impl Settings {
+    /// Whether what faces away is dropped for a model that is closed or not.
+    pub fn culls_back(&self, is_closed: bool) -> bool {
+        match self.culling {
+            Culling::Auto => is_closed,
+            Culling::On => true,
+            Culling::Off => false,
+        }
+    }
+
+    /// Whether any splat is drawn.
+    pub fn draws_splats(&self) -> bool {
+        self.method != Method::Triangles
+    }
+
+    /// Whether the cut decides what is drawn.
+    pub fn has_cut(&self) -> bool {
+        matches!(self.method, Method::Splats | Method::Pop)
+    }
+
+    /// Whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::Moments`]).
+    pub fn draws_filtered(&self) -> bool {
+        self.draws_splats() && self.splat == SplatKind::Filtered
+    }
+
+    /// How splats are blended: Gaussians in two passes, the others not at all unless asked for.
+    pub fn blend(&self) -> Blend {
+        self.blend.unwrap_or(match self.splat {
+            SplatKind::Gauss => Blend::TwoPass,
+            _ => Blend::Opaque,
+        })
+    }
+
+    /// Factor of the depth offset. A filtered splat is pushed away by half its side over the cosine of the viewing
+    /// angle (at least 0.1), any other by its radius over that cosine, times this. What lies behind the front by
+    /// less is mixed into it. 1 is enough for a smooth surface seen from the front; at a rim the surface turns away
+    /// under the splat, where 1 loses area that filtered splats need, hence 3 for them. Larger lets what is near
+    /// behind thin parts shine through.
+    pub fn depth_offset(&self) -> f32 {
+        self.depth_offset.unwrap_or(match self.splat {
+            SplatKind::Filtered => 3.0,
+            _ => 1.0,
+        })
+    }
+}
