@@ -8,7 +8,7 @@
 //! The folders follow the data: [`input`] reads a file into a [`mesh::Mesh`] (and [`generate`] makes one), [`tree`]
 //! orders it into a bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`draw`] packs them into
 //! lists of plain records, [`method`] turns the lists into a picture on the device (or, as its mirror, on the CPU),
-//! [`image`] keeps and compares pictures, [`measure`] keeps times and counts. [`gpu`] is the only place with Vulkan.
+//! [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors. [`scenes`] are models that methods fail at. [`gpu`] is the only place with Vulkan.
 //!
 //! # From a file to a picture, without a window
 //!
@@ -60,6 +60,7 @@ pub mod measure;
 pub mod mesh;
 pub mod method;
 pub mod progress;
+pub mod scenes;
 pub mod tree;
 #[cfg(feature = "viewer")]
 pub mod viewer;

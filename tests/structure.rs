@@ -26,6 +26,8 @@ const LAYERS: &[Layer] = &[
     // `abi` is the bottom of the device's side. It takes `octahedral` for its constructors, nothing else.
     layer("abi", &["math"]),
     layer("generate", &["progress", "math", "mesh"]),
+    // A scene is a mesh with a camera; who draws it builds the tree.
+    layer("scenes", &["math", "mesh", "generate"]),
     // A model keeps its vertices as the records that shaders read, so that drawing copies nothing.
     layer("tree", &["progress", "math", "mesh", "abi"]),
     // The strips' exact size of a triangle reads those records.
@@ -61,8 +63,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "cli",
         &[
-            "progress", "math", "mesh", "input", "abi", "generate", "tree", "cut", "draw", "image",
-            "gpu", "method", "measure", "error", "viewer",
+            "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
+            "draw", "image", "gpu", "method", "measure", "error", "viewer",
         ],
     ),
 ];

@@ -26,7 +26,8 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let output = match args.output {
         Some(path) => path,
         None if args.source.model == std::path::Path::new("-")
-            || super::source::generated(&args.source.model).is_some() =>
+            || super::source::generated(&args.source.model).is_some()
+            || super::source::scene(&args.source.model).is_some() =>
         {
             return Err(super::usage(
                 "-o FILE is needed for a model without a file name",

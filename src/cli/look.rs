@@ -149,9 +149,9 @@ pub(crate) struct LookArgs {
     /// How the model is drawn
     #[arg(long, short, value_enum, default_value = "pop")]
     method: MethodName,
-    /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels
-    #[arg(long, short, value_name = "PIXELS", default_value_t = 1.0)]
-    threshold: f32,
+    /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels [default: 1, or the scene's]
+    #[arg(long, short, value_name = "PIXELS")]
+    threshold: Option<f32>,
     /// What a splat looks like
     #[arg(long, value_enum, default_value = "square")]
     splat: SplatName,
@@ -188,11 +188,16 @@ pub(crate) struct LookArgs {
 }
 
 impl LookArgs {
+    /// Takes the threshold of a scene where none is given.
+    pub(crate) fn default_threshold(&mut self, pixels: f32) {
+        self.threshold.get_or_insert(pixels);
+    }
+
     pub(crate) fn settings(&self) -> Result<Settings, Failure> {
-        if !(self.threshold >= 0.0 && self.threshold <= 4096.0) {
+        let threshold = self.threshold.unwrap_or(1.0);
+        if !(0.0..=4096.0).contains(&threshold) {
             return Err(usage(format!(
-                "--threshold {} is no size in pixels from 0 to 4096",
-                self.threshold
+                "--threshold {threshold} is no size in pixels from 0 to 4096"
             )));
         }
         if let Some(factor) = self.depth_offset
@@ -215,7 +220,7 @@ impl LookArgs {
                 ReconstructionName::Density => Reconstruction::Density,
                 ReconstructionName::PullPush => Reconstruction::PullPush,
             },
-            threshold_px: self.threshold,
+            threshold_px: threshold,
             depth_offset: self.depth_offset,
             culling: match self.culling {
                 CullingName::Auto => Culling::Auto,
@@ -234,7 +239,7 @@ impl LookArgs {
     }
 }
 
-fn parse_color(text: &str) -> Result<[f32; 3], String> {
+pub(crate) fn parse_color(text: &str) -> Result<[f32; 3], String> {
     let bytes: Option<Vec<u8>> = match text {
         "black" => Some(vec![0; 3]),
         "white" => Some(vec![255; 3]),

@@ -3,6 +3,7 @@
 
 mod build;
 mod check;
+mod compare;
 mod demo;
 mod devices;
 mod generate;
@@ -10,6 +11,7 @@ mod info;
 mod look;
 mod progress;
 mod render;
+mod scenes;
 mod source;
 mod stats;
 #[cfg(feature = "viewer")]
@@ -94,10 +96,12 @@ Examples:
   surfel render generate:statue:8000000 --frames 36 --threshold 3 --stats -
   surfel build scan.ply -o scan.surfel               build the tree once, open it at once later
   surfel check scan.ply                              file and tree, every invariant
+  surfel compare reference.png picture.png           how far one picture is from another
+  surfel scenes                                      small scenes that methods fail at
   surfel devices                                     what can draw here
 
-A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input, or
-generate:SHAPE[:TRIANGLES] with SHAPE square, sphere, torus or statue.
+A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
+generate:SHAPE[:TRIANGLES] with SHAPE square, sphere, torus or statue, or scene:NAME (surfel scenes).
 Exit codes: 0 done, 1 the run failed, 2 bad usage or input.";
 
 /// What follows the options in `surfel --help`.
@@ -144,6 +148,10 @@ enum Command {
     Check(check::Args),
     /// Write a generated model as PLY
     Generate(generate::Args),
+    /// Compare two pictures: FLIP, PSNR, SSIM, coverage, the worst place
+    Compare(Box<compare::Args>),
+    /// List the built-in scenes that methods fail at
+    Scenes(scenes::Args),
     /// List the devices of this machine and the limits that matter
     Devices(devices::Args),
     /// Draw the built-in statue with every method
@@ -212,6 +220,8 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Info(args)) => info::run(args, quiet),
         Some(Command::Check(args)) => check::run(args, quiet),
         Some(Command::Generate(args)) => generate::run(args, quiet),
+        Some(Command::Compare(args)) => compare::run(*args),
+        Some(Command::Scenes(args)) => scenes::run(args),
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),
         Some(Command::Completions { shell }) => {

@@ -63,14 +63,20 @@ Examples:
   surfel render horse.ply -o ref.png --method triangles --samples 64
   surfel render horse.ply -o turn.png --frames 36        writes turn-000.png to turn-035.png
   surfel render horse.ply --frames 36 --stats -          times only
-  surfel render horse.ply -o horse.png --device mirror   without Vulkan";
+  surfel render horse.ply -o horse.png --device mirror   without Vulkan
+  surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 
 /// Draw a model into a picture file.
 #[derive(Debug, clap::Args)]
 #[command(after_help = EXAMPLES)]
+// The model of a scene is the scene's own.
+#[command(mut_arg("model", |a| a.required(false).required_unless_present("scene").default_value("scene:").hide_default_value(true)))]
 pub(crate) struct Args {
     #[command(flatten)]
     source: Source,
+    /// Draw a built-in scene with its own camera, picture size and threshold, unless those are given; `list` lists them
+    #[arg(long, value_name = "NAME", conflicts_with = "model")]
+    scene: Option<String>,
     /// Picture to write: .png (8 bit) or .exr (float)
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -137,7 +143,7 @@ pub(crate) fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
     Ok([azimuth, elevation, fill])
 }
 
-fn ending(path: &Path) -> String {
+pub(crate) fn ending(path: &Path) -> String {
     path.extension()
         .map(|e| e.to_string_lossy().to_lowercase())
         .unwrap_or_default()
@@ -251,7 +257,7 @@ impl Args {
             || self.coverage.is_some()
     }
 
-    /// The cameras of the frames; `read` is the one of `--camera`.
+    /// The cameras of the frames; `read` is the one of `--camera` or of the scene.
     fn cameras(&self, ready: &Ready, read: Option<Camera>) -> Result<Vec<Camera>, Failure> {
         if let Some(mut camera) = read {
             if let Some((width, height)) = self.size {
@@ -318,10 +324,24 @@ enum Picture {
 /// Frames drawn before the first that counts when times are asked for: shaders are compiled at the first draw.
 const WARM_UP: u32 = 2;
 
-pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
+    let camera = match args.scene.as_deref() {
+        Some("list") => return super::scenes::print_list(),
+        Some(name) => {
+            let entry = super::source::named_scene(name)?;
+            args.source.model = PathBuf::from(format!("scene:{name}"));
+            let scene = entry.make();
+            args.look.default_threshold(scene.threshold_px);
+            // Another view of the scene is one of its model.
+            let is_its_own = args.camera.is_none() && args.orbit.is_none() && args.frames == 1;
+            is_its_own.then_some(scene.camera)
+        }
+        None => None,
+    };
     args.check()?;
     let settings = args.look.settings()?;
-    let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    let read = args.camera.as_deref().map(read_camera).transpose()?;
+    let camera = read.or(camera);
     let source = Source {
         moments: settings.draws_filtered(),
         ..args.source.clone()

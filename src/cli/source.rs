@@ -8,12 +8,13 @@ use std::time::Instant;
 use surfel::generate::{Shape, Spec};
 use surfel::input;
 use surfel::progress::Progress;
+use surfel::scenes::Entry;
 use surfel::tree::{self, BuildOptions, Model};
 
 /// The model of a command.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Source {
-    /// Model file, - for standard input, or generate:SHAPE[:TRIANGLES]
+    /// Model file, - for standard input, generate:SHAPE[:TRIANGLES], or scene:NAME
     #[arg(value_name = "MODEL")]
     pub(crate) model: PathBuf,
     /// Merge vertices that are equal in position, normal and color
@@ -45,6 +46,20 @@ pub(crate) fn generated(text: &Path) -> Option<Result<Spec, Failure>> {
         None => (rest, None),
     };
     Some(spec(shape, triangles))
+}
+
+/// `scene:NAME`, if that is what it is.
+pub(crate) fn scene(text: &Path) -> Option<Result<&'static Entry, Failure>> {
+    Some(named_scene(text.to_str()?.strip_prefix("scene:")?))
+}
+
+/// The built-in scene of that name.
+pub(crate) fn named_scene(name: &str) -> Result<&'static Entry, Failure> {
+    surfel::scenes::find(name).ok_or_else(|| {
+        usage(format!(
+            "there is no scene {name:?}; surfel scenes lists them"
+        ))
+    })
 }
 
 fn spec(shape: &str, triangles: Option<&str>) -> Result<Spec, Failure> {
@@ -91,6 +106,10 @@ impl Source {
             let spec = spec?;
             bar.stage("generate", 0);
             let mesh = surfel::generate::mesh(&spec);
+            return self.build(mesh, name, "generated".into(), 0, start, bar);
+        }
+        if let Some(entry) = scene(&self.model) {
+            let mesh = entry?.make().mesh;
             return self.build(mesh, name, "generated".into(), 0, start, bar);
         }
         if self.model != Path::new("-") && is_tree_file(&self.model) {

@@ -1,4 +1,22 @@
-//! Times and counts of many frames.
+//! Times and counts of many frames, and how far a picture is from its reference.
+//!
+//! [`crate::image::compare`] has the differences of colors; here are those of coverage ([`coverage()`]), outline
+//! ([`silhouette()`]), depth and normals ([`depth_error`], [`normal_error`]), those that people see ([`flip`],
+//! [`ssim`]), and the place where pictures differ most ([`worst_tile`]).
+
+mod coverage;
+mod perceived;
+mod silhouette;
+mod spread;
+mod surface;
+mod tile;
+
+pub use coverage::{Coverage, Mask, coverage};
+pub use perceived::{Flip, PIXELS_PER_DEGREE, flip, ssim};
+pub use silhouette::silhouette;
+pub use spread::Spread;
+pub use surface::{depth_error, normal_error};
+pub use tile::{Tile, crop, worst_tile};
 
 /// Median and spread of a sample.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]

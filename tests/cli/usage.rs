@@ -8,6 +8,8 @@ const COMMANDS: &[&str] = &[
     "info",
     "check",
     "generate",
+    "compare",
+    "scenes",
     "devices",
     "demo",
     "completions",

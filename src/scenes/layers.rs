@@ -1,0 +1,165 @@
+//! Surfaces that lie close behind one another, and many things in one pixel.
+
+use super::shape::{
+    DISTANCE, FOCAL, GREEN, PX, RED, Random, Shape, WHITE, camera, front, hull_area_px, px,
+};
+use super::{Expected, Scene, depth_offset};
+use glam::DVec3;
+
+/// Threshold of the scenes of sheets, pixels.
+const THRESHOLD: f64 = 6.0;
+/// Side of a sheet, pixels, and its cells, of two pixels: every one is a splat at [`THRESHOLD`].
+const SHEET_PX: f64 = 120.0;
+const CELLS: u32 = 60;
+
+/// The depth offset of a facing splat at distance [`DISTANCE`].
+fn offset() -> f64 {
+    depth_offset(THRESHOLD, DISTANCE, FOCAL, 1.0, 1.0)
+}
+
+fn sheet(shape: &mut Shape, depth: f64, color: [u8; 3]) {
+    let side = SHEET_PX * PX;
+    shape.sheet(
+        px(-SHEET_PX / 2.0, -SHEET_PX / 2.0) - DVec3::Z * depth,
+        DVec3::X * side,
+        DVec3::Y * side,
+        [CELLS; 2],
+        color,
+    );
+}
+
+/// A closed plate that faces the camera, red in front, green behind, white at the sides, one depth offset thick. The
+/// back is hidden: it is never right to see green.
+pub(super) fn thin_plate() -> Scene {
+    let mut shape = Shape::default();
+    let half = px(SHEET_PX / 2.0, SHEET_PX / 2.0);
+    shape.block(
+        -half - DVec3::Z * offset(),
+        half,
+        [CELLS, CELLS, 2],
+        [WHITE, WHITE, RED, GREEN],
+    );
+    Scene {
+        mesh: shape.mesh,
+        camera: front(),
+        threshold_px: THRESHOLD as f32,
+        expected: Expected {
+            covered_px: Some(SHEET_PX * SHEET_PX),
+            gap: Some(1.0),
+            color: Some([204, 0, 0]),
+            ..Expected::default()
+        },
+    }
+}
+
+/// A red sheet and a green one of the same size `gap` depth offsets behind it, both facing the camera. With splats of
+/// one size and factor m, green appears if and only if the gap is below m.
+fn sheets(gap: f64) -> Scene {
+    let mut shape = Shape::default();
+    sheet(&mut shape, 0.0, RED);
+    sheet(&mut shape, gap * offset(), GREEN);
+    Scene {
+        mesh: shape.mesh,
+        camera: front(),
+        threshold_px: THRESHOLD as f32,
+        expected: Expected {
+            covered_px: Some(SHEET_PX * SHEET_PX),
+            gap: Some(gap),
+            color: Some([204, 0, 0]),
+            ..Expected::default()
+        },
+    }
+}
+
+/// [`sheets`] half a depth offset apart.
+pub(super) fn sheets_half() -> Scene {
+    sheets(0.5)
+}
+
+/// [`sheets`] one depth offset apart.
+pub(super) fn sheets_one() -> Scene {
+    sheets(1.0)
+}
+
+/// [`sheets`] two depth offsets apart.
+pub(super) fn sheets_two() -> Scene {
+    sheets(2.0)
+}
+
+/// [`sheets`] four depth offsets apart.
+pub(super) fn sheets_four() -> Scene {
+    sheets(4.0)
+}
+
+/// Two sheets two (facing) depth offsets apart, seen under 60 degrees. The distance along the ray and the offset grow by
+/// the same cosine, so the tilt decides nothing.
+pub(super) fn sheets_tilted() -> Scene {
+    let Scene { mesh, .. } = sheets(2.0);
+    // cos 60 = 1/2.
+    let eye = DVec3::new(0.75f64.sqrt(), 0.0, 0.5) * DISTANCE;
+    let camera = camera(eye, DVec3::ZERO, (1.0, 2.0 * DISTANCE));
+    let half = SHEET_PX / 2.0;
+    let corners = [(-half, -half), (half, -half), (half, half), (-half, half)];
+    let front = hull_area_px(&camera, &corners.map(|(x, y)| px(x, y)));
+    // Both sheets span the same heights at the same x, and the shift along z moves the far sheet to one side: what it
+    // adds is the parallelogram between the two edges of that side.
+    let behind: [DVec3; 2] = [-half, half].map(|y| px(half, y) - DVec3::Z * (2.0 * offset()));
+    let ahead: [DVec3; 2] = [-half, half].map(|y| px(half, y));
+    let strip = hull_area_px(&camera, &[behind, ahead].concat());
+    Scene {
+        mesh,
+        threshold_px: THRESHOLD as f32,
+        expected: Expected {
+            covered_px: Some(front + strip),
+            gap: Some(2.0),
+            color: Some([102, 0, 0]),
+            ..Expected::default()
+        },
+        camera,
+    }
+}
+
+/// A red sheet and then a green copy in the same place: of equal depths the first drawn wins. The tree may order the
+/// copies otherwise than the file.
+pub(super) fn overlap() -> Scene {
+    let mut shape = Shape::default();
+    sheet(&mut shape, 0.0, RED);
+    sheet(&mut shape, 0.0, GREEN);
+    Scene {
+        mesh: shape.mesh,
+        camera: front(),
+        threshold_px: THRESHOLD as f32,
+        expected: Expected {
+            covered_px: Some(SHEET_PX * SHEET_PX),
+            gap: Some(0.0),
+            ..Expected::default()
+        },
+    }
+}
+
+/// 500 triangles of 0.008 pixels in the middle of one pixel, all of one color and facing the camera, in a depth of a
+/// quarter of the offset of a splat of one pixel. At the threshold of 0.01 pixels each is a splat of its own.
+pub(super) fn stack() -> Scene {
+    let mut shape = Shape::default();
+    let mut random = Random::new(500);
+    let depth = 0.25 * depth_offset(1.0, DISTANCE, FOCAL, 1.0, 1.0);
+    for k in 0..500 {
+        let at = px(0.5 + 0.2 * random.signed(), 0.5 + 0.2 * random.signed())
+            - DVec3::Z * depth * (f64::from(k) / 500.0);
+        shape.triangle(
+            [at, at + px(0.006, 0.0), at + px(0.0, 0.006)],
+            [230, 230, 230],
+        );
+    }
+    Scene {
+        mesh: shape.mesh,
+        camera: front(),
+        threshold_px: 0.01,
+        expected: Expected {
+            squares_px: Some(1.0),
+            // 0.8 * 230.
+            color: Some([184; 3]),
+            ..Expected::default()
+        },
+    }
+}
