@@ -15,7 +15,7 @@ use surfel::measure::{
 /// Compare two pictures.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  surfel compare reference.png picture.png\n  surfel compare reference.exr picture.exr --json\n  surfel compare a.png b.png --background black --difference d.png --gain 4 --worst worst.png\n  surfel compare a.png b.png --max-flip 0.01 --min-psnr 40 && echo close enough\n\nPictures are PNG or EXR files of one size. Coverage and silhouette are compared where the pictures have alpha (the EXR\nfiles of surfel render do, both) or --background says what is not covered; normals where both files have them.\nExit codes: 0 within the bounds, 1 past one of them, 2 what cannot be compared."
+    after_help = "Examples:\n  surfel compare reference.png picture.png\n  surfel compare reference.exr picture.exr --json\n  surfel compare a.png b.png --background black --difference d.png --gain 4 --worst worst.png\n  surfel compare a.png b.png --max-flip 0.01 --min-psnr 40\n\nPictures are PNG or EXR files of one size. Coverage and silhouette are compared where the pictures have alpha (the EXR\nfiles of surfel render do, both) or --background says what is not covered; normals where both files have them.\nExit codes: 0 within the bounds, 1 past one of them, 2 what cannot be compared."
 )]
 pub(crate) struct Args {
     /// The picture that is right

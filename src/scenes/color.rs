@@ -5,7 +5,7 @@ use super::{Expected, Scene};
 use glam::DVec3;
 
 /// A sheet tilted by 60 degrees whose cells have the normals n and -n in turn. Lit from both sides it has the grey
-/// 0.8 cos 60 = 102; the mean of the normals of a node vanishes.
+/// 0.8 cos 60 = 102; the sum of the normals of a node vanishes.
 pub(super) fn opposite_normals() -> Scene {
     let side = 120.0 * PX;
     let mut shape = Shape::default();
@@ -48,7 +48,7 @@ pub(super) fn zero_normals() -> Scene {
     }
 }
 
-/// A board of 60 pixels in black and white cells of half a pixel. The mean of a pixel is the gray 102; its single sample
+/// A board of 60 pixels in 128 x 128 black and white cells, 0.47 pixels each. The mean of a pixel is the gray 102; its single sample
 /// is black or white.
 pub(super) fn checkerboard() -> Scene {
     let side = 60.0 * PX;
@@ -57,7 +57,7 @@ pub(super) fn checkerboard() -> Scene {
         px(-30.0, -30.0),
         DVec3::X * side,
         DVec3::Y * side,
-        [120; 2],
+        [128; 2],
         |i, j| (if (i + j) % 2 == 0 { [0; 3] } else { WHITE }, 1.0),
     );
     Scene {

@@ -1,31 +1,64 @@
 //! Surfaces that lie close behind one another, and many things in one pixel.
 
 use super::shape::{
-    DISTANCE, FOCAL, GREEN, PX, RED, Random, Shape, WHITE, camera, front, hull_area_px, px,
+    DISTANCE, FOCAL, GREEN, PX, RED, Random, SIDE, Shape, WHITE, camera_of, front, hull_area_px, px,
 };
 use super::{Expected, Scene, depth_offset};
+use crate::math::camera::Camera;
 use glam::DVec3;
 
 /// Threshold of the scenes of sheets, pixels.
 const THRESHOLD: f64 = 6.0;
-/// Side of a sheet, pixels, and its cells, of two pixels: every one is a splat at [`THRESHOLD`].
-const SHEET_PX: f64 = 120.0;
-const CELLS: u32 = 60;
+/// Cells along a sheet, and their side in pixels. A triangle's sphere is 5.94 pixels wide: a splat at [`THRESHOLD`]. A
+/// sphere around triangles of two sheets 1.5 pixels or more apart is wider than the threshold, so no node mixes them.
+const CELLS: u32 = 30;
+const CELL_PX: f64 = 4.2;
+const SHEET_PX: f64 = CELLS as f64 * CELL_PX;
+/// How much farther away than usual the eye is, with a lens as much longer: pixels keep their length, and a sphere has
+/// nearly the same size everywhere in the picture.
+const FARTHER: f64 = 4.0;
 
-/// The depth offset of a facing splat at distance [`DISTANCE`].
-fn offset() -> f64 {
-    depth_offset(THRESHOLD, DISTANCE, FOCAL, 1.0, 1.0)
+/// Looks at z = 0 from a direction.
+fn long_lens(direction: DVec3) -> Camera {
+    let distance = FARTHER * DISTANCE;
+    camera_of(
+        SIDE,
+        FARTHER * FOCAL,
+        direction * distance,
+        DVec3::ZERO,
+        (distance - 4.0, distance + 4.0),
+    )
 }
 
-fn sheet(shape: &mut Shape, depth: f64, color: [u8; 3]) {
+/// The depth offset of a facing splat in the plane z = 0.
+fn offset() -> f64 {
+    depth_offset(THRESHOLD, FARTHER * DISTANCE, FARTHER * FOCAL, 1.0, 1.0)
+}
+
+fn sheet(shape: &mut Shape, depth: f64, color: [u8; 3], cells: u32) {
     let side = SHEET_PX * PX;
     shape.sheet(
         px(-SHEET_PX / 2.0, -SHEET_PX / 2.0) - DVec3::Z * depth,
         DVec3::X * side,
         DVec3::Y * side,
-        [CELLS; 2],
+        [cells; 2],
         color,
     );
+}
+
+/// The two sheets of a scene and what is known of them.
+fn facing(shape: Shape, gap: f64) -> Scene {
+    Scene {
+        mesh: shape.mesh,
+        camera: long_lens(DVec3::Z),
+        threshold_px: THRESHOLD as f32,
+        expected: Expected {
+            covered_px: Some(SHEET_PX * SHEET_PX),
+            gap: Some(gap),
+            color: Some([204, 0, 0]),
+            ..Expected::default()
+        },
+    }
 }
 
 /// A closed plate that faces the camera, red in front, green behind, white at the sides, one depth offset thick. The
@@ -36,39 +69,27 @@ pub(super) fn thin_plate() -> Scene {
     shape.block(
         -half - DVec3::Z * offset(),
         half,
-        [CELLS, CELLS, 2],
+        [CELLS, CELLS, 1],
         [WHITE, WHITE, RED, GREEN],
     );
-    Scene {
-        mesh: shape.mesh,
-        camera: front(),
-        threshold_px: THRESHOLD as f32,
-        expected: Expected {
-            covered_px: Some(SHEET_PX * SHEET_PX),
-            gap: Some(1.0),
-            color: Some([204, 0, 0]),
-            ..Expected::default()
-        },
-    }
+    facing(shape, 1.0)
 }
 
 /// A red sheet and a green one of the same size `gap` depth offsets behind it, both facing the camera. With splats of
 /// one size and factor m, green appears if and only if the gap is below m.
 fn sheets(gap: f64) -> Scene {
     let mut shape = Shape::default();
-    sheet(&mut shape, 0.0, RED);
-    sheet(&mut shape, gap * offset(), GREEN);
-    Scene {
-        mesh: shape.mesh,
-        camera: front(),
-        threshold_px: THRESHOLD as f32,
-        expected: Expected {
-            covered_px: Some(SHEET_PX * SHEET_PX),
-            gap: Some(gap),
-            color: Some([204, 0, 0]),
-            ..Expected::default()
-        },
-    }
+    sheet(&mut shape, 0.0, RED, CELLS);
+    sheet(&mut shape, gap * offset(), GREEN, CELLS);
+    facing(shape, gap)
+}
+
+/// [`sheets`] half a depth offset apart in cells of a quarter of the size: small nodes hold parts of both.
+pub(super) fn sheets_fine() -> Scene {
+    let mut shape = Shape::default();
+    sheet(&mut shape, 0.0, RED, 4 * CELLS);
+    sheet(&mut shape, 0.5 * offset(), GREEN, 4 * CELLS);
+    facing(shape, 0.5)
 }
 
 /// [`sheets`] half a depth offset apart.
@@ -96,8 +117,7 @@ pub(super) fn sheets_four() -> Scene {
 pub(super) fn sheets_tilted() -> Scene {
     let Scene { mesh, .. } = sheets(2.0);
     // cos 60 = 1/2.
-    let eye = DVec3::new(0.75f64.sqrt(), 0.0, 0.5) * DISTANCE;
-    let camera = camera(eye, DVec3::ZERO, (1.0, 2.0 * DISTANCE));
+    let camera = long_lens(DVec3::new(0.75f64.sqrt(), 0.0, 0.5));
     let half = SHEET_PX / 2.0;
     let corners = [(-half, -half), (half, -half), (half, half), (-half, half)];
     let front = hull_area_px(&camera, &corners.map(|(x, y)| px(x, y)));
@@ -120,21 +140,14 @@ pub(super) fn sheets_tilted() -> Scene {
 }
 
 /// A red sheet and then a green copy in the same place: of equal depths the first drawn wins. The tree may order the
-/// copies otherwise than the file.
+/// copies otherwise than the file, and a node holds parts of both.
 pub(super) fn overlap() -> Scene {
     let mut shape = Shape::default();
-    sheet(&mut shape, 0.0, RED);
-    sheet(&mut shape, 0.0, GREEN);
-    Scene {
-        mesh: shape.mesh,
-        camera: front(),
-        threshold_px: THRESHOLD as f32,
-        expected: Expected {
-            covered_px: Some(SHEET_PX * SHEET_PX),
-            gap: Some(0.0),
-            ..Expected::default()
-        },
-    }
+    sheet(&mut shape, 0.0, RED, CELLS);
+    sheet(&mut shape, 0.0, GREEN, CELLS);
+    let mut scene = facing(shape, 0.0);
+    scene.expected.color = None;
+    scene
 }
 
 /// 500 triangles of 0.008 pixels in the middle of one pixel, all of one color and facing the camera, in a depth of a

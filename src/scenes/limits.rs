@@ -102,7 +102,7 @@ pub(super) fn near_plane() -> Scene {
         DVec3::NEG_Z - u * 9.0 - DVec3::Y * 5.0,
         u * 11.0,
         DVec3::Y * 10.0,
-        [110, 50],
+        [110, 100],
         WHITE,
     );
     let near = 0.8;
@@ -160,7 +160,7 @@ pub(super) fn georeferenced() -> Scene {
     Scene {
         mesh: Mesh { origin, ..statue() },
         camera: statue_camera(origin, 1.0),
-        threshold_px: 1.0,
+        threshold_px: 3.0,
         expected: Expected::default(),
     }
 }
@@ -174,7 +174,7 @@ pub(super) fn microscopic() -> Scene {
     Scene {
         mesh,
         camera: statue_camera(DVec3::ZERO, 1e-6),
-        threshold_px: 1.0,
+        threshold_px: 3.0,
         expected: Expected::default(),
     }
 }

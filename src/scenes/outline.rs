@@ -44,7 +44,7 @@ pub(super) fn silhouette() -> Scene {
 /// deep. The far edge lies f/101 pixels below the middle.
 pub(super) fn horizon() -> Scene {
     const ROWS: u32 = 200;
-    const COLUMNS: u32 = 40;
+    const COLUMNS: u32 = 120;
     let mut shape = Shape::default();
     let at = |i: u32, j: u32| {
         let z = 1.0 + 0.5 * f64::from(j);
@@ -66,7 +66,7 @@ pub(super) fn horizon() -> Scene {
     Scene {
         mesh: shape.mesh,
         camera: camera(DVec3::Y, DVec3::Y - DVec3::Z, (0.5, 150.0)),
-        threshold_px: 3.0,
+        threshold_px: 4.0,
         expected: Expected {
             covered_px: Some(side * (side / 2.0 - FOCAL / 101.0)),
             ..Expected::default()

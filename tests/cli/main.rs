@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod compare;
 mod damage;
 mod harness;
 mod models;
