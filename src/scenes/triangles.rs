@@ -84,6 +84,12 @@ pub(super) fn spikes() -> Scene {
         }
     }
     mesh.normals.clear();
+    // Normals are computed from the triangles of a vertex: the seam has to share its vertices.
+    for corner in mesh.triangles.iter_mut().flatten() {
+        if *corner as usize % (COLUMNS + 1) == COLUMNS {
+            *corner -= COLUMNS as u32;
+        }
+    }
     Scene {
         mesh,
         camera: camera(DVec3::new(1.0, 1.5, 3.6), DVec3::ZERO, (1.0, 8.0)),
