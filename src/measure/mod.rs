@@ -1,4 +1,10 @@
-//! Times and counts of many frames.
+//! Times and counts of many frames: distributions, the last frames of a window, the profile of a run with its report
+//! and its trace.
+
+pub mod frames;
+pub mod profile;
+pub mod report;
+pub mod trace;
 
 /// Median and spread of a sample.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
