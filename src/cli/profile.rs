@@ -13,10 +13,11 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::gpu::device::Kind;
 use surfel::measure::Distribution;
-use surfel::measure::profile::{Plan, Profile};
+use surfel::measure::profile::{Plan, Profile, Proof};
 use surfel::measure::report::Report;
-use surfel::method::engine::{Backend, Engine};
+use surfel::method::engine::Engine;
 use surfel::method::renderer::Outputs;
+use surfel::progress::Progress;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -128,7 +129,11 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         settings: &settings,
         warm_up: args.warm_up,
     };
-    let profile = Profile::run(&backend, &mut engine, &plan, &Bar::new(quiet))?;
+    let bar = Bar::new(quiet);
+    bar.stage("self-test", 0);
+    let proof = Proof::of(&backend)?;
+    let profile = Profile::run(&backend, &mut engine, &plan, proof, &bar)?;
+    drop(bar);
     let report = profile.report();
     for warning in &report.warnings {
         say(&format!("surfel: warning: {warning}"));

@@ -144,3 +144,69 @@ impl Gpu {
         Ok(best)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::device::Kind;
+
+    fn info(bits: u32, period_ns: f32) -> DeviceInfo {
+        DeviceInfo {
+            index: 0,
+            name: String::new(),
+            kind: Kind::Other,
+            driver: String::new(),
+            api_version: String::new(),
+            unusable: None,
+            timestamp_period_ns: period_ns,
+            timestamp_bits: bits,
+            has_calibrated_timestamps: true,
+            has_pipeline_statistics: true,
+            has_sample_counts: true,
+            max_point_size_px: 1.0,
+            max_image_side: 1,
+            max_storage_range: 1,
+            max_allocation: 1,
+            max_buffer: 1,
+            uniform_alignment: 1,
+            device_memory: 1,
+            has_full_index: true,
+            has_int64_atomics: true,
+            has_float_blend: true,
+            subpixel_bits: 8,
+        }
+    }
+
+    #[test]
+    fn a_clock_may_wrap_between_two_timestamps() {
+        let whole = info(64, 1.0);
+        assert_eq!(whole.ms_between(1_000_000, 3_000_000), 2.0);
+        assert_eq!(whole.ms_between(3_000_000, 1_000_000), -2.0);
+        assert_eq!(whole.ms_between(u64::MAX, 999_999), 1.0);
+        // 36 bits of 52 ns: from just before the end to just after.
+        let short = info(36, 52.0);
+        let end = (1 << 36) - 1;
+        assert_eq!(short.ms_between(end, 999_999), 52.0);
+        assert_eq!(short.ms_between(999_999, end), -52.0);
+        // Bits above the valid ones say nothing.
+        assert_eq!(short.ms_between(end, (7 << 36) | 999_999), 52.0);
+    }
+
+    #[test]
+    fn an_anchor_puts_timestamps_on_the_host_clock() {
+        let host = Instant::now();
+        let anchor = Anchor {
+            host,
+            ticks: 5_000_000,
+            within: Duration::ZERO,
+        };
+        let info = info(64, 2.0);
+        let at = |ticks| anchor.instant_of(ticks, &info);
+        assert_eq!(at(5_000_000), Some(host));
+        assert_eq!(at(5_500_000), Some(host + Duration::from_millis(1)));
+        assert_eq!(
+            at(5_500_000 - 1_000_000),
+            host.checked_sub(Duration::from_millis(1))
+        );
+    }
+}

@@ -56,6 +56,45 @@ pub struct Sample {
     pub covered_pixels: u64,
 }
 
+/// What of a device's figures can be believed.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Proof {
+    /// Whether pass times can be; `None` without timestamps.
+    pub self_test: Option<SelfTest>,
+    /// Which counters can be; `None` for the mirror.
+    pub counter_test: Option<CounterTest>,
+}
+
+/// Times that the self-test is run until it agrees: other work on the machine can make it fail.
+const SELF_TESTS: usize = 3;
+
+impl Proof {
+    /// Tests what draws on `backend`. Takes a second or a few on a software device.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn of(backend: &Backend) -> Result<Self, crate::gpu::Error> {
+        let Backend::Device(gpu) = backend else {
+            return Ok(Self::default());
+        };
+        let mut proof = Self {
+            self_test: None,
+            counter_test: Some(counter_test(gpu)?),
+        };
+        if gpu.info().timestamp_period_ns > 0.0 {
+            for _ in 0..SELF_TESTS {
+                let report = self_test(gpu)?;
+                let agrees = report.agrees;
+                proof.self_test = Some(report);
+                if agrees {
+                    break;
+                }
+            }
+        }
+        Ok(proof)
+    }
+}
+
 /// A run of the profiler.
 #[derive(Debug, Clone)]
 pub struct Profile {
@@ -63,21 +102,17 @@ pub struct Profile {
     pub samples: Vec<Sample>,
     /// The device; `None` for the mirror.
     pub device: Option<DeviceInfo>,
-    /// Whether pass times can be believed; `None` without timestamps.
-    pub self_test: Option<SelfTest>,
-    /// Which counters can be believed; `None` for the mirror.
-    pub counter_test: Option<CounterTest>,
+    /// What of it can be believed.
+    pub proof: Proof,
     /// Live allocations of the device while it drew, largest first: name and bytes.
     pub memory: Vec<(String, u64)>,
     /// Pixels of the picture.
     pub picture_pixels: u64,
 }
 
-/// Times that the self-test is run until it agrees: other work on the machine can make it fail.
-const SELF_TESTS: usize = 3;
-
 impl Profile {
-    /// Draws the views and measures them. `engine` draws on `backend`.
+    /// Draws the views and measures them. `engine` draws on `backend`, of which `proof` says what can be believed;
+    /// counters without proof are not reported.
     ///
     /// # Errors
     /// When a frame cannot be drawn, or `progress` is cancelled.
@@ -85,6 +120,7 @@ impl Profile {
         backend: &Backend,
         engine: &mut Engine<'_>,
         plan: &Plan<'_>,
+        proof: Proof,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let gpu = match backend {
@@ -95,26 +131,13 @@ impl Profile {
         let mut profile = Self {
             samples: Vec::with_capacity(plan.views.len()),
             device: gpu.map(|g| g.info().clone()),
-            self_test: None,
-            counter_test: None,
+            proof,
             memory: Vec::new(),
             picture_pixels: plan
                 .views
                 .first()
                 .map_or(0, |v| u64::from(v.width) * u64::from(v.height)),
         };
-        if let Some(gpu) = gpu {
-            progress.stage("self-test", 0);
-            for _ in 0..if has_timestamps { SELF_TESTS } else { 0 } {
-                let report = self_test(gpu)?;
-                let agrees = report.agrees;
-                profile.self_test = Some(report);
-                if agrees {
-                    break;
-                }
-            }
-            profile.counter_test = Some(counter_test(gpu)?);
-        }
         profile.time(engine, plan, gpu.filter(|_| has_timestamps), progress)?;
         if let Some(gpu) = gpu {
             profile.memory = gpu.memory_report();
@@ -221,7 +244,8 @@ impl Profile {
 
     /// Whether a counter of this name is exact on the device; only then it is reported.
     pub fn counts(&self, counter: &str) -> bool {
-        self.counter_test
+        self.proof
+            .counter_test
             .as_ref()
             .is_some_and(|t| t.is_exact(counter))
     }

@@ -114,6 +114,8 @@ pub struct ProofReport {
     pub cost_ms: Option<Distribution>,
     /// The median of that over the median frame without timestamps.
     pub cost_share: Option<f64>,
+    /// How times of the device are put on the host's clock, in a sentence.
+    pub clock: &'static str,
     /// Largest error of the two clocks against each other, milliseconds; `None` where frames are anchored by
     /// their submission.
     pub clock_error_ms: Option<f64>,
@@ -327,8 +329,8 @@ fn proof(profile: &Profile) -> ProofReport {
         .map(|d| d.median)
     };
     ProofReport {
-        self_test: profile.self_test.clone(),
-        counter_test: profile.counter_test.clone(),
+        self_test: profile.proof.self_test.clone(),
+        counter_test: profile.proof.counter_test.clone(),
         passes_of_device: ratio(&|t| Some(t.passes.iter().map(|p| p.ms).sum()), &|t| {
             t.device.frame_ms
         }),
@@ -338,6 +340,7 @@ fn proof(profile: &Profile) -> ProofReport {
             (Some(cost), Some(plain)) if plain.median > 0.0 => Some(cost.median / plain.median),
             _ => None,
         },
+        clock: profile.clock(),
         clock_error_ms: profile.clock_error_ms(),
     }
 }
