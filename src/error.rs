@@ -22,4 +22,7 @@ pub enum Error {
     /// A model could not be generated, or a mesh not be written.
     #[error(transparent)]
     Generate(#[from] crate::generate::Error),
+    /// A profile could not be made.
+    #[error(transparent)]
+    Profile(#[from] crate::measure::profile::Error),
 }

@@ -45,13 +45,15 @@ const LAYERS: &[Layer] = &[
     layer(
         "measure",
         &[
-            "math", "abi", "tree", "cut", "draw", "image", "gpu", "method",
+            "progress", "math", "abi", "tree", "cut", "draw", "image", "gpu", "method",
         ],
     ),
     // Wraps the error of every layer; no layer may use it.
     layer(
         "error",
-        &["math", "input", "generate", "tree", "image", "gpu"],
+        &[
+            "math", "input", "generate", "tree", "image", "gpu", "measure",
+        ],
     ),
     layer(
         "viewer",

@@ -9,6 +9,7 @@ mod devices;
 mod generate;
 mod info;
 mod look;
+mod profile;
 mod progress;
 mod render;
 mod scenes;
@@ -23,6 +24,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::io::IsTerminal;
 use std::path::Path;
 use std::process::ExitCode;
+use tracing_subscriber::fmt::format::FmtSpan;
 
 /// Why a command ended early.
 #[derive(Debug)]
@@ -47,7 +49,7 @@ impl From<surfel::Error> for Failure {
             E::Generate(G::Write { .. } | G::Stream(_) | G::Cancelled) => false,
             E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) => true,
             E::Image(surfel::image::Error::Read { .. }) => true,
-            E::Gpu(g) => matches!(
+            E::Gpu(g) | E::Profile(surfel::measure::profile::Error::Gpu(g)) => matches!(
                 g,
                 surfel::gpu::Error::UnknownDevice { .. }
                     | surfel::gpu::Error::Limit { .. }
@@ -79,7 +81,8 @@ failure_from!(
     surfel::math::camera::Error,
     surfel::image::Error,
     surfel::gpu::Error,
-    surfel::generate::Error
+    surfel::generate::Error,
+    surfel::measure::profile::Error
 );
 
 /// A usage error with the given text.
@@ -98,6 +101,7 @@ Examples:
   surfel check scan.ply                              file and tree, every invariant
   surfel compare reference.png picture.png           how far one picture is from another
   surfel scenes                                      small scenes that methods fail at
+  surfel profile scan.ply --frames 120               what each pass and stage of a frame costs
   surfel devices                                     what can draw here
 
 A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
@@ -152,6 +156,8 @@ enum Command {
     Compare(Box<compare::Args>),
     /// List the built-in scenes that methods fail at
     Scenes(scenes::Args),
+    /// Measure what each pass and each stage of a frame costs
+    Profile(Box<profile::Args>),
     /// List the devices of this machine and the limits that matter
     Devices(devices::Args),
     /// Draw the built-in statue with every method
@@ -202,6 +208,8 @@ pub(crate) fn main() -> ExitCode {
     match filter {
         Ok(filter) => tracing_subscriber::fmt()
             .with_env_filter(filter)
+            // A span is told at its end, with the time it took: stages and passes read as a list.
+            .with_span_events(FmtSpan::CLOSE)
             .with_writer(std::io::stderr)
             .with_ansi(is_colorful())
             // It would report a closed standard error on standard error, and panic.
@@ -222,6 +230,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Generate(args)) => generate::run(args, quiet),
         Some(Command::Compare(args)) => compare::run(*args),
         Some(Command::Scenes(args)) => scenes::run(args),
+        Some(Command::Profile(args)) => profile::run(*args, quiet),
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),
         Some(Command::Completions { shell }) => {

@@ -190,13 +190,53 @@ pub(crate) fn orbit_camera(
 }
 
 /// Reads a camera file; every error names it.
-fn read_camera(path: &Path) -> Result<Camera, Failure> {
+pub(crate) fn read_camera(path: &Path) -> Result<Camera, Failure> {
     Camera::read(path).map_err(|error| match error {
         error @ surfel::math::camera::Error::Value(_) => {
             Failure::Input(anyhow::Error::new(error).context(path.display().to_string()))
         }
         other => other.into(),
     })
+}
+
+/// The camera of a file, in the size asked for.
+pub(crate) fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failure> {
+    if let Some((width, height)) = size {
+        if u64::from(width) * u64::from(camera.height)
+            != u64::from(height) * u64::from(camera.width)
+        {
+            return Err(usage(format!(
+                "--size {width}x{height} has another shape than the camera's {}x{}",
+                camera.width, camera.height
+            )));
+        }
+        (camera.width, camera.height) = (width, height);
+    }
+    Ok(camera)
+}
+
+/// `frames` cameras of the standard orbit, or the one of `--orbit`.
+pub(crate) fn orbit_cameras(
+    ready: &Ready,
+    size: Option<(u32, u32)>,
+    orbit: Option<[f64; 3]>,
+    frames: u32,
+) -> Vec<Camera> {
+    let size = size.unwrap_or((500, 500));
+    if frames == 1 {
+        return vec![orbit_camera(
+            ready,
+            size,
+            orbit.unwrap_or([30.0, 20.0, 1.0]),
+        )];
+    }
+    let [azimuth, elevation, fill] = orbit.unwrap_or([0.0, 20.0, 1.0]);
+    (0..frames)
+        .map(|k| {
+            let turn = (f64::from(k) + 0.5) * 360.0 / f64::from(frames);
+            orbit_camera(ready, size, [azimuth + turn, elevation, fill])
+        })
+        .collect()
 }
 
 impl Args {
@@ -255,36 +295,6 @@ impl Args {
             || self.depth.is_some()
             || self.normals.is_some()
             || self.coverage.is_some()
-    }
-
-    /// The cameras of the frames; `read` is the one of `--camera` or of the scene.
-    fn cameras(&self, ready: &Ready, read: Option<Camera>) -> Result<Vec<Camera>, Failure> {
-        if let Some(mut camera) = read {
-            if let Some((width, height)) = self.size {
-                if u64::from(width) * u64::from(camera.height)
-                    != u64::from(height) * u64::from(camera.width)
-                {
-                    return Err(usage(format!(
-                        "--size {width}x{height} has another shape than the camera's {}x{}",
-                        camera.width, camera.height
-                    )));
-                }
-                (camera.width, camera.height) = (width, height);
-            }
-            return Ok(vec![camera]);
-        }
-        let size = self.size.unwrap_or((500, 500));
-        let orbit = self.orbit.unwrap_or([30.0, 20.0, 1.0]);
-        if self.frames == 1 {
-            return Ok(vec![orbit_camera(ready, size, orbit)]);
-        }
-        let [azimuth, elevation, fill] = self.orbit.unwrap_or([0.0, 20.0, 1.0]);
-        Ok((0..self.frames)
-            .map(|k| {
-                let turn = (f64::from(k) + 0.5) * 360.0 / f64::from(self.frames);
-                orbit_camera(ready, size, [azimuth + turn, elevation, fill])
-            })
-            .collect())
     }
 
     fn write_picture(&self, picture: &Picture, frame: u32) -> Outcome {
@@ -347,7 +357,10 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         ..args.source.clone()
     };
     let ready = source.ready(quiet)?;
-    let cameras = args.cameras(&ready, camera)?;
+    let cameras = match camera {
+        Some(camera) => vec![resized(camera, args.size)?],
+        None => orbit_cameras(&ready, args.size, args.orbit, args.frames),
+    };
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);
     let outputs = Outputs {

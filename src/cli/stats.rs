@@ -5,7 +5,36 @@ use serde_json::json;
 use surfel::measure::Distribution;
 use surfel::method::Settings;
 use surfel::method::engine::Backend;
-use surfel::method::renderer::FrameTimes;
+use surfel::method::times::{FrameTimes, Stage};
+
+/// How the pictures were drawn.
+pub(crate) fn settings_of(
+    ready: &Ready,
+    settings: &Settings,
+    size: (u32, u32),
+) -> serde_json::Value {
+    json!({
+        "method": settings.method,
+        "splat": settings.splat,
+        "blend": settings.blend(),
+        "shading": settings.shading,
+        "reconstruction": settings.reconstruction,
+        "threshold_px": settings.threshold_px,
+        "depth_offset": settings.depth_offset(),
+        "size_metric": settings.size,
+        "width": size.0,
+        "height": size.1,
+        "culls_back": settings.culls_back(ready.model.is_closed),
+    })
+}
+
+/// What drew them.
+pub(crate) fn device_of(backend: &Backend) -> serde_json::Value {
+    match backend {
+        Backend::Device(gpu) => json!(gpu.info()),
+        Backend::Mirror => json!({ "name": Backend::MIRROR }),
+    }
+}
 
 /// Counts and times of a run, as `--stats` writes them.
 pub(crate) fn of(
@@ -48,31 +77,12 @@ pub(crate) fn of(
     };
     json!({
         "model": super::info::facts(ready),
-        "device": match backend {
-            Backend::Device(gpu) => json!(gpu.info()),
-            Backend::Mirror => json!({ "name": Backend::MIRROR }),
-        },
-        "settings": {
-            "method": settings.method,
-            "splat": settings.splat,
-            "blend": settings.blend(),
-            "shading": settings.shading,
-            "reconstruction": settings.reconstruction,
-            "threshold_px": settings.threshold_px,
-            "depth_offset": settings.depth_offset(),
-            "size_metric": settings.size,
-            "width": size.0,
-            "height": size.1,
-            "culls_back": settings.culls_back(model.is_closed),
-        },
+        "device": device_of(backend),
+        "settings": settings_of(ready, settings, size),
         "frames": times.len(),
         "frame_ms": spread(&|t| t.frame_ms),
-        "cpu": [
-            { "name": "cut", "ms": spread(&|t| t.cut_ms) },
-            { "name": "pack", "ms": spread(&|t| t.pack_ms) },
-            { "name": "submit", "ms": spread(&|t| t.submit_ms) },
-            { "name": "wait", "ms": spread(&|t| t.wait_ms) },
-        ],
+        "cpu": Stage::ALL
+            .map(|stage| json!({ "name": stage.name(), "ms": spread(&|t| t.of(stage)) })),
         "passes": passes,
         "counts": {
             "nodes_in_tree": model.tree.nodes.len() + model.tree.leaves.len(),

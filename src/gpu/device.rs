@@ -1,7 +1,7 @@
 //! Instance, choice of a device, and what it can do.
 
 use super::messages::{self, Messages};
-use super::{Error, Options, SWAPCHAIN};
+use super::{Error, Options, SWAPCHAIN, clock};
 use ash::vk;
 use std::ffi::{CStr, CString};
 
@@ -38,6 +38,14 @@ pub struct DeviceInfo {
     pub unusable: Option<String>,
     /// Nanoseconds per timestamp tick; 0 when there are no timestamps.
     pub timestamp_period_ns: f32,
+    /// Bits of a timestamp that count; it wraps there.
+    pub timestamp_bits: u32,
+    /// The device's clock can be read together with the host's.
+    pub has_calibrated_timestamps: bool,
+    /// Counts what the stages of the pipeline do.
+    pub has_pipeline_statistics: bool,
+    /// Counts the samples that a draw leaves in its targets.
+    pub has_sample_counts: bool,
     /// Largest size of a point, pixels.
     pub max_point_size_px: f32,
     /// Largest picture side, pixels.
@@ -235,6 +243,8 @@ pub(super) struct Chosen {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) info: DeviceInfo,
     pub(super) queue_family: u32,
+    /// The extension by which the clocks are compared.
+    pub(super) calibration: Option<&'static CStr>,
 }
 
 fn version_text(version: u32) -> String {
@@ -252,7 +262,12 @@ fn text(chars: Result<&CStr, std::ffi::FromBytesUntilNulError>) -> String {
         .unwrap_or_default()
 }
 
-fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize) -> Chosen {
+fn inspect(
+    entry: &ash::Entry,
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    index: usize,
+) -> Chosen {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut maintenance3 = vk::PhysicalDeviceMaintenance3Properties::default();
     let mut maintenance4 = vk::PhysicalDeviceMaintenance4Properties::default();
@@ -312,9 +327,9 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
         missing.push("it has no queue for graphics and compute".into());
     }
     let family = family.unwrap_or(0);
-    let has_timestamps = families
-        .get(family)
-        .is_some_and(|f| f.timestamp_valid_bits >= 36);
+    let timestamp_bits = families.get(family).map_or(0, |f| f.timestamp_valid_bits);
+    let has_timestamps = timestamp_bits >= 36;
+    let calibration = clock::extension(entry, instance, physical).filter(|_| has_timestamps);
     let device_memory = memory.memory_heaps[..memory.memory_heap_count as usize]
         .iter()
         .filter(|h| h.flags.contains(vk::MemoryHeapFlags::DEVICE_LOCAL))
@@ -343,6 +358,10 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
         } else {
             0.0
         },
+        timestamp_bits,
+        has_calibrated_timestamps: calibration.is_some(),
+        has_pipeline_statistics: core.pipeline_statistics_query == vk::TRUE,
+        has_sample_counts: core.occlusion_query_precise == vk::TRUE,
         max_point_size_px: p.limits.point_size_range[1],
         max_image_side: p
             .limits
@@ -370,17 +389,18 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
         physical,
         info,
         queue_family: family as u32,
+        calibration,
     }
 }
 
-fn all(instance: &Instance) -> Result<Vec<Chosen>, Error> {
+fn all(entry: &ash::Entry, instance: &Instance) -> Result<Vec<Chosen>, Error> {
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw().enumerate_physical_devices() }
         .map_err(Error::vulkan("vkEnumeratePhysicalDevices", "the instance"))?;
     Ok(devices
         .into_iter()
         .enumerate()
-        .map(|(index, physical)| inspect(instance.raw(), physical, index))
+        .map(|(index, physical)| inspect(entry, instance.raw(), physical, index))
         .collect())
 }
 
@@ -392,7 +412,10 @@ pub fn list() -> Result<Vec<DeviceInfo>, Error> {
     let entry = load_entry()?;
     let messages = Messages::default();
     let instance = Instance::create(&entry, &Options::default(), &messages)?;
-    Ok(all(&instance)?.into_iter().map(|c| c.info).collect())
+    Ok(all(&entry, &instance)?
+        .into_iter()
+        .map(|c| c.info)
+        .collect())
 }
 
 /// Rank of a kind: lower is better.
@@ -406,8 +429,12 @@ fn rank(kind: Kind) -> u8 {
     }
 }
 
-pub(super) fn choose(instance: &Instance, options: &Options) -> Result<Chosen, Error> {
-    let mut devices = all(instance)?;
+pub(super) fn choose(
+    entry: &ash::Entry,
+    instance: &Instance,
+    options: &Options,
+) -> Result<Chosen, Error> {
+    let mut devices = all(entry, instance)?;
     let available = devices
         .iter()
         .map(|d| format!("{}: {}", d.info.index, d.info.name))
@@ -473,7 +500,9 @@ pub(super) fn create(
         .queue_priorities(&priorities)];
     let core = vk::PhysicalDeviceFeatures::default()
         .large_points(true)
-        .full_draw_index_uint32(chosen.info.has_full_index);
+        .full_draw_index_uint32(chosen.info.has_full_index)
+        .pipeline_statistics_query(chosen.info.has_pipeline_statistics)
+        .occlusion_query_precise(chosen.info.has_sample_counts);
     let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
         .timeline_semaphore(true)
         .host_query_reset(true);
@@ -501,6 +530,7 @@ pub(super) fn create(
     if has(c"VK_KHR_portability_subset") {
         names.push(c"VK_KHR_portability_subset".as_ptr());
     }
+    names.extend(chosen.calibration.map(CStr::as_ptr));
     if !options.surface_extensions.is_empty() {
         if !has(SWAPCHAIN) {
             return Err(Error::NoDevice(format!(

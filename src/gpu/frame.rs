@@ -6,6 +6,8 @@ use super::image::Image;
 use super::pass::Barriers;
 pub use super::pass::{Draw, Load, Pass};
 use super::profile::PassTime;
+use super::query::Queries;
+pub use super::query::{DeviceTimes, Measure, PassCounters, PipelineStatistics};
 use super::{Error, Gpu, Remains};
 #[cfg(feature = "viewer")]
 use super::{access::State, image::Format, surface::Acquired};
@@ -22,11 +24,11 @@ const UNIFORM_BYTES: u64 = 64 << 10;
 pub(super) struct Slot {
     pool: vk::CommandPool,
     pub(super) commands: vk::CommandBuffer,
-    pub(super) queries: vk::QueryPool,
+    pub(super) queries: Queries,
     pub(super) descriptors: vk::DescriptorPool,
     pub(super) uniforms: Upload,
     submitted: u64,
-    pub(super) names: Vec<&'static str>,
+    uniform_bytes: u64,
     submit_time: Option<Instant>,
 }
 
@@ -35,7 +37,7 @@ pub struct Frames {
     gpu: Arc<Gpu>,
     slots: Vec<Slot>,
     next: usize,
-    timestamps: bool,
+    measure: Measure,
     barriers: Barriers,
 }
 
@@ -61,6 +63,14 @@ pub struct Ticket {
 pub struct Finished {
     /// Time of each pass on the device, in order; empty without timestamps.
     pub passes: Vec<PassTime>,
+    /// Where the passes lie on the device's clock.
+    pub device: DeviceTimes,
+    /// What each pass that draws counted; empty unless [`Measure::counters`] was set.
+    pub counters: Vec<PassCounters>,
+    /// Bytes of uniform blocks that the host wrote for it.
+    pub uniform_bytes: u64,
+    /// When it was submitted.
+    pub submitted: Option<Instant>,
     /// From the submission until the host saw the end.
     pub host: Duration,
 }
@@ -76,7 +86,7 @@ impl Frames {
             gpu: gpu.clone(),
             slots: Vec::new(),
             next: 0,
-            timestamps: timestamps && gpu.info.timestamp_period_ns > 0.0,
+            measure: Measure::default(),
             barriers: Barriers::default(),
         };
         for index in 0..in_flight.max(1) {
@@ -85,11 +95,11 @@ impl Frames {
             frames.slots.push(Slot {
                 pool: vk::CommandPool::null(),
                 commands: vk::CommandBuffer::null(),
-                queries: vk::QueryPool::null(),
+                queries: Queries::default(),
                 descriptors: vk::DescriptorPool::null(),
                 uniforms,
                 submitted: 0,
-                names: Vec::new(),
+                uniform_bytes: 0,
                 submit_time: None,
             });
             let slot = &mut frames.slots[index];
@@ -108,12 +118,7 @@ impl Frames {
                 .map_err(Error::vulkan("vkAllocateCommandBuffers", name.as_str()))?;
             slot.commands = buffers[0];
             gpu.name(slot.commands, &name);
-            let info = vk::QueryPoolCreateInfo::default()
-                .query_type(vk::QueryType::TIMESTAMP)
-                .query_count(2 * MAX_PASSES);
-            // SAFETY: the device is alive.
-            slot.queries = unsafe { gpu.device.create_query_pool(&info, None) }
-                .map_err(Error::vulkan("vkCreateQueryPool", name.as_str()))?;
+            gpu.name(slot.pool, &name);
             let sizes = [
                 vk::DescriptorType::UNIFORM_BUFFER,
                 vk::DescriptorType::STORAGE_BUFFER,
@@ -130,8 +135,33 @@ impl Frames {
             // SAFETY: the device is alive.
             slot.descriptors = unsafe { gpu.device.create_descriptor_pool(&info, None) }
                 .map_err(Error::vulkan("vkCreateDescriptorPool", name.as_str()))?;
+            gpu.name(slot.descriptors, &name);
         }
+        frames.measure(Measure {
+            passes: timestamps,
+            ..Measure::default()
+        })?;
         Ok(frames)
+    }
+
+    /// What the frames recorded from now on report. What the device lacks is left out: pass times without
+    /// timestamps, counters without queries for them. What is off costs nothing.
+    ///
+    /// # Errors
+    /// When the queries cannot be made; then nothing changes.
+    pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
+        let has_timestamps = self.gpu.info.timestamp_period_ns > 0.0;
+        let measure = Measure {
+            passes: measure.passes && has_timestamps,
+            frame: measure.frame && has_timestamps,
+            counters: measure.counters,
+        };
+        for (index, slot) in self.slots.iter_mut().enumerate() {
+            let name = format!("frame {index}");
+            slot.queries.prepare(&self.gpu, &name, measure)?;
+        }
+        self.measure = measure;
+        Ok(())
     }
 
     /// Leaves every barrier out from now on: wrong on purpose, for the test that shows that the validation layer
@@ -169,7 +199,6 @@ impl Frames {
         self.wait_for_next()?;
         let index = self.next;
         let slot = &mut self.slots[index];
-        slot.names.clear();
         slot.submit_time = None;
         // SAFETY: the slot's last submission has finished, so its pools are not in use.
         unsafe {
@@ -181,9 +210,6 @@ impl Frames {
                 .device
                 .reset_descriptor_pool(slot.descriptors, vk::DescriptorPoolResetFlags::empty())
                 .map_err(Error::vulkan("vkResetDescriptorPool", "a frame"))?;
-            self.gpu
-                .device
-                .reset_query_pool(slot.queries, 0, 2 * MAX_PASSES);
             let info = vk::CommandBufferBeginInfo::default()
                 .flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
             self.gpu
@@ -191,6 +217,8 @@ impl Frames {
                 .begin_command_buffer(slot.commands, &info)
                 .map_err(Error::vulkan("vkBeginCommandBuffer", "a frame"))?;
         }
+        self.gpu.begin_label(slot.commands, "frame");
+        slot.queries.begin(&self.gpu, slot.commands, self.measure);
         Ok(Frame {
             uniform_bytes: 0,
             index,
@@ -210,27 +238,15 @@ impl Frames {
             return Ok(finished);
         }
         finished.host = slot.submit_time.map(|t| t.elapsed()).unwrap_or_default();
-        if self.timestamps && !slot.names.is_empty() {
-            let mut ticks = [0u64; 2 * MAX_PASSES as usize];
-            let ticks = &mut ticks[..2 * slot.names.len()];
-            // SAFETY: the queries were written by a submission that has finished.
-            unsafe {
-                self.gpu.device.get_query_pool_results(
-                    slot.queries,
-                    0,
-                    ticks,
-                    vk::QueryResultFlags::TYPE_64,
-                )
-            }
-            .map_err(Error::vulkan("vkGetQueryPoolResults", "a frame"))?;
-            let period = f64::from(self.gpu.info.timestamp_period_ns);
-            for (pair, &name) in ticks.chunks_exact(2).zip(&slot.names) {
-                finished.passes.push(PassTime {
-                    name,
-                    ms: pair[1].saturating_sub(pair[0]) as f64 * period / 1e6,
-                });
-            }
+        finished.submitted = slot.submit_time;
+        finished.uniform_bytes = slot.uniform_bytes;
+        let report = slot.queries.read(&self.gpu)?;
+        for PassTime { name, ms } in &report.passes {
+            tracing::debug!(pass = name, ms, "finished");
         }
+        finished.passes = report.passes;
+        finished.device = report.device;
+        finished.counters = report.counters;
         Ok(finished)
     }
 }
@@ -240,7 +256,7 @@ impl Drop for Frames {
         for slot in &self.slots {
             // Freed with the pool: the command buffer.
             self.gpu.bury(Remains::CommandPool(slot.pool));
-            self.gpu.bury(Remains::QueryPool(slot.queries));
+            slot.queries.bury(&self.gpu);
             self.gpu.bury(Remains::DescriptorPool(slot.descriptors));
         }
     }
@@ -298,7 +314,6 @@ impl Frame<'_> {
     {
         Pass::new(
             &self.frames.gpu,
-            self.frames.timestamps,
             &mut self.frames.slots[self.index],
             &mut self.frames.barriers,
             name,
@@ -367,7 +382,7 @@ impl Frame<'_> {
                 &regions,
             );
         }
-        timing.end();
+        timing.end(&pass.slot.queries);
         self.frames.barriers.buffer(into, Access::HostRead);
         self.frames.barriers.record(&gpu, commands);
     }
@@ -421,7 +436,7 @@ impl Frame<'_> {
                 vk::Filter::NEAREST,
             );
         }
-        timing.end();
+        timing.end(&pass.slot.queries);
         let barriers = &mut self.frames.barriers;
         barriers.handle(
             onto.image,
@@ -458,6 +473,9 @@ impl Frame<'_> {
         signals: Option<vk::Semaphore>,
     ) -> Result<Ticket, Error> {
         let slot = &mut self.frames.slots[self.index];
+        slot.uniform_bytes = self.uniform_bytes;
+        slot.queries.end(&self.frames.gpu, slot.commands);
+        self.frames.gpu.end_label(slot.commands);
         // SAFETY: recording was begun and no rendering scope is open.
         unsafe { self.frames.gpu.device.end_command_buffer(slot.commands) }
             .map_err(Error::vulkan("vkEndCommandBuffer", "a frame"))?;

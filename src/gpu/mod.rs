@@ -12,6 +12,7 @@
 
 pub mod access;
 pub mod buffer;
+pub mod clock;
 pub mod device;
 pub mod frame;
 pub mod image;
@@ -19,6 +20,7 @@ pub mod messages;
 mod pass;
 pub mod pipeline;
 pub mod profile;
+mod query;
 #[cfg(feature = "viewer")]
 pub mod surface;
 
@@ -164,6 +166,7 @@ pub struct Gpu {
     sampler: vk::Sampler,
     device: ash::Device,
     debug_device: Option<ash::ext::debug_utils::Device>,
+    calibration: Option<clock::Calibration>,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     instance: ash::Instance,
     entry: ash::Entry,
@@ -199,7 +202,7 @@ impl Gpu {
         let entry = device::load_entry()?;
         let messages = Messages::default();
         let instance = device::Instance::create(&entry, options, &messages)?;
-        let chosen = device::choose(&instance, options)?;
+        let chosen = device::choose(&entry, &instance, options)?;
         let (device, queue) = device::create(&instance, &chosen, options)?;
         // From here on the root owns everything, so that a failure below is cleaned up by its Drop.
         let (instance, messenger, has_debug) = instance.into_parts();
@@ -213,6 +216,9 @@ impl Gpu {
         });
         let debug_device =
             has_debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device));
+        let calibration = chosen
+            .calibration
+            .map(|name| clock::Calibration::new(&instance, &device, name));
         let allocator = match allocator {
             Ok(allocator) => allocator,
             Err(cause) => {
@@ -243,6 +249,7 @@ impl Gpu {
             sampler: vk::Sampler::null(),
             device,
             debug_device,
+            calibration,
             messenger,
             instance,
             entry,
@@ -272,6 +279,9 @@ impl Gpu {
             .map_err(Error::vulkan("vkCreateSampler", "the sampler"))?;
         gpu.name(gpu.sampler, "nearest");
         gpu.name(gpu.timeline, "timeline");
+        gpu.name(gpu.device.handle(), "surfel");
+        gpu.name(queue, "queue");
+        gpu.name(gpu.pipeline_cache, "pipelines");
         Ok(Arc::new(gpu))
     }
 
@@ -332,6 +342,29 @@ impl Gpu {
         // SAFETY: the handle belongs to this device and is alive; names are only a help, so a failure is
         // ignored.
         let _ = unsafe { debug.set_debug_utils_object_name(&info) };
+    }
+
+    /// Opens a label in a command buffer being recorded; cut off after 63 bytes.
+    fn begin_label(&self, commands: vk::CommandBuffer, name: &str) {
+        let Some(debug) = &self.debug_device else {
+            return;
+        };
+        let mut text = [0u8; 64];
+        let length = name.len().min(text.len() - 1);
+        text[..length].copy_from_slice(&name.as_bytes()[..length]);
+        if let Ok(label) = CStr::from_bytes_until_nul(&text) {
+            let info = vk::DebugUtilsLabelEXT::default().label_name(label);
+            // SAFETY: the command buffer is being recorded; the callers close the label with `end_label`.
+            unsafe { debug.cmd_begin_debug_utils_label(commands, &info) };
+        }
+    }
+
+    /// Closes the label that was opened last.
+    fn end_label(&self, commands: vk::CommandBuffer) {
+        if let Some(debug) = &self.debug_device {
+            // SAFETY: closes what `begin_label` opened in this command buffer.
+            unsafe { debug.cmd_end_debug_utils_label(commands) };
+        }
     }
 
     fn allocate(

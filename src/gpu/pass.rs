@@ -5,10 +5,10 @@ use super::buffer::{AnyBuffer, state_of};
 use super::frame::{MAX_PASSES, Slot, Uniform};
 use super::image::{Format, Image, range};
 use super::pipeline::Pipeline;
+use super::query::Queries;
 use super::{Gpu, lock};
 use crate::abi::BindingKind;
 use ash::vk;
-use std::ffi::CStr;
 use std::sync::Arc;
 
 /// What a pass finds in a target.
@@ -110,7 +110,6 @@ impl Barriers {
 /// A pass being described: its targets and what it reads. [`draw`](Pass::draw) records it.
 pub struct Pass<'f> {
     pub(super) gpu: Arc<Gpu>,
-    timestamps: bool,
     pub(super) slot: &'f mut Slot,
     pub(super) barriers: &'f mut Barriers,
     name: &'static str,
@@ -119,13 +118,14 @@ pub struct Pass<'f> {
     depth: Option<(vk::ImageView, Load)>,
     depth_is_read_only: bool,
     extent: Option<vk::Extent2D>,
+    /// Bytes of targets loaded and stored.
+    moved_bytes: (u64, u64),
 }
 
 impl<'f> Pass<'f> {
     /// A pass without targets, to be recorded into `slot`.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
-        timestamps: bool,
         slot: &'f mut Slot,
         barriers: &'f mut Barriers,
         name: &'static str,
@@ -133,7 +133,6 @@ impl<'f> Pass<'f> {
         barriers.declared.iter_mut().for_each(Vec::clear);
         Self {
             gpu: gpu.clone(),
-            timestamps,
             slot,
             barriers,
             name,
@@ -142,10 +141,13 @@ impl<'f> Pass<'f> {
             depth: None,
             depth_is_read_only: false,
             extent: None,
+            moved_bytes: (0, 0),
         }
     }
 
-    fn target(&mut self, image: &Image) {
+    fn target(&mut self, image: &Image, is_loaded: bool, is_stored: bool) {
+        self.moved_bytes.0 += if is_loaded { image.bytes() } else { 0 };
+        self.moved_bytes.1 += if is_stored { image.bytes() } else { 0 };
         let extent = vk::Extent2D {
             width: image.width,
             height: image.height,
@@ -161,7 +163,7 @@ impl<'f> Pass<'f> {
     /// Draws into a color target; targets get locations 0, 1, ... in this order.
     #[must_use]
     pub fn color(mut self, image: &Image, load: Load) -> Self {
-        self.target(image);
+        self.target(image, load == Load::Keep, true);
         let access = match load {
             Load::Clear(_) => Access::ColorTarget,
             Load::Keep => Access::BlendTarget,
@@ -175,7 +177,7 @@ impl<'f> Pass<'f> {
     /// Tests and writes depth.
     #[must_use]
     pub fn depth(mut self, image: &Image, load: Load) -> Self {
-        self.target(image);
+        self.target(image, load == Load::Keep, true);
         self.barriers
             .image(image, Access::DepthWrite, load != Load::Keep);
         self.depth = Some((image.view, load));
@@ -185,7 +187,7 @@ impl<'f> Pass<'f> {
     /// Tests against depth that an earlier pass wrote, and leaves it as it is.
     #[must_use]
     pub fn depth_test(mut self, image: &Image) -> Self {
-        self.target(image);
+        self.target(image, true, false);
         self.barriers.image(image, Access::DepthTest, false);
         self.depth = Some((image.view, Load::Keep));
         self.depth_is_read_only = true;
@@ -298,6 +300,8 @@ impl<'f> Pass<'f> {
             gpu.device.cmd_set_viewport(commands, 0, &viewports);
             gpu.device.cmd_set_scissor(commands, 0, &[area]);
         }
+        let queries = &mut self.slot.queries;
+        let counting = queries.begin_counters(&gpu, commands, name, self.moved_bytes);
         let mut draw = Draw {
             gpu: &gpu,
             commands,
@@ -308,84 +312,49 @@ impl<'f> Pass<'f> {
             name,
         };
         record(&mut draw);
+        if let Some(counting) = counting {
+            counting.end(&gpu, commands);
+        }
         // SAFETY: ends the scope begun above.
         unsafe { gpu.device.cmd_end_rendering(commands) };
-        timing.end();
+        timing.end(&self.slot.queries);
         // Handed back for the next pass, which clears them.
         self.barriers.declared = declared;
     }
 
-    /// Writes barriers, label and first timestamp.
+    /// Opens the label and the span, writes the first timestamp and the barriers, which are the pass's own cost.
     pub(super) fn begin(&mut self) -> Timing {
         let commands = self.slot.commands;
-        self.barriers.record(&self.gpu, commands);
-        if let Some(debug) = &self.gpu.debug_device {
-            let mut text = [0u8; 64];
-            let length = self.name.len().min(text.len() - 1);
-            text[..length].copy_from_slice(&self.name.as_bytes()[..length]);
-            if let Ok(label) = CStr::from_bytes_until_nul(&text) {
-                let info = vk::DebugUtilsLabelEXT::default().label_name(label);
-                // SAFETY: the command buffer is being recorded; ended in `Timing::end`.
-                unsafe { debug.cmd_begin_debug_utils_label(commands, &info) };
-            }
-        }
-        let query = if self.timestamps && self.slot.names.len() < MAX_PASSES as usize {
-            self.slot.names.push(self.name);
-            Some(2 * (self.slot.names.len() as u32 - 1))
-        } else {
-            None
-        };
+        self.gpu.begin_label(commands, self.name);
         let timing = Timing {
             gpu: self.gpu.clone(),
             commands,
-            queries: self.slot.queries,
-            query,
+            timestamp: self.slot.queries.next_timed(self.name),
+            _span: tracing::debug_span!("pass", name = self.name).entered(),
         };
-        if let Some(query) = timing.query {
-            timing.stamp(query);
+        if let Some(query) = timing.timestamp {
+            self.slot.queries.stamp(&self.gpu, commands, query);
         }
+        self.barriers.record(&self.gpu, commands);
         timing
     }
 }
 
-/// The open end of a pass: writes the second timestamp and closes the label.
+/// The open end of a pass: writes the second timestamp and closes label and span.
 pub(super) struct Timing {
     gpu: Arc<Gpu>,
     commands: vk::CommandBuffer,
-    queries: vk::QueryPool,
-    query: Option<u32>,
+    timestamp: Option<u32>,
+    _span: tracing::span::EnteredSpan,
 }
 
 impl Timing {
-    /// A timestamp after all work so far, and a full barrier behind it: without the barrier a device may let
-    /// later work start first (or record the stamp late), and its time is booked to the wrong pass.
-    fn stamp(&self, query: u32) {
-        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
-        let barriers = [vk::MemoryBarrier2::default()
-            .src_stage_mask(all)
-            .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
-            .dst_stage_mask(all)
-            .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)];
-        let info = vk::DependencyInfo::default().memory_barriers(&barriers);
-        // SAFETY: the command buffer is being recorded outside of a rendering scope; the query was reset when
-        // the frame began and is written once.
-        unsafe {
-            self.gpu
-                .device
-                .cmd_write_timestamp2(self.commands, all, self.queries, query);
-            self.gpu.device.cmd_pipeline_barrier2(self.commands, &info);
-        }
-    }
-
     /// Writes the second timestamp and closes the label.
-    pub(super) fn end(self) {
-        if let Some(query) = self.query {
-            self.stamp(query + 1);
+    pub(super) fn end(self, queries: &Queries) {
+        if let Some(query) = self.timestamp {
+            queries.stamp(&self.gpu, self.commands, query + 1);
         }
-        if let Some(debug) = &self.gpu.debug_device {
-            // SAFETY: closes the label that `Pass::begin` opened.
-            unsafe { debug.cmd_end_debug_utils_label(self.commands) };
-        }
+        self.gpu.end_label(self.commands);
     }
 }
 

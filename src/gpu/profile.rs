@@ -1,7 +1,7 @@
 //! Pass times, and the test that they can be believed.
 
 use super::buffer::{Buffer, Usage};
-use super::frame::{Frames, Load};
+use super::frame::{Finished, Frames, Load, Measure, PassCounters, PipelineStatistics};
 use super::image::{Format, Image};
 use super::pipeline::{Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology};
 use super::{Error, Gpu};
@@ -39,6 +39,8 @@ pub struct SelfTest {
     pub host_ms: f64,
     /// An empty submission on the host clock, milliseconds: what every frame costs.
     pub empty_ms: f64,
+    /// Median of the frame with all passes on the device's clock, first command to last, milliseconds.
+    pub device_ms: f64,
     /// No pass differs by more than [`SelfTest::TOLERANCE`] (and a tenth of a millisecond).
     pub agrees: bool,
 }
@@ -47,6 +49,12 @@ impl SelfTest {
     /// Share by which a pass alone may differ from the same pass among others. Wide, because a busy machine
     /// shifts the host clock; work booked to the wrong pass shows as a factor of two and more.
     pub const TOLERANCE: f64 = 0.35;
+
+    /// Sum of the passes over the device time of their frame; `None` without timestamps.
+    pub fn covered(&self) -> Option<f64> {
+        let sum: f64 = self.rows.iter().map(|r| r.together_ms).sum();
+        (self.device_ms > 0.0).then(|| sum / self.device_ms)
+    }
 }
 
 impl std::fmt::Display for SelfTest {
@@ -74,6 +82,14 @@ impl std::fmt::Display for SelfTest {
                 row.name, row.together_ms, row.alone_ms
             )?;
         }
+        if let Some(covered) = self.covered() {
+            write!(
+                f,
+                "\n      the passes are {:.1} % of the frame's {:.2} ms on the device",
+                100.0 * covered,
+                self.device_ms
+            )?;
+        }
         Ok(())
     }
 }
@@ -84,127 +100,169 @@ const PASSES: [(&str, u32, f32); 3] = [
     ("selftest.many", 80_000, 1.0),
 ];
 
+/// Side of the tests' picture, pixels.
+const SIDE: u32 = 256;
+
+/// Draws splats into a small picture of its own.
+struct Stand {
+    color: Image,
+    depth: Image,
+    pipeline: Pipeline,
+    splats: Buffer,
+    frames: Frames,
+}
+
+/// A pass of the tests: its splats from `first` on, `count` of them, squares of `size_px` pixels.
+#[derive(Clone, Copy)]
+struct TestPass {
+    name: &'static str,
+    first: u32,
+    count: u32,
+    size_px: f32,
+    load: Load,
+}
+
+impl Stand {
+    fn new(gpu: &Arc<Gpu>, splats: &[Splat], measure: Measure) -> Result<Self, Error> {
+        let pipeline = Pipeline::new(
+            gpu,
+            &Description {
+                name: "self-test",
+                vertex: &shaders::SPLATS_SQUARE_VERT,
+                fragment: Some(&shaders::POINTS_DRAW_FRAG),
+                constants: &[false],
+                record: Record {
+                    stride: size_of::<Splat>() as u32,
+                    attributes: &[
+                        Attribute {
+                            name: "center",
+                            format: AttributeFormat::Float3,
+                            offset: 0,
+                        },
+                        Attribute {
+                            name: "radius",
+                            format: AttributeFormat::Float,
+                            offset: 12,
+                        },
+                        Attribute {
+                            name: "normal",
+                            format: AttributeFormat::Snorm16x2,
+                            offset: 16,
+                        },
+                        Attribute {
+                            name: "color",
+                            format: AttributeFormat::Unorm8x4,
+                            offset: 20,
+                        },
+                    ],
+                },
+                topology: Topology::Points,
+                colors: &[Format::Rgba8],
+                depth: Depth::Nearest,
+                is_additive: false,
+            },
+        )?;
+        let mut frames = Frames::new(gpu, 1, false)?;
+        frames.measure(measure)?;
+        Ok(Self {
+            color: Image::new(gpu, "self-test color", Format::Rgba8, SIDE, SIDE)?,
+            depth: Image::new(gpu, "self-test depth", Format::Depth32, SIDE, SIDE)?,
+            pipeline,
+            splats: Buffer::with_data(
+                gpu,
+                "self-test splats",
+                Usage::Vertex,
+                bytemuck::cast_slice(splats),
+            )?,
+            frames,
+        })
+    }
+
+    /// Runs passes in one submission.
+    fn run(&mut self, passes: &[TestPass]) -> Result<Finished, Error> {
+        let clip = glam::Mat4::from_cols_array(&[
+            1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0, 1.0,
+        ]);
+        let columns = |m: Mat4| [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c| c.to_array());
+        let mut frame = self.frames.begin()?;
+        for pass in passes {
+            let constants = FrameConstants {
+                view_from_model: columns(Mat4::IDENTITY),
+                clip_from_view: columns(clip),
+                splat_size_px: pass.size_px,
+                focal_px: 1.0,
+                model_scale: 1.0,
+                ..FrameConstants::zeroed()
+            };
+            let constants = frame.uniform(&constants)?;
+            frame
+                .pass(pass.name)
+                .color(&self.color, pass.load)
+                .depth(&self.depth, pass.load)
+                .vertices(&self.splats)
+                .draw([0.0, 0.0, SIDE as f32, SIDE as f32], |draw| {
+                    draw.cull_back_faces(false, false);
+                    draw.bind(&self.pipeline, &[constants], &[]);
+                    draw.vertices(&self.splats, 0);
+                    draw.draw(pass.first, pass.count);
+                });
+        }
+        let ticket = frame.submit()?;
+        self.frames.finish(ticket)
+    }
+}
+
 /// Runs three passes of different kind on the same target, in one submission and in one each, and compares
 /// timestamps with the host clock. Takes well under a second.
 ///
 /// # Errors
 /// When memory runs out or the device is lost.
 pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
-    const SIDE: u32 = 256;
-    let color = Image::new(gpu, "self-test color", Format::Rgba8, SIDE, SIDE)?;
-    let depth = Image::new(gpu, "self-test depth", Format::Depth32, SIDE, SIDE)?;
-    let pipeline = Pipeline::new(
-        gpu,
-        &Description {
-            name: "self-test",
-            vertex: &shaders::SPLATS_SQUARE_VERT,
-            fragment: Some(&shaders::POINTS_DRAW_FRAG),
-            constants: &[false],
-            record: Record {
-                stride: size_of::<Splat>() as u32,
-                attributes: &[
-                    Attribute {
-                        name: "center",
-                        format: AttributeFormat::Float3,
-                        offset: 0,
-                    },
-                    Attribute {
-                        name: "radius",
-                        format: AttributeFormat::Float,
-                        offset: 12,
-                    },
-                    Attribute {
-                        name: "normal",
-                        format: AttributeFormat::Snorm16x2,
-                        offset: 16,
-                    },
-                    Attribute {
-                        name: "color",
-                        format: AttributeFormat::Unorm8x4,
-                        offset: 20,
-                    },
-                ],
-            },
-            topology: Topology::Points,
-            colors: &[Format::Rgba8],
-            depth: Depth::Nearest,
-            is_additive: false,
-        },
-    )?;
     let most = PASSES.iter().map(|p| p.1).max().unwrap_or(1);
     let splats: Vec<Splat> = (0..most)
         .map(|i| {
             // A low-discrepancy scatter over the picture, front to back.
             let u = (f64::from(i) * 0.754_877_666_246_692_7).fract() as f32 * 2.0 - 1.0;
             let v = (f64::from(i) * 0.569_840_290_998_053_2).fract() as f32 * 2.0 - 1.0;
-            Splat {
-                center: glam::Vec3::new(u, v, -1.0 - i as f32 / most as f32),
-                radius: 0.0,
-                normal: [0, 0],
-                color: [255; 4],
-            }
+            splat(u, v, -1.0 - i as f32 / most as f32)
         })
         .collect();
-    let buffer = Buffer::with_data(
-        gpu,
-        "self-test splats",
-        Usage::Vertex,
-        bytemuck::cast_slice(&splats),
-    )?;
-    let clip = glam::Mat4::from_cols_array(&[
-        1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0, 1.0,
-    ]);
-    let columns = |m: Mat4| [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c| c.to_array());
-    let mut frames = Frames::new(gpu, 1, true)?;
-    let mut run = |which: &[usize]| -> Result<(Vec<PassTime>, f64), Error> {
-        let mut frame = frames.begin()?;
-        for &index in which {
-            let (name, count, size) = PASSES[index];
-            let constants = FrameConstants {
-                view_from_model: columns(Mat4::IDENTITY),
-                clip_from_view: columns(clip),
-                splat_size_px: size,
-                focal_px: 1.0,
-                model_scale: 1.0,
-                ..FrameConstants::zeroed()
-            };
-            let constants = frame.uniform(&constants)?;
-            let pass = frame
-                .pass(name)
-                .color(&color, Load::Clear([0.0; 4]))
-                .depth(&depth, Load::Clear([0.0; 4]))
-                .vertices(&buffer);
-            pass.draw([0.0, 0.0, SIDE as f32, SIDE as f32], |draw| {
-                draw.cull_back_faces(false, false);
-                draw.bind(&pipeline, &[constants], &[]);
-                draw.vertices(&buffer, 0);
-                draw.draw(0, count);
-            });
-        }
-        let ticket = frame.submit()?;
-        let finished = frames.finish(ticket)?;
-        Ok((finished.passes, finished.host.as_secs_f64() * 1e3))
+    let measure = Measure {
+        passes: true,
+        frame: true,
+        counters: false,
     };
+    let mut stand = Stand::new(gpu, &splats, measure)?;
+    let passes = PASSES.map(|(name, count, size_px)| TestPass {
+        name,
+        first: 0,
+        count,
+        size_px,
+        load: Load::Clear([0.0; 4]),
+    });
+    let ms = |finished: &Finished| finished.host.as_secs_f64() * 1e3;
     const REPEATS: usize = 9;
     let median = |values: &mut Vec<f64>| {
         values.sort_by(f64::total_cmp);
-        values[values.len() / 2]
+        values.get(values.len() / 2).copied().unwrap_or_default()
     };
     // Shaders are compiled at the first draw.
-    run(&[0, 1, 2])?;
+    stand.run(&passes)?;
     let mut empty = Vec::new();
     let mut host = Vec::new();
+    let mut device = Vec::new();
     let mut together = vec![Vec::new(); PASSES.len()];
     let mut alone = vec![Vec::new(); PASSES.len()];
     for _ in 0..REPEATS {
-        empty.push(run(&[])?.1);
-        let (passes, ms) = run(&[0, 1, 2])?;
-        host.push(ms);
-        for (list, pass) in together.iter_mut().zip(&passes) {
+        empty.push(ms(&stand.run(&[])?));
+        let finished = stand.run(&passes)?;
+        host.push(ms(&finished));
+        device.extend(finished.device.frame_ms);
+        for (list, pass) in together.iter_mut().zip(&finished.passes) {
             list.push(pass.ms);
         }
-        for (index, list) in alone.iter_mut().enumerate() {
-            list.push(run(&[index])?.1);
+        for (pass, list) in passes.iter().zip(&mut alone) {
+            list.push(ms(&stand.run(&[*pass])?));
         }
     }
     let empty_ms = median(&mut empty);
@@ -226,6 +284,122 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
         rows,
         host_ms: median(&mut host),
         empty_ms,
+        device_ms: median(&mut device),
         agrees,
     })
+}
+
+fn splat(u: f32, v: f32, z: f32) -> Splat {
+    Splat {
+        center: glam::Vec3::new(u, v, z),
+        radius: 0.0,
+        normal: [0, 0],
+        color: [255; 4],
+    }
+}
+
+/// A counter of the device beside what it had to say.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct CounterRow {
+    /// Name of the counter: `samples` or one of [`PipelineStatistics::named`].
+    pub name: &'static str,
+    /// What the draws of [`counter_test`] come to, one after the other.
+    pub expected: [u64; 3],
+    /// What the device counted; `None` where it has no such counter.
+    pub counted: Option<[u64; 3]>,
+}
+
+impl CounterRow {
+    /// Whether the device counts this exactly.
+    pub fn is_exact(&self) -> bool {
+        self.counted == Some(self.expected)
+    }
+}
+
+/// Which counters of a device can be believed.
+#[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
+pub struct CounterTest {
+    /// Each counter.
+    pub rows: Vec<CounterRow>,
+}
+
+impl CounterTest {
+    /// Whether the counter of this name is exact on the device.
+    pub fn is_exact(&self, name: &str) -> bool {
+        self.rows.iter().any(|r| r.name == name && r.is_exact())
+    }
+}
+
+/// Draws 64 x 64 splats of one pixel, then 64 x 64 squares of 4 x 4 pixels that touch, then 200,003 squares behind
+/// them, and compares what the device counts. Fragments that the depth test drops may or may not have been shaded,
+/// so those of the third draw are taken as they come.
+///
+/// # Errors
+/// When memory runs out or the device is lost.
+pub fn counter_test(gpu: &Arc<Gpu>) -> Result<CounterTest, Error> {
+    const ROW: u32 = SIDE / 4;
+    const COUNT: u32 = ROW * ROW;
+    const PIXELS: u64 = SIDE as u64 * SIDE as u64;
+    // Many, and no round number: a device that works in batches may count the seams.
+    const HIDDEN: u32 = 200_003;
+    // Position in pixels to the view's -1 to 1.
+    let at = |px: f32| px / SIDE as f32 * 2.0 - 1.0;
+    let grid = |offset_px: f32, z: f32| {
+        (0..u32::MAX).map(move |i| {
+            let [x, y] = [i % ROW, i / ROW % ROW].map(|i| 4.0 * i as f32 + offset_px);
+            splat(at(x), at(y), z)
+        })
+    };
+    // A center of a pixel; then corners between four.
+    let splats: Vec<Splat> = grid(1.5, -1.5)
+        .take(COUNT as usize)
+        .chain(grid(2.0, -1.0).take(COUNT as usize))
+        .chain(grid(2.0, -2.0).take(HIDDEN as usize))
+        .collect();
+    let measure = Measure {
+        counters: true,
+        ..Measure::default()
+    };
+    let mut stand = Stand::new(gpu, &splats, measure)?;
+    let pass = |name, first, count, size_px, load| TestPass {
+        name,
+        first,
+        count,
+        size_px,
+        load,
+    };
+    let finished = stand.run(&[
+        pass("countertest.pixels", 0, COUNT, 1.0, Load::Clear([0.0; 4])),
+        pass("countertest.squares", COUNT, COUNT, 4.0, Load::Keep),
+        pass("countertest.hidden", 2 * COUNT, HIDDEN, 4.0, Load::Keep),
+    ])?;
+    let column = |of: &dyn Fn(&PassCounters) -> Option<u64>| -> Option<[u64; 3]> {
+        let values: Option<Vec<u64>> = finished.counters.iter().map(of).collect();
+        values?.try_into().ok()
+    };
+    let count = u64::from(COUNT);
+    let mut rows = vec![CounterRow {
+        name: "samples",
+        expected: [count, PIXELS, 0],
+        counted: column(&|c| c.samples),
+    }];
+    for (index, (name, _)) in PipelineStatistics::default()
+        .named()
+        .into_iter()
+        .enumerate()
+    {
+        let counted = column(&|c| Some(c.pipeline?.named()[index].1));
+        let expected = if name == "fragment_invocations" {
+            let hidden = counted.map_or(0, |c| c[2].min(16 * u64::from(HIDDEN)));
+            [count, PIXELS, hidden]
+        } else {
+            [count, count, u64::from(HIDDEN)]
+        };
+        rows.push(CounterRow {
+            name,
+            expected,
+            counted,
+        });
+    }
+    Ok(CounterTest { rows })
 }

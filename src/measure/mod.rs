@@ -2,14 +2,19 @@
 //!
 //! [`crate::image::compare`] has the differences of colors; here are those of coverage ([`coverage()`]), outline
 //! ([`silhouette()`]), depth and normals ([`depth_error`], [`normal_error`]), those that people see ([`flip`],
-//! [`ssim`]), and the place where pictures differ most ([`worst_tile`]).
+//! [`ssim`]), and the place where pictures differ most ([`worst_tile`]). [`profile`] is what a run of frames cost, with
+//! its report and its trace.
 
 mod coverage;
+pub mod frames;
 mod perceived;
+pub mod profile;
+pub mod report;
 mod silhouette;
 mod spread;
 mod surface;
 mod tile;
+pub mod trace;
 
 pub use coverage::{Coverage, Mask, coverage};
 pub use perceived::{Flip, PIXELS_PER_DEGREE, flip, ssim};

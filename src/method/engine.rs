@@ -4,10 +4,12 @@
 use super::plan::{check, cut_settings, filtered_shade};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
+use super::times::Stage;
 use super::{Method, Settings, SplatKind, mirror};
 use crate::abi::{FilteredSplat, Splat};
 use crate::cut::{Cut, Selector};
 use crate::draw::{self, DrawList, FilteredList, Style, pack};
+use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
@@ -112,6 +114,17 @@ impl<'m> Engine<'m> {
         }
     }
 
+    /// What the frames from now on report: [`Renderer::measure`]. The mirror has stages and counts only.
+    ///
+    /// # Errors
+    /// As [`Renderer::measure`].
+    pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
+        match &mut self.kind {
+            Kind::Device { renderer, .. } => renderer.measure(measure),
+            Kind::Mirror(_) => Ok(()),
+        }
+    }
+
     /// The picture of the last frame.
     ///
     /// # Errors
@@ -159,6 +172,7 @@ impl MirrorEngine {
     fn draw(&mut self, model: &Model, view: &View, settings: &Settings) -> FrameTimes {
         let start = Instant::now();
         let mut times = FrameTimes::default();
+        times.starts.frame = Some(start);
         let style = style(settings, model);
         let used = &model.vertices[..model.used_vertices as usize];
         let mut splats = Vec::new();
@@ -172,10 +186,11 @@ impl MirrorEngine {
             Method::Triangles => list.triangles = &model.triangles,
             Method::Points => list.points = used,
             Method::Splats | Method::Pop => {
+                let cut = Stage::Cut.begin();
                 self.selector
                     .select(model, view, &cut_settings(settings, model), &mut self.cut);
-                times.cut_ms = start.elapsed().as_secs_f64() * 1e3;
-                let pack_start = Instant::now();
+                cut.end(&mut times);
+                let packing = Stage::Pack.begin();
                 match settings.splat {
                     SplatKind::Square
                     | SplatKind::Disc
@@ -200,7 +215,7 @@ impl MirrorEngine {
                 }
                 triangles.resize(self.cut.triangles.len(), [0; 3]);
                 pack::triangles(&self.cut.triangles, &model.triangles, 0, &mut triangles);
-                times.pack_ms = pack_start.elapsed().as_secs_f64() * 1e3;
+                packing.end(&mut times);
                 list.splats = &splats;
                 list.triangles = &triangles;
             }

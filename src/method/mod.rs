@@ -12,6 +12,7 @@ pub mod renderer;
 pub mod scene;
 mod settings;
 pub(crate) mod targets;
+pub mod times;
 pub mod triangles;
 
 pub use settings::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};

@@ -13,16 +13,17 @@ pub use super::mirror::Outputs;
 use super::plan::{check, cut_settings, filtered_shade, frame_constants};
 use super::scene::Scene;
 use super::targets::{Context, Targets};
+pub use super::times::FrameTimes;
+use super::times::Stage;
 use super::triangles::{self, Variant};
 use super::{Method, Settings, SplatKind, points};
 use crate::abi::{FilteredSplat, FrameConstants, Splat};
 use crate::cut::{self, Cut};
 use crate::draw::{self, pack};
 use crate::gpu::buffer::{Readback, Upload};
-use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
+use crate::gpu::frame::{Frame, Frames, Measure, Ticket, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
-use crate::gpu::profile::PassTime;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::View;
@@ -43,25 +44,6 @@ pub struct Counts {
     pub points: u64,
     /// Bytes of draw lists written.
     pub draw_list_bytes: u64,
-}
-
-/// What one frame cost.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct FrameTimes {
-    /// From setting the camera to the finished image on the device, milliseconds.
-    pub frame_ms: f64,
-    /// Choosing the cut, milliseconds.
-    pub cut_ms: f64,
-    /// Writing the draw lists, milliseconds.
-    pub pack_ms: f64,
-    /// Recording and submitting, milliseconds.
-    pub submit_ms: f64,
-    /// Waiting for the device, milliseconds.
-    pub wait_ms: f64,
-    /// Each pass on the device.
-    pub passes: Vec<PassTime>,
-    /// What was drawn.
-    pub counts: Counts,
 }
 
 /// A frame on its way through the device.
@@ -147,6 +129,14 @@ impl Renderer {
         })
     }
 
+    /// What the frames from now on report; pass times at first, if the renderer was made with them.
+    ///
+    /// # Errors
+    /// When the device cannot make the queries.
+    pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
+        self.frames.measure(measure)
+    }
+
     /// The cut of the last frame drawn with [`Method::Pop`].
     pub fn cut(&self) -> &Cut {
         &self.cut
@@ -195,11 +185,16 @@ impl Renderer {
             mut times,
             start,
         } = submitted;
-        let wait = Instant::now();
+        let wait = Stage::Wait.begin();
         let finished = self.frames.finish(ticket)?;
-        times.wait_ms = ms(wait);
-        times.passes = finished.passes;
+        wait.end(&mut times);
         times.frame_ms = ms(start);
+        times.starts.frame = Some(start);
+        times.starts.submission = finished.submitted;
+        times.passes = finished.passes;
+        times.device = finished.device;
+        times.counters = finished.counters;
+        times.uploaded_bytes = times.counts.draw_list_bytes + finished.uniform_bytes;
         Ok(times)
     }
 
@@ -361,13 +356,14 @@ impl Renderer {
             settings.threshold_px.clamp(1.0, max_point)
         };
         let context = self.context(view, settings, model, largest);
-        let start = Instant::now();
+        let mut times = FrameTimes::default();
+        let cut = Stage::Cut.begin();
         let cut_settings = cut_settings(settings, model);
         self.selector
             .select(model, view, &cut_settings, &mut self.cut);
-        let cut_ms = ms(start);
+        cut.end(&mut times);
 
-        let pack_start = Instant::now();
+        let packing = Stage::Pack.begin();
         self.frames.wait_for_next()?;
         let lists = &mut self.lists[self.frames.next_slot()];
         let side = settings.threshold_px.max(1.0);
@@ -390,15 +386,17 @@ impl Renderer {
                 (count, (count * size_of::<FilteredSplat>()) as u64)
             }
         };
-        lists.splats.flush(0..splat_bytes);
         let triangle_count = self.cut.triangles.len();
         reserve(&self.gpu, &mut lists.indices, 12 * triangle_count as u64)?;
         pack_triangles(model, scene, &self.cut.triangles, lists);
         let index_bytes = 12 * self.cut.triangles.len() as u64;
+        packing.end(&mut times);
+        let upload = Stage::Upload.begin();
+        lists.splats.flush(0..splat_bytes);
         lists.indices.flush(0..index_bytes);
-        let pack_ms = ms(pack_start);
+        upload.end(&mut times);
 
-        let submit_start = Instant::now();
+        let submit = Stage::Submit.begin();
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
         match (
@@ -439,18 +437,13 @@ impl Renderer {
             _ => unreachable!("prepare made the pipelines"),
         }
         let ticket = end(frame, &self.targets.color)?;
-        let times = FrameTimes {
-            cut_ms,
-            pack_ms,
-            submit_ms: ms(submit_start),
-            counts: Counts {
-                nodes_visited: self.cut.stats.visited,
-                splats: splat_count as u64,
-                triangles: self.cut.triangles.len() as u64,
-                points: 0,
-                draw_list_bytes: splat_bytes + index_bytes,
-            },
-            ..FrameTimes::default()
+        submit.end(&mut times);
+        times.counts = Counts {
+            nodes_visited: self.cut.stats.visited,
+            splats: splat_count as u64,
+            triangles: self.cut.triangles.len() as u64,
+            points: 0,
+            draw_list_bytes: splat_bytes + index_bytes,
         };
         Ok((ticket, times))
     }
@@ -529,15 +522,15 @@ fn submit_whole(
     end: &mut End<'_>,
     record: impl FnOnce(&mut Frame<'_>, Uniform),
 ) -> Result<(Ticket, FrameTimes), Error> {
-    let start = Instant::now();
+    let submit = Stage::Submit.begin();
     let mut frame = frames.begin()?;
     let constants = frame.uniform(constants)?;
     record(&mut frame, constants);
     let ticket = end(frame, &targets.color)?;
-    let times = FrameTimes {
-        submit_ms: ms(start),
+    let mut times = FrameTimes {
         counts,
         ..FrameTimes::default()
     };
+    submit.end(&mut times);
     Ok((ticket, times))
 }

@@ -7,6 +7,7 @@ mod damage;
 mod harness;
 mod models;
 mod pictures;
+mod profile;
 mod stats;
 mod streams;
 mod usage;
