@@ -7,6 +7,7 @@ mod demo;
 mod devices;
 mod generate;
 mod info;
+mod light;
 mod look;
 mod progress;
 mod render;

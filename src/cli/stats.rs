@@ -63,6 +63,7 @@ pub(crate) fn of(
             "size_metric": settings.size,
             "width": size.0,
             "height": size.1,
+            "light": super::light::facts(&settings.light),
             "culls_back": settings.culls_back(model.is_closed),
         },
         "frames": times.len(),
