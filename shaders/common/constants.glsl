@@ -14,5 +14,7 @@ const uint FLAG_CULLS_BACK = 32u;
 const uint FLAG_PHONG = 64u;
 // A surface shows its back to the eye where n . v is below minus this: an interpolated normal may turn away a little.
 const float LEAST_BACK = 0.2;
+// n . l from which a highlight has its full strength; at 0 it has none.
+const float FULL_HIGHLIGHT = 0.1;
 // Diffuse albedo.
 const float ALBEDO = 0.8;

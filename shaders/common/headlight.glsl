@@ -51,7 +51,8 @@ vec3 phong(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
         cosine *= side;
         half_cosine *= side;
     }
-    float highlight = cosine > 0.0 && half_cosine > 0.0 ? pow(min(half_cosine, 1.0), frame.shininess) : 0.0;
+    float highlight = half_cosine > 0.0 ? pow(min(half_cosine, 1.0), frame.shininess) : 0.0;
+    highlight *= clamp(cosine / FULL_HIGHLIGHT, 0.0, 1.0);
     float lambert = clamp(cosine, 0.0, 1.0);
     vec3 value = albedo * (frame.ambient + (1.0 - frame.ambient) * lambert) + vec3(frame.specular * highlight);
     return min(value, vec3(1.0));

@@ -10,15 +10,15 @@
 //!   it. For light in the eye their mean is (vᵀ Q v) / (N·v); for parallel headlight |vᵀ Q l| / (N·v);
 //! * a lamp anywhere else lights only what faces it: max(0, vᵀ Q l) / S, l taken at the centroid, with
 //!   S = max(N·v, vᵀ Q v). The exact mean where all of the patch is seen and lit (then S = N·v, as n·v <= 1). What turns
-//!   away from the lamp counts as negative: too dark, never too bright. S > N·v tells that the patch has backs. They are
-//!   lit as the side that is seen, unless they are culled: then only the part N·v / S is so, and the rest is
-//!   max(0, n·l) of the mean normal;
+//!   away from the lamp counts as negative: too dark. S > N·v tells that the patch has backs, which count as lit from
+//!   the side that is seen. A triangle has max(0, n·l) of its shading normal;
 //! * its highlight is that of the mean normal N, wider and weaker the shorter N is (Toksvig, "Mipmapping Normal Maps",
 //!   Journal of Graphics Tools 10(3), 2005): with L = |N| / A and k = L / (L + s (1 - L)) the exponent s becomes k s and
 //!   the value is multiplied by (1 + k s) / (1 + s).
 //!
 //! Where a patch mixes front and back, N·v counts what faces away as negative: too little area, never too much.
 
+use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_center};
 use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source};
@@ -57,6 +57,8 @@ struct Patch {
     vector_area: Vec3,
     /// Sum of shading normals times areas.
     normals: Vec3,
+    /// There is one shading normal, which may differ from that of the area.
+    is_triangle: bool,
     second_moment: Mat3,
     color: [u8; 4],
 }
@@ -69,6 +71,7 @@ impl Patch {
             area: moments.area,
             vector_area: Vec3::from(moments.vector_area),
             normals: Vec3::from(moments.vector_area),
+            is_triangle: false,
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
             color,
         }
@@ -92,6 +95,7 @@ impl Patch {
             area,
             vector_area,
             normals: n * area,
+            is_triangle: true,
             second_moment: Mat3::from_cols(n * n.x, n * n.y, n * n.z) * area,
             color: [channel(0), channel(1), channel(2), 255],
         }
@@ -183,22 +187,23 @@ impl Eye<'_> {
         let seen = toward.max(v.dot(patch.second_moment * v));
         let length = (patch.normals.length() / patch.area).min(1.0);
         let mean = patch.normals.normalize_or_zero();
-        let mean = if !self.shade.cull_back && mean.dot(v) < 0.0 {
+        let mean = if !self.shade.cull_back && mean.dot(v) < -LEAST_BACK {
             -mean
         } else {
             mean
         };
-        let lambert = if self.shade.cull_back {
-            let part = toward / seen;
-            part * (of_second / seen).max(0.0) + (1.0 - part) * mean.dot(l).max(0.0)
+        // Q and N of a triangle have different normals, and their quotient is none.
+        let lambert = if patch.is_triangle {
+            mean.dot(l).max(0.0)
         } else {
             (of_second / seen).max(0.0)
         };
         let cosine = mean.dot((l + v).normalize_or_zero()).clamp(0.0, 1.0);
-        let highlight = if mean.dot(l) > 0.0 && cosine > 0.0 {
+        let rise = (mean.dot(l) / FULL_HIGHLIGHT).clamp(0.0, 1.0);
+        let highlight = if rise > 0.0 && cosine > 0.0 {
             let s = phong.shininess;
             let k = length / (length + s * (1.0 - length));
-            phong.specular * (1.0 + k * s) / (1.0 + s) * cosine.powf(k * s)
+            rise * phong.specular * (1.0 + k * s) / (1.0 + s) * cosine.powf(k * s)
         } else {
             0.0
         };

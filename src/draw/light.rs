@@ -6,10 +6,12 @@
 //! and C the vertex color:
 //!
 //! ```text
-//! value = 0.8 C (ambient + (1 - ambient) max(0, n . l)) + specular max(0, n . h)^shininess   (last term if n . l > 0)
+//! value = 0.8 C (ambient + (1 - ambient) max(0, n . l)) + specular g max(0, n . h)^shininess
+//! g = n . l / 0.1, limited to 0..=1
 //! ```
 //!
-//! limited to 1. `ambient` is the part of the light that comes from everywhere, so that no choice of it makes a white
+//! limited to 1. The papers have g = 1; ours lets the highlight fade in over the first 6 degrees past the terminator,
+//! where a lamp from behind would end it in a hard edge. `ambient` is the part of the light that comes from everywhere, so that no choice of it makes a white
 //! surface brighter than 0.8 outside of highlights; the highlight has the color of the lamp. There is no shadow and
 //! no attenuation.
 

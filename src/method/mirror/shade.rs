@@ -1,7 +1,7 @@
 //! What light makes of a surface: the headlight's value = 0.8 |n . l| times the vertex color (conventions: "default
 //! shading"), or one lamp ([`crate::draw::Lighting`] has the equation).
 
-use crate::abi::constants::LEAST_BACK;
+use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, Style};
 use crate::image::unorm8;
 use crate::math::camera::{Light, View};
@@ -126,11 +126,8 @@ impl Shading {
         };
         let lambert = normal.dot(to_lamp).max(0.0);
         let half = (to_lamp + to_eye).normalize_or_zero();
-        let highlight = if lambert > 0.0 {
-            normal.dot(half).max(0.0).powf(f64::from(phong.shininess))
-        } else {
-            0.0
-        };
+        let rise = (lambert / f64::from(FULL_HIGHLIGHT)).min(1.0);
+        let highlight = rise * normal.dot(half).max(0.0).powf(f64::from(phong.shininess));
         let ambient = f64::from(phong.ambient);
         let value = albedo * (ambient + (1.0 - ambient) * lambert)
             + DVec3::splat(f64::from(phong.specular) * highlight);
