@@ -47,7 +47,7 @@ pub struct FilteredSplat {
     pub area_px: f32,
 }
 
-/// What every pass of a frame knows, 176 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 208 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -55,7 +55,8 @@ pub struct FrameConstants {
     pub view_from_model: [[f32; 4]; 4],
     /// Clip space (y down, reversed depth, guard band included) from view space, columns.
     pub clip_from_view: [[f32; 4]; 4],
-    /// With `ray_offset`: view-space direction through framebuffer position p is (p * scale + offset, -1).
+    /// With `ray_offset`: view-space direction through framebuffer position p is (p * scale + offset, -1); in an
+    /// orthographic view that is x and y of the position.
     pub ray_scale: [f32; 2],
     /// See `ray_scale`.
     pub ray_offset: [f32; 2],
@@ -69,6 +70,16 @@ pub struct FrameConstants {
     pub flags: u32,
     /// What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
     pub background: [f32; 4],
+    /// The lamp in view space: a position (last component 1), or the unit vector towards it (0).
+    pub lamp: [f32; 4],
+    /// Part of the lamp's light that comes from everywhere.
+    pub ambient: f32,
+    /// Value of the highlight at its middle.
+    pub specular: f32,
+    /// Exponent of the highlight.
+    pub shininess: f32,
+    /// Fills the block.
+    pub unused: f32,
 }
 
 /// Shaders as compiled by `build.rs`, with what they declare.
@@ -159,4 +170,9 @@ same_layout!(
     model_scale = MODEL_SCALE,
     flags = FLAGS,
     background = BACKGROUND,
+    lamp = LAMP,
+    ambient = AMBIENT,
+    specular = SPECULAR,
+    shininess = SHININESS,
+    unused = UNUSED,
 );

@@ -8,5 +8,13 @@ const uint FLAG_COLOR_BY_PRIMITIVE = 4u;
 const uint FLAG_PARALLEL_LIGHT = 8u;
 // Frame flag: orthographic projection.
 const uint FLAG_ORTHOGRAPHIC = 16u;
-// Diffuse albedo of the headlight shading.
+// Frame flag: what faces away is culled, so every normal that is seen counts as one that faces the eye.
+const uint FLAG_CULLS_BACK = 32u;
+// Frame flag: one lamp instead of the headlight.
+const uint FLAG_PHONG = 64u;
+// A surface shows its back to the eye where n . v is below minus this: an interpolated normal may turn away a little.
+const float LEAST_BACK = 0.2;
+// n . l from which a highlight has its full strength; at 0 it has none.
+const float FULL_HIGHLIGHT = 0.1;
+// Diffuse albedo.
 const float ALBEDO = 0.8;

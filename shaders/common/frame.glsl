@@ -5,7 +5,7 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     mat4 view_from_model;
     // Includes the guard band: wider than the picture, so that a point whose center lies just outside is kept.
     mat4 clip_from_view;
-    // View-space direction through framebuffer position p: (p * ray_scale + ray_offset, -1).
+    // View-space direction through framebuffer position p: (p * ray_scale + ray_offset, -1). Orthographic: x and y.
     vec2 ray_scale;
     vec2 ray_offset;
     // Pixels per unit of tangent (perspective) or per unit of length (orthographic).
@@ -17,4 +17,12 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     uint flags;
     // What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
     vec4 background;
+    // The lamp of FLAG_PHONG in view space: a position where w is 1, the unit vector towards it where w is 0.
+    vec4 lamp;
+    // Part of the light that comes from everywhere.
+    float ambient;
+    // Value of the highlight at its middle, and its exponent.
+    float specular;
+    float shininess;
+    float unused;
 } frame;

@@ -1,5 +1,17 @@
-// The default shading: 0.8 |n . l|, light in the eye (or parallel to the view direction).
+// What light makes of a surface: the default shading 0.8 |n . l|, light in the eye (or parallel to the view
+// direction), or one lamp; the equation of the latter is in src/draw/light.rs.
 #include "common/frame.glsl"
+
+// Color of the surface itself. `tint` is the color used when coloring by primitive.
+vec3 albedo_of(vec3 color, vec3 tint) {
+    vec3 albedo = vec3(ALBEDO);
+    if ((frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u) {
+        albedo *= tint;
+    } else if ((frame.flags & FLAG_USE_COLORS) != 0u) {
+        albedo *= color;
+    }
+    return albedo;
+}
 
 // `normal` unit and `to_eye` unit, both in view space; a zero normal means that there is none: lit as if it
 // faced the light. `tint` is the color used when coloring by primitive.
@@ -9,16 +21,66 @@ vec3 headlight(vec3 normal, vec3 to_eye, vec3 color, vec3 tint) {
     if (normal == vec3(0.0)) {
         lambert = 1.0;
     }
-    vec3 albedo = vec3(ALBEDO);
-    if ((frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u) {
-        albedo *= tint;
-    } else if ((frame.flags & FLAG_USE_COLORS) != 0u) {
-        albedo *= color;
-    }
-    return albedo * min(lambert, 1.0);
+    return albedo_of(color, tint) * min(lambert, 1.0);
 }
 
-// Unit vector from a view-space point towards the light.
+// Unit vector from a view-space point towards the headlight.
 vec3 to_light(vec3 position_in_view) {
     return (frame.flags & FLAG_PARALLEL_LIGHT) != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
+}
+
+vec3 unit_or_zero(vec3 v) {
+    float squared = dot(v, v);
+    return squared > 0.0 ? v * inversesqrt(squared) : vec3(0.0);
+}
+
+// A surface point in the light of the lamp; arguments as of `headlight`.
+vec3 phong(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
+    vec3 albedo = albedo_of(color, tint);
+    if (normal == vec3(0.0)) {
+        return albedo;
+    }
+    vec3 to_eye = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(0.0, 0.0, 1.0) : -unit_or_zero(position_in_view);
+    vec3 to_lamp = frame.lamp.w != 0.0 ? unit_or_zero(frame.lamp.xyz - position_in_view) : frame.lamp.xyz;
+    bool is_back = (frame.flags & FLAG_CULLS_BACK) == 0u && dot(normal, to_eye) < -LEAST_BACK;
+    float cosine = dot(normal, to_lamp);
+    float half_cosine = dot(normal, unit_or_zero(to_lamp + to_eye));
+    if (is_back) {
+        // The side that is seen is the other one; lit from the front only, it has no light of the lamp.
+        float side = (frame.flags & FLAG_TWO_SIDED) != 0u ? -1.0 : 0.0;
+        cosine *= side;
+        half_cosine *= side;
+    }
+    float highlight = half_cosine > 0.0 ? pow(min(half_cosine, 1.0), frame.shininess) : 0.0;
+    highlight *= clamp(cosine / FULL_HIGHLIGHT, 0.0, 1.0);
+    float lambert = clamp(cosine, 0.0, 1.0);
+    vec3 value = albedo * (frame.ambient + (1.0 - frame.ambient) * lambert) + vec3(frame.specular * highlight);
+    return min(value, vec3(1.0));
+}
+
+// A surface point in whatever light the frame has: what a method calls that shades whole splats.
+vec3 shade_at(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
+    if ((frame.flags & FLAG_PHONG) != 0u) {
+        return phong(position_in_view, normal, color, tint);
+    }
+    return headlight(normal, to_light(position_in_view), color, tint);
+}
+
+// The same for a pixel of a surface, whose position is that of gl_FragCoord. The direction to the headlight depends
+// on the pixel alone, so no position is interpolated. `has_lamp` is a specialization constant that says what FLAG_PHONG
+// says: a device that does not skip branches takes three times as long for the headlight if it must ask the flag.
+vec3 shade_pixel(bool has_lamp, vec4 frag_coord, vec3 normal, vec3 color, vec3 tint) {
+    vec2 at = frag_coord.xy * frame.ray_scale + frame.ray_offset;
+    if (has_lamp) {
+        float depth_in_view = (frag_coord.z - frame.clip_from_view[3].z) / frame.clip_from_view[2].z;
+        vec3 position_in_view = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u
+            ? vec3(at, depth_in_view)
+            : vec3(at, -1.0) / frag_coord.w;
+        return phong(position_in_view, normal, color, tint);
+    }
+    vec3 l = vec3(0.0, 0.0, 1.0);
+    if ((frame.flags & FLAG_PARALLEL_LIGHT) == 0u) {
+        l = -normalize(vec3(at, -1.0));
+    }
+    return headlight(normal, l, color, tint);
 }

@@ -20,5 +20,5 @@ void emit_point(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     // Alpha 0 marks a point without normal.
     normal_in_model = color.a == 0.0 ? vec3(0.0) : octahedral_decode(packed_normal);
     vec3 n = mat3(frame.view_from_model) * normal_in_model / frame.model_scale;
-    shade = headlight(n, to_light(center_in_view.xyz), color.rgb, vec3(1.0, 0.2, 0.2));
+    shade = shade_at(center_in_view.xyz, n, color.rgb, vec3(1.0, 0.2, 0.2));
 }

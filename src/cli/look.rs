@@ -1,5 +1,6 @@
 //! The options that decide how a model looks, shared by every command that draws.
 
+use super::light::LightArgs;
 use super::{Failure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::cut::SizeMetric;
@@ -137,7 +138,7 @@ impl From<SizeName> for SizeMetric {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ColorByName {
-    /// Headlight shading and vertex colors
+    /// Light and vertex colors
     Shading,
     /// Splats red, triangles blue
     Primitive,
@@ -176,6 +177,8 @@ pub(crate) struct LookArgs {
     /// What decides the color
     #[arg(long, value_enum, default_value = "shading")]
     color_by: ColorByName,
+    #[command(flatten)]
+    light: LightArgs,
     /// Light front sides only
     #[arg(long)]
     one_sided: bool,
@@ -231,6 +234,7 @@ impl LookArgs {
                 ColorByName::Shading => ColorBy::Shading,
                 ColorByName::Primitive => ColorBy::Primitive,
             },
+            light: self.light.lighting()?,
             two_sided: !self.one_sided,
             use_colors: !self.no_colors,
             background: self.background,

@@ -8,6 +8,7 @@ mod demo;
 mod devices;
 mod generate;
 mod info;
+mod light;
 mod look;
 mod profile;
 mod progress;

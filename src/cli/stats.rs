@@ -24,6 +24,7 @@ pub(crate) fn settings_of(
         "size_metric": settings.size,
         "width": size.0,
         "height": size.1,
+        "light": super::light::facts(&settings.light),
         "culls_back": settings.culls_back(ready.model.is_closed),
     })
 }

@@ -7,13 +7,21 @@
 //! * an area element dA of normal n covers f² dA (n·w) / z³ of the picture plane, so a patch that faces the eye
 //!   covers exactly a = f² (N·w) / z³ (up to its depth range); orthographic f² (N·v);
 //! * with light from the direction l, each element has the Lambert value |n·l| and the weight (n·v) that a pixel gives
-//!   it. For light in the eye their mean is (vᵀ Q v) / (N·v); for other light |vᵀ Q l| / (N·v).
+//!   it. For light in the eye their mean is (vᵀ Q v) / (N·v); for parallel headlight |vᵀ Q l| / (N·v);
+//! * a lamp anywhere else lights only what faces it: max(0, vᵀ Q l) / S, l taken at the centroid, with
+//!   S = max(N·v, vᵀ Q v). The exact mean where all of the patch is seen and lit (then S = N·v, as n·v <= 1). What turns
+//!   away from the lamp counts as negative: too dark. S > N·v tells that the patch has backs, which count as lit from
+//!   the side that is seen. A triangle has max(0, n·l) of its shading normal;
+//! * its highlight is that of the mean normal N, wider and weaker the shorter N is (Toksvig, "Mipmapping Normal Maps",
+//!   Journal of Graphics Tools 10(3), 2005): with L = |N| / A and k = L / (L + s (1 - L)) the exponent s becomes k s and
+//!   the value is multiplied by (1 + k s) / (1 + s).
 //!
 //! Where a patch mixes front and back, N·v counts what faces away as negative: too little area, never too much.
 
+use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_center};
-use crate::draw::{ALBEDO, ColorBy};
+use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
 use crate::tree::{Model, Moments};
@@ -32,6 +40,8 @@ pub struct Shade {
     pub use_colors: bool,
     /// What decides the color.
     pub color_by: ColorBy,
+    /// How surfaces are lit; positions in model space.
+    pub light: Lighting,
 }
 
 /// Number of splats that [`splats`] writes at most.
@@ -45,6 +55,10 @@ struct Patch {
     center: Vec3,
     area: f32,
     vector_area: Vec3,
+    /// Sum of shading normals times areas.
+    normals: Vec3,
+    /// There is one shading normal, which may differ from that of the area.
+    is_triangle: bool,
     second_moment: Mat3,
     color: [u8; 4],
 }
@@ -56,6 +70,8 @@ impl Patch {
             center: Vec3::from(moments.area_centroid) / moments.area,
             area: moments.area,
             vector_area: Vec3::from(moments.vector_area),
+            normals: Vec3::from(moments.vector_area),
+            is_triangle: false,
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
             color,
         }
@@ -78,6 +94,8 @@ impl Patch {
             center: (a + b + c) / 3.0,
             area,
             vector_area,
+            normals: n * area,
+            is_triangle: true,
             second_moment: Mat3::from_cols(n * n.x, n * n.y, n * n.z) * area,
             color: [channel(0), channel(1), channel(2), 255],
         }
@@ -92,6 +110,8 @@ struct Eye<'a> {
     focal_squared: f32,
     /// Model-space length of half a splat's side at distance 1, times the offset factor.
     half_side: f32,
+    /// What surfaces make of the lamp, and the lamp; none with the headlight.
+    lamp: Option<(Phong, Source)>,
 }
 
 impl Eye<'_> {
@@ -121,11 +141,17 @@ impl Eye<'_> {
         } else {
             self.focal_squared * toward
         };
-        let light = match view.light {
-            Light::Point if view.is_perspective => v,
-            _ => view.backward,
+        let (lambert, highlight) = match &self.lamp {
+            None => {
+                let light = match view.light {
+                    Light::Point if view.is_perspective => v,
+                    _ => view.backward,
+                };
+                let lambert = (v.dot(patch.second_moment * light).abs() / toward).min(1.0);
+                (lambert, 0.0)
+            }
+            Some((phong, source)) => self.in_lamp(phong, *source, patch, center, v, toward),
         };
-        let lambert = (v.dot(patch.second_moment * light).abs() / toward).min(1.0);
         let base = match self.shade.color_by {
             ColorBy::Primitive => [1.0, 0.2, 0.2],
             ColorBy::Shading if self.shade.use_colors => {
@@ -137,9 +163,52 @@ impl Eye<'_> {
         Some(FilteredSplat {
             center,
             offset: self.half_side * z / facing,
-            color: base.map(|c| c * ALBEDO * lambert),
+            color: base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0)),
             area_px: share * area_px,
         })
+    }
+
+    /// The factor of the albedo and the highlight of a patch that covers `toward` as seen along `v`.
+    fn in_lamp(
+        &self,
+        phong: &Phong,
+        source: Source,
+        patch: &Patch,
+        center: Vec3,
+        v: Vec3,
+        toward: f32,
+    ) -> (f32, f32) {
+        let l = match source {
+            Source::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
+            Source::Direction(direction) => direction.as_vec3(),
+        };
+        // Two-sided as it stands: an element of either side is lit when lamp and eye are on the same side of it.
+        let of_second = v.dot(patch.second_moment * l);
+        let seen = toward.max(v.dot(patch.second_moment * v));
+        let length = (patch.normals.length() / patch.area).min(1.0);
+        let mean = patch.normals.normalize_or_zero();
+        let mean = if !self.shade.cull_back && mean.dot(v) < -LEAST_BACK {
+            -mean
+        } else {
+            mean
+        };
+        // Q and N of a triangle have different normals, and their quotient is none.
+        let lambert = if patch.is_triangle {
+            mean.dot(l).max(0.0)
+        } else {
+            (of_second / seen).max(0.0)
+        };
+        let cosine = mean.dot((l + v).normalize_or_zero()).clamp(0.0, 1.0);
+        let rise = (mean.dot(l) / FULL_HIGHLIGHT).clamp(0.0, 1.0);
+        let highlight = if rise > 0.0 && cosine > 0.0 {
+            let s = phong.shininess;
+            let k = length / (length + s * (1.0 - length));
+            rise * phong.specular * (1.0 + k * s) / (1.0 + s) * cosine.powf(k * s)
+        } else {
+            0.0
+        };
+        let ambient = phong.ambient;
+        (ambient + (1.0 - ambient) * lambert.min(1.0), highlight)
     }
 }
 
@@ -171,6 +240,10 @@ pub fn splats(
             } else {
                 view.model_scale
             },
+        lamp: match shade.light {
+            Lighting::Headlight => None,
+            Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
+        },
     };
     let mut len = 0;
     let mut write = |splat: Option<FilteredSplat>| {

@@ -1,9 +1,11 @@
 //! Draw lists: the cut as plain arrays of the records in [`crate::abi`], the same bytes for device and mirror.
 
 pub mod filtered;
+mod light;
 pub mod pack;
 
 use crate::abi::{FilteredSplat, Splat, Vertex};
+pub use light::{Lamp, Lighting, Phong, Source};
 
 /// Everything one frame draws. Triangles are drawn first, then splats, then points; all with the same depth
 /// test (nearer wins, first drawn wins ties).
@@ -49,6 +51,8 @@ pub struct Style {
     pub color_by: ColorBy,
     /// Draw no triangle that shows its back (clockwise on the screen).
     pub cull_back_faces: bool,
+    /// How surfaces are lit; positions in model space.
+    pub light: Lighting,
     /// Light both sides: |n . l| instead of max(0, n . l).
     pub two_sided: bool,
     /// Multiply the albedo by the vertex color.
@@ -64,6 +68,7 @@ impl Default for Style {
             background: [0.0; 3],
             color_by: ColorBy::Shading,
             cull_back_faces: false,
+            light: Lighting::Headlight,
             two_sided: true,
             use_colors: true,
             depth_offset: 3.0,
@@ -77,10 +82,10 @@ pub const ALBEDO: f32 = 0.8;
 /// What decides the color of a primitive.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum ColorBy {
-    /// The headlight shading of the conventions.
+    /// The light of the frame ([`Lighting`]) and the vertex colors.
     #[default]
     Shading,
     /// Splats and points red (value * (1, 0.2, 0.2)), triangles blue (value * (0.2, 0.35, 1)), where value is
-    /// the headlight shading without vertex colors.
+    /// the shading without vertex colors.
     Primitive,
 }

@@ -255,6 +255,7 @@ pub fn style(settings: &Settings, model: &Model) -> Style {
         background: settings.background,
         color_by: settings.color_by,
         cull_back_faces: settings.culls_back(model.is_closed),
+        light: settings.light.in_model(model.origin),
         two_sided: settings.two_sided,
         use_colors: settings.use_colors,
         depth_offset: settings.depth_offset(),

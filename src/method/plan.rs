@@ -6,7 +6,7 @@ use super::targets::Context;
 use super::{Blend, Method, Settings, Shading, SplatKind};
 use crate::abi::{FrameConstants, constants};
 use crate::cut;
-use crate::draw::{self, ColorBy};
+use crate::draw::{self, ColorBy, Lighting, Phong, Source};
 use crate::gpu::Error;
 use crate::math::camera::{Light, View};
 use crate::tree::Model;
@@ -30,6 +30,7 @@ pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Sha
         cull_back: settings.culls_back(model.is_closed),
         use_colors: settings.use_colors,
         color_by: settings.color_by,
+        light: settings.light.in_model(model.origin),
     }
 }
 
@@ -133,11 +134,26 @@ pub(super) fn frame_constants(
             constants::FLAG_PARALLEL_LIGHT,
         ),
         (!view.is_perspective, constants::FLAG_ORTHOGRAPHIC),
+        (context.cull_back, constants::FLAG_CULLS_BACK),
+        (
+            matches!(context.light, Lighting::Phong(_)),
+            constants::FLAG_PHONG,
+        ),
     ] {
         if on {
             flags |= flag;
         }
     }
+    let phong = match context.light {
+        Lighting::Phong(phong) => phong,
+        // Not looked at.
+        Lighting::Headlight => Phong::default(),
+    };
+    let lamp = match phong.lamp.in_view(view) {
+        Source::Direction(direction) => direction.as_vec3().extend(0.0),
+        Source::Point(position) => position.as_vec3().extend(1.0),
+    }
+    .to_array();
     let columns = |m: Mat4| -> [[f32; 4]; 4] {
         [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c: Vec4| c.to_array())
     };
@@ -148,7 +164,12 @@ pub(super) fn frame_constants(
             2.0 / (view.width as f32 * sx),
             -2.0 / (view.height as f32 * sy),
         ],
-        ray_offset: [(ox - 1.0) / sx, (oy + 1.0) / sy],
+        ray_offset: if view.is_perspective {
+            [(ox - 1.0) / sx, (oy + 1.0) / sy]
+        } else {
+            // x_ndc = sx x + ox.
+            [(-ox - 1.0) / sx, (1.0 - oy) / sy]
+        },
         focal_px: view.focal_px(),
         splat_size_px: settings.threshold_px.max(1.0),
         model_scale: view.model_scale,
@@ -157,5 +178,10 @@ pub(super) fn frame_constants(
             let [r, g, b] = settings.background;
             [r, g, b, settings.depth_offset()]
         },
+        lamp,
+        ambient: phong.ambient,
+        specular: phong.specular,
+        shininess: phong.shininess,
+        unused: 0.0,
     }
 }

@@ -19,7 +19,7 @@ use super::triangles::{self, Variant};
 use super::{Method, Settings, SplatKind, points};
 use crate::abi::{FilteredSplat, FrameConstants, Splat};
 use crate::cut::{self, Cut};
-use crate::draw::{self, pack};
+use crate::draw::{self, Lighting, pack};
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::{Frame, Frames, Measure, Ticket, Uniform};
 use crate::gpu::image::Image as Target;
@@ -155,6 +155,7 @@ impl Renderer {
             background: settings.background,
             cull_back: settings.culls_back(model.is_closed),
             is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
+            light: settings.light.in_model(model.origin),
         }
     }
 
@@ -251,6 +252,7 @@ impl Renderer {
         settings: &Settings,
     ) -> Result<(), Error> {
         let normals = self.outputs.normal;
+        let lamp = settings.light != Lighting::Headlight;
         if settings.method == Method::Triangles {
             scene.ensure_indices(model)?;
         }
@@ -258,6 +260,7 @@ impl Renderer {
             let variant = Variant {
                 normals,
                 colors: scene.has_colors,
+                lamp,
             };
             if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
@@ -271,9 +274,11 @@ impl Renderer {
                 SplatKind::Square if self.splats.is_none() => {
                     self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
                 }
-                SplatKind::Filtered if self.filtered.is_none() => {
-                    let (width, height) = (self.targets.color.width, self.targets.color.height);
-                    self.filtered = Some(Filtered::new(&self.gpu, width, height)?);
+                SplatKind::Filtered
+                    if self.filtered.as_ref().is_none_or(|f| f.has_lamp != lamp) =>
+                {
+                    let size = (self.targets.color.width, self.targets.color.height);
+                    self.filtered = Some(Filtered::new(&self.gpu, size, lamp)?);
                 }
                 _ => {}
             }

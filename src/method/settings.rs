@@ -1,7 +1,7 @@
 //! Everything that decides a picture besides model and camera.
 
 use crate::cut::SizeMetric;
-use crate::draw::ColorBy;
+use crate::draw::{ColorBy, Lighting};
 
 /// How the model is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -109,6 +109,8 @@ pub struct Settings {
     pub culling: Culling,
     /// What decides the color.
     pub color_by: ColorBy,
+    /// How surfaces are lit; positions in world space.
+    pub light: Lighting,
     /// Light both sides of a surface.
     pub two_sided: bool,
     /// Multiply by vertex colors.
@@ -131,6 +133,7 @@ impl Default for Settings {
             threshold_px: 1.0,
             culling: Culling::Auto,
             color_by: ColorBy::Shading,
+            light: Lighting::Headlight,
             two_sided: true,
             use_colors: true,
             background: [0.0; 3],

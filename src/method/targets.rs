@@ -1,6 +1,7 @@
 //! What a frame draws into, and what its passes share.
 
 use super::{COLOR, NORMAL};
+use crate::draw::Lighting;
 use crate::gpu::frame::{Load, Pass};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::{Error, Gpu};
@@ -72,6 +73,8 @@ pub(crate) struct Context {
     pub(crate) cull_back: bool,
     /// The camera mirrors the picture, so that fronts turn clockwise.
     pub(crate) is_mirrored: bool,
+    /// Positions in model space.
+    pub(crate) light: Lighting,
 }
 
 impl Context {

@@ -71,6 +71,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
             "culls_back",
             "depth_offset",
             "height",
+            "light",
             "method",
             "reconstruction",
             "shading",

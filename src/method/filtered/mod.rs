@@ -64,6 +64,8 @@ pub(crate) struct Filtered {
     blend_splats: Pipeline,
     normalize: Pipeline,
     sums: Target,
+    /// Made for a lamp instead of the headlight.
+    pub(crate) has_lamp: bool,
 }
 
 /// What a frame draws.
@@ -79,7 +81,11 @@ pub(crate) struct List<'a> {
 impl Filtered {
     /// # Errors
     /// When the device cannot blend 32-bit floats, or memory runs out.
-    pub(crate) fn new(gpu: &Arc<Gpu>, width: u32, height: u32) -> Result<Self, Error> {
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        (width, height): (u32, u32),
+        has_lamp: bool,
+    ) -> Result<Self, Error> {
         if !gpu.info().has_float_blend {
             return Err(Error::Unsupported {
                 what: "filtered splats",
@@ -127,6 +133,7 @@ impl Filtered {
                     name: "filtered.blend triangles",
                     vertex: &shaders::TRIANGLES_DRAW_VERT,
                     fragment: Some(&shaders::FILTERED_BLEND_TRIANGLES_FRAG),
+                    constants: &[has_lamp],
                     record: VERTEX,
                     topology: Topology::Triangles,
                     ..blend
@@ -155,6 +162,7 @@ impl Filtered {
                 },
             )?,
             sums: Target::new(gpu, "sums", SUMS, width, height)?,
+            has_lamp,
         })
     }
 

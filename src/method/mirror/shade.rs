@@ -1,6 +1,8 @@
-//! Headlight shading: value = 0.8 |n . l| times the vertex color (conventions: "default shading").
+//! What light makes of a surface: the headlight's value = 0.8 |n . l| times the vertex color (conventions: "default
+//! shading"), or one lamp ([`crate::draw::Lighting`] has the equation).
 
-use crate::draw::{ALBEDO, ColorBy, Style};
+use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
+use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, Style};
 use crate::image::unorm8;
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
@@ -19,26 +21,39 @@ pub(super) enum Kind {
 
 /// The constants of shading. Everything is in model space, whose axes are those of the world.
 pub(super) struct Shading {
+    /// The headlight, or the lamp.
     light: Source,
+    /// What surfaces make of the lamp; none with the headlight.
+    phong: Option<Phong>,
+    /// Where the eye is, or the direction to it in an orthographic view.
+    eye: Source,
+    /// What faces away is culled, so every normal counts as one that faces the eye.
+    culls_back: bool,
     two_sided: bool,
     use_colors: bool,
     color_by: ColorBy,
 }
 
-enum Source {
-    /// The light is in this point.
-    Point(DVec3),
-    /// The light comes from this direction (unit).
-    Direction(DVec3),
-}
-
 impl Shading {
     pub(super) fn new(view: &View, style: &Style) -> Self {
+        let backward = Source::Direction(view.backward.as_dvec3());
+        let eye = if view.is_perspective {
+            Source::Point(view.eye.as_dvec3())
+        } else {
+            backward
+        };
         Self {
-            light: match view.light {
-                Light::Point if view.is_perspective => Source::Point(view.eye.as_dvec3()),
-                Light::Point | Light::Directional => Source::Direction(view.backward.as_dvec3()),
+            light: match (style.light, view.light) {
+                (Lighting::Phong(phong), _) => phong.lamp.in_model(view),
+                (Lighting::Headlight, Light::Point) => eye,
+                (Lighting::Headlight, Light::Directional) => backward,
             },
+            phong: match style.light {
+                Lighting::Headlight => None,
+                Lighting::Phong(phong) => Some(phong),
+            },
+            eye,
+            culls_back: style.cull_back_faces,
             two_sided: style.two_sided,
             use_colors: style.use_colors,
             color_by: style.color_by,
@@ -60,10 +75,14 @@ impl Shading {
     /// Red, green and blue of a surface point, 1 is white; `normal` is a unit vector, or zero where the surface
     /// has none and is shaded as if it faced the light. `color` holds value / 255.
     pub(super) fn value(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> DVec3 {
-        let to_light = match self.light {
-            Source::Point(eye) => (eye - position).normalize_or_zero(),
-            Source::Direction(direction) => direction,
-        };
+        let to_light = toward(self.light, position);
+        let color = self.color_of_surface(kind, color);
+        // The shader's constant is single precision; so is this one.
+        let albedo = f64::from(ALBEDO);
+        if let Some(phong) = &self.phong {
+            let to_eye = toward(self.eye, position);
+            return self.in_lamp(phong, to_eye, to_light, normal, albedo * color);
+        }
         let cosine = if normal == DVec3::ZERO {
             1.0
         } else {
@@ -74,14 +93,53 @@ impl Shading {
                 cosine.max(0.0)
             }
         };
-        let albedo = match (self.color_by, kind) {
+        albedo * cosine * color
+    }
+
+    fn color_of_surface(&self, kind: Kind, color: DVec3) -> DVec3 {
+        match (self.color_by, kind) {
             (ColorBy::Primitive, Kind::Triangle) => TRIANGLE_TINT,
             (ColorBy::Primitive, Kind::Splat) => SPLAT_TINT,
             (ColorBy::Shading, _) if self.use_colors => color,
             (ColorBy::Shading, _) => DVec3::ONE,
+        }
+    }
+
+    /// Ambient and diffuse light on the albedo, and the highlight (Blinn, 1977).
+    fn in_lamp(
+        &self,
+        phong: &Phong,
+        to_eye: DVec3,
+        to_lamp: DVec3,
+        normal: DVec3,
+        albedo: DVec3,
+    ) -> DVec3 {
+        if normal == DVec3::ZERO {
+            return albedo;
+        }
+        // The side that is seen is the one of -n; lit from the front only, it has no light of the lamp.
+        let shows_back = !self.culls_back && normal.dot(to_eye) < -f64::from(LEAST_BACK);
+        let normal = match (shows_back, self.two_sided) {
+            (false, _) => normal,
+            (true, true) => -normal,
+            (true, false) => DVec3::ZERO,
         };
-        // The shader's constant is single precision; so is this one.
-        f64::from(ALBEDO) * cosine * albedo
+        let lambert = normal.dot(to_lamp).max(0.0);
+        let half = (to_lamp + to_eye).normalize_or_zero();
+        let rise = (lambert / f64::from(FULL_HIGHLIGHT)).min(1.0);
+        let highlight = rise * normal.dot(half).max(0.0).powf(f64::from(phong.shininess));
+        let ambient = f64::from(phong.ambient);
+        let value = albedo * (ambient + (1.0 - ambient) * lambert)
+            + DVec3::splat(f64::from(phong.specular) * highlight);
+        value.min(DVec3::ONE)
+    }
+}
+
+/// Unit vector from a position to a source; zero in the source itself.
+fn toward(source: Source, position: DVec3) -> DVec3 {
+    match source {
+        Source::Point(point) => (point - position).normalize_or_zero(),
+        Source::Direction(direction) => direction,
     }
 }
 

@@ -2,6 +2,7 @@
 //! other, new sizes, and the depth under the cursor.
 
 use super::{FrameTimes, Renderer, Submitted};
+use crate::draw::Lighting;
 use crate::gpu::Error;
 use crate::gpu::buffer::Readback;
 use crate::gpu::surface::Acquired;
@@ -81,6 +82,7 @@ impl Renderer {
             background,
             cull_back: false,
             is_mirrored: false,
+            light: Lighting::Headlight,
         };
         let mut frame = self.frames.begin()?;
         self.targets

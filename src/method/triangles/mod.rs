@@ -15,6 +15,8 @@ use std::sync::Arc;
 pub(crate) struct Variant {
     pub(crate) normals: bool,
     pub(crate) colors: bool,
+    /// A lamp instead of the headlight.
+    pub(crate) lamp: bool,
 }
 
 /// The color targets of a pass.
@@ -30,7 +32,7 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Err
             name: "triangles.draw",
             vertex: &shaders::TRIANGLES_DRAW_VERT,
             fragment: Some(&shaders::TRIANGLES_DRAW_FRAG),
-            constants: &[variant.normals, variant.colors],
+            constants: &[variant.normals, variant.colors, variant.lamp],
             record: VERTEX,
             topology: Topology::Triangles,
             colors: targets(variant.normals),
