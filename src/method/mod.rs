@@ -7,10 +7,10 @@ pub mod hybrid;
 mod lists;
 pub mod mirror;
 pub mod plan;
-pub mod points;
 pub mod renderer;
 pub mod scene;
 mod settings;
+pub mod splats;
 pub(crate) mod targets;
 pub mod triangles;
 
