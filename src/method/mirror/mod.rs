@@ -18,6 +18,7 @@
 mod clip;
 mod disc;
 mod filtered;
+mod fuzzy;
 mod round;
 mod shade;
 mod square;
@@ -25,6 +26,7 @@ mod target;
 mod triangle;
 
 pub use filtered::{Filtered, render_filtered};
+pub use fuzzy::{Fuzzy, Passes, render_fuzzy};
 
 use crate::draw::{DrawList, Footprint, Style};
 use crate::image::Image;

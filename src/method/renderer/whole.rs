@@ -5,10 +5,10 @@ use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
-use crate::method::plan::{frame_constants, splat_plan};
+use crate::method::plan::{Drawing, frame_constants, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::targets::Targets;
-use crate::method::{Settings, triangles};
+use crate::method::{Settings, fuzzy, triangles};
 use crate::tree::Model;
 use std::time::Instant;
 
@@ -63,16 +63,29 @@ impl Renderer {
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
-        let Some(splats) = &self.splats else {
-            unreachable!("prepare made the pipelines")
-        };
+        // Declared by the pass, not read.
+        let indices = &self.lists[0].indices;
         submit_whole(
             &mut self.frames,
             targets,
             &constants,
             counts,
             end,
-            |frame, c| splats.record_vertices(frame, targets, scene, as_quads, &context, c),
+            |frame, c| match (Drawing::of(settings), &self.splats, &self.fuzzy) {
+                (Drawing::Opaque, Some(splats), _) => {
+                    splats.record_vertices(frame, targets, scene, as_quads, &context, c);
+                }
+                (Drawing::Fuzzy, _, Some(fuzzy)) => {
+                    let list = fuzzy::List {
+                        scene,
+                        indices,
+                        runs: &[],
+                        splats: fuzzy::Splats::Vertices { as_quads },
+                    };
+                    fuzzy.record(frame, targets, list, &context, c);
+                }
+                _ => unreachable!("prepare made the pipelines"),
+            },
         )
     }
 }
