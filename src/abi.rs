@@ -32,6 +32,16 @@ pub struct Splat {
     pub color: [u8; 4],
 }
 
+/// A splat with the area that it stands for, 28 bytes: what fuzzy splats are drawn from.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct WeightedSplat {
+    /// The splat.
+    pub splat: Splat,
+    /// Area of its patch of surface, model units squared; negative where it is unknown.
+    pub area: f32,
+}
+
 /// One filtered splat to draw, 32 bytes: a patch of surface by its integral over the pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -78,8 +88,8 @@ pub struct FrameConstants {
     pub specular: f32,
     /// Exponent of the highlight.
     pub shininess: f32,
-    /// Fills the block.
-    pub unused: f32,
+    /// Standard deviation of the Gaussian that fuzzy splats are widened by, pixels.
+    pub low_pass_px: f32,
 }
 
 /// Shaders as compiled by `build.rs`, with what they declare.
@@ -174,5 +184,5 @@ same_layout!(
     ambient = AMBIENT,
     specular = SPECULAR,
     shininess = SHININESS,
-    unused = UNUSED,
+    low_pass_px = LOW_PASS_PX,
 );

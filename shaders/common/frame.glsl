@@ -24,5 +24,6 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     // Value of the highlight at its middle, and its exponent.
     float specular;
     float shininess;
-    float unused;
+    // Standard deviation of the Gaussian that fuzzy splats are widened by, pixels.
+    float low_pass_px;
 } frame;

@@ -1,14 +1,14 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{check, cut_settings, filtered_shade};
+use super::plan::{Drawing, check, cut_settings, filtered_shade, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::times::Stage;
-use super::{Method, Settings, SplatKind, mirror};
-use crate::abi::{FilteredSplat, Splat};
+use super::{Blend, Method, Settings, Shading, SplatKind, mirror};
+use crate::abi::{FilteredSplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Selector};
-use crate::draw::{self, DrawList, FilteredList, Style, pack};
+use crate::draw::{self, DrawList, FilteredList, FuzzyList, Style, pack};
 use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
@@ -177,6 +177,7 @@ impl MirrorEngine {
         let used = &model.vertices[..model.used_vertices as usize];
         let mut splats = Vec::new();
         let mut filtered = Vec::new();
+        let mut weighted = Vec::new();
         let mut triangles = Vec::new();
         let mut list = DrawList {
             vertices: used,
@@ -191,30 +192,32 @@ impl MirrorEngine {
                     .select(model, view, &cut_settings(settings, model), &mut self.cut);
                 cut.end(&mut times);
                 let packing = Stage::Pack.begin();
-                match settings.splat {
-                    SplatKind::Square
-                    | SplatKind::Disc
-                    | SplatKind::Ellipse
-                    | SplatKind::Gauss
-                    | SplatKind::Visibility => {
-                        let side = style.splat_size_px;
-                        let most = pack::splat_count(model, &self.cut, view, side, f32::INFINITY);
-                        splats.resize(most, Splat::zeroed());
-                        let count =
-                            pack::splats(model, &self.cut, view, side, f32::INFINITY, &mut splats);
-                        splats.truncate(count);
+                let (cut, is_whole) = (&self.cut, settings.method == Method::Splats);
+                match Drawing::of(settings) {
+                    Drawing::Opaque => {
+                        let plan = splat_plan(settings, f32::INFINITY);
+                        splats.resize(draw::splats::count(cut, &plan), Splat::zeroed());
+                        draw::splats::pack(model, cut, view, &plan, &mut splats);
                     }
-                    SplatKind::Filtered => {
-                        let most = draw::filtered::splat_count(&self.cut);
+                    Drawing::Fuzzy => {
+                        let plan = splat_plan(settings, f32::INFINITY);
+                        let count = draw::splats::count(cut, &plan);
+                        weighted.resize(count, WeightedSplat::zeroed());
+                        let packed = draw::splats::pack(model, cut, view, &plan, &mut weighted);
+                        weighted.truncate(packed.points);
+                    }
+                    Drawing::Filtered => {
+                        let most = draw::filtered::splat_count(cut);
                         filtered.resize(most, FilteredSplat::zeroed());
                         let shade = filtered_shade(settings, model);
-                        let count =
-                            draw::filtered::splats(model, &self.cut, view, shade, &mut filtered);
+                        let count = draw::filtered::splats(model, cut, view, shade, &mut filtered);
                         filtered.truncate(count);
                     }
+                    Drawing::Nothing => {}
                 }
-                triangles.resize(self.cut.triangles.len(), [0; 3]);
-                pack::triangles(&self.cut.triangles, &model.triangles, 0, &mut triangles);
+                let ids: &[u32] = if is_whole { &[] } else { &cut.triangles };
+                triangles.resize(ids.len(), [0; 3]);
+                pack::triangles(ids, &model.triangles, 0, &mut triangles);
                 packing.end(&mut times);
                 list.splats = &splats;
                 list.triangles = &triangles;
@@ -226,11 +229,12 @@ impl MirrorEngine {
             } else {
                 0
             },
-            splats: (list.splats.len() + filtered.len()) as u64,
+            splats: (list.splats.len() + filtered.len() + weighted.len()) as u64,
             triangles: list.triangles.len() as u64,
             points: list.points.len() as u64,
             draw_list_bytes: (size_of_val(list.splats)
                 + size_of_val(filtered.as_slice())
+                + size_of_val(weighted.as_slice())
                 + size_of_val(triangles.as_slice())) as u64,
         };
         self.image = if settings.draws_filtered() {
@@ -240,6 +244,20 @@ impl MirrorEngine {
                 splats: &filtered,
             };
             mirror::render_filtered(view, &list, &style, self.outputs).image
+        } else if Drawing::of(settings) == Drawing::Fuzzy {
+            let list = FuzzyList {
+                vertices: list.vertices,
+                triangles: list.triangles,
+                splats: &weighted,
+                points: list.points,
+                has_coverage: settings.sums_coverage(!model.triangles.is_empty()),
+            };
+            let passes = match settings.blend() {
+                Blend::DepthThreshold => mirror::Passes::DepthThreshold,
+                Blend::DepthRange => mirror::Passes::DepthRange,
+                Blend::TwoPass | Blend::Opaque => mirror::Passes::Two,
+            };
+            mirror::render_fuzzy(view, &list, &style, passes, self.outputs).image
         } else {
             mirror::render(view, &list, &style, self.outputs)
         };
@@ -252,6 +270,10 @@ impl MirrorEngine {
 pub fn style(settings: &Settings, model: &Model) -> Style {
     Style {
         splat_size_px: settings.threshold_px.max(1.0),
+        footprint: settings.footprint(),
+        is_gauss: settings.splat == SplatKind::Gauss,
+        low_pass_px: settings.low_pass_px(),
+        is_deferred: settings.shading == Shading::Deferred,
         background: settings.background,
         color_by: settings.color_by,
         cull_back_faces: settings.culls_back(model.is_closed),

@@ -3,19 +3,22 @@
 
 pub mod engine;
 pub mod filtered;
+pub mod fuzzy;
 pub mod hybrid;
 mod lists;
 pub mod mirror;
 pub mod plan;
-pub mod points;
 pub mod renderer;
 pub mod scene;
 mod settings;
+pub mod splats;
 pub(crate) mod targets;
 pub mod times;
 pub mod triangles;
 
-pub use settings::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};
+pub use settings::{
+    Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+};
 
 use crate::gpu::image::Format;
 use crate::gpu::pipeline::{Attribute, AttributeFormat, Record};

@@ -22,6 +22,43 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
     }
 }
 
+/// Which passes draw the splats of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Drawing {
+    /// There are none.
+    Nothing,
+    /// The nearest splat wins.
+    Opaque,
+    /// The weighted mean of all that is near the front.
+    Fuzzy,
+    /// Deposits of area.
+    Filtered,
+}
+
+impl Drawing {
+    /// That of settings that [`check`] found no fault with.
+    pub(super) fn of(settings: &Settings) -> Self {
+        match settings.splat {
+            _ if !settings.draws_splats() => Self::Nothing,
+            SplatKind::Filtered => Self::Filtered,
+            _ if settings.blend() != Blend::Opaque => Self::Fuzzy,
+            _ => Self::Opaque,
+        }
+    }
+}
+
+/// What the packing of splats needs of the settings.
+pub fn splat_plan(settings: &Settings, max_point_px: f32) -> draw::splats::Plan {
+    draw::splats::Plan {
+        footprint: settings.footprint(),
+        threshold_px: settings.threshold_px.max(1.0),
+        size: settings.size,
+        draws_large_leaves: settings.method == Method::Splats,
+        low_pass_px: settings.low_pass_px(),
+        max_point_px,
+    }
+}
+
 /// What the packing of filtered splats needs of the settings.
 pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
     draw::filtered::Shade {
@@ -45,27 +82,60 @@ pub fn check(
     outputs: Outputs,
     max_size_px: f32,
 ) -> Result<(), Error> {
-    if settings.method == Method::Points && settings.threshold_px > max_size_px {
-        return Err(Error::Limit {
-            what: "the size of points (--threshold, pixels)".into(),
-            value: settings.threshold_px.ceil() as u64,
-            limit: max_size_px as u64,
-        });
-    }
-    if !matches!(settings.splat, SplatKind::Square | SplatKind::Filtered)
-        || settings.method == Method::Splats
-        || settings.blend() != Blend::Opaque
-        || settings.shading != Shading::PerSplat
-    {
-        return Err(Error::Unsupported {
-            what: "these splats",
-            why: "they are not drawn yet".into(),
-        });
+    let is_device = max_size_px.is_finite();
+    if settings.draws_splats() {
+        check_blend(settings, outputs, is_device)?;
     }
     if settings.draws_filtered() {
         check_filtered(model, settings, outputs, max_size_px)?;
     }
     Ok(())
+}
+
+/// Refuses by name what the blending of splats cannot do.
+fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result<(), Error> {
+    let refuse = |what, why: &str| {
+        Err(Error::Unsupported {
+            what,
+            why: why.into(),
+        })
+    };
+    if settings.splat == SplatKind::Visibility {
+        return refuse("these splats", "they are not drawn yet");
+    }
+    if settings.splat == SplatKind::Filtered {
+        if settings.method == Method::Splats {
+            return refuse("filtered splats", "they belong to --method pop");
+        }
+        if settings.blend.is_some_and(|blend| blend != Blend::Opaque)
+            || settings.shading != Shading::PerSplat
+        {
+            return refuse(
+                "filtered splats",
+                "they have a way of their own to blend and shade; leave --blend and --shading out",
+            );
+        }
+        return Ok(());
+    }
+    match settings.blend() {
+        Blend::Opaque if settings.shading == Shading::Deferred => refuse(
+            "deferred shading",
+            "only splats that are blended are lit once a pixel; use --blend two-pass",
+        ),
+        Blend::DepthThreshold | Blend::DepthRange if is_device => refuse(
+            "blending in one pass",
+            "it needs ordered access to a pixel; use --device mirror, or --blend two-pass",
+        ),
+        Blend::DepthThreshold | Blend::DepthRange if settings.shading == Shading::Deferred => {
+            refuse("deferred shading", "use --blend two-pass")
+        }
+        Blend::Opaque => Ok(()),
+        _ if outputs.normal => refuse(
+            "normals of blended splats",
+            "a mean over splats has none; leave --normals out or use --blend opaque",
+        ),
+        _ => Ok(()),
+    }
 }
 
 /// Refuses by name what filtered splats cannot draw.
@@ -164,10 +234,10 @@ pub(super) fn frame_constants(
             2.0 / (view.width as f32 * sx),
             -2.0 / (view.height as f32 * sy),
         ],
+        // Orthographic: x_ndc = sx x + ox.
         ray_offset: if view.is_perspective {
             [(ox - 1.0) / sx, (oy + 1.0) / sy]
         } else {
-            // x_ndc = sx x + ox.
             [(-ox - 1.0) / sx, (1.0 - oy) / sy]
         },
         focal_px: view.focal_px(),
@@ -182,6 +252,6 @@ pub(super) fn frame_constants(
         ambient: phong.ambient,
         specular: phong.specular,
         shininess: phong.shininess,
-        unused: 0.0,
+        low_pass_px: settings.low_pass_px(),
     }
 }

@@ -1,0 +1,113 @@
+//! Frames of the methods that draw the whole model: no cut, no draw lists.
+
+use super::{Counts, End, FrameTimes, Renderer};
+use crate::abi::FrameConstants;
+use crate::gpu::Error;
+use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
+use crate::math::camera::View;
+use crate::method::plan::{Drawing, frame_constants, splat_plan};
+use crate::method::scene::Scene;
+use crate::method::targets::Targets;
+use crate::method::times::Stage;
+use crate::method::{Settings, fuzzy, triangles};
+use crate::tree::Model;
+
+impl Renderer {
+    pub(super) fn draw_triangles(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+        end: &mut End<'_>,
+    ) -> Result<(Ticket, FrameTimes), Error> {
+        let context = self.context(view, settings, model, 0.0);
+        let Some((_, pipeline)) = &self.triangles else {
+            unreachable!("prepare made the pipeline")
+        };
+        let counts = Counts {
+            triangles: model.triangles.len() as u64,
+            ..Counts::default()
+        };
+        let constants = frame_constants(view, settings, &context);
+        let targets = &self.targets;
+        submit_whole(
+            &mut self.frames,
+            targets,
+            &constants,
+            counts,
+            end,
+            |frame, c| {
+                triangles::record(frame, pipeline, targets, scene, &context, c);
+            },
+        )
+    }
+
+    pub(super) fn draw_points(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+        end: &mut End<'_>,
+    ) -> Result<(Ticket, FrameTimes), Error> {
+        let max_point = self.gpu.info().max_point_size_px;
+        let largest = splat_plan(settings, max_point).vertex_px(view);
+        // Quads need no guard band.
+        let as_quads = largest > max_point;
+        let guard_px = if as_quads { 0.0 } else { largest };
+        let context = self.context(view, settings, model, guard_px);
+        let counts = Counts {
+            points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
+            ..Counts::default()
+        };
+        let constants = frame_constants(view, settings, &context);
+        let targets = &self.targets;
+        // Declared by the pass, not read.
+        let indices = &self.lists[0].indices;
+        submit_whole(
+            &mut self.frames,
+            targets,
+            &constants,
+            counts,
+            end,
+            |frame, c| match (Drawing::of(settings), &self.splats, &self.fuzzy) {
+                (Drawing::Opaque, Some(splats), _) => {
+                    splats.record_vertices(frame, targets, scene, as_quads, &context, c);
+                }
+                (Drawing::Fuzzy, _, Some(fuzzy)) => {
+                    let list = fuzzy::List {
+                        scene,
+                        indices,
+                        runs: &[],
+                        splats: fuzzy::Splats::Vertices { as_quads },
+                    };
+                    fuzzy.record(frame, targets, list, &context, c);
+                }
+                _ => unreachable!("prepare made the pipelines"),
+            },
+        )
+    }
+}
+
+/// Records and submits a frame of a method that draws the whole model.
+fn submit_whole(
+    frames: &mut Frames,
+    targets: &Targets,
+    constants: &FrameConstants,
+    counts: Counts,
+    end: &mut End<'_>,
+    record: impl FnOnce(&mut Frame<'_>, Uniform),
+) -> Result<(Ticket, FrameTimes), Error> {
+    let submit = Stage::Submit.begin();
+    let mut frame = frames.begin()?;
+    let constants = frame.uniform(constants)?;
+    record(&mut frame, constants);
+    let ticket = end(frame, &targets.color)?;
+    let mut times = FrameTimes {
+        counts,
+        ..FrameTimes::default()
+    };
+    submit.end(&mut times);
+    Ok((ticket, times))
+}
