@@ -71,6 +71,21 @@ pub struct FrameConstants {
     pub background: [f32; 4],
 }
 
+/// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
+/// `shaders/common/splat_record.glsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ListConstants {
+    /// Width and height of the picture, pixels.
+    pub size_px: [u32; 2],
+    /// Pixels by which the viewport of `clip_from_view` reaches beyond the picture on every side.
+    pub guard_px: f32,
+    /// Number of the first splat of the bound part.
+    pub first: u32,
+    /// How many splats the bound part has.
+    pub count: u32,
+}
+
 /// Shaders as compiled by `build.rs`, with what they declare.
 mod generated {
     #![allow(clippy::unreadable_literal, reason = "written by build.rs")]
@@ -159,4 +174,20 @@ same_layout!(
     model_scale = MODEL_SCALE,
     flags = FLAGS,
     background = BACKGROUND,
+);
+same_layout!(
+    ListConstants,
+    list_constants,
+    size_px = SIZE_PX,
+    guard_px = GUARD_PX,
+    first = FIRST,
+    count = COUNT,
+);
+same_layout!(
+    Splat,
+    splat_record,
+    center = CENTER,
+    radius = RADIUS,
+    normal = NORMAL,
+    color = COLOR,
 );

@@ -15,6 +15,10 @@ pub enum Access {
     StorageRead,
     /// Read and written as storage in a compute shader.
     StorageWrite,
+    /// Read as storage in a fragment shader.
+    FragmentStorageRead,
+    /// Filled with a constant by a command.
+    Fill,
     /// Written as a color target without reading what it held.
     ColorTarget,
     /// Written as a color target that is loaded or blended with.
@@ -37,7 +41,7 @@ pub enum Access {
     VertexRead,
     /// Read as indices.
     IndexRead,
-    /// Read as a uniform block by any graphics shader.
+    /// Read as a uniform block by any shader.
     UniformRead,
     /// Handed to the presentation engine.
     Present,
@@ -58,10 +62,12 @@ pub struct Scope {
 
 impl Access {
     /// Every access, for tests of the table.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 18] = [
         Self::Sampled,
         Self::StorageRead,
         Self::StorageWrite,
+        Self::FragmentStorageRead,
+        Self::Fill,
         Self::ColorTarget,
         Self::BlendTarget,
         Self::DepthTest,
@@ -97,6 +103,13 @@ impl Access {
                 L::GENERAL,
                 true,
             ),
+            Self::FragmentStorageRead => (
+                S::FRAGMENT_SHADER,
+                A::SHADER_STORAGE_READ,
+                L::GENERAL,
+                false,
+            ),
+            Self::Fill => (S::CLEAR, A::TRANSFER_WRITE, L::TRANSFER_DST_OPTIMAL, true),
             Self::ColorTarget => (
                 S::COLOR_ATTACHMENT_OUTPUT,
                 A::COLOR_ATTACHMENT_WRITE,
@@ -134,7 +147,7 @@ impl Access {
             ),
             Self::IndexRead => (S::INDEX_INPUT, A::INDEX_READ, L::UNDEFINED, false),
             Self::UniformRead => (
-                S::VERTEX_SHADER | S::FRAGMENT_SHADER,
+                S::VERTEX_SHADER | S::FRAGMENT_SHADER | S::COMPUTE_SHADER,
                 A::UNIFORM_READ,
                 L::UNDEFINED,
                 false,
@@ -277,6 +290,8 @@ mod tests {
         [
             Access::StorageRead,
             Access::StorageWrite,
+            Access::FragmentStorageRead,
+            Access::Fill,
             Access::CopySource,
             Access::CopyTarget,
             Access::HostRead,

@@ -159,6 +159,16 @@ impl Usage {
 const STAGING_BYTES: usize = 32 << 20;
 
 impl Buffer {
+    /// Makes a buffer of `bytes` bytes that only the device writes. Its contents are undefined until then.
+    ///
+    /// # Errors
+    /// When memory cannot be had or `bytes` is more than the device's buffers hold.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, usage: Usage, bytes: u64) -> Result<Self, Error> {
+        let flags = usage.flags() | vk::BufferUsageFlags::TRANSFER_DST;
+        let raw = Raw::new(gpu, name, bytes, flags, MemoryLocation::GpuOnly)?;
+        Ok(Self { raw })
+    }
+
     /// Makes a buffer that holds `data`: written directly where device memory is mapped, else through staged
     /// copies. Waits for the copies; not for the frame loop.
     ///

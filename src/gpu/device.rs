@@ -300,6 +300,10 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
         (features13.dynamic_rendering, "dynamicRendering"),
         (features13.synchronization2, "synchronization2"),
         (features13.maintenance4, "maintenance4"),
+        (
+            features13.shader_demote_to_helper_invocation,
+            "shaderDemoteToHelperInvocation",
+        ),
         (features12.timeline_semaphore, "timelineSemaphore"),
         (features12.host_query_reset, "hostQueryReset"),
         (core.large_points, "largePoints"),
@@ -473,14 +477,17 @@ pub(super) fn create(
         .queue_priorities(&priorities)];
     let core = vk::PhysicalDeviceFeatures::default()
         .large_points(true)
-        .full_draw_index_uint32(chosen.info.has_full_index);
+        .full_draw_index_uint32(chosen.info.has_full_index)
+        .shader_int64(chosen.info.has_int64_atomics);
     let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
+        .shader_buffer_int64_atomics(chosen.info.has_int64_atomics)
         .timeline_semaphore(true)
         .host_query_reset(true);
     let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)
-        .maintenance4(true);
+        .maintenance4(true)
+        .shader_demote_to_helper_invocation(true);
     // SAFETY: the physical device belongs to the instance.
     let extensions = unsafe {
         instance

@@ -11,7 +11,9 @@
 )]
 
 pub mod access;
+pub mod bind;
 pub mod buffer;
+pub mod compute;
 pub mod device;
 pub mod frame;
 pub mod image;

@@ -1,6 +1,7 @@
 //! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
 //! mirror on the CPU that tests compare it with.
 
+mod compute;
 pub mod engine;
 pub mod filtered;
 pub mod hybrid;

@@ -6,6 +6,7 @@
 #[cfg(feature = "viewer")]
 mod present;
 
+use super::compute::{self, Squares};
 use super::filtered::{self, Filtered};
 use super::hybrid;
 use super::lists::{Lists, pack_triangles, records, reserve};
@@ -89,6 +90,7 @@ pub struct Renderer {
     triangles: Option<(Variant, Pipeline)>,
     points: Option<Pipeline>,
     splats: Option<Pipeline>,
+    squares: Option<Squares>,
     filtered: Option<Filtered>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
@@ -140,6 +142,7 @@ impl Renderer {
             triangles: None,
             points: None,
             splats: None,
+            squares: None,
             filtered: None,
             readback: None,
             #[cfg(feature = "viewer")]
@@ -275,6 +278,12 @@ impl Renderer {
             match settings.splat {
                 SplatKind::Square if self.splats.is_none() => {
                     self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
+                    let (width, height) = (self.targets.color.width, self.targets.color.height);
+                    if std::env::var_os("RASTER").is_none()
+                        && Squares::is_supported(&self.gpu, width, height)
+                    {
+                        self.squares = Some(Squares::new(&self.gpu, width, height, normals)?);
+                    }
                 }
                 SplatKind::Filtered if self.filtered.is_none() => {
                     let (width, height) = (self.targets.color.width, self.targets.color.height);
@@ -417,14 +426,20 @@ impl Renderer {
                     &context,
                     constants,
                 );
-                hybrid::record_splats(
-                    &mut frame,
-                    splats,
-                    &self.targets,
-                    (&lists.splats, splat_count as u32),
-                    &context,
-                    constants,
-                );
+                let list = (&lists.splats, splat_count as u32);
+                match &self.squares {
+                    Some(squares) if side <= compute::LARGEST_SIDE_PX => {
+                        squares.record(&mut frame, &self.targets, list, &context, constants)?;
+                    }
+                    _ => hybrid::record_splats(
+                        &mut frame,
+                        splats,
+                        &self.targets,
+                        list,
+                        &context,
+                        constants,
+                    ),
+                }
             }
             (SplatKind::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
