@@ -72,7 +72,7 @@ pub struct FrameConstants {
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
-/// `shaders/common/splat_record.glsl`.
+/// `shaders/common/list.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ListConstants {
@@ -80,10 +80,14 @@ pub struct ListConstants {
     pub size_px: [u32; 2],
     /// Pixels by which the viewport of `clip_from_view` reaches beyond the picture on every side.
     pub guard_px: f32,
-    /// Number of the first splat of the bound part.
+    /// Number of the first item of the bound part of the list.
     pub first: u32,
-    /// How many splats the bound part has.
+    /// How many items the bound part has.
     pub count: u32,
+    /// Where the first lies in what is bound.
+    pub begin: u32,
+    /// Sign of twice the area (clockwise on the picture is positive) of the triangles that are dropped; 0: none.
+    pub dropped_sign: i32,
 }
 
 /// Shaders as compiled by `build.rs`, with what they declare.
@@ -182,12 +186,21 @@ same_layout!(
     guard_px = GUARD_PX,
     first = FIRST,
     count = COUNT,
+    begin = BEGIN,
+    dropped_sign = DROPPED_SIGN,
 );
 same_layout!(
     Splat,
     splat_record,
     center = CENTER,
     radius = RADIUS,
+    normal = NORMAL,
+    color = COLOR,
+);
+same_layout!(
+    Vertex,
+    vertex_record,
+    position = POSITION,
     normal = NORMAL,
     color = COLOR,
 );

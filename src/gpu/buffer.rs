@@ -137,7 +137,7 @@ any_buffer!(Buffer);
 /// What a device buffer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Usage {
-    /// Vertex attributes.
+    /// Vertex attributes, and storage of compute passes.
     Vertex,
     /// Indices.
     Index,
@@ -148,7 +148,9 @@ pub enum Usage {
 impl Usage {
     fn flags(self) -> vk::BufferUsageFlags {
         match self {
-            Self::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER,
+            Self::Vertex => {
+                vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER
+            }
             Self::Index => vk::BufferUsageFlags::INDEX_BUFFER,
             Self::Storage => vk::BufferUsageFlags::STORAGE_BUFFER,
         }

@@ -95,12 +95,7 @@ impl Compute<'_> {
             images: &[],
             storage,
         };
-        bind::bind(
-            &self.site,
-            vk::PipelineBindPoint::COMPUTE,
-            pipeline,
-            &bound,
-        );
+        bind::bind(&self.site, vk::PipelineBindPoint::COMPUTE, pipeline, &bound);
         self.group = pipeline.group;
     }
 
@@ -116,12 +111,10 @@ impl Compute<'_> {
         // SAFETY: a compute pipeline and its descriptors are bound; both counts are at most 65,535, which every device
         // takes: 2^32 items of workgroups of at least 1 are at most 65,537 rows, and no list has that many.
         unsafe {
-            self.site.gpu.device.cmd_dispatch(
-                self.site.commands,
-                groups.div_ceil(rows),
-                rows,
-                1,
-            );
+            self.site
+                .gpu
+                .device
+                .cmd_dispatch(self.site.commands, groups.div_ceil(rows), rows, 1);
         }
     }
 }

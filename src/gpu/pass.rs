@@ -441,7 +441,12 @@ impl Draw<'_> {
             images,
             storage,
         };
-        bind::bind(&self.site, vk::PipelineBindPoint::GRAPHICS, pipeline, &bound);
+        bind::bind(
+            &self.site,
+            vk::PipelineBindPoint::GRAPHICS,
+            pipeline,
+            &bound,
+        );
     }
 
     /// Which triangles are dropped: those that show their back, where the front is counter-clockwise on the
@@ -459,8 +464,14 @@ impl Draw<'_> {
         };
         // SAFETY: the command buffer is being recorded; both states are core in Vulkan 1.3.
         unsafe {
-            self.site.gpu.device.cmd_set_cull_mode(self.site.commands, mode);
-            self.site.gpu.device.cmd_set_front_face(self.site.commands, front);
+            self.site
+                .gpu
+                .device
+                .cmd_set_cull_mode(self.site.commands, mode);
+            self.site
+                .gpu
+                .device
+                .cmd_set_front_face(self.site.commands, front);
         }
     }
 
@@ -512,16 +523,26 @@ impl Draw<'_> {
     pub fn draw(&mut self, first: u32, count: u32) {
         // SAFETY: pipeline, state and vertices are bound; the range lies in the bound buffer (callers draw
         // what they have written).
-        unsafe { self.site.gpu.device.cmd_draw(self.site.commands, count, 1, first, 0) };
+        unsafe {
+            self.site
+                .gpu
+                .device
+                .cmd_draw(self.site.commands, count, 1, first, 0)
+        };
     }
 
     /// Draws `count` indices from `first` on; `vertex_offset` is added to each.
     pub fn draw_indexed(&mut self, first: u32, count: u32, vertex_offset: i32) {
         // SAFETY: as in `draw`, and every index plus offset names a vertex of the bound buffer.
         unsafe {
-            self.site.gpu
-                .device
-                .cmd_draw_indexed(self.site.commands, count, 1, first, vertex_offset, 0);
+            self.site.gpu.device.cmd_draw_indexed(
+                self.site.commands,
+                count,
+                1,
+                first,
+                vertex_offset,
+                0,
+            );
         }
     }
 }

@@ -194,7 +194,9 @@ impl Pipeline {
         };
         pipeline.handle = match made {
             Ok(pipelines) => pipelines[0],
-            Err((_, result)) => return Err(Error::vulkan("vkCreateComputePipelines", name)(result)),
+            Err((_, result)) => {
+                return Err(Error::vulkan("vkCreateComputePipelines", name)(result));
+            }
         };
         pipeline.group = shader.local_size.iter().product();
         gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);

@@ -6,7 +6,7 @@
 #[cfg(feature = "viewer")]
 mod present;
 
-use super::compute::{self, Squares};
+use super::compute::{self, Small};
 use super::filtered::{self, Filtered};
 use super::hybrid;
 use super::lists::{Lists, pack_triangles, records, reserve};
@@ -90,7 +90,7 @@ pub struct Renderer {
     triangles: Option<(Variant, Pipeline)>,
     points: Option<Pipeline>,
     splats: Option<Pipeline>,
-    squares: Option<Squares>,
+    small: Option<Small>,
     filtered: Option<Filtered>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
@@ -128,6 +128,12 @@ impl Renderer {
                         FIRST_LIST_BYTES,
                     )?,
                     runs: Vec::new(),
+                    small: Upload::new(
+                        gpu,
+                        &format!("small triangles of frame {slot}"),
+                        FIRST_LIST_BYTES,
+                    )?,
+                    small_runs: Vec::new(),
                 })
             })
             .collect::<Result<_, Error>>()?;
@@ -142,7 +148,7 @@ impl Renderer {
             triangles: None,
             points: None,
             splats: None,
-            squares: None,
+            small: None,
             filtered: None,
             readback: None,
             #[cfg(feature = "viewer")]
@@ -280,9 +286,9 @@ impl Renderer {
                     self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
                     let (width, height) = (self.targets.color.width, self.targets.color.height);
                     if std::env::var_os("RASTER").is_none()
-                        && Squares::is_supported(&self.gpu, width, height)
+                        && Small::is_supported(&self.gpu, width, height)
                     {
-                        self.squares = Some(Squares::new(&self.gpu, width, height, normals)?);
+                        self.small = Some(Small::new(&self.gpu, width, height, normals)?);
                     }
                 }
                 SplatKind::Filtered if self.filtered.is_none() => {
@@ -402,9 +408,22 @@ impl Renderer {
         lists.splats.flush(0..splat_bytes);
         let triangle_count = self.cut.triangles.len();
         reserve(&self.gpu, &mut lists.indices, 12 * triangle_count as u64)?;
-        pack_triangles(model, scene, &self.cut.triangles, lists);
+        let by_compute = self
+            .small
+            .as_ref()
+            .filter(|_| settings.splat == SplatKind::Square && side <= compute::LARGEST_SQUARE_PX);
+        let takes_triangles = by_compute.is_some() && Small::takes_triangles(&self.gpu, scene);
+        if takes_triangles {
+            reserve(&self.gpu, &mut lists.small, 12 * triangle_count as u64)?;
+        }
+        let is_small =
+            takes_triangles.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        pack_triangles(model, scene, &self.cut.triangles, lists, is_small);
         let index_bytes = 12 * self.cut.triangles.len() as u64;
         lists.indices.flush(0..index_bytes);
+        if takes_triangles {
+            lists.small.flush(0..index_bytes);
+        }
         let pack_ms = ms(pack_start);
 
         let submit_start = Instant::now();
@@ -426,19 +445,24 @@ impl Renderer {
                     &context,
                     constants,
                 );
-                let list = (&lists.splats, splat_count as u32);
-                match &self.squares {
-                    Some(squares) if side <= compute::LARGEST_SIDE_PX => {
-                        squares.record(&mut frame, &self.targets, list, &context, constants)?;
-                    }
-                    _ => hybrid::record_splats(
+                if let Some(small) = by_compute {
+                    let list = compute::List {
+                        scene,
+                        corners: &lists.small,
+                        runs: &lists.small_runs,
+                        splats: &lists.splats,
+                        splat_count: splat_count as u32,
+                    };
+                    small.record(&mut frame, &self.targets, list, &context, constants)?;
+                } else {
+                    hybrid::record_splats(
                         &mut frame,
                         splats,
                         &self.targets,
-                        list,
+                        (&lists.splats, splat_count as u32),
                         &context,
                         constants,
-                    ),
+                    );
                 }
             }
             (SplatKind::Filtered, _, _, Some(filtered)) => {
@@ -532,6 +556,24 @@ impl Renderer {
             image.normal = raw.into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
         }
         Ok(image)
+    }
+}
+
+/// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
+fn is_small_on_screen<'a>(
+    model: &'a Model,
+    view: &View,
+    most_px: f32,
+) -> impl Fn(u32) -> bool + use<'a> {
+    let row = view.view_from_model.row(2);
+    let (near, is_perspective) = (view.near, view.is_perspective);
+    // In view space; the bound of the size is that of the sphere's nearest point.
+    let ratio = 2.0 * view.focal_px() * view.model_scale / most_px;
+    let scale = view.model_scale;
+    move |leaf| {
+        let sphere = &model.tree.leaves[leaf as usize];
+        let nearest = -row.dot(sphere.center.extend(1.0)) - sphere.radius * scale;
+        nearest > near && ratio * sphere.radius <= if is_perspective { nearest } else { 1.0 }
     }
 }
 

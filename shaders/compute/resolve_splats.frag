@@ -1,6 +1,7 @@
 #version 460
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
-// Pass splats.resolve: shades the splat that each pixel kept, and tests its depth against the triangles'.
+// Pass small.resolve, splats: shades the splat that each pixel kept; its depth is tested against what the rasterizer
+// drew.
 #include "common/headlight.glsl"
 #include "common/octahedral.glsl"
 #include "common/splat_record.glsl"
@@ -18,11 +19,12 @@ layout(constant_id = 0) const bool WRITE_NORMALS = false;
 void main() {
     uvec2 pixel = uvec2(gl_FragCoord.xy);
     uint64_t key = nearest[pixel.y * list.size_px.x + pixel.x];
-    uint item = ~uint(key) - list.first;
-    if (key == 0ul || item >= list.count) {
+    uint number = ~uint(key);
+    uint item = (number & ~SPLAT_BIT) - list.first;
+    if (key == 0ul || (number & SPLAT_BIT) == 0u || item >= list.count) {
         discard;
     }
-    SplatRecord splat = splats[item];
+    SplatRecord splat = splats[list.begin + item];
     vec4 rgba = unpackUnorm4x8(splat.color);
     vec3 center = vec3(splat.center[0], splat.center[1], splat.center[2]);
     vec3 normal_in_model = rgba.a == 0.0 ? vec3(0.0) : octahedral_decode(unpackSnorm2x16(splat.normal));

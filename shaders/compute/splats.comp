@@ -1,7 +1,7 @@
 #version 460
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
-// Pass splats.nearest: every square leaves its depth and number in the pixels it covers; the nearest stays, of equals
+// Pass small.splats: every square leaves its depth and number in the pixels it covers; the nearest stays, of equals
 // the first of the list. Squares are those of the rasterizer: positions in steps of 1/256 pixel, a pixel belongs to
 // the square that contains its center.
 #include "common/frame.glsl"
@@ -15,11 +15,11 @@ layout(set = 0, binding = 3, std430) buffer Nearest {
 };
 
 void main() {
-    uint item = gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x;
+    uint item = ITEM;
     if (item >= list.count) {
         return;
     }
-    SplatRecord splat = splats[item];
+    SplatRecord splat = splats[list.begin + item];
     vec3 center = vec3(splat.center[0], splat.center[1], splat.center[2]);
     vec4 center_in_view = frame.view_from_model * vec4(center, 1.0);
     vec4 clip = frame.clip_from_view * center_in_view;
@@ -33,7 +33,7 @@ void main() {
         side = 2.0 * frame.focal_px * splat.radius * frame.model_scale / distance;
     }
     vec2 size = vec2(list.size_px);
-    vec2 window = (clip.xy / clip.w * 0.5 + 0.5) * (size + 2.0 * list.guard_px) - list.guard_px;
+    vec2 window = window_of(clip);
     side = clamp(side, 1.0, 65536.0);
     // Too far beside the picture to reach into it; also keeps the integers below from overflowing.
     if (any(lessThan(window, vec2(-side))) || any(greaterThan(window, size + side)) || any(isnan(window))) {
@@ -45,7 +45,7 @@ void main() {
     ivec2 first = max((low + 127) >> 8, ivec2(0));
     ivec2 end = min((low + side_steps + 127) >> 8, ivec2(list.size_px));
     float depth = clip.z / clip.w;
-    uint64_t key = (uint64_t(floatBitsToUint(depth)) << 32) | uint64_t(~(list.first + item));
+    uint64_t key = (uint64_t(floatBitsToUint(depth)) << 32) | uint64_t(~((list.first + item) | SPLAT_BIT));
     for (int y = first.y; y < end.y; ++y) {
         for (int x = first.x; x < end.x; ++x) {
             uint pixel = uint(y) * list.size_px.x + uint(x);
