@@ -4,7 +4,7 @@ use super::{Failure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
-use surfel::method::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};
+use surfel::method::{Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind};
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum MethodName {
@@ -100,6 +100,16 @@ enum ShadingName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum PathName {
+    /// Compute shaders where the device and the splats allow it
+    Auto,
+    /// The rasterizer alone
+    Raster,
+    /// Compute shaders; an error where they cannot
+    Compute,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ReconstructionName {
     /// A Gaussian of the threshold's radius
     Gaussian,
@@ -167,6 +177,9 @@ pub(crate) struct LookArgs {
     /// Where splats are blended: how far behind the front a surface still counts as one with it, in radii of a splat [default: 3 for filtered, else 1]
     #[arg(long, value_name = "FACTOR")]
     depth_offset: Option<f32>,
+    /// What draws splats and triangles of a few pixels on a device; the picture is the same
+    #[arg(long, value_enum, default_value = "auto")]
+    path: PathName,
     /// What the size of a node on screen is
     #[arg(long, value_enum, default_value = "exact")]
     size_metric: SizeName,
@@ -214,6 +227,11 @@ impl LookArgs {
                 ReconstructionName::Gaussian => Reconstruction::Gaussian,
                 ReconstructionName::Density => Reconstruction::Density,
                 ReconstructionName::PullPush => Reconstruction::PullPush,
+            },
+            path: match self.path {
+                PathName::Auto => Path::Auto,
+                PathName::Raster => Path::Raster,
+                PathName::Compute => Path::Compute,
             },
             threshold_px: self.threshold,
             depth_offset: self.depth_offset,

@@ -109,7 +109,13 @@ impl Access {
                 L::GENERAL,
                 false,
             ),
-            Self::Fill => (S::CLEAR, A::TRANSFER_WRITE, L::TRANSFER_DST_OPTIMAL, true),
+            // The specification calls a fill a transfer without saying which of its stages.
+            Self::Fill => (
+                S::ALL_TRANSFER,
+                A::TRANSFER_WRITE,
+                L::TRANSFER_DST_OPTIMAL,
+                true,
+            ),
             Self::ColorTarget => (
                 S::COLOR_ATTACHMENT_OUTPUT,
                 A::COLOR_ATTACHMENT_WRITE,

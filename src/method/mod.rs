@@ -15,7 +15,7 @@ mod settings;
 pub(crate) mod targets;
 pub mod triangles;
 
-pub use settings::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};
+pub use settings::{Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind};
 
 use crate::gpu::image::Format;
 use crate::gpu::pipeline::{Attribute, AttributeFormat, Record};

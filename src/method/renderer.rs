@@ -280,16 +280,13 @@ impl Renderer {
         if settings.method == Method::Points && self.points.is_none() {
             self.points = Some(points::pipeline(&self.gpu, normals)?);
         }
+        if self.small.is_none() && compute::is_wanted(&self.gpu, model, settings, &self.targets)? {
+            self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
+        }
         if settings.has_cut() {
             match settings.splat {
                 SplatKind::Square if self.splats.is_none() => {
                     self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
-                    let (width, height) = (self.targets.color.width, self.targets.color.height);
-                    if std::env::var_os("RASTER").is_none()
-                        && Small::is_supported(&self.gpu, width, height)
-                    {
-                        self.small = Some(Small::new(&self.gpu, width, height, normals)?);
-                    }
                 }
                 SplatKind::Filtered if self.filtered.is_none() => {
                     let (width, height) = (self.targets.color.width, self.targets.color.height);

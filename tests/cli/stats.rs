@@ -72,6 +72,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
             "depth_offset",
             "height",
             "method",
+            "path",
             "reconstruction",
             "shading",
             "size_metric",

@@ -11,12 +11,14 @@ use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
+use super::{Method, Path, Settings, SplatKind};
 use crate::abi::{ListConstants, Splat, Vertex, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Upload, Usage};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
+use crate::tree::Model;
 use std::sync::Arc;
 
 /// Largest side of a square that is drawn this way, pixels: above it a rasterizer fills faster than atomics do.
@@ -89,13 +91,48 @@ impl Part {
 /// A part with its uniform block, ready to be bound.
 type Bound<'a> = (Slice<'a>, Uniform, u32);
 
-impl Small {
-    /// Whether the device can: 64-bit atomics, and a picture that fits one binding.
-    pub(crate) fn is_supported(gpu: &Gpu, width: u32, height: u32) -> bool {
-        let info = gpu.info();
-        info.has_int64_atomics && 8 * u64::from(width) * u64::from(height) <= info.max_storage_range
-    }
+/// Bytes of the keys of a picture.
+fn key_bytes(targets: &Targets) -> u64 {
+    let color = targets.color();
+    8 * u64::from(color.width) * u64::from(color.height)
+}
 
+/// Whether `settings` want small primitives drawn by compute, and this device can.
+///
+/// # Errors
+/// When they insist on it and it cannot be; the reason is in the error.
+pub(crate) fn is_wanted(
+    gpu: &Gpu,
+    model: &Model,
+    settings: &Settings,
+    targets: &Targets,
+) -> Result<bool, Error> {
+    let info = gpu.info();
+    let why = if settings.path == Path::Raster {
+        return Ok(false);
+    } else if settings.method != Method::Pop || settings.splat != SplatKind::Square {
+        "it draws the squares of pop only"
+    } else if model.triangles.is_empty() {
+        "the squares of a cloud have sizes of their own, which may be large"
+    } else if settings.threshold_px > LARGEST_SQUARE_PX {
+        "squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels"
+    } else if !info.has_int64_atomics {
+        "the device has no 64-bit atomics on storage buffers"
+    } else if key_bytes(targets) > info.max_storage_range {
+        "the picture does not fit one storage binding of the device"
+    } else {
+        return Ok(true);
+    };
+    if settings.path == Path::Compute {
+        return Err(Error::Unsupported {
+            what: "drawing by compute",
+            why: why.into(),
+        });
+    }
+    Ok(false)
+}
+
+impl Small {
     /// Whether the triangles of a scene can be drawn so: a page of vertices must fit one binding.
     pub(crate) fn takes_triangles(gpu: &Gpu, scene: &Scene) -> bool {
         let limit = gpu.info().max_storage_range;
@@ -107,12 +144,7 @@ impl Small {
 
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
-    pub(crate) fn new(
-        gpu: &Arc<Gpu>,
-        width: u32,
-        height: u32,
-        normals: bool,
-    ) -> Result<Self, Error> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, size: &Targets, normals: bool) -> Result<Self, Error> {
         let resolve = |name, fragment| {
             Pipeline::new(
                 gpu,
@@ -144,7 +176,7 @@ impl Small {
                 gpu,
                 "nearest small primitives",
                 Usage::Storage,
-                8 * u64::from(width) * u64::from(height),
+                key_bytes(size),
             )?,
             max_binding: gpu.info().max_storage_range,
         })
