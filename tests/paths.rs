@@ -56,7 +56,7 @@ fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, 
     let flat = |image: &Image| image.normal.as_flattened().to_vec();
     let normals = differ(&flat(&raster), &flat(&compute), 2e-3);
     assert!(
-        normals <= 3.0 * allowed,
+        normals <= 1.0 + pixels * 1e-3,
         "{what}: {normals} parts of normals differ"
     );
 }
