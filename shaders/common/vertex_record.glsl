@@ -1,8 +1,10 @@
 // Triangles as storage: corner indices and vertices, and the set-up of one small triangle. What follows is the
 // rasterizer's rule (Vulkan, "Basic Polygon Rasterization"): positions in steps of 1/256 pixel, a pixel belongs to the
 // triangle that contains its center, and on an edge to the one whose top or left edge it is.
-#include "common/frame.glsl"
+#include "common/headlight.glsl"
 #include "common/list.glsl"
+#include "common/octahedral.glsl"
+#include "common/push.glsl"
 
 // Mirrored by `abi::Vertex`.
 struct VertexRecord {
@@ -36,14 +38,28 @@ struct Small {
     int area;
 };
 
-Small set_up(uint item) {
+// View-space position of a vertex; pushed away as `filtered/depth_triangles.vert` does where asked for.
+vec3 place(VertexRecord v, bool is_pushed) {
+    vec3 position_in_view = (frame.view_from_model * vec4(v.position[0], v.position[1], v.position[2], 1.0)).xyz;
+    if (!is_pushed) {
+        return position_in_view;
+    }
+    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
+    vec3 to_eye = is_orthographic ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
+    vec3 n = mat3(frame.view_from_model) * octahedral_decode(unpackSnorm2x16(v.normal)) / frame.model_scale;
+    float facing = (v.color >> 24) == 0u ? 1.0 : max(abs(dot(n, to_eye)), 0.1);
+    float depth = is_orthographic ? 1.0 : max(-position_in_view.z, 0.0);
+    float radius = frame.background.a * max(frame.splat_size_px, 1.0) * depth / (2.0 * frame.focal_px);
+    return push_away(position_in_view, radius / facing);
+}
+
+Small set_up(uint item, bool is_pushed) {
     Small small;
     small.index = uvec3(corners[3 * item], corners[3 * item + 1], corners[3 * item + 2]);
     ivec2 at[3];
     for (int i = 0; i < 3; ++i) {
         VertexRecord v = vertices[small.index[i]];
-        vec4 clip = frame.clip_from_view
-            * (frame.view_from_model * vec4(v.position[0], v.position[1], v.position[2], 1.0));
+        vec4 clip = frame.clip_from_view * vec4(place(v, is_pushed), 1.0);
         small.inverse_w[i] = 1.0 / clip.w;
         small.depth[i] = clip.z / clip.w;
         at[i] = ivec2(roundEven(window_of(clip) * 256.0));
@@ -66,24 +82,76 @@ Small set_up(uint item) {
     return small;
 }
 
-// Value of the edge function from `from` to `to` at `point`, and 1 less where the edge is neither top nor left, so that
-// a point belongs to the triangle when all three are at least 0.
 int edge(ivec2 from, ivec2 to, ivec2 point) {
     ivec2 d = to - from;
     return d.x * (point.y - from.y) - d.y * (point.x - from.x);
 }
 
-int outside_by_rule(ivec2 from, ivec2 to) {
+int least_inside(ivec2 from, ivec2 to) {
     ivec2 d = to - from;
     return (d.y < 0 || (d.y == 0 && d.x > 0)) ? 0 : 1;
 }
 
-// Weights of the corners in the window at the center of a pixel.
-vec3 weights(Small small, ivec2 pixel) {
+// Values of the edge functions at the center of a pixel, each proportional to the weight of the corner opposite.
+ivec3 edges(Small small, ivec2 pixel) {
     ivec2 point = pixel * 256 + 128 - small.origin;
-    return vec3(
+    return ivec3(
         edge(small.second, small.third, point),
         edge(small.third, ivec2(0), point),
         edge(ivec2(0), small.second, point)
-    ) / float(small.area);
+    );
+}
+
+// The least values inside: 1 where a center exactly on the edge belongs to the neighbor.
+ivec3 least_edges(Small small) {
+    return ivec3(
+        least_inside(small.second, small.third),
+        least_inside(small.third, ivec2(0)),
+        least_inside(ivec2(0), small.second)
+    );
+}
+
+// Pixels that the triangle may cover: the first, and one past the last.
+ivec4 pixels_of(Small small) {
+    ivec2 low = min(min(small.second, small.third), ivec2(0)) + small.origin;
+    ivec2 high = max(max(small.second, small.third), ivec2(0)) + small.origin;
+    // Center of pixel i: 256 i + 128 >= low  <=>  i >= (low + 127) >> 8; at most high  <=>  i <= (high - 128) >> 8.
+    return ivec4(
+        max((low + 127) >> 8, ivec2(0)),
+        min(((high - 128) >> 8) + 1, ivec2(list.size_px))
+    );
+}
+
+// Depth where the edge functions have these values.
+float depth_at(Small small, ivec3 e) {
+    return clamp(dot(vec3(e) / float(small.area), small.depth), 0.0, 1.0);
+}
+
+struct Shaded {
+    vec3 color;
+    vec3 normal_in_view;
+};
+
+// Shades the triangle at the center of a pixel as `triangles/draw.frag` does.
+Shaded shade(Small small, ivec2 pixel, ivec3 e) {
+    vec3 w = vec3(e) / float(small.area) * small.inverse_w;
+    w /= w.x + w.y + w.z;
+    vec3 normal_in_view = vec3(0.0);
+    vec3 vertex_color = vec3(0.0);
+    for (int i = 0; i < 3; ++i) {
+        VertexRecord v = vertices[small.index[i]];
+        vec4 rgba = unpackUnorm4x8(v.color);
+        // Alpha 0 marks a vertex without normal: it leaves the others to decide.
+        if (rgba.a != 0.0) {
+            normal_in_view += w[i] * (mat3(frame.view_from_model) * octahedral_decode(unpackSnorm2x16(v.normal)));
+        }
+        vertex_color += w[i] * rgba.rgb;
+    }
+    float squared = dot(normal_in_view, normal_in_view);
+    vec3 n = squared > 0.0 ? normal_in_view * inversesqrt(squared) : vec3(0.0);
+    vec3 l = vec3(0.0, 0.0, 1.0);
+    if ((frame.flags & FLAG_PARALLEL_LIGHT) == 0u) {
+        l = -normalize(vec3((vec2(pixel) + 0.5) * frame.ray_scale + frame.ray_offset, -1.0));
+    }
+    return Shaded(headlight(n, l, vertex_color, vec3(0.2, 0.35, 1.0)), n);
 }

@@ -16,34 +16,20 @@ void main() {
     if (item >= list.count) {
         return;
     }
-    Small small = set_up(list.begin + item);
+    Small small = set_up(list.begin + item, false);
     if (small.area == 0) {
         return;
     }
-    ivec2 low = min(min(small.second, small.third), ivec2(0)) + small.origin;
-    ivec2 high = max(max(small.second, small.third), ivec2(0)) + small.origin;
-    // Center of pixel i: 256 i + 128 >= low  <=>  i >= (low + 127) >> 8; at most high  <=>  i <= (high - 128) >> 8.
-    ivec2 first = max((low + 127) >> 8, ivec2(0));
-    ivec2 last = min((high - 128) >> 8, ivec2(list.size_px) - 1);
-    ivec3 rule = ivec3(
-        outside_by_rule(small.second, small.third),
-        outside_by_rule(small.third, ivec2(0)),
-        outside_by_rule(ivec2(0), small.second)
-    );
+    ivec4 range = pixels_of(small);
+    ivec3 least = least_edges(small);
     uint low_half = ~(list.first + item);
-    for (int y = first.y; y <= last.y; ++y) {
-        for (int x = first.x; x <= last.x; ++x) {
-            ivec2 point = ivec2(x, y) * 256 + 128 - small.origin;
-            ivec3 e = ivec3(
-                edge(small.second, small.third, point),
-                edge(small.third, ivec2(0), point),
-                edge(ivec2(0), small.second, point)
-            );
-            if (any(lessThan(e, rule))) {
+    for (int y = range.y; y < range.w; ++y) {
+        for (int x = range.x; x < range.z; ++x) {
+            ivec3 e = edges(small, ivec2(x, y));
+            if (any(lessThan(e, least))) {
                 continue;
             }
-            float depth = clamp(dot(vec3(e) / float(small.area), small.depth), 0.0, 1.0);
-            uint64_t key = (uint64_t(floatBitsToUint(depth)) << 32) | uint64_t(low_half);
+            uint64_t key = (uint64_t(floatBitsToUint(depth_at(small, e))) << 32) | uint64_t(low_half);
             uint pixel = uint(y) * list.size_px.x + uint(x);
             if (nearest[pixel] < key) {
                 atomicMax(nearest[pixel], key);

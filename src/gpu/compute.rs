@@ -4,6 +4,7 @@ use super::access::Access;
 use super::bind::{self, Bound, Site, Slice};
 use super::buffer::AnyBuffer;
 use super::frame::Uniform;
+use super::image::Image;
 use super::pass::Pass;
 use super::pipeline::Pipeline;
 use ash::vk;
@@ -40,10 +41,26 @@ impl Pass<'_> {
         self
     }
 
-    /// Records a pass that fills a whole buffer with `word`.
-    pub fn fill(mut self, buffer: &dyn AnyBuffer, word: u32) {
-        self.barriers.buffer(buffer, Access::Fill);
+    /// Samples an image in the compute shader.
+    #[must_use]
+    pub fn compute_sampled(self, image: &Image) -> Self {
+        self.barriers.image(image, Access::ComputeSampled, false);
+        self
+    }
+
+    /// Records a pass that fills whole buffers with `word`.
+    pub fn fill(mut self, buffers: &[&dyn AnyBuffer], word: u32) {
+        for buffer in buffers {
+            self.barriers.buffer(*buffer, Access::Fill);
+        }
         let timing = self.begin();
+        for buffer in buffers {
+            self.fill_one(*buffer, word);
+        }
+        timing.end();
+    }
+
+    fn fill_one(&self, buffer: &dyn AnyBuffer, word: u32) {
         // SAFETY: the command buffer is being recorded outside of a rendering scope; the buffer is alive until the
         // frame has finished, has the usage of a copy's target, and its size is a multiple of 4 or filled up to one.
         unsafe {
@@ -55,7 +72,6 @@ impl Pass<'_> {
                 word,
             );
         }
-        timing.end();
     }
 
     /// Records a compute pass: barriers, label, timestamps, and what `record` dispatches.
@@ -85,14 +101,21 @@ impl Pass<'_> {
 }
 
 impl Compute<'_> {
-    /// Binds a pipeline with its uniform blocks and storage buffers, each in ascending order of their bindings.
+    /// Binds a pipeline with its uniform blocks, images and storage buffers, each in ascending order of their
+    /// bindings.
     ///
     /// # Panics
-    /// When a binding gets nothing, or a buffer was not declared by the pass.
-    pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform], storage: &[Slice<'_>]) {
+    /// When a binding gets nothing, or a resource was not declared by the pass.
+    pub fn bind(
+        &mut self,
+        pipeline: &Pipeline,
+        uniforms: &[Uniform],
+        images: &[&Image],
+        storage: &[Slice<'_>],
+    ) {
         let bound = Bound {
             uniforms,
-            images: &[],
+            images,
             storage,
         };
         bind::bind(&self.site, vk::PipelineBindPoint::COMPUTE, pipeline, &bound);

@@ -6,7 +6,7 @@
 #[cfg(feature = "viewer")]
 mod present;
 
-use super::compute::{self, Small};
+use super::compute::{self, Small, Sums};
 use super::filtered::{self, Filtered};
 use super::hybrid;
 use super::lists::{Lists, pack_triangles, records, reserve};
@@ -91,6 +91,7 @@ pub struct Renderer {
     points: Option<Pipeline>,
     splats: Option<Pipeline>,
     small: Option<Small>,
+    sums: Option<Sums>,
     filtered: Option<Filtered>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
@@ -149,6 +150,7 @@ impl Renderer {
             points: None,
             splats: None,
             small: None,
+            sums: None,
             filtered: None,
             readback: None,
             #[cfg(feature = "viewer")]
@@ -280,8 +282,16 @@ impl Renderer {
         if settings.method == Method::Points && self.points.is_none() {
             self.points = Some(points::pipeline(&self.gpu, normals)?);
         }
-        if self.small.is_none() && compute::is_wanted(&self.gpu, model, settings, &self.targets)? {
-            self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
+        if compute::is_wanted(&self.gpu, model, settings, &self.targets)? {
+            match settings.splat {
+                SplatKind::Square if self.small.is_none() => {
+                    self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
+                }
+                SplatKind::Filtered if self.sums.is_none() => {
+                    self.sums = Some(Sums::new(&self.gpu, &self.targets)?);
+                }
+                _ => {}
+            }
         }
         if settings.has_cut() {
             match settings.splat {
@@ -405,11 +415,8 @@ impl Renderer {
         lists.splats.flush(0..splat_bytes);
         let triangle_count = self.cut.triangles.len();
         reserve(&self.gpu, &mut lists.indices, 12 * triangle_count as u64)?;
-        let by_compute = self
-            .small
-            .as_ref()
-            .filter(|_| settings.splat == SplatKind::Square && side <= compute::LARGEST_SQUARE_PX);
-        let takes_triangles = by_compute.is_some() && Small::takes_triangles(&self.gpu, scene);
+        let by_compute = compute::is_wanted(&self.gpu, model, settings, &self.targets)?;
+        let takes_triangles = by_compute && Small::takes_triangles(&self.gpu, scene);
         if takes_triangles {
             reserve(&self.gpu, &mut lists.small, 12 * triangle_count as u64)?;
         }
@@ -426,6 +433,13 @@ impl Renderer {
         let submit_start = Instant::now();
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        let small_list = compute::List {
+            scene,
+            corners: &lists.small,
+            runs: &lists.small_runs,
+            splats: &lists.splats,
+            splat_count: splat_count as u32,
+        };
         match (
             settings.splat,
             &self.triangles,
@@ -442,35 +456,36 @@ impl Renderer {
                     &context,
                     constants,
                 );
-                if let Some(small) = by_compute {
-                    let list = compute::List {
-                        scene,
-                        corners: &lists.small,
-                        runs: &lists.small_runs,
-                        splats: &lists.splats,
-                        splat_count: splat_count as u32,
-                    };
-                    small.record(&mut frame, &self.targets, list, &context, constants)?;
-                } else {
-                    hybrid::record_splats(
+                match &self.small {
+                    Some(small) if by_compute => {
+                        small.record(&mut frame, &self.targets, small_list, &context, constants)?;
+                    }
+                    _ => hybrid::record_splats(
                         &mut frame,
                         splats,
                         &self.targets,
                         (&lists.splats, splat_count as u32),
                         &context,
                         constants,
-                    );
+                    ),
                 }
             }
             (SplatKind::Filtered, _, _, Some(filtered)) => {
+                let small = match &self.sums {
+                    Some(sums) if by_compute => Some((
+                        sums,
+                        sums.ready(&mut frame, small_list, &context, constants)?,
+                    )),
+                    _ => None,
+                };
                 let list = filtered::List {
                     scene,
                     indices: &lists.indices,
                     runs: &lists.runs,
                     splats: &lists.splats,
-                    splat_count: splat_count as u32,
+                    splat_count: if by_compute { 0 } else { splat_count as u32 },
                 };
-                filtered.record(&mut frame, &self.targets, list, &context, constants);
+                filtered.record(&mut frame, &self.targets, list, small, &context, constants);
             }
             _ => unreachable!("prepare made the pipelines"),
         }
