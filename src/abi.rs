@@ -92,6 +92,25 @@ pub struct FrameConstants {
     pub low_pass_px: f32,
 }
 
+/// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
+/// `shaders/common/list.glsl`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct ListConstants {
+    /// Width and height of the picture, pixels.
+    pub size_px: [u32; 2],
+    /// Pixels by which the viewport of `clip_from_view` reaches beyond the picture on every side.
+    pub guard_px: f32,
+    /// Number of the first item of the bound part of the list.
+    pub first: u32,
+    /// How many items the bound part has.
+    pub count: u32,
+    /// Where the first lies in what is bound.
+    pub begin: u32,
+    /// Sign of twice the area (clockwise on the picture is positive) of the triangles that are dropped; 0: none.
+    pub dropped_sign: i32,
+}
+
 /// Shaders as compiled by `build.rs`, with what they declare.
 mod generated {
     #![allow(clippy::unreadable_literal, reason = "written by build.rs")]
@@ -185,4 +204,37 @@ same_layout!(
     specular = SPECULAR,
     shininess = SHININESS,
     low_pass_px = LOW_PASS_PX,
+);
+same_layout!(
+    ListConstants,
+    list_constants,
+    size_px = SIZE_PX,
+    guard_px = GUARD_PX,
+    first = FIRST,
+    count = COUNT,
+    begin = BEGIN,
+    dropped_sign = DROPPED_SIGN,
+);
+same_layout!(
+    Splat,
+    splat_record,
+    center = CENTER,
+    radius = RADIUS,
+    normal = NORMAL,
+    color = COLOR,
+);
+same_layout!(
+    Vertex,
+    vertex_record,
+    position = POSITION,
+    normal = NORMAL,
+    color = COLOR,
+);
+same_layout!(
+    FilteredSplat,
+    filtered_record,
+    center = CENTER,
+    offset = OFFSET,
+    color = COLOR,
+    area_px = AREA_PX,
 );

@@ -11,7 +11,7 @@ use surfel::math::camera::View;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Outputs, Renderer};
 use surfel::method::scene::Scene;
-use surfel::method::{Culling, Method, Settings, SplatKind};
+use surfel::method::{Culling, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
 const ALL: Outputs = Outputs {
@@ -97,7 +97,11 @@ fn threshold_zero_is_the_triangle_picture() {
         let model = generated(shape, 20_000);
         for fill in [1.0, 4.0] {
             let view = orbit(&model, (200, 160), 30.0, 20.0, fill);
-            let pop = draw(&device, &model, &view, &settings(Method::Pop, 0.0));
+            let pop = Settings {
+                path: Path::Raster,
+                ..settings(Method::Pop, 0.0)
+            };
+            let pop = draw(&device, &model, &view, &pop);
             let triangles = draw(&device, &model, &view, &settings(Method::Triangles, 0.0));
             // The guard band changes the last bit of a window position before it is snapped, and of what is
             // interpolated: coverage stays, a grey value on the border of two levels can fall to the other.

@@ -6,7 +6,7 @@ use clap::{Args as ClapArgs, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
 use surfel::method::{
-    Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+    Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,
 };
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
@@ -111,6 +111,16 @@ enum SumName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum PathName {
+    /// Compute shaders where the device and the splats allow it
+    Auto,
+    /// The rasterizer alone
+    Raster,
+    /// Compute shaders; an error where they cannot
+    Compute,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ReconstructionName {
     /// A Gaussian of the threshold's radius
     Gaussian,
@@ -184,6 +194,9 @@ pub(crate) struct LookArgs {
     /// Where splats are blended: how far behind the front a surface still counts as one with it, in radii of a splat [default: 3 for filtered, else 1]
     #[arg(long, value_name = "FACTOR")]
     depth_offset: Option<f32>,
+    /// What draws splats and triangles of a few pixels on a device; the picture is the same
+    #[arg(long, value_enum, default_value = "auto")]
+    path: PathName,
     /// What the size of a node on screen is
     #[arg(long, value_enum, default_value = "exact")]
     size_metric: SizeName,
@@ -258,6 +271,11 @@ impl LookArgs {
                 ReconstructionName::PullPush => Reconstruction::PullPush,
             },
             threshold_px: threshold,
+            path: match self.path {
+                PathName::Auto => Path::Auto,
+                PathName::Raster => Path::Raster,
+                PathName::Compute => Path::Compute,
+            },
             depth_offset: self.depth_offset,
             culling: match self.culling {
                 CullingName::Auto => Culling::Auto,

@@ -19,6 +19,7 @@ pub(crate) fn settings_of(
         "blend": settings.blend(),
         "shading": settings.shading,
         "reconstruction": settings.reconstruction,
+        "path": settings.path,
         "threshold_px": settings.threshold_px,
         "depth_offset": settings.depth_offset(),
         "size_metric": settings.size,

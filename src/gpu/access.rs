@@ -11,10 +11,16 @@ use ash::vk;
 pub enum Access {
     /// Sampled in a fragment shader.
     Sampled,
+    /// Sampled in a compute shader.
+    ComputeSampled,
     /// Read as storage in a compute shader.
     StorageRead,
     /// Read and written as storage in a compute shader.
     StorageWrite,
+    /// Read as storage in a fragment shader.
+    FragmentStorageRead,
+    /// Filled with a constant by a command.
+    Fill,
     /// Written as a color target without reading what it held.
     ColorTarget,
     /// Written as a color target that is loaded or blended with.
@@ -37,7 +43,7 @@ pub enum Access {
     VertexRead,
     /// Read as indices.
     IndexRead,
-    /// Read as a uniform block by any graphics shader.
+    /// Read as a uniform block by any shader.
     UniformRead,
     /// Handed to the presentation engine.
     Present,
@@ -58,10 +64,13 @@ pub struct Scope {
 
 impl Access {
     /// Every access, for tests of the table.
-    pub const ALL: [Self; 16] = [
+    pub const ALL: [Self; 19] = [
         Self::Sampled,
+        Self::ComputeSampled,
         Self::StorageRead,
         Self::StorageWrite,
+        Self::FragmentStorageRead,
+        Self::Fill,
         Self::ColorTarget,
         Self::BlendTarget,
         Self::DepthTest,
@@ -90,11 +99,30 @@ impl Access {
                 L::SHADER_READ_ONLY_OPTIMAL,
                 false,
             ),
+            Self::ComputeSampled => (
+                S::COMPUTE_SHADER,
+                A::SHADER_SAMPLED_READ,
+                L::SHADER_READ_ONLY_OPTIMAL,
+                false,
+            ),
             Self::StorageRead => (S::COMPUTE_SHADER, A::SHADER_STORAGE_READ, L::GENERAL, false),
             Self::StorageWrite => (
                 S::COMPUTE_SHADER,
                 A::SHADER_STORAGE_READ | A::SHADER_STORAGE_WRITE,
                 L::GENERAL,
+                true,
+            ),
+            Self::FragmentStorageRead => (
+                S::FRAGMENT_SHADER,
+                A::SHADER_STORAGE_READ,
+                L::GENERAL,
+                false,
+            ),
+            // The specification calls a fill a transfer without saying which of its stages.
+            Self::Fill => (
+                S::ALL_TRANSFER,
+                A::TRANSFER_WRITE,
+                L::TRANSFER_DST_OPTIMAL,
                 true,
             ),
             Self::ColorTarget => (
@@ -134,7 +162,7 @@ impl Access {
             ),
             Self::IndexRead => (S::INDEX_INPUT, A::INDEX_READ, L::UNDEFINED, false),
             Self::UniformRead => (
-                S::VERTEX_SHADER | S::FRAGMENT_SHADER,
+                S::VERTEX_SHADER | S::FRAGMENT_SHADER | S::COMPUTE_SHADER,
                 A::UNIFORM_READ,
                 L::UNDEFINED,
                 false,
@@ -277,6 +305,8 @@ mod tests {
         [
             Access::StorageRead,
             Access::StorageWrite,
+            Access::FragmentStorageRead,
+            Access::Fill,
             Access::CopySource,
             Access::CopyTarget,
             Access::HostRead,

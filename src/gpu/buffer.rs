@@ -137,7 +137,7 @@ any_buffer!(Buffer);
 /// What a device buffer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Usage {
-    /// Vertex attributes.
+    /// Vertex attributes, and storage of compute passes.
     Vertex,
     /// Indices.
     Index,
@@ -148,7 +148,9 @@ pub enum Usage {
 impl Usage {
     fn flags(self) -> vk::BufferUsageFlags {
         match self {
-            Self::Vertex => vk::BufferUsageFlags::VERTEX_BUFFER,
+            Self::Vertex => {
+                vk::BufferUsageFlags::VERTEX_BUFFER | vk::BufferUsageFlags::STORAGE_BUFFER
+            }
             Self::Index => vk::BufferUsageFlags::INDEX_BUFFER,
             Self::Storage => vk::BufferUsageFlags::STORAGE_BUFFER,
         }
@@ -159,6 +161,16 @@ impl Usage {
 const STAGING_BYTES: usize = 32 << 20;
 
 impl Buffer {
+    /// Makes a buffer of `bytes` bytes that only the device writes. Its contents are undefined until then.
+    ///
+    /// # Errors
+    /// When memory cannot be had or `bytes` is more than the device's buffers hold.
+    pub fn new(gpu: &Arc<Gpu>, name: &str, usage: Usage, bytes: u64) -> Result<Self, Error> {
+        let flags = usage.flags() | vk::BufferUsageFlags::TRANSFER_DST;
+        let raw = Raw::new(gpu, name, bytes, flags, MemoryLocation::GpuOnly)?;
+        Ok(Self { raw })
+    }
+
     /// Makes a buffer that holds `data`: written directly where device memory is mapped, else through staged
     /// copies. Waits for the copies; not for the frame loop.
     ///

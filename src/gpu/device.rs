@@ -506,8 +506,10 @@ pub(super) fn create(
         .large_points(true)
         .full_draw_index_uint32(chosen.info.has_full_index)
         .pipeline_statistics_query(chosen.info.has_pipeline_statistics)
-        .occlusion_query_precise(chosen.info.has_sample_counts);
+        .occlusion_query_precise(chosen.info.has_sample_counts)
+        .shader_int64(chosen.info.has_int64_atomics);
     let mut features12 = vk::PhysicalDeviceVulkan12Features::default()
+        .shader_buffer_int64_atomics(chosen.info.has_int64_atomics)
         .timeline_semaphore(true)
         .host_query_reset(true);
     let mut features13 = vk::PhysicalDeviceVulkan13Features::default()

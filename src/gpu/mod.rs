@@ -11,8 +11,10 @@
 )]
 
 pub mod access;
+pub mod bind;
 pub mod buffer;
 pub mod clock;
+pub mod compute;
 pub mod device;
 pub mod frame;
 pub mod image;

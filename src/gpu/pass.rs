@@ -1,13 +1,13 @@
 //! The pass: the only place that writes labels, timestamps, barriers and scopes.
 
 use super::access::{Access, State};
+use super::bind::{self, Bound, Site, Slice};
 use super::buffer::{AnyBuffer, state_of};
-use super::frame::{MAX_PASSES, Slot, Uniform};
+use super::frame::{Slot, Uniform};
 use super::image::{Format, Image, range};
 use super::pipeline::Pipeline;
 use super::query::Queries;
 use super::{Gpu, lock};
-use crate::abi::BindingKind;
 use ash::vk;
 use std::sync::Arc;
 
@@ -25,8 +25,8 @@ pub enum Load {
 pub(super) struct Barriers {
     buffers: Vec<vk::BufferMemoryBarrier2<'static>>,
     images: Vec<vk::ImageMemoryBarrier2<'static>>,
-    /// Vertex and index buffers that the pass being described declared; kept for their memory.
-    declared: [Vec<vk::Buffer>; 2],
+    /// Vertex, index and storage buffers that the pass being described declared; kept for their memory.
+    pub(super) declared: [Vec<vk::Buffer>; 3],
     /// Record none: a planted fault, see [`omit_barriers`](super::frame::Frames::omit_barriers).
     pub(super) omitted: bool,
 }
@@ -112,7 +112,7 @@ pub struct Pass<'f> {
     pub(super) gpu: Arc<Gpu>,
     pub(super) slot: &'f mut Slot,
     pub(super) barriers: &'f mut Barriers,
-    name: &'static str,
+    pub(super) name: &'static str,
     colors: [Option<(vk::ImageView, Load)>; 4],
     color_count: usize,
     depth: Option<(vk::ImageView, Load)>,
@@ -217,6 +217,14 @@ impl<'f> Pass<'f> {
         self
     }
 
+    /// Reads a storage buffer in the fragment shader.
+    #[must_use]
+    pub fn fragment_storage(self, buffer: &dyn AnyBuffer) -> Self {
+        self.barriers.buffer(buffer, Access::FragmentStorageRead);
+        self.barriers.declared[2].push(buffer.handle());
+        self
+    }
+
     /// Records the pass: barriers, label, timestamps, rendering scope, and what `record` draws in it.
     /// `viewport` is x, y, width and height in pixels; it may reach beyond the targets.
     ///
@@ -303,13 +311,16 @@ impl<'f> Pass<'f> {
         let queries = &mut self.slot.queries;
         let counting = queries.begin_counters(&gpu, commands, name, self.moved_bytes);
         let mut draw = Draw {
-            gpu: &gpu,
-            commands,
-            descriptors,
-            uniforms,
+            site: Site {
+                gpu: &gpu,
+                commands,
+                descriptors,
+                uniforms,
+                storage: &declared[2],
+                name,
+            },
             vertex_buffers: &declared[0],
             index_buffers: &declared[1],
-            name,
         };
         record(&mut draw);
         if let Some(counting) = counting {
@@ -360,19 +371,15 @@ impl Timing {
 
 /// Draws inside a pass.
 pub struct Draw<'a> {
-    gpu: &'a Gpu,
-    commands: vk::CommandBuffer,
-    descriptors: vk::DescriptorPool,
-    uniforms: vk::Buffer,
+    site: Site<'a>,
     vertex_buffers: &'a [vk::Buffer],
     index_buffers: &'a [vk::Buffer],
-    name: &'static str,
 }
 
 impl std::fmt::Debug for Draw<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Draw")
-            .field("pass", &self.name)
+            .field("pass", &self.site.name)
             .finish_non_exhaustive()
     }
 }
@@ -384,86 +391,31 @@ impl Draw<'_> {
     /// When a binding gets nothing or something of another kind, an image was not declared by the pass, or the
     /// frame has bound too many.
     pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform], images: &[&Image]) {
-        let layouts = [pipeline.set_layout];
-        let info = vk::DescriptorSetAllocateInfo::default()
-            .descriptor_pool(self.descriptors)
-            .set_layouts(&layouts);
-        let (mut uniforms, mut images) = (uniforms.iter(), images.iter());
-        // SAFETY: the pool belongs to this frame's slot, whose last use has finished; buffers and images written are
-        // alive as long as the frame; every binding of the set is written before it is bound.
-        unsafe {
-            let sets = match self.gpu.device.allocate_descriptor_sets(&info) {
-                Ok(sets) => sets,
-                Err(result) => panic!(
-                    "{}: a frame has room for {} bindings: {result}",
-                    self.name,
-                    4 * MAX_PASSES
-                ),
-            };
-            for &(binding, kind) in &pipeline.bindings {
-                let write = vk::WriteDescriptorSet::default()
-                    .dst_set(sets[0])
-                    .dst_binding(binding);
-                match kind {
-                    BindingKind::UniformBuffer => {
-                        let Some(uniform) = uniforms.next() else {
-                            panic!("{}: nothing for uniform binding {binding}", self.name)
-                        };
-                        let buffers = [vk::DescriptorBufferInfo::default()
-                            .buffer(self.uniforms)
-                            .offset(uniform.offset)
-                            .range(uniform.bytes)];
-                        let write = write
-                            .descriptor_type(vk::DescriptorType::UNIFORM_BUFFER)
-                            .buffer_info(&buffers);
-                        self.gpu.device.update_descriptor_sets(&[write], &[]);
-                    }
-                    BindingKind::SampledImage => {
-                        let Some(image) = images.next() else {
-                            panic!("{}: nothing for image binding {binding}", self.name)
-                        };
-                        assert!(
-                            lock(&image.state).layout() == Access::Sampled.scope().layout,
-                            "pass {} did not declare image {}",
-                            self.name,
-                            image.name()
-                        );
-                        let infos = [vk::DescriptorImageInfo::default()
-                            .sampler(self.gpu.sampler)
-                            .image_view(image.view)
-                            .image_layout(Access::Sampled.scope().layout)];
-                        let write = write
-                            .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
-                            .image_info(&infos);
-                        self.gpu.device.update_descriptor_sets(&[write], &[]);
-                    }
-                    BindingKind::StorageBuffer | BindingKind::StorageImage => {
-                        panic!(
-                            "{}: binding {binding} is storage, which draws do not use",
-                            self.name
-                        )
-                    }
-                }
-            }
-            assert!(
-                uniforms.next().is_none() && images.next().is_none(),
-                "{}: {} has fewer bindings",
-                self.name,
-                pipeline.name()
-            );
-            let point = vk::PipelineBindPoint::GRAPHICS;
-            self.gpu
-                .device
-                .cmd_bind_pipeline(self.commands, point, pipeline.handle);
-            self.gpu.device.cmd_bind_descriptor_sets(
-                self.commands,
-                point,
-                pipeline.layout,
-                0,
-                &sets,
-                &[],
-            );
-        }
+        self.bind_storage(pipeline, uniforms, images, &[]);
+    }
+
+    /// As [`bind`](Draw::bind), with the storage buffers that the shaders read.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn bind_storage(
+        &mut self,
+        pipeline: &Pipeline,
+        uniforms: &[Uniform],
+        images: &[&Image],
+        storage: &[Slice<'_>],
+    ) {
+        let bound = Bound {
+            uniforms,
+            images,
+            storage,
+        };
+        bind::bind(
+            &self.site,
+            vk::PipelineBindPoint::GRAPHICS,
+            pipeline,
+            &bound,
+        );
     }
 
     /// Which triangles are dropped: those that show their back, where the front is counter-clockwise on the
@@ -481,8 +433,14 @@ impl Draw<'_> {
         };
         // SAFETY: the command buffer is being recorded; both states are core in Vulkan 1.3.
         unsafe {
-            self.gpu.device.cmd_set_cull_mode(self.commands, mode);
-            self.gpu.device.cmd_set_front_face(self.commands, front);
+            self.site
+                .gpu
+                .device
+                .cmd_set_cull_mode(self.site.commands, mode);
+            self.site
+                .gpu
+                .device
+                .cmd_set_front_face(self.site.commands, front);
         }
     }
 
@@ -494,13 +452,13 @@ impl Draw<'_> {
         assert!(
             self.vertex_buffers.contains(&buffer.handle()),
             "pass {} did not declare vertex buffer {}",
-            self.name,
+            self.site.name,
             buffer.name()
         );
         // SAFETY: declared, so alive until the frame has finished and visible to vertex input.
         unsafe {
-            self.gpu.device.cmd_bind_vertex_buffers(
-                self.commands,
+            self.site.gpu.device.cmd_bind_vertex_buffers(
+                self.site.commands,
                 0,
                 &[buffer.handle()],
                 &[offset],
@@ -516,13 +474,13 @@ impl Draw<'_> {
         assert!(
             self.index_buffers.contains(&buffer.handle()),
             "pass {} did not declare index buffer {}",
-            self.name,
+            self.site.name,
             buffer.name()
         );
         // SAFETY: declared, so alive until the frame has finished and visible to index input.
         unsafe {
-            self.gpu.device.cmd_bind_index_buffer(
-                self.commands,
+            self.site.gpu.device.cmd_bind_index_buffer(
+                self.site.commands,
                 buffer.handle(),
                 offset,
                 vk::IndexType::UINT32,
@@ -534,23 +492,38 @@ impl Draw<'_> {
     pub fn draw(&mut self, first: u32, count: u32) {
         // SAFETY: pipeline, state and vertices are bound; the range lies in the bound buffer (callers draw
         // what they have written).
-        unsafe { self.gpu.device.cmd_draw(self.commands, count, 1, first, 0) };
+        unsafe {
+            self.site
+                .gpu
+                .device
+                .cmd_draw(self.site.commands, count, 1, first, 0)
+        };
     }
 
     /// Draws `count` records from `first` on as quads
     /// ([`Topology::Quads`](super::pipeline::Topology::Quads)).
     pub fn draw_quads(&mut self, first: u32, count: u32) {
         // SAFETY: as in `draw`; the records are bound per instance.
-        unsafe { self.gpu.device.cmd_draw(self.commands, 6, count, 0, first) };
+        unsafe {
+            self.site
+                .gpu
+                .device
+                .cmd_draw(self.site.commands, 6, count, 0, first)
+        };
     }
 
     /// Draws `count` indices from `first` on; `vertex_offset` is added to each.
     pub fn draw_indexed(&mut self, first: u32, count: u32, vertex_offset: i32) {
         // SAFETY: as in `draw`, and every index plus offset names a vertex of the bound buffer.
         unsafe {
-            self.gpu
-                .device
-                .cmd_draw_indexed(self.commands, count, 1, first, vertex_offset, 0);
+            self.site.gpu.device.cmd_draw_indexed(
+                self.site.commands,
+                count,
+                1,
+                first,
+                vertex_offset,
+                0,
+            );
         }
     }
 }

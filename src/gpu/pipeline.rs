@@ -105,6 +105,8 @@ pub struct Pipeline {
     pub(super) layout: vk::PipelineLayout,
     pub(super) set_layout: vk::DescriptorSetLayout,
     pub(super) bindings: Vec<(u32, BindingKind)>,
+    /// Invocations of a workgroup; 1 for graphics.
+    pub(super) group: u32,
     name: String,
 }
 
@@ -165,9 +167,54 @@ impl Pipeline {
             fragment,
             ..
         } = *description;
-        // Union of the bindings of both stages.
+        let mut pipeline = Self::with_layout(gpu, name, std::iter::once(vertex).chain(fragment))?;
+        pipeline.handle = compile(gpu, description, pipeline.layout)?;
+        gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
+        gpu.name(pipeline.handle, name);
+        Ok(pipeline)
+    }
+
+    /// Compiles a compute pipeline. Not for the frame loop.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub fn compute(gpu: &Arc<Gpu>, name: &str, shader: &Shader) -> Result<Self, Error> {
+        let mut pipeline = Self::with_layout(gpu, name, std::iter::once(shader))?;
+        let module = Module::new(gpu, shader)?;
+        let info = vk::ComputePipelineCreateInfo::default()
+            .stage(
+                vk::PipelineShaderStageCreateInfo::default()
+                    .stage(vk::ShaderStageFlags::COMPUTE)
+                    .module(module.handle)
+                    .name(c"main"),
+            )
+            .layout(pipeline.layout);
+        // SAFETY: everything the description points to lives until the call returns, and belongs to this device.
+        let made = unsafe {
+            gpu.device
+                .create_compute_pipelines(gpu.pipeline_cache, &[info], None)
+        };
+        pipeline.handle = match made {
+            Ok(pipelines) => pipelines[0],
+            Err((_, result)) => {
+                return Err(Error::vulkan("vkCreateComputePipelines", name)(result));
+            }
+        };
+        pipeline.group = shader.local_size.iter().product();
+        gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
+        gpu.name(pipeline.handle, name);
+        Ok(pipeline)
+    }
+
+    /// Everything but the pipeline itself: layouts as the shaders declare them.
+    fn with_layout<'s>(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        shaders: impl Iterator<Item = &'s Shader>,
+    ) -> Result<Self, Error> {
+        // Union of the bindings of all stages.
         let mut bindings: Vec<(u32, BindingKind, vk::ShaderStageFlags)> = Vec::new();
-        for shader in std::iter::once(vertex).chain(fragment) {
+        for shader in shaders {
             for &(binding, kind) in shader.bindings {
                 match bindings.iter_mut().find(|b| b.0 == binding) {
                     Some(known) => {
@@ -187,6 +234,7 @@ impl Pipeline {
             layout: vk::PipelineLayout::null(),
             set_layout: vk::DescriptorSetLayout::null(),
             bindings: bindings.iter().map(|b| (b.0, b.1)).collect(),
+            group: 1,
             name: name.to_owned(),
         };
         let descriptors: Vec<_> = bindings
@@ -208,9 +256,6 @@ impl Pipeline {
         // SAFETY: as above; the set layout was just made.
         pipeline.layout = unsafe { gpu.device.create_pipeline_layout(&info, None) }
             .map_err(Error::vulkan("vkCreatePipelineLayout", name))?;
-        pipeline.handle = compile(gpu, description, pipeline.layout)?;
-        gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
-        gpu.name(pipeline.handle, name);
         gpu.name(pipeline.layout, name);
         gpu.name(pipeline.set_layout, name);
         Ok(pipeline)

@@ -1,6 +1,7 @@
 //! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
 //! mirror on the CPU that tests compare it with.
 
+mod compute;
 pub mod engine;
 pub mod filtered;
 pub mod fuzzy;
@@ -17,7 +18,7 @@ pub mod times;
 pub mod triangles;
 
 pub use settings::{
-    Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+    Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,
 };
 
 use crate::gpu::image::Format;

@@ -8,6 +8,7 @@ mod pop;
 mod present;
 mod whole;
 
+use super::compute::{self, Small, Sums};
 use super::filtered::Filtered;
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
@@ -19,7 +20,7 @@ use super::targets::{Context, Targets};
 pub use super::times::FrameTimes;
 use super::times::Stage;
 use super::triangles::{self, Variant};
-use super::{Method, Settings};
+use super::{Method, Settings, SplatKind};
 use crate::cut::{self, Cut};
 use crate::draw::Lighting;
 use crate::gpu::buffer::{Readback, Upload};
@@ -72,6 +73,8 @@ pub struct Renderer {
     selector: cut::Selector,
     triangles: Option<(Variant, Pipeline)>,
     splats: Option<Splats>,
+    small: Option<Small>,
+    sums: Option<Sums>,
     filtered: Option<Filtered>,
     fuzzy: Option<Fuzzy>,
     readback: Option<[Option<Readback>; 3]>,
@@ -110,6 +113,12 @@ impl Renderer {
                         FIRST_LIST_BYTES,
                     )?,
                     runs: Vec::new(),
+                    small: Upload::new(
+                        gpu,
+                        &format!("small triangles of frame {slot}"),
+                        FIRST_LIST_BYTES,
+                    )?,
+                    small_runs: Vec::new(),
                 })
             })
             .collect::<Result<_, Error>>()?;
@@ -123,6 +132,8 @@ impl Renderer {
             selector: cut::Selector::default(),
             triangles: None,
             splats: None,
+            small: None,
+            sums: None,
             filtered: None,
             fuzzy: None,
             readback: None,
@@ -266,6 +277,17 @@ impl Renderer {
             };
             if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
+            }
+        }
+        if compute::is_wanted(&self.gpu, settings, &self.targets)? {
+            match settings.splat {
+                SplatKind::Filtered if self.sums.is_none() => {
+                    self.sums = Some(Sums::new(&self.gpu, &self.targets)?);
+                }
+                SplatKind::Square if self.small.is_none() => {
+                    self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
+                }
+                _ => {}
             }
         }
         match Drawing::of(settings) {

@@ -85,6 +85,19 @@ pub enum Reconstruction {
     PullPush,
 }
 
+/// What draws small primitives on a device. The picture is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Path {
+    /// Compute shaders where the device and the splats allow it, else the rasterizer.
+    #[default]
+    Auto,
+    /// The rasterizer alone.
+    Raster,
+    /// Compute shaders; refused where they cannot.
+    Compute,
+}
+
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
@@ -116,6 +129,8 @@ pub struct Settings {
     pub low_pass_px: Option<f32>,
     /// How visibility splats are reconstructed.
     pub reconstruction: Reconstruction,
+    /// What draws small primitives on a device.
+    pub path: Path,
     /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0.
     pub threshold_px: f32,
     /// Factor of the depth offset where splats are blended; at least 0; `None` is the usual one of their kind,
@@ -147,6 +162,7 @@ impl Default for Settings {
             sums: None,
             low_pass_px: None,
             reconstruction: Reconstruction::Gaussian,
+            path: Path::Auto,
             depth_offset: None,
             threshold_px: 1.0,
             culling: Culling::Auto,

@@ -73,6 +73,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
             "height",
             "light",
             "method",
+            "path",
             "reconstruction",
             "shading",
             "size_metric",

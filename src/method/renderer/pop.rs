@@ -9,6 +9,7 @@ use crate::gpu::buffer::Upload;
 use crate::gpu::frame::Ticket;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::method::compute::{self, Small};
 use crate::method::lists::{pack_triangles, records, reserve};
 use crate::method::plan::{Drawing, cut_settings, filtered_shade, frame_constants, splat_plan};
 use crate::method::scene::Scene;
@@ -26,7 +27,12 @@ impl Renderer {
         settings: &Settings,
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
-        let max_point = self.gpu.info().max_point_size_px;
+        let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let max_point = if by_compute {
+            compute::LARGEST_SQUARE_PX
+        } else {
+            self.gpu.info().max_point_size_px
+        };
         let is_whole = settings.method == Method::Splats;
         let largest = match Drawing::of(settings) {
             Drawing::Filtered => settings.threshold_px.clamp(1.0, max_point),
@@ -49,21 +55,37 @@ impl Renderer {
             model,
             &self.cut,
             view,
-            settings,
+            (settings, max_point),
         )?;
         let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
-        pack_triangles(model, scene, triangles, lists);
+        let takes_triangles = by_compute && Small::takes_triangles(&self.gpu, scene);
+        if takes_triangles {
+            reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
+        }
+        let is_small =
+            takes_triangles.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        pack_triangles(model, scene, triangles, lists, is_small);
         let index_bytes = 12 * triangles.len() as u64;
         packing.end(&mut times);
         let upload = Stage::Upload.begin();
         lists.splats.flush(0..splat_bytes);
         lists.indices.flush(0..index_bytes);
+        if takes_triangles {
+            lists.small.flush(0..index_bytes);
+        }
         upload.end(&mut times);
 
         let submit = Stage::Submit.begin();
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        let small_list = compute::List {
+            scene,
+            corners: &lists.small,
+            runs: &lists.small_runs,
+            splats: &lists.splats,
+            splat_count: packed.points as u32,
+        };
         match (
             Drawing::of(settings),
             &self.triangles,
@@ -80,10 +102,15 @@ impl Renderer {
                     &context,
                     constants,
                 );
+                let mut packed_left = packed;
+                if let (true, Some(small)) = (by_compute, &self.small) {
+                    small.record(&mut frame, &self.targets, small_list, &context, constants)?;
+                    packed_left.points = 0;
+                }
                 splats.record_list(
                     &mut frame,
                     &self.targets,
-                    (&lists.splats, packed, capacity),
+                    (&lists.splats, packed_left, capacity),
                     &context,
                     constants,
                 );
@@ -101,14 +128,21 @@ impl Renderer {
                 fuzzy.record(&mut frame, &self.targets, list, &context, constants);
             }
             (Drawing::Filtered, _, _, Some(filtered)) => {
+                let small = match &self.sums {
+                    Some(sums) if by_compute => Some((
+                        sums,
+                        sums.ready(&mut frame, small_list, &context, constants)?,
+                    )),
+                    _ => None,
+                };
                 let list = filtered::List {
                     scene,
                     indices: &lists.indices,
                     runs: &lists.runs,
                     splats: &lists.splats,
-                    splat_count: packed.points as u32,
+                    splat_count: if by_compute { 0 } else { packed.points as u32 },
                 };
-                filtered.record(&mut frame, &self.targets, list, &context, constants);
+                filtered.record(&mut frame, &self.targets, list, small, &context, constants);
             }
             _ => unreachable!("prepare made the pipelines"),
         }
@@ -132,9 +166,8 @@ fn pack_splats(
     model: &Model,
     cut: &Cut,
     view: &View,
-    settings: &Settings,
+    (settings, max_point): (&Settings, f32),
 ) -> Result<(Packed, usize, u64), Error> {
-    let max_point = gpu.info().max_point_size_px;
     let (packed, capacity, record_bytes) = match Drawing::of(settings) {
         Drawing::Opaque => {
             let plan = splat_plan(settings, max_point);
@@ -164,4 +197,22 @@ fn pack_splats(
         Drawing::Nothing => (Packed::default(), 0, 0),
     };
     Ok((packed, capacity, (capacity * record_bytes) as u64))
+}
+
+/// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
+fn is_small_on_screen<'a>(
+    model: &'a Model,
+    view: &View,
+    most_px: f32,
+) -> impl Fn(u32) -> bool + use<'a> {
+    let row = view.view_from_model.row(2);
+    let (near, is_perspective) = (view.near, view.is_perspective);
+    // In view space; the bound of the size is that of the sphere's nearest point.
+    let ratio = 2.0 * view.focal_px() * view.model_scale / most_px;
+    let scale = view.model_scale;
+    move |leaf| {
+        let sphere = &model.tree.leaves[leaf as usize];
+        let nearest = -row.dot(sphere.center.extend(1.0)) - sphere.radius * scale;
+        nearest > near && ratio * sphere.radius <= if is_perspective { nearest } else { 1.0 }
+    }
 }

@@ -1,0 +1,27 @@
+// What a pass over storage knows of the picture and of the part of the list that is bound. Mirrored by
+// `abi::ListConstants`.
+layout(set = 0, binding = 1, std140) uniform ListConstants {
+    // Width and height of the picture, pixels.
+    uvec2 size_px;
+    // Pixels by which the viewport of `clip_from_view` reaches beyond the picture on every side.
+    float guard_px;
+    // The bound part of the list: number of its first item, how many they are, and where the first lies in what is
+    // bound.
+    uint first;
+    uint count;
+    uint begin;
+    // Sign of twice the area (clockwise on the picture is positive) of the triangles that are dropped; 0: none.
+    int dropped_sign;
+} list;
+
+// Which item of the bound part an invocation of a compute shader does; not all are below `list.count`.
+#define ITEM (gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x)
+
+// The low half of a key of the nearest: complement of this bit for splats, and the number in the list. Triangles are
+// drawn first, so of equal depths they win.
+const uint SPLAT_BIT = 0x80000000u;
+
+// Window position of a clip position, pixels.
+vec2 window_of(vec4 clip) {
+    return (clip.xy / clip.w * 0.5 + 0.5) * (vec2(list.size_px) + 2.0 * list.guard_px) - list.guard_px;
+}

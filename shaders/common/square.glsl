@@ -1,0 +1,23 @@
+// The pixels of a square, as a rasterizer of points finds them: positions in steps of 1/256 pixel, a pixel belongs to
+// the square that contains its center.
+#include "common/list.glsl"
+
+struct Square {
+    ivec2 first;
+    // One past the last.
+    ivec2 end;
+};
+
+// The part of a square around a window position that lies in the picture; empty when either is not finite.
+Square square_around(vec2 window, float side_px) {
+    vec2 size = vec2(list.size_px);
+    float side = clamp(side_px, 1.0, 65536.0);
+    // Too far beside the picture to reach into it; also keeps the integers below from overflowing.
+    if (!(all(greaterThan(window, vec2(-side))) && all(lessThan(window, size + side)))) {
+        return Square(ivec2(0), ivec2(0));
+    }
+    int steps = int(roundEven(side * 256.0));
+    ivec2 low = ivec2(roundEven(window * 256.0)) - steps / 2;
+    // Center of pixel i: 256 i + 128 >= low  <=>  i >= (low + 127) >> 8.
+    return Square(max((low + 127) >> 8, ivec2(0)), min((low + steps + 127) >> 8, ivec2(list.size_px)));
+}

@@ -1,0 +1,38 @@
+#version 460
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+// Pass small.resolve, splats: shades the splat that each pixel kept; its depth is tested against what the rasterizer
+// drew.
+#include "common/headlight.glsl"
+#include "common/octahedral.glsl"
+#include "common/splat_record.glsl"
+
+layout(set = 0, binding = 3, std430) readonly buffer Nearest {
+    uint64_t nearest[];
+};
+
+layout(location = 0) out vec4 color;
+layout(location = 1) out vec4 normal;
+
+// Whether the pass has a target for normals.
+layout(constant_id = 0) const bool WRITE_NORMALS = false;
+
+void main() {
+    uvec2 pixel = uvec2(gl_FragCoord.xy);
+    uint64_t key = nearest[pixel.y * list.size_px.x + pixel.x];
+    uint number = ~uint(key);
+    uint item = (number & ~SPLAT_BIT) - list.first;
+    if (key == 0ul || (number & SPLAT_BIT) == 0u || item >= list.count) {
+        discard;
+    }
+    SplatRecord splat = splats[list.begin + item];
+    vec4 rgba = unpackUnorm4x8(splat.color);
+    vec3 center = vec3(splat.center[0], splat.center[1], splat.center[2]);
+    vec3 normal_in_model = rgba.a == 0.0 ? vec3(0.0) : octahedral_decode(unpackSnorm2x16(splat.normal));
+    vec3 n = mat3(frame.view_from_model) * normal_in_model / frame.model_scale;
+    vec3 center_in_view = (frame.view_from_model * vec4(center, 1.0)).xyz;
+    color = vec4(headlight(n, to_light(center_in_view), rgba.rgb, vec3(1.0, 0.2, 0.2)), 1.0);
+    if (WRITE_NORMALS) {
+        normal = vec4(normal_in_model, 1.0);
+    }
+    gl_FragDepth = uintBitsToFloat(uint(key >> 32));
+}

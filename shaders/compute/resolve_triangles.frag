@@ -1,0 +1,31 @@
+#version 460
+#extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
+// Pass small.resolve, triangles: shades the triangle that each pixel kept as `triangles/draw.frag` does.
+#include "common/vertex_record.glsl"
+
+layout(set = 0, binding = 4, std430) readonly buffer Nearest {
+    uint64_t nearest[];
+};
+
+layout(location = 0) out vec4 color;
+layout(location = 1) out vec4 normal;
+
+// Whether the pass has a target for normals.
+layout(constant_id = 0) const bool WRITE_NORMALS = false;
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    uint64_t key = nearest[uint(pixel.y) * list.size_px.x + uint(pixel.x)];
+    uint number = ~uint(key);
+    uint item = number - list.first;
+    if (key == 0ul || (number & SPLAT_BIT) != 0u || item >= list.count) {
+        discard;
+    }
+    Small small = set_up(list.begin + item, false);
+    Shaded shaded = shade(small, pixel, edges(small, pixel));
+    color = vec4(shaded.color, 1.0);
+    if (WRITE_NORMALS) {
+        normal = vec4(shaded.normal_in_view * mat3(frame.view_from_model) / frame.model_scale, 1.0);
+    }
+    gl_FragDepth = uintBitsToFloat(uint(key >> 32));
+}

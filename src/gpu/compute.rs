@@ -1,0 +1,146 @@
+//! Compute pipelines and the passes that dispatch them.
+
+use super::access::Access;
+use super::bind::{self, Bound, Site, Slice};
+use super::buffer::AnyBuffer;
+use super::frame::Uniform;
+use super::image::Image;
+use super::pass::Pass;
+use super::pipeline::Pipeline;
+use ash::vk;
+
+/// Dispatches inside a pass.
+pub struct Compute<'a> {
+    site: Site<'a>,
+    /// Invocations of a workgroup of the bound pipeline.
+    group: u32,
+}
+
+impl std::fmt::Debug for Compute<'_> {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Compute")
+            .field("pass", &self.site.name)
+            .finish_non_exhaustive()
+    }
+}
+
+impl Pass<'_> {
+    /// Reads a storage buffer in the compute shader.
+    #[must_use]
+    pub fn storage_read(self, buffer: &dyn AnyBuffer) -> Self {
+        self.barriers.buffer(buffer, Access::StorageRead);
+        self.barriers.declared[2].push(buffer.handle());
+        self
+    }
+
+    /// Reads and writes a storage buffer in the compute shader.
+    #[must_use]
+    pub fn storage(self, buffer: &dyn AnyBuffer) -> Self {
+        self.barriers.buffer(buffer, Access::StorageWrite);
+        self.barriers.declared[2].push(buffer.handle());
+        self
+    }
+
+    /// Samples an image in the compute shader.
+    #[must_use]
+    pub fn compute_sampled(self, image: &Image) -> Self {
+        self.barriers.image(image, Access::ComputeSampled, false);
+        self
+    }
+
+    /// Records a pass that fills whole buffers with `word`.
+    pub fn fill(mut self, buffers: &[&dyn AnyBuffer], word: u32) {
+        for buffer in buffers {
+            self.barriers.buffer(*buffer, Access::Fill);
+        }
+        let timing = self.begin();
+        for buffer in buffers {
+            self.fill_one(*buffer, word);
+        }
+        timing.end(&self.slot.queries);
+    }
+
+    fn fill_one(&self, buffer: &dyn AnyBuffer, word: u32) {
+        // SAFETY: the command buffer is being recorded outside of a rendering scope; the buffer is alive until the
+        // frame has finished, has the usage of a copy's target, and its size is a multiple of 4 or filled up to one.
+        unsafe {
+            self.gpu.device.cmd_fill_buffer(
+                self.slot.commands,
+                buffer.handle(),
+                0,
+                vk::WHOLE_SIZE,
+                word,
+            );
+        }
+    }
+
+    /// Records a compute pass: barriers, label, timestamps, and what `record` dispatches.
+    ///
+    /// # Panics
+    /// When `record` binds a buffer that was not declared.
+    pub fn compute(mut self, record: impl FnOnce(&mut Compute<'_>)) {
+        let declared = std::mem::take(&mut self.barriers.declared);
+        let timing = self.begin();
+        let gpu = self.gpu.clone();
+        let mut compute = Compute {
+            site: Site {
+                gpu: &gpu,
+                commands: self.slot.commands,
+                descriptors: self.slot.descriptors,
+                uniforms: self.slot.uniforms.handle(),
+                storage: &declared[2],
+                name: self.name,
+            },
+            group: 1,
+        };
+        record(&mut compute);
+        timing.end(&self.slot.queries);
+        // Handed back for the next pass, which clears them.
+        self.barriers.declared = declared;
+    }
+}
+
+impl Compute<'_> {
+    /// Binds a pipeline with its uniform blocks, images and storage buffers, each in ascending order of their
+    /// bindings.
+    ///
+    /// # Panics
+    /// When a binding gets nothing, or a resource was not declared by the pass.
+    pub fn bind(
+        &mut self,
+        pipeline: &Pipeline,
+        uniforms: &[Uniform],
+        images: &[&Image],
+        storage: &[Slice<'_>],
+    ) {
+        let bound = Bound {
+            uniforms,
+            images,
+            storage,
+        };
+        bind::bind(&self.site, vk::PipelineBindPoint::COMPUTE, pipeline, &bound);
+        self.group = pipeline.group;
+    }
+
+    /// Runs at least `items` invocations, as rows of workgroups that the device's limit allows: a shader finds its
+    /// item as `gl_WorkGroupID.y * gl_NumWorkGroups.x * group + gl_GlobalInvocationID.x`, and must leave alone
+    /// what is not below its count.
+    pub fn items(&mut self, items: u32) {
+        let groups = items.div_ceil(self.group);
+        if groups == 0 {
+            return;
+        }
+        let rows = groups.div_ceil(MAX_GROUPS);
+        // SAFETY: a compute pipeline and its descriptors are bound; both counts are at most 65,535, which every device
+        // takes: 2^32 items of workgroups of at least 1 are at most 65,537 rows, and no list has that many.
+        unsafe {
+            self.site
+                .gpu
+                .device
+                .cmd_dispatch(self.site.commands, groups.div_ceil(rows), rows, 1);
+        }
+    }
+}
+
+/// Workgroups in one dimension that every device takes (Vulkan 1.3, table of required limits).
+const MAX_GROUPS: u32 = 65_535;

@@ -1,0 +1,154 @@
+//! Draw lists as storage: in parts that fit the device's bindings, each with its uniform block.
+
+use super::super::hybrid::Run;
+use super::super::scene::Scene;
+use super::super::targets::Context;
+use crate::abi::{FilteredSplat, ListConstants, Splat, Vertex};
+use crate::gpu::Error;
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{AnyBuffer, Upload};
+use crate::gpu::frame::{Frame, Uniform};
+
+/// What a frame draws.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct List<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) corners: &'a Upload,
+    pub(crate) runs: &'a [Run],
+    pub(crate) splats: &'a Upload,
+    pub(crate) splat_count: u32,
+}
+
+/// A part with its uniform block, ready to be bound.
+type Bound<'a> = (Slice<'a>, Uniform, u32);
+
+/// The items of a frame, ready to be bound.
+pub(super) struct Items<'a> {
+    pub(super) splats: Vec<Bound<'a>>,
+    /// Each with the vertices of its page.
+    pub(super) triangles: Vec<(Bound<'a>, Slice<'a>)>,
+}
+
+/// The uniform block of a pass over a picture without items.
+pub(super) fn constants(context: &Context) -> ListConstants {
+    ListConstants {
+        size_px: [context.width, context.height],
+        guard_px: context.guard_px as f32,
+        first: 0,
+        count: 0,
+        begin: 0,
+        // Clockwise is positive. Fronts turn counter-clockwise unless the camera mirrors.
+        dropped_sign: match (context.cull_back, context.is_mirrored) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => -1,
+        },
+    }
+}
+
+impl<'a> List<'a> {
+    /// Binds everything; `S` is the record of the splats.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(super) fn bound<S>(
+        &self,
+        frame: &mut Frame<'_>,
+        context: &Context,
+        max_binding: u64,
+    ) -> Result<Items<'a>, Error> {
+        let mut bind = |buffer: &'a dyn AnyBuffer, record, first, count| {
+            parts(first, count, record, max_binding)
+                .map(|part| {
+                    let uniform = frame.uniform(&ListConstants {
+                        first: part.first,
+                        count: part.count,
+                        begin: part.begin,
+                        ..constants(context)
+                    })?;
+                    Ok((part.slice(buffer, record), uniform, part.count))
+                })
+                .collect::<Result<Vec<Bound<'a>>, Error>>()
+        };
+        let splats = bind(self.splats, size_of::<S>() as u64, 0, self.splat_count)?;
+        let mut triangles = Vec::new();
+        for run in self.runs {
+            let own = bind(self.corners, 12, run.first / 3, run.count / 3)?;
+            let vertices = Slice::whole(&self.scene.pages[run.page].vertices);
+            triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
+        }
+        Ok(Items { splats, triangles })
+    }
+}
+
+/// Items of a list that fit one binding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Part {
+    first: u32,
+    count: u32,
+    /// First byte of the binding.
+    offset: u64,
+    /// Items in the binding before the first.
+    begin: u32,
+}
+
+/// The items `first .. first + count` in parts that fit bindings of `max_binding` bytes. Three alignments hold whole
+/// records of 12, 24 and 32 bytes.
+fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator<Item = Part> {
+    let step = 3 * Slice::ALIGNMENT / record;
+    let most = (max_binding / (3 * Slice::ALIGNMENT)).saturating_sub(1) * step;
+    let most = most.clamp(1, u64::from(u32::MAX / 2)) as u32;
+    let end = first + count;
+    (first..end).step_by(most as usize).map(move |first| {
+        let aligned = u64::from(first) / step * step;
+        Part {
+            first,
+            count: most.min(end - first),
+            offset: aligned * record,
+            begin: (u64::from(first) - aligned) as u32,
+        }
+    })
+}
+
+impl Part {
+    fn slice<'a>(&self, buffer: &'a dyn AnyBuffer, record: u64) -> Slice<'a> {
+        let bytes = u64::from(self.begin + self.count) * record;
+        Slice::new(buffer, self.offset, bytes)
+    }
+}
+
+const _: () = assert!(
+    size_of::<Splat>() == 24 && size_of::<FilteredSplat>() == 32 && size_of::<Vertex>() == 20,
+    "parts() counts on records that fill three alignments"
+);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_cover_a_list_once_in_order_and_fit_their_bindings() {
+        for (first, count, record, limit) in [
+            (0, 0, 24, 4096),
+            (0, 1, 24, 4096),
+            (5, 400, 24, 4096),
+            (77, 1000, 12, 4096),
+            (64, 64, 12, 1 << 27),
+        ] {
+            let parts: Vec<Part> = parts(first, count, record, limit).collect();
+            let numbers: Vec<u32> = parts
+                .iter()
+                .flat_map(|p| p.first..p.first + p.count)
+                .collect();
+            assert_eq!(numbers, (first..first + count).collect::<Vec<_>>());
+            for part in parts {
+                assert!(part.offset.is_multiple_of(Slice::ALIGNMENT));
+                assert_eq!(
+                    part.offset + u64::from(part.begin) * record,
+                    u64::from(part.first) * record
+                );
+                assert!(u64::from(part.begin + part.count) * record <= limit);
+            }
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Small primitives by compute: the picture of [`super::hybrid`]'s rasterized squares and triangles, at a fraction of
+//! their cost where they are a few pixels large.
+//!
+//! A rasterizer sets every primitive up before it draws it, which on a software device takes some 65 to 150 ns whatever
+//! its size. Here `small.triangles` and `small.splats` let each leave (depth, number) in the pixels it covers by a 64-bit
+//! atomic maximum, and `small.resolve` shades one of them a pixel. Source: Schütz, Kerbl and Wimmer, *Rendering Point
+//! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
+//! the near plane, goes to the rasterizer.
+
+mod filtered;
+mod list;
+
+pub(crate) use filtered::{Ready, Sums};
+pub(crate) use list::List;
+
+use super::scene::Scene;
+use super::targets::{Context, Targets};
+use super::triangles::targets;
+use super::{Blend, Path, Settings, SplatKind};
+use crate::abi::{Splat, shaders};
+use crate::draw::Lighting;
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::{Error, Gpu};
+use list::Items;
+use std::sync::Arc;
+
+/// Largest side of a square that is drawn this way, pixels: above it a rasterizer fills faster than atomics do.
+pub(crate) const LARGEST_SQUARE_PX: f32 = 6.0;
+/// Largest bounding circle of a triangle that is drawn this way, pixels.
+pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
+
+const NOTHING: Record = Record {
+    stride: 0,
+    attributes: &[],
+};
+
+/// Pipelines and the buffer of the nearest, for one picture size.
+#[derive(Debug)]
+pub(crate) struct Small {
+    splats: Pipeline,
+    triangles: Pipeline,
+    resolve_splats: Pipeline,
+    resolve_triangles: Pipeline,
+    keys: Buffer,
+    max_binding: u64,
+}
+
+/// Bytes of the keys of a picture.
+fn key_bytes(targets: &Targets) -> u64 {
+    let color = targets.color();
+    8 * u64::from(color.width) * u64::from(color.height)
+}
+
+/// Whether `settings` want small primitives drawn by compute, and this device can.
+///
+/// # Errors
+/// When they insist on it and it cannot be; the reason is in the error.
+pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Result<bool, Error> {
+    let info = gpu.info();
+    let why = if settings.path == Path::Raster {
+        return Ok(false);
+    } else if !settings.has_cut()
+        || !matches!(settings.splat, SplatKind::Square | SplatKind::Filtered)
+        || settings.blend() != Blend::Opaque
+    {
+        "it draws squares that are not blended, and filtered splats, of pop and splats"
+    } else if settings.light != Lighting::Headlight {
+        "it knows the headlight only"
+    } else if settings.threshold_px > LARGEST_SQUARE_PX {
+        "squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels"
+    } else if !info.has_int64_atomics {
+        "the device has no 64-bit atomics on storage buffers"
+    } else if filtered::sum_bytes(targets) > info.max_storage_range {
+        "the picture does not fit one storage binding of the device"
+    } else {
+        return Ok(true);
+    };
+    if settings.path == Path::Compute {
+        return Err(Error::Unsupported {
+            what: "drawing by compute",
+            why: why.into(),
+        });
+    }
+    Ok(false)
+}
+
+impl Small {
+    /// Whether the triangles of a scene can be drawn so: a page of vertices must fit one binding.
+    pub(crate) fn takes_triangles(gpu: &Gpu, scene: &Scene) -> bool {
+        let limit = gpu.info().max_storage_range;
+        scene
+            .pages
+            .iter()
+            .all(|page| page.vertices.bytes() <= limit)
+    }
+
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(crate) fn new(gpu: &Arc<Gpu>, size: &Targets, normals: bool) -> Result<Self, Error> {
+        let resolve = |name, fragment| {
+            Pipeline::new(
+                gpu,
+                &Description {
+                    name,
+                    vertex: &shaders::COMPUTE_RESOLVE_VERT,
+                    fragment: Some(fragment),
+                    constants: &[normals],
+                    record: NOTHING,
+                    topology: Topology::Triangles,
+                    colors: targets(normals),
+                    depth: Depth::Nearest,
+                    is_additive: false,
+                },
+            )
+        };
+        Ok(Self {
+            splats: Pipeline::compute(gpu, "small.splats", &shaders::COMPUTE_SPLATS_COMP)?,
+            triangles: Pipeline::compute(gpu, "small.triangles", &shaders::COMPUTE_TRIANGLES_COMP)?,
+            resolve_splats: resolve(
+                "small.resolve splats",
+                &shaders::COMPUTE_RESOLVE_SPLATS_FRAG,
+            )?,
+            resolve_triangles: resolve(
+                "small.resolve triangles",
+                &shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG,
+            )?,
+            keys: Buffer::new(
+                gpu,
+                "nearest small primitives",
+                Usage::Storage,
+                key_bytes(size),
+            )?,
+            max_binding: gpu.info().max_storage_range,
+        })
+    }
+
+    /// Passes small.clear, small.triangles, small.splats and small.resolve. Keeps what the targets hold where it is
+    /// nearer.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        if list.runs.is_empty() && list.splat_count == 0 {
+            return Ok(());
+        }
+        let Items { splats, triangles } = list.bound::<Splat>(frame, context, self.max_binding)?;
+        let keys = Slice::whole(&self.keys);
+        frame.pass("small.clear").fill(&[&self.keys], 0);
+        if !triangles.is_empty() {
+            let mut pass = frame
+                .pass("small.triangles")
+                .storage_read(list.corners)
+                .storage(&self.keys);
+            for page in &list.scene.pages {
+                pass = pass.storage_read(&page.vertices);
+            }
+            pass.compute(|compute| {
+                for &((part, uniform, count), vertices) in &triangles {
+                    compute.bind(
+                        &self.triangles,
+                        &[constants, uniform],
+                        &[],
+                        &[part, vertices, keys],
+                    );
+                    compute.items(count);
+                }
+            });
+        }
+        if !splats.is_empty() {
+            frame
+                .pass("small.splats")
+                .storage_read(list.splats)
+                .storage(&self.keys)
+                .compute(|compute| {
+                    for &(part, uniform, count) in &splats {
+                        compute.bind(&self.splats, &[constants, uniform], &[], &[part, keys]);
+                        compute.items(count);
+                    }
+                });
+        }
+        let mut pass = targets
+            .attach_with(frame.pass("small.resolve"), context, |_| Load::Keep)
+            .fragment_storage(list.splats)
+            .fragment_storage(list.corners)
+            .fragment_storage(&self.keys);
+        for page in &list.scene.pages {
+            pass = pass.fragment_storage(&page.vertices);
+        }
+        let picture = [0.0, 0.0, context.width as f32, context.height as f32];
+        pass.draw(picture, |draw| {
+            draw.cull_back_faces(false, false);
+            for &((part, uniform, _), vertices) in &triangles {
+                draw.bind_storage(
+                    &self.resolve_triangles,
+                    &[constants, uniform],
+                    &[],
+                    &[part, vertices, keys],
+                );
+                draw.draw(0, 3);
+            }
+            for &(part, uniform, _) in &splats {
+                draw.bind_storage(
+                    &self.resolve_splats,
+                    &[constants, uniform],
+                    &[],
+                    &[part, keys],
+                );
+                draw.draw(0, 3);
+            }
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,161 @@
+//! Small primitives by compute and by the rasterizer: the same picture.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit, real};
+use surfel::generate::Shape;
+use surfel::gpu::Error;
+use surfel::image::{Image, compare};
+use surfel::math::camera::View;
+use surfel::method::engine::{Backend, Engine};
+use surfel::method::renderer::Outputs;
+use surfel::method::{Culling, Method, Path, Settings, SplatKind};
+use surfel::tree::Model;
+
+/// Sums have no normal.
+fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Result<Image, Error> {
+    let backend = Backend::Device(device.gpu().clone());
+    let outputs = Outputs {
+        depth: true,
+        normal: settings.splat == SplatKind::Square,
+    };
+    Engine::new(&backend, model, (view.width, view.height), outputs)?.render(view, settings)
+}
+
+/// The same coverage, colors within one level but where two surfaces tie or an edge runs through a pixel center
+/// (0.01 percent of the pixels, and one).
+fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, what: &str) {
+    let [raster, compute] = [Path::Raster, Path::Compute]
+        .map(|path| draw(device, model, view, &Settings { path, ..settings }).unwrap());
+    let d = compare(&raster, &compute, 1.5).unwrap();
+    let pixels = f64::from(view.width * view.height);
+    let allowed = 1.0 + pixels * 1e-4;
+    assert!(
+        d.object.pixels > 100,
+        "{what}: an empty picture shows nothing"
+    );
+    assert!(d.whole.past_level as f64 <= allowed, "{what}: {d:?}");
+    let differ = |a: &[f32], b: &[f32], tolerance: f32| {
+        a.iter()
+            .zip(b)
+            .filter(|(a, b)| a != b && !((*a - *b).abs() <= tolerance))
+            .count() as f64
+    };
+    // A hundredth of a pixel's footprint: rasterizers interpolate the depth of a tiny triangle from where the picture
+    // begins, in single precision. Of a triangle seen edge-on, a step of 1/256 pixel is more than that.
+    // The corners that filtered splats push away lie many footprints apart in depth: a tenth there.
+    let part = match settings.splat {
+        SplatKind::Filtered => 0.1,
+        _ => 0.01,
+    };
+    let tolerance = part * view.far / view.focal_px();
+    let depths = differ(&raster.depth, &compute.depth, tolerance);
+    assert!(
+        depths <= 1.0 + pixels * 1e-3,
+        "{what}: {depths} depths differ"
+    );
+    let flat = |image: &Image| image.normal.as_flattened().to_vec();
+    let normals = differ(&flat(&raster), &flat(&compute), 2e-3);
+    assert!(
+        normals <= 1.0 + pixels * 1e-3,
+        "{what}: {normals} parts of normals differ"
+    );
+}
+
+#[test]
+fn compute_and_rasterizer_draw_the_same_picture() {
+    let Some(device) = Device::open() else { return };
+    for shape in [Shape::Statue, Shape::Torus, Shape::Square] {
+        let model = generated(shape, 60_000);
+        for (threshold_px, fill) in [(0.0, 1.0), (1.0, 0.3), (1.0, 1.0), (3.0, 1.0), (5.5, 2.5)] {
+            for (splat, culling) in [
+                (SplatKind::Square, Culling::Auto),
+                (SplatKind::Square, Culling::Off),
+                (SplatKind::Filtered, Culling::Auto),
+                (SplatKind::Filtered, Culling::Off),
+            ] {
+                let settings = Settings {
+                    threshold_px,
+                    splat,
+                    culling,
+                    ..Settings::default()
+                };
+                let view = orbit(&model, (240, 200), 30.0, 20.0, fill);
+                let what = format!(
+                    "{shape:?}, {splat:?}, threshold {threshold_px}, fill {fill}, {culling:?}"
+                );
+                assert_same(&device, &model, &view, settings, &what);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_mirrored_camera_and_a_camera_inside_the_model_draw_the_same_too() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 60_000);
+    let mut view = orbit(&model, (240, 200), 30.0, 20.0, 1.0);
+    view.scale[0] = -view.scale[0];
+    view.offset[0] = -view.offset[0];
+    // Triangles that reach the near plane go to the rasterizer on either path.
+    let inside = orbit(&model, (240, 200), 30.0, 20.0, 60.0);
+    for splat in [SplatKind::Square, SplatKind::Filtered] {
+        let settings = Settings {
+            splat,
+            ..Settings::default()
+        };
+        assert_same(&device, &model, &view, settings, "mirrored");
+        assert_same(&device, &model, &inside, settings, "inside");
+    }
+}
+
+#[test]
+fn real_models_with_colors_draw_the_same() {
+    let Some(device) = Device::open() else { return };
+    for name in ["thesis/horse.ply", "meshes/ankylosaurus_mesh.ply.gz"] {
+        let Some(folder) = common::models() else {
+            return;
+        };
+        if !folder.join(name).is_file() {
+            eprintln!("{name} is absent: not tested");
+            continue;
+        }
+        let Some(model) = real(name) else { return };
+        let view = orbit(&model, (300, 300), 200.0, -10.0, 1.0);
+        assert_same(&device, &model, &view, Settings::default(), name);
+    }
+}
+
+#[test]
+fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 5_000);
+    let view = orbit(&model, (64, 64), 30.0, 20.0, 1.0);
+    for settings in [
+        Settings {
+            threshold_px: 7.0,
+            ..Settings::default()
+        },
+        Settings {
+            method: Method::Points,
+            ..Settings::default()
+        },
+        Settings {
+            method: Method::Triangles,
+            splat: SplatKind::Square,
+            ..Settings::default()
+        },
+    ] {
+        assert!(draw(&device, &model, &view, &settings).is_ok());
+        let insisting = Settings {
+            path: Path::Compute,
+            ..settings
+        };
+        let error = draw(&device, &model, &view, &insisting).unwrap_err();
+        assert!(
+            matches!(&error, Error::Unsupported { what, .. } if *what == "drawing by compute"),
+            "{error}"
+        );
+    }
+}
