@@ -10,3 +10,5 @@ const uint FLAG_PARALLEL_LIGHT = 8u;
 const uint FLAG_ORTHOGRAPHIC = 16u;
 // Diffuse albedo of the headlight shading.
 const float ALBEDO = 0.8;
+// Frame flag: visibility splats show the class of each pixel instead of its color.
+const uint FLAG_COLOR_BY_CLASSIFICATION = 32u;

@@ -141,6 +141,8 @@ enum ColorByName {
     Shading,
     /// Splats red, triangles blue
     Primitive,
+    /// With --splat visibility: foreground white, holes gray, holes out of reach of any foreground red
+    Classification,
 }
 
 /// How the model is drawn.
@@ -225,6 +227,7 @@ impl LookArgs {
             color_by: match self.color_by {
                 ColorByName::Shading => ColorBy::Shading,
                 ColorByName::Primitive => ColorBy::Primitive,
+                ColorByName::Classification => ColorBy::Classification,
             },
             two_sided: !self.one_sided,
             use_colors: !self.no_colors,

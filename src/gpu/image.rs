@@ -12,6 +12,8 @@ use std::sync::{Arc, Mutex};
 pub enum Format {
     /// Eight bits a channel, 0..=1.
     Rgba8,
+    /// Two 32-bit floats.
+    Rg32Float,
     /// Four 32-bit floats.
     Rgba32Float,
     /// 32-bit float depth, reversed: 1 at the near plane, 0 at the far plane.
@@ -23,6 +25,7 @@ impl Format {
     pub fn pixel_bytes(self) -> u64 {
         match self {
             Self::Rgba8 | Self::Depth32 => 4,
+            Self::Rg32Float => 8,
             Self::Rgba32Float => 16,
         }
     }
@@ -30,6 +33,7 @@ impl Format {
     pub(super) fn vk(self) -> vk::Format {
         match self {
             Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
+            Self::Rg32Float => vk::Format::R32G32_SFLOAT,
             Self::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
             Self::Depth32 => vk::Format::D32_SFLOAT,
         }

@@ -225,6 +225,9 @@ impl MirrorEngine {
                 splats: &filtered,
             };
             mirror::render_filtered(view, &list, &style, self.outputs).image
+        } else if settings.draws_visibility() {
+            let how = settings.reconstruction;
+            mirror::render_visibility(view, &list, &style, how, self.outputs).image
         } else {
             mirror::render(view, &list, &style, self.outputs)
         };

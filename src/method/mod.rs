@@ -13,6 +13,7 @@ pub mod scene;
 mod settings;
 pub(crate) mod targets;
 pub mod triangles;
+pub(crate) mod visibility;
 
 pub use settings::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};
 

@@ -51,8 +51,16 @@ pub fn check(
             limit: max_size_px as u64,
         });
     }
-    if !matches!(settings.splat, SplatKind::Square | SplatKind::Filtered)
-        || settings.method == Method::Splats
+    if settings.color_by == ColorBy::Classification && !settings.draws_visibility() {
+        return Err(Error::Unsupported {
+            what: "the classification of pixels",
+            why: "only visibility splats have one; add --splat visibility".into(),
+        });
+    }
+    if !matches!(
+        settings.splat,
+        SplatKind::Square | SplatKind::Filtered | SplatKind::Visibility
+    ) || settings.method == Method::Splats
         || settings.blend() != Blend::Opaque
         || settings.shading != Shading::PerSplat
     {
@@ -127,6 +135,10 @@ pub(super) fn frame_constants(
         (
             settings.color_by == ColorBy::Primitive,
             constants::FLAG_COLOR_BY_PRIMITIVE,
+        ),
+        (
+            settings.color_by == ColorBy::Classification,
+            constants::FLAG_COLOR_BY_CLASSIFICATION,
         ),
         (
             view.light == Light::Directional || !view.is_perspective,

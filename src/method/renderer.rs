@@ -14,6 +14,7 @@ use super::plan::{check, cut_settings, filtered_shade, frame_constants};
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::{self, Variant};
+use super::visibility::{self, Visibility};
 use super::{Method, Settings, SplatKind, points};
 use crate::abi::{FilteredSplat, FrameConstants, Splat};
 use crate::cut::{self, Cut};
@@ -90,6 +91,7 @@ pub struct Renderer {
     points: Option<Pipeline>,
     splats: Option<Pipeline>,
     filtered: Option<Filtered>,
+    visibility: Option<Visibility>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
@@ -141,6 +143,7 @@ impl Renderer {
             points: None,
             splats: None,
             filtered: None,
+            visibility: None,
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
@@ -271,7 +274,16 @@ impl Renderer {
         if settings.method == Method::Points && self.points.is_none() {
             self.points = Some(points::pipeline(&self.gpu, normals)?);
         }
-        if settings.has_cut() {
+        if settings.draws_visibility() {
+            let visibility = match &mut self.visibility {
+                Some(made) => made,
+                none => {
+                    let (width, height) = (self.targets.color.width, self.targets.color.height);
+                    none.insert(Visibility::new(&self.gpu, width, height, normals)?)
+                }
+            };
+            visibility.ensure(settings.reconstruction)?;
+        } else if settings.has_cut() {
             match settings.splat {
                 SplatKind::Square if self.splats.is_none() => {
                     self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
@@ -328,6 +340,7 @@ impl Renderer {
         let Some(pipeline) = &self.points else {
             unreachable!("prepare made the pipeline")
         };
+        let visibility = &self.visibility;
         let counts = Counts {
             points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
             ..Counts::default()
@@ -341,6 +354,15 @@ impl Renderer {
             counts,
             end,
             |frame, c| {
+                if let (true, Some(visibility)) = (settings.draws_visibility(), visibility) {
+                    let list = visibility::List {
+                        scene,
+                        triangles: None,
+                        splats: visibility::Splats::Vertices,
+                    };
+                    let how = settings.reconstruction;
+                    return visibility.record(frame, targets, list, how, &context, c);
+                }
                 points::record(frame, pipeline, targets, scene, &context, c);
             },
         )
@@ -407,6 +429,18 @@ impl Renderer {
             &self.splats,
             &self.filtered,
         ) {
+            (SplatKind::Visibility, ..) => {
+                let Some(visibility) = &self.visibility else {
+                    unreachable!("prepare made the pipelines")
+                };
+                let list = visibility::List {
+                    scene,
+                    triangles: Some((&lists.indices, &lists.runs)),
+                    splats: visibility::Splats::List(&lists.splats, splat_count as u32),
+                };
+                let how = settings.reconstruction;
+                visibility.record(&mut frame, &self.targets, list, how, &context, constants);
+            }
             (SplatKind::Square, Some((_, triangles)), Some(splats), _) => {
                 hybrid::record_triangles(
                     &mut frame,

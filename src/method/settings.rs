@@ -164,6 +164,11 @@ impl Settings {
         self.draws_splats() && self.splat == SplatKind::Filtered
     }
 
+    /// Whether splats are drawn as visible centers with a reconstruction between them.
+    pub fn draws_visibility(&self) -> bool {
+        self.draws_splats() && self.splat == SplatKind::Visibility
+    }
+
     /// How splats are blended: Gaussians in two passes, the others not at all unless asked for.
     pub fn blend(&self) -> Blend {
         self.blend.unwrap_or(match self.splat {

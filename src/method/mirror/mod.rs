@@ -21,8 +21,10 @@ mod shade;
 mod square;
 mod target;
 mod triangle;
+mod visibility;
 
 pub use filtered::{Filtered, render_filtered};
+pub use visibility::{Class, Pixel, Visibility, render_visibility};
 
 use crate::draw::{DrawList, Style};
 use crate::image::Image;

@@ -78,7 +78,7 @@ impl Shading {
             (ColorBy::Primitive, Kind::Triangle) => TRIANGLE_TINT,
             (ColorBy::Primitive, Kind::Splat) => SPLAT_TINT,
             (ColorBy::Shading, _) if self.use_colors => color,
-            (ColorBy::Shading, _) => DVec3::ONE,
+            (ColorBy::Shading | ColorBy::Classification, _) => DVec3::ONE,
         };
         // The shader's constant is single precision; so is this one.
         f64::from(ALBEDO) * cosine * albedo
