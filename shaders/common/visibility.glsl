@@ -26,8 +26,11 @@ vec3 to_viewer(vec3 position_in_view) {
     return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
 }
 
-// Depth must be above the cleared 0 to be drawn: what lies on the far plane, or is pushed past it, lies just before it.
+// Depth must be above the cleared 0 to be drawn: what lies on the far plane, or is pushed past it, lies just before it,
+// in the same order.
 vec4 before_far(vec4 clip) {
-    clip.z = max(clip.z, 1e-30 * clip.w);
+    if (clip.z <= 0.0) {
+        clip.z = clip.w * (1e-30 / (1.0 - clip.z / clip.w));
+    }
     return clip;
 }

@@ -1,7 +1,7 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{check, cut_settings, filtered_shade};
+use super::plan::{check, cut_settings, filtered_shade, largest_splat_px};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::{Method, Settings, SplatKind, mirror};
@@ -226,7 +226,10 @@ impl MirrorEngine {
             };
             mirror::render_filtered(view, &list, &style, self.outputs).image
         } else if settings.draws_visibility() {
-            let how = settings.reconstruction;
+            let how = mirror::Filling {
+                reconstruction: settings.reconstruction,
+                largest_px: largest_splat_px(model, settings),
+            };
             mirror::render_visibility(view, &list, &style, how, self.outputs).image
         } else {
             mirror::render(view, &list, &style, self.outputs)

@@ -22,6 +22,15 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
     }
 }
 
+/// No splat is larger than this, pixels: infinite where splats have sizes of their own.
+pub(super) fn largest_splat_px(model: &Model, settings: &Settings) -> f32 {
+    if settings.method == Method::Splats || (settings.has_cut() && model.triangles.is_empty()) {
+        f32::INFINITY
+    } else {
+        settings.threshold_px.max(1.0)
+    }
+}
+
 /// What the packing of filtered splats needs of the settings.
 pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
     draw::filtered::Shade {

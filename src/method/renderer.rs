@@ -10,7 +10,7 @@ use super::filtered::{self, Filtered};
 use super::hybrid;
 use super::lists::{Lists, pack_triangles, records, reserve};
 pub use super::mirror::Outputs;
-use super::plan::{check, cut_settings, filtered_shade, frame_constants};
+use super::plan::{check, cut_settings, filtered_shade, frame_constants, largest_splat_px};
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::{self, Variant};
@@ -359,6 +359,7 @@ impl Renderer {
                         scene,
                         triangles: None,
                         splats: visibility::Splats::Vertices,
+                        largest_px: largest_splat_px(model, settings),
                     };
                     let how = settings.reconstruction;
                     return visibility.record(frame, targets, list, how, &context, c);
@@ -437,6 +438,7 @@ impl Renderer {
                     scene,
                     triangles: Some((&lists.indices, &lists.runs)),
                     splats: visibility::Splats::List(&lists.splats, splat_count as u32),
+                    largest_px: largest_splat_px(model, settings),
                 };
                 let how = settings.reconstruction;
                 visibility.record(&mut frame, &self.targets, list, how, &context, constants);

@@ -24,7 +24,7 @@ mod triangle;
 mod visibility;
 
 pub use filtered::{Filtered, render_filtered};
-pub use visibility::{Class, Pixel, Visibility, render_visibility};
+pub use visibility::{Class, Filling, Pixel, Visibility, render_visibility};
 
 use crate::draw::{DrawList, Style};
 use crate::image::Image;

@@ -22,8 +22,17 @@ use std::ops::Range;
 /// that of a surface that faces the eye, and no farther.
 const LEAST_COSINE: f32 = 0.1;
 
-/// Depth of what lies on the far plane or is pushed past it: just above the cleared 0.
+/// Depth of what lies on the far plane; what is pushed past it is between this and the cleared 0, in its order.
 const BEFORE_FAR: f32 = 1e-30;
+
+/// The depth that is tested, of one that may lie past the far plane.
+fn before_far(depth: f32) -> f32 {
+    if depth <= 0.0 {
+        BEFORE_FAR / (1.0 - depth)
+    } else {
+        depth.min(1.0)
+    }
+}
 
 /// What a pixel is.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -46,6 +55,15 @@ pub struct Pixel {
     pub color: [u8; 3],
     /// Distance along the view direction, without the depth offset, and that offset; view-space units.
     pub front: [f32; 2],
+}
+
+/// How holes are filled.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Filling {
+    /// By which method.
+    pub reconstruction: Reconstruction,
+    /// No splat is larger than this, pixels: bounds the reach of [`Reconstruction::PullPush`]; infinite for any.
+    pub largest_px: f32,
 }
 
 /// What [`render_visibility`] draws: the picture, and what it comes from.
@@ -84,7 +102,7 @@ pub fn render_visibility(
     view: &View,
     list: &DrawList,
     style: &Style,
-    reconstruction: Reconstruction,
+    filling: Filling,
     outputs: Outputs,
 ) -> Visibility {
     let count = view.width as usize * view.height as usize;
@@ -101,8 +119,8 @@ pub fn render_visibility(
     let filled = reconstruct::fill(
         (view.width as usize, view.height as usize),
         &pixels,
-        reconstruction,
-        style.splat_size_px.max(1.0),
+        filling,
+        size_px(style),
     );
     let unreached = (pixels.iter().zip(&filled))
         .filter(|(pixel, filled)| pixel.class == Class::Hole && filled.is_none())
@@ -289,7 +307,8 @@ fn splat(
     let footprint = square::footprint(frame, center, |distance| match pass {
         Pass::Depth => side_px(distance),
         // Snapped to the grid, a side of 1 covers exactly the pixel that contains the center.
-        Pass::Centers => side_px(distance).min(1.0),
+        Pass::Centers if side_px(distance).is_nan() => f32::NAN,
+        Pass::Centers => 1.0,
     })?;
     let normal_in_model = if color[3] == 0 {
         DVec3::ZERO
@@ -308,7 +327,7 @@ fn splat(
         Pass::Centers => footprint.depth,
     };
     Some(Splat {
-        depth: depth.clamp(BEFORE_FAR, 1.0),
+        depth: before_far(depth),
         fragment: Fragment {
             color: frame.shading.color(
                 Kind::Splat,

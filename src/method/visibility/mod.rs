@@ -50,6 +50,8 @@ pub(crate) struct List<'a> {
     /// Triangles; none for clouds and methods without.
     pub(crate) triangles: Option<(&'a Upload, &'a [Run])>,
     pub(crate) splats: Splats<'a>,
+    /// No splat is larger, pixels.
+    pub(crate) largest_px: f32,
 }
 
 /// The pipelines of one of the first two passes.
@@ -209,7 +211,8 @@ impl Visibility {
             | (Reconstruction::Density, _, Some(pipeline), _) => pipeline,
             (Reconstruction::PullPush, _, _, Some(pyramid)) => {
                 let finest = [&self.picked, &self.fronts];
-                return pyramid.record(frame, targets, finest, context, constants);
+                let largest = list.largest_px;
+                return pyramid.record(frame, targets, finest, largest, context, constants);
             }
             _ => unreachable!("ensure made what the reconstruction needs"),
         };

@@ -38,15 +38,16 @@ struct Level {
     /// What was pulled: colors and holes.
     pulled: Target,
     fronts: Target,
-    /// The same with holes filled from the next level; none at the top, where there is nothing to fill from.
+    /// The same with holes filled from the next level; none for the last, which has none.
     pushed: Option<Target>,
 }
 
-impl Level {
-    /// What the next finer level is filled from.
-    fn filled(&self) -> &Target {
-        self.pushed.as_ref().unwrap_or(&self.pulled)
-    }
+/// How many levels fill the holes of splats of `largest_px` pixels: the pixels of the last have twice their side, so
+/// that the four around a hole include the center. More would bring in color from afar.
+fn level_count(largest_px: f32) -> usize {
+    (1..NAMES.len())
+        .find(|&count| (1u32 << count) as f32 >= 2.0 * largest_px)
+        .unwrap_or(NAMES.len())
 }
 
 /// Pipelines and levels.
@@ -115,17 +116,26 @@ impl Pyramid {
         })
     }
 
-    /// All passes over the pyramid; `finest` are colors and fronts of the picture.
+    /// All passes over the pyramid; `finest` are colors and fronts of the picture. No splat is larger than `largest_px`.
     pub(super) fn record(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
         finest: [&Target; 2],
+        largest_px: f32,
         context: &Context,
         constants: Uniform,
     ) {
+        let levels = &self.levels[..level_count(largest_px).min(self.levels.len())];
+        let Some(top) = levels.len().checked_sub(1) else {
+            unreachable!("there is a level at least")
+        };
+        let filled = |at: usize| match &levels[at].pushed {
+            Some(pushed) if at < top => pushed,
+            _ => &levels[at].pulled,
+        };
         let mut from = finest;
-        for (level, [name, _]) in self.levels.iter().zip(NAMES) {
+        for (level, [name, _]) in levels.iter().zip(NAMES) {
             frame
                 .pass(name)
                 .color(&level.pulled, Load::Clear([0.0; 4]))
@@ -139,18 +149,13 @@ impl Pyramid {
                 });
             from = [&level.pulled, &level.fronts];
         }
-        for (pair, [_, name]) in self.levels.windows(2).zip(NAMES).rev() {
-            let [level, coarse] = pair else {
-                unreachable!("windows of two")
-            };
-            let Some(pushed) = &level.pushed else {
-                unreachable!("only the top has none")
-            };
+        for (at, [_, name]) in (0..top).zip(NAMES).rev() {
+            let (level, pushed) = (&levels[at], filled(at));
             let images = [
                 &level.pulled,
                 &level.fronts,
-                coarse.filled(),
-                &coarse.fronts,
+                filled(at + 1),
+                &levels[at + 1].fronts,
             ];
             let mut pass = frame.pass(name).color(pushed, Load::Clear([0.0; 4]));
             for image in images {
@@ -162,12 +167,7 @@ impl Pyramid {
                 draw.draw(0, 3);
             });
         }
-        let images = [
-            finest[0],
-            finest[1],
-            self.levels[0].filled(),
-            &self.levels[0].fronts,
-        ];
+        let images = [finest[0], finest[1], filled(0), &levels[0].fronts];
         let mut pass = attach_last(frame, "visibility.fill", targets, context);
         for image in images {
             pass = pass.sampled(image);

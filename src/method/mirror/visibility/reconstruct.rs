@@ -1,7 +1,7 @@
 //! From centers to a whole picture. The steps and their order are those of the shaders; distances are compared in
 //! single precision as there, and colors of the pyramid are whole numbers on both sides.
 
-use super::{Class, Pixel};
+use super::{Class, Filling, Pixel};
 use crate::image::unorm8;
 use crate::method::Reconstruction;
 use rayon::prelude::*;
@@ -23,7 +23,7 @@ fn is_one_surface(a: [f32; 2], b: [f32; 2]) -> bool {
 pub(super) fn fill(
     (width, height): (usize, usize),
     pixels: &[Pixel],
-    reconstruction: Reconstruction,
+    filling: Filling,
     size_px: f32,
 ) -> Vec<Option<[u8; 3]>> {
     let level = Level {
@@ -43,10 +43,10 @@ pub(super) fn fill(
             })
             .collect()
     };
-    match reconstruction {
+    match filling.reconstruction {
         Reconstruction::Gaussian => each_hole(&|_, _| Some(size_px)),
         Reconstruction::Density => each_hole(&|x, y| level.radius_at(x, y)),
-        Reconstruction::PullPush => level.pull_push(),
+        Reconstruction::PullPush => level.pull_push(filling.largest_px),
     }
 }
 
@@ -134,15 +134,18 @@ impl Level {
         Some((1.5 * spacing).max((nearest as f32).sqrt() + 1e-3)).map(|r| r.min(LARGEST_RADIUS))
     }
 
-    /// Fills the holes over a pyramid of half sizes, down to one pixel.
-    fn pull_push(self) -> Vec<Option<[u8; 3]>> {
+    /// Fills the holes over a pyramid of half sizes, up to where a pixel has twice the side of the largest splat, at
+    /// most to one pixel: the four pixels around a hole then include the center of its footprint.
+    fn pull_push(self, largest_px: f32) -> Vec<Option<[u8; 3]>> {
         let mut levels = vec![self];
+        let mut side = 1.0;
         while let Some(top) = levels.last()
-            && (levels.len() == 1 || top.pixels.len() > 1)
+            && (levels.len() == 1 || (top.pixels.len() > 1 && side < 2.0 * largest_px))
             && !top.pixels.is_empty()
         {
             let next = top.pulled();
             levels.push(next);
+            side *= 2.0;
         }
         while levels.len() > 2 {
             let Some(coarse) = levels.pop() else { break };
