@@ -32,6 +32,16 @@ pub struct Splat {
     pub color: [u8; 4],
 }
 
+/// A splat with the area that it stands for, 28 bytes: what fuzzy splats are drawn from.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct WeightedSplat {
+    /// The splat.
+    pub splat: Splat,
+    /// Area of its patch of surface, model units squared; 0 where it is unknown.
+    pub area: f32,
+}
+
 /// One filtered splat to draw, 32 bytes: a patch of surface by its integral over the pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -47,7 +57,7 @@ pub struct FilteredSplat {
     pub area_px: f32,
 }
 
-/// What every pass of a frame knows, 176 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 180 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -69,6 +79,8 @@ pub struct FrameConstants {
     pub flags: u32,
     /// What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
     pub background: [f32; 4],
+    /// Standard deviation of the Gaussian that fuzzy splats are widened by, pixels.
+    pub low_pass_px: f32,
 }
 
 /// Shaders as compiled by `build.rs`, with what they declare.
@@ -159,4 +171,5 @@ same_layout!(
     model_scale = MODEL_SCALE,
     flags = FLAGS,
     background = BACKGROUND,
+    low_pass_px = LOW_PASS_PX,
 );

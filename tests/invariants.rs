@@ -264,7 +264,7 @@ fn splats_above_the_devices_point_limit_are_drawn_whole() {
         .render(&view, &settings(Method::Pop, 1.0))
         .unwrap();
     let d = compare(&mirror, &picture, 1.0).unwrap();
-    // Each tile is snapped to 1/256 pixel on its own: a border of the square can move by one pixel row.
+    // Quads and squares of the mirror are snapped to 1/256 pixel otherwise: a border can move by one pixel row.
     assert!(d.missing + d.extra <= 2 * 400, "{d:?}");
-    assert_eq!(d.holes, 0, "the tiles leave gaps: {d:?}");
+    assert_eq!(d.holes, 0, "quads leave gaps: {d:?}");
 }

@@ -334,6 +334,14 @@ fn no_color_crosses_a_step_in_depth() {
     }
 }
 
+/// How far footprints of a sphere reach beyond its silhouette, pixels, as centers of pixels count. In a plane that
+/// touches a sphere a disc of radius r reaches r^2 / 2 radii of the sphere beyond; but seen from the side it is kept at a
+/// tenth of its width, so r / 10. A node is as thick as its sphere bulges, again about r^2 / 2. All of that is below
+/// a tenth of the threshold here; the rest is the square of a pixel that the smallest footprints are.
+fn grows_by(threshold_px: f32) -> f64 {
+    0.75 + 0.1 * f64::from(threshold_px)
+}
+
 /// A near sphere over a far square: every color is one of the two, and the rim of the sphere is that of its mask.
 #[test]
 fn a_near_rim_keeps_its_color_over_a_far_surface() {
@@ -360,9 +368,9 @@ fn a_near_rim_keeps_its_color_over_a_far_surface() {
                 let settings = settings(Method::Pop, threshold, reconstruction);
                 let name = format!("{reconstruction:?} {threshold}");
                 let picture = draw(&mut engine, &view, &settings);
-                // Methods 15.1; and half the diagonal of a footprint, and of a pixel.
+                // Methods 15.1.
                 let silhouette = f64::from(view.focal_px()) / (4.0f64.powi(2) - 1.0).sqrt();
-                let grows = f64::from(threshold).midpoint(1.0) * 2f64.sqrt();
+                let grows = grows_by(threshold);
                 let (mut near, mut far) = (0, 0);
                 for (i, color) in picture.color.iter().enumerate() {
                     // The sphere ends at 5, the wall is at 6.5. At a rim red may be as dark as 0.
@@ -385,8 +393,7 @@ fn a_near_rim_keeps_its_color_over_a_far_surface() {
     }
 }
 
-/// Methods 15.1 and F1: the silhouette of a sphere neither shrinks nor grows by more than the footprints do. They grow
-/// it by half the diagonal of a square of the threshold's side at most; a pixel counts as its center.
+/// Methods 15.1 and F1: the silhouette of a sphere neither shrinks nor grows by more than the footprints do.
 #[test]
 fn the_silhouette_of_a_sphere_is_that_of_its_footprints() {
     let device = Device::open();
@@ -416,9 +423,8 @@ fn the_silhouette_of_a_sphere_is_that_of_its_footprints() {
                 let holes = count(&class, UNREACHED);
                 println!("{name}: grows {grows:.2}, shrinks {shrinks:.2} px; {holes} unreached");
                 assert!(shrinks < 0.8, "{name}: shrinks by {shrinks} px");
-                let bound = f64::from(threshold) / 2f64.sqrt() + 0.3;
+                let bound = grows_by(threshold);
                 assert!(grows < bound, "{name}: grows by {grows} px, bound {bound}");
-                assert!(grows > 0.0 || threshold < 2.0, "{name}: {grows}");
             }
         }
     }

@@ -8,7 +8,11 @@ const uint FLAG_COLOR_BY_PRIMITIVE = 4u;
 const uint FLAG_PARALLEL_LIGHT = 8u;
 // Frame flag: orthographic projection.
 const uint FLAG_ORTHOGRAPHIC = 16u;
-// Diffuse albedo of the headlight shading.
-const float ALBEDO = 0.8;
 // Frame flag: visibility splats show the class of each pixel instead of its color.
 const uint FLAG_COLOR_BY_CLASSIFICATION = 32u;
+// Diffuse albedo of the headlight shading.
+const float ALBEDO = 0.8;
+// A pixel of fuzzy splats shows something when the sum of its weights is at least this.
+const float LEAST_FUZZY_WEIGHT = 1e-4;
+// A pixel with a neighbor (of 8) whose sum of weights is less than this lies at the rim of the surface.
+const float RIM_FUZZY_WEIGHT = 0.02;

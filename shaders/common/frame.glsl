@@ -17,4 +17,6 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     uint flags;
     // What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
     vec4 background;
+    // Standard deviation of the Gaussian that fuzzy splats are widened by, pixels.
+    float low_pass_px;
 } frame;

@@ -15,15 +15,19 @@ bool is_hole(vec4 texel) {
     return texel.a > 0.25 && texel.a <= 0.75;
 }
 
-// The depth offset of something that faces the eye by this cosine (negative: the back; 0 normal: as if it faced).
-float depth_offset(float side_px, float distance, float facing) {
-    float depth = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : max(distance, 0.0);
-    return frame.background.a * side_px * depth / (2.0 * frame.focal_px) / max(abs(facing), 0.1);
+// Half the side of a pixel at a distance along the view direction, view-space units.
+float pixel_radius(float distance) {
+    return 0.5 * ((frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : max(distance, 0.0)) / frame.focal_px;
 }
 
-// Unit vector from a view-space point towards the viewer.
-vec3 to_viewer(vec3 position_in_view) {
-    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
+// Radius of the frame's constant size there.
+float splat_radius(float distance) {
+    return max(frame.splat_size_px, 1.0) * pixel_radius(distance);
+}
+
+// The depth offset of a patch of surface that faces the eye by this cosine (negative: its back).
+float depth_offset(float radius, float facing) {
+    return frame.background.a * radius / max(abs(facing), 0.1);
 }
 
 // Depth must be above the cleared 0 to be drawn: what lies on the far plane, or is pushed past it, lies just before it,

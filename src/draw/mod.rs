@@ -2,6 +2,7 @@
 
 pub mod filtered;
 pub mod pack;
+pub mod splats;
 
 use crate::abi::{FilteredSplat, Splat, Vertex};
 
@@ -43,6 +44,8 @@ pub struct Style {
     /// Side of a square splat whose radius is 0, and of points; pixels, at least 1 when drawn. A splat of
     /// radius r > 0 has the side max(1, 2 f r / z) instead.
     pub splat_size_px: f32,
+    /// What splats and points look like.
+    pub footprint: Footprint,
     /// What a pixel shows where nothing is drawn: red, green, blue, in 0..=1.
     pub background: [f32; 3],
     /// What decides the color.
@@ -61,6 +64,7 @@ impl Default for Style {
     fn default() -> Self {
         Self {
             splat_size_px: 1.0,
+            footprint: Footprint::Square,
             background: [0.0; 3],
             color_by: ColorBy::Shading,
             cull_back_faces: false,
@@ -69,6 +73,18 @@ impl Default for Style {
             depth_offset: 3.0,
         }
     }
+}
+
+/// What pixels a splat covers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Footprint {
+    /// A square around the projected center.
+    #[default]
+    Square,
+    /// A circle around the projected center.
+    Circle,
+    /// A disc in the plane of the surface, seen in perspective.
+    Oriented,
 }
 
 /// Diffuse albedo of the default shading (conventions: value = 0.8 |n . l|).

@@ -300,6 +300,10 @@ fn inspect(instance: &ash::Instance, physical: vk::PhysicalDevice, index: usize)
         (features13.dynamic_rendering, "dynamicRendering"),
         (features13.synchronization2, "synchronization2"),
         (features13.maintenance4, "maintenance4"),
+        (
+            features13.shader_demote_to_helper_invocation,
+            "shaderDemoteToHelperInvocation",
+        ),
         (features12.timeline_semaphore, "timelineSemaphore"),
         (features12.host_query_reset, "hostQueryReset"),
         (core.large_points, "largePoints"),
@@ -480,7 +484,8 @@ pub(super) fn create(
     let mut features13 = vk::PhysicalDeviceVulkan13Features::default()
         .dynamic_rendering(true)
         .synchronization2(true)
-        .maintenance4(true);
+        .maintenance4(true)
+        .shader_demote_to_helper_invocation(true);
     // SAFETY: the physical device belongs to the instance.
     let extensions = unsafe {
         instance

@@ -568,6 +568,13 @@ impl Draw<'_> {
         unsafe { self.gpu.device.cmd_draw(self.commands, count, 1, first, 0) };
     }
 
+    /// Draws `count` records from `first` on as quads
+    /// ([`Topology::Quads`](super::pipeline::Topology::Quads)).
+    pub fn draw_quads(&mut self, first: u32, count: u32) {
+        // SAFETY: as in `draw`; the records are bound per instance.
+        unsafe { self.gpu.device.cmd_draw(self.commands, 6, count, 0, first) };
+    }
+
     /// Draws `count` indices from `first` on; `vertex_offset` is added to each.
     pub fn draw_indexed(&mut self, first: u32, count: u32, vertex_offset: i32) {
         // SAFETY: as in `draw`, and every index plus offset names a vertex of the bound buffer.

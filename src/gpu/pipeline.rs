@@ -59,6 +59,8 @@ pub enum Topology {
     Triangles,
     /// Points, sized by the vertex shader.
     Points,
+    /// Two triangles for every record, which the vertex shader places by `gl_VertexIndex` (0 to 5).
+    Quads,
 }
 
 /// What a graphics pipeline is made of.
@@ -70,7 +72,7 @@ pub struct Description<'a> {
     pub vertex: &'a Shader,
     /// Fragment shader; none for a pass that writes depth only.
     pub fragment: Option<&'a Shader>,
-    /// Boolean specialization constants 0, 1, ... of the fragment shader.
+    /// Boolean specialization constants 0, 1, ... of both shaders; a shader ignores those it does not have.
     pub constants: &'a [bool],
     /// Vertex record.
     pub record: Record,
@@ -253,7 +255,8 @@ fn compile(
         vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::VERTEX)
             .module(vertex.handle)
-            .name(c"main"),
+            .name(c"main")
+            .specialization_info(&specialization),
         vk::PipelineShaderStageCreateInfo::default()
             .stage(vk::ShaderStageFlags::FRAGMENT)
             .module(
@@ -287,13 +290,16 @@ fn compile(
     let records = [vk::VertexInputBindingDescription::default()
         .binding(0)
         .stride(description.record.stride)
-        .input_rate(vk::VertexInputRate::VERTEX)];
+        .input_rate(match description.topology {
+            Topology::Quads => vk::VertexInputRate::INSTANCE,
+            Topology::Triangles | Topology::Points => vk::VertexInputRate::VERTEX,
+        })];
     let input = vk::PipelineVertexInputStateCreateInfo::default()
         .vertex_attribute_descriptions(&attributes)
         .vertex_binding_descriptions(if attributes.is_empty() { &[] } else { &records });
     let assembly =
         vk::PipelineInputAssemblyStateCreateInfo::default().topology(match description.topology {
-            Topology::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+            Topology::Triangles | Topology::Quads => vk::PrimitiveTopology::TRIANGLE_LIST,
             Topology::Points => vk::PrimitiveTopology::POINT_LIST,
         });
     let viewport = vk::PipelineViewportStateCreateInfo::default()

@@ -1,10 +1,10 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{check, cut_settings, filtered_shade, largest_splat_px};
+use super::plan::{Drawing, check, cut_settings, filtered_shade, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
-use super::{Method, Settings, SplatKind, mirror};
+use super::{Method, Settings, mirror};
 use crate::abi::{FilteredSplat, Splat};
 use crate::cut::{Cut, Selector};
 use crate::draw::{self, DrawList, FilteredList, Style, pack};
@@ -176,30 +176,25 @@ impl MirrorEngine {
                     .select(model, view, &cut_settings(settings, model), &mut self.cut);
                 times.cut_ms = start.elapsed().as_secs_f64() * 1e3;
                 let pack_start = Instant::now();
-                match settings.splat {
-                    SplatKind::Square
-                    | SplatKind::Disc
-                    | SplatKind::Ellipse
-                    | SplatKind::Gauss
-                    | SplatKind::Visibility => {
-                        let side = style.splat_size_px;
-                        let most = pack::splat_count(model, &self.cut, view, side, f32::INFINITY);
-                        splats.resize(most, Splat::zeroed());
-                        let count =
-                            pack::splats(model, &self.cut, view, side, f32::INFINITY, &mut splats);
-                        splats.truncate(count);
+                let (cut, is_whole) = (&self.cut, settings.method == Method::Splats);
+                match Drawing::of(settings) {
+                    Drawing::Opaque | Drawing::Visibility => {
+                        let plan = splat_plan(settings, f32::INFINITY);
+                        splats.resize(draw::splats::count(cut, &plan), Splat::zeroed());
+                        draw::splats::pack(model, cut, view, &plan, &mut splats);
                     }
-                    SplatKind::Filtered => {
-                        let most = draw::filtered::splat_count(&self.cut);
+                    Drawing::Filtered => {
+                        let most = draw::filtered::splat_count(cut);
                         filtered.resize(most, FilteredSplat::zeroed());
                         let shade = filtered_shade(settings, model);
-                        let count =
-                            draw::filtered::splats(model, &self.cut, view, shade, &mut filtered);
+                        let count = draw::filtered::splats(model, cut, view, shade, &mut filtered);
                         filtered.truncate(count);
                     }
+                    Drawing::Nothing => {}
                 }
-                triangles.resize(self.cut.triangles.len(), [0; 3]);
-                pack::triangles(&self.cut.triangles, &model.triangles, 0, &mut triangles);
+                let ids: &[u32] = if is_whole { &[] } else { &cut.triangles };
+                triangles.resize(ids.len(), [0; 3]);
+                pack::triangles(ids, &model.triangles, 0, &mut triangles);
                 times.pack_ms = pack_start.elapsed().as_secs_f64() * 1e3;
                 list.splats = &splats;
                 list.triangles = &triangles;
@@ -243,6 +238,7 @@ impl MirrorEngine {
 pub fn style(settings: &Settings, model: &Model) -> Style {
     Style {
         splat_size_px: settings.threshold_px.max(1.0),
+        footprint: settings.footprint(),
         background: settings.background,
         color_by: settings.color_by,
         cull_back_faces: settings.culls_back(model.is_closed),

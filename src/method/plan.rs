@@ -31,6 +31,43 @@ pub(super) fn largest_splat_px(model: &Model, settings: &Settings) -> f32 {
     }
 }
 
+/// Which passes draw the splats of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Drawing {
+    /// There are none.
+    Nothing,
+    /// The nearest splat wins.
+    Opaque,
+    /// Deposits of area.
+    Filtered,
+    /// Visible centers, and what lies between reconstructed.
+    Visibility,
+}
+
+impl Drawing {
+    /// That of settings that [`check`] found no fault with.
+    pub(super) fn of(settings: &Settings) -> Self {
+        match settings.splat {
+            _ if !settings.draws_splats() => Self::Nothing,
+            SplatKind::Filtered => Self::Filtered,
+            SplatKind::Visibility => Self::Visibility,
+            _ => Self::Opaque,
+        }
+    }
+}
+
+/// What the packing of splats needs of the settings.
+pub fn splat_plan(settings: &Settings, max_point_px: f32) -> draw::splats::Plan {
+    draw::splats::Plan {
+        footprint: settings.footprint(),
+        threshold_px: settings.threshold_px.max(1.0),
+        size: settings.size,
+        draws_large_leaves: settings.method == Method::Splats,
+        low_pass_px: 0.0,
+        max_point_px,
+    }
+}
+
 /// What the packing of filtered splats needs of the settings.
 pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
     draw::filtered::Shade {
@@ -53,23 +90,13 @@ pub fn check(
     outputs: Outputs,
     max_size_px: f32,
 ) -> Result<(), Error> {
-    if settings.method == Method::Points && settings.threshold_px > max_size_px {
-        return Err(Error::Limit {
-            what: "the size of points (--threshold, pixels)".into(),
-            value: settings.threshold_px.ceil() as u64,
-            limit: max_size_px as u64,
-        });
-    }
     if settings.color_by == ColorBy::Classification && !settings.draws_visibility() {
         return Err(Error::Unsupported {
             what: "the classification of pixels",
             why: "only visibility splats have one; add --splat visibility".into(),
         });
     }
-    if !matches!(
-        settings.splat,
-        SplatKind::Square | SplatKind::Filtered | SplatKind::Visibility
-    ) || settings.method == Method::Splats
+    if (settings.method == Method::Splats && settings.splat == SplatKind::Filtered)
         || settings.blend() != Blend::Opaque
         || settings.shading != Shading::PerSplat
     {
@@ -169,7 +196,12 @@ pub(super) fn frame_constants(
             2.0 / (view.width as f32 * sx),
             -2.0 / (view.height as f32 * sy),
         ],
-        ray_offset: [(ox - 1.0) / sx, (oy + 1.0) / sy],
+        // Orthographic: x_ndc = sx x + ox.
+        ray_offset: if view.is_perspective {
+            [(ox - 1.0) / sx, (oy + 1.0) / sy]
+        } else {
+            [(-ox - 1.0) / sx, (1.0 - oy) / sy]
+        },
         focal_px: view.focal_px(),
         splat_size_px: settings.threshold_px.max(1.0),
         model_scale: view.model_scale,
@@ -178,5 +210,6 @@ pub(super) fn frame_constants(
             let [r, g, b] = settings.background;
             [r, g, b, settings.depth_offset()]
         },
+        low_pass_px: 0.0,
     }
 }

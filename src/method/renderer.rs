@@ -3,24 +3,24 @@
 //! A frame goes: cut (CPU) -> pack into the mapped buffers of a free slot -> passes -> wait. Reading the
 //! picture back is a submission of its own, so that its cost is not part of the frame's.
 
+mod pop;
 #[cfg(feature = "viewer")]
 mod present;
+mod whole;
 
-use super::filtered::{self, Filtered};
-use super::hybrid;
-use super::lists::{Lists, pack_triangles, records, reserve};
+use super::filtered::Filtered;
+use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{check, cut_settings, filtered_shade, frame_constants, largest_splat_px};
+use super::plan::{Drawing, check};
 use super::scene::Scene;
+use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
 use super::triangles::{self, Variant};
-use super::visibility::{self, Visibility};
-use super::{Method, Settings, SplatKind, points};
-use crate::abi::{FilteredSplat, FrameConstants, Splat};
+use super::visibility::Visibility;
+use super::{Method, Settings};
 use crate::cut::{self, Cut};
-use crate::draw::{self, pack};
 use crate::gpu::buffer::{Readback, Upload};
-use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
+use crate::gpu::frame::{Frame, Frames, Ticket};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::profile::PassTime;
@@ -88,8 +88,7 @@ pub struct Renderer {
     cut: Cut,
     selector: cut::Selector,
     triangles: Option<(Variant, Pipeline)>,
-    points: Option<Pipeline>,
-    splats: Option<Pipeline>,
+    splats: Option<Splats>,
     filtered: Option<Filtered>,
     visibility: Option<Visibility>,
     readback: Option<[Option<Readback>; 3]>,
@@ -140,7 +139,6 @@ impl Renderer {
             cut: Cut::default(),
             selector: cut::Selector::default(),
             triangles: None,
-            points: None,
             splats: None,
             filtered: None,
             visibility: None,
@@ -271,224 +269,35 @@ impl Renderer {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
         }
-        if settings.method == Method::Points && self.points.is_none() {
-            self.points = Some(points::pipeline(&self.gpu, normals)?);
-        }
-        if settings.draws_visibility() {
-            let visibility = match &mut self.visibility {
-                Some(made) => made,
-                none => {
-                    let (width, height) = (self.targets.color.width, self.targets.color.height);
-                    none.insert(Visibility::new(&self.gpu, width, height, normals)?)
+        let source = if settings.method == Method::Points {
+            Source::Vertices
+        } else {
+            Source::List
+        };
+        match Drawing::of(settings) {
+            Drawing::Nothing => {}
+            Drawing::Visibility => {
+                let (width, height) = (self.targets.color.width, self.targets.color.height);
+                let visibility = match &mut self.visibility {
+                    Some(made) => made,
+                    none => none.insert(Visibility::new(&self.gpu, width, height, normals)?),
+                };
+                visibility.ensure(source, settings.reconstruction)?;
+            }
+            Drawing::Opaque => {
+                let variant = (settings.footprint(), source);
+                if self.splats.as_ref().is_none_or(|s| s.variant != variant) {
+                    self.splats = Some(Splats::new(&self.gpu, variant, normals)?);
                 }
-            };
-            visibility.ensure(settings.reconstruction)?;
-        } else if settings.has_cut() {
-            match settings.splat {
-                SplatKind::Square if self.splats.is_none() => {
-                    self.splats = Some(hybrid::splat_pipeline(&self.gpu, normals)?);
-                }
-                SplatKind::Filtered if self.filtered.is_none() => {
+            }
+            Drawing::Filtered => {
+                if self.filtered.is_none() {
                     let (width, height) = (self.targets.color.width, self.targets.color.height);
                     self.filtered = Some(Filtered::new(&self.gpu, width, height)?);
                 }
-                _ => {}
             }
         }
         Ok(())
-    }
-
-    fn draw_triangles(
-        &mut self,
-        model: &Model,
-        scene: &Scene,
-        view: &View,
-        settings: &Settings,
-        end: &mut End<'_>,
-    ) -> Result<(Ticket, FrameTimes), Error> {
-        let context = self.context(view, settings, model, 0.0);
-        let Some((_, pipeline)) = &self.triangles else {
-            unreachable!("prepare made the pipeline")
-        };
-        let counts = Counts {
-            triangles: model.triangles.len() as u64,
-            ..Counts::default()
-        };
-        let constants = frame_constants(view, settings, &context);
-        let targets = &self.targets;
-        submit_whole(
-            &mut self.frames,
-            targets,
-            &constants,
-            counts,
-            end,
-            |frame, c| {
-                triangles::record(frame, pipeline, targets, scene, &context, c);
-            },
-        )
-    }
-
-    fn draw_points(
-        &mut self,
-        model: &Model,
-        scene: &Scene,
-        view: &View,
-        settings: &Settings,
-        end: &mut End<'_>,
-    ) -> Result<(Ticket, FrameTimes), Error> {
-        let context = self.context(view, settings, model, settings.threshold_px.max(1.0));
-        let Some(pipeline) = &self.points else {
-            unreachable!("prepare made the pipeline")
-        };
-        let visibility = &self.visibility;
-        let counts = Counts {
-            points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
-            ..Counts::default()
-        };
-        let constants = frame_constants(view, settings, &context);
-        let targets = &self.targets;
-        submit_whole(
-            &mut self.frames,
-            targets,
-            &constants,
-            counts,
-            end,
-            |frame, c| {
-                if let (true, Some(visibility)) = (settings.draws_visibility(), visibility) {
-                    let list = visibility::List {
-                        scene,
-                        triangles: None,
-                        splats: visibility::Splats::Vertices,
-                        largest_px: largest_splat_px(model, settings),
-                    };
-                    let how = settings.reconstruction;
-                    return visibility.record(frame, targets, list, how, &context, c);
-                }
-                points::record(frame, pipeline, targets, scene, &context, c);
-            },
-        )
-    }
-
-    fn draw_pop(
-        &mut self,
-        model: &Model,
-        scene: &Scene,
-        view: &View,
-        settings: &Settings,
-        end: &mut End<'_>,
-    ) -> Result<(Ticket, FrameTimes), Error> {
-        let max_point = self.gpu.info().max_point_size_px;
-        let largest = if model.triangles.is_empty() {
-            max_point
-        } else {
-            settings.threshold_px.clamp(1.0, max_point)
-        };
-        let context = self.context(view, settings, model, largest);
-        let start = Instant::now();
-        let cut_settings = cut_settings(settings, model);
-        self.selector
-            .select(model, view, &cut_settings, &mut self.cut);
-        let cut_ms = ms(start);
-
-        let pack_start = Instant::now();
-        self.frames.wait_for_next()?;
-        let lists = &mut self.lists[self.frames.next_slot()];
-        let side = settings.threshold_px.max(1.0);
-        let (splat_count, splat_bytes) = match settings.splat {
-            SplatKind::Square
-            | SplatKind::Disc
-            | SplatKind::Ellipse
-            | SplatKind::Gauss
-            | SplatKind::Visibility => {
-                let most = pack::splat_count(model, &self.cut, view, side, max_point);
-                let out = records(&self.gpu, &mut lists.splats, most)?;
-                let count = pack::splats(model, &self.cut, view, side, max_point, out);
-                (count, (count * size_of::<Splat>()) as u64)
-            }
-            SplatKind::Filtered => {
-                let most = draw::filtered::splat_count(&self.cut);
-                let out = records(&self.gpu, &mut lists.splats, most)?;
-                let shade = filtered_shade(settings, model);
-                let count = draw::filtered::splats(model, &self.cut, view, shade, out);
-                (count, (count * size_of::<FilteredSplat>()) as u64)
-            }
-        };
-        lists.splats.flush(0..splat_bytes);
-        let triangle_count = self.cut.triangles.len();
-        reserve(&self.gpu, &mut lists.indices, 12 * triangle_count as u64)?;
-        pack_triangles(model, scene, &self.cut.triangles, lists);
-        let index_bytes = 12 * self.cut.triangles.len() as u64;
-        lists.indices.flush(0..index_bytes);
-        let pack_ms = ms(pack_start);
-
-        let submit_start = Instant::now();
-        let mut frame = self.frames.begin()?;
-        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
-        match (
-            settings.splat,
-            &self.triangles,
-            &self.splats,
-            &self.filtered,
-        ) {
-            (SplatKind::Visibility, ..) => {
-                let Some(visibility) = &self.visibility else {
-                    unreachable!("prepare made the pipelines")
-                };
-                let list = visibility::List {
-                    scene,
-                    triangles: Some((&lists.indices, &lists.runs)),
-                    splats: visibility::Splats::List(&lists.splats, splat_count as u32),
-                    largest_px: largest_splat_px(model, settings),
-                };
-                let how = settings.reconstruction;
-                visibility.record(&mut frame, &self.targets, list, how, &context, constants);
-            }
-            (SplatKind::Square, Some((_, triangles)), Some(splats), _) => {
-                hybrid::record_triangles(
-                    &mut frame,
-                    triangles,
-                    &self.targets,
-                    scene,
-                    (&lists.indices, &lists.runs),
-                    &context,
-                    constants,
-                );
-                hybrid::record_splats(
-                    &mut frame,
-                    splats,
-                    &self.targets,
-                    (&lists.splats, splat_count as u32),
-                    &context,
-                    constants,
-                );
-            }
-            (SplatKind::Filtered, _, _, Some(filtered)) => {
-                let list = filtered::List {
-                    scene,
-                    indices: &lists.indices,
-                    runs: &lists.runs,
-                    splats: &lists.splats,
-                    splat_count: splat_count as u32,
-                };
-                filtered.record(&mut frame, &self.targets, list, &context, constants);
-            }
-            _ => unreachable!("prepare made the pipelines"),
-        }
-        let ticket = end(frame, &self.targets.color)?;
-        let times = FrameTimes {
-            cut_ms,
-            pack_ms,
-            submit_ms: ms(submit_start),
-            counts: Counts {
-                nodes_visited: self.cut.stats.visited,
-                splats: splat_count as u64,
-                triangles: self.cut.triangles.len() as u64,
-                points: 0,
-                draw_list_bytes: splat_bytes + index_bytes,
-            },
-            ..FrameTimes::default()
-        };
-        Ok((ticket, times))
     }
 
     /// Reads the last drawn frame back, with the outputs that the renderer was made for.
@@ -554,26 +363,4 @@ impl Renderer {
         }
         Ok(image)
     }
-}
-
-/// Records and submits a frame of a method that draws the whole model: no cut, no draw lists.
-fn submit_whole(
-    frames: &mut Frames,
-    targets: &Targets,
-    constants: &FrameConstants,
-    counts: Counts,
-    end: &mut End<'_>,
-    record: impl FnOnce(&mut Frame<'_>, Uniform),
-) -> Result<(Ticket, FrameTimes), Error> {
-    let start = Instant::now();
-    let mut frame = frames.begin()?;
-    let constants = frame.uniform(constants)?;
-    record(&mut frame, constants);
-    let ticket = end(frame, &targets.color)?;
-    let times = FrameTimes {
-        submit_ms: ms(start),
-        counts,
-        ..FrameTimes::default()
-    };
-    Ok((ticket, times))
 }

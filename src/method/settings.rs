@@ -1,7 +1,7 @@
 //! Everything that decides a picture besides model and camera.
 
 use crate::cut::SizeMetric;
-use crate::draw::ColorBy;
+use crate::draw::{ColorBy, Footprint};
 
 /// How the model is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -175,6 +175,15 @@ impl Settings {
             SplatKind::Gauss => Blend::TwoPass,
             _ => Blend::Opaque,
         })
+    }
+
+    /// What pixels a splat covers, of the kinds that cover any.
+    pub fn footprint(&self) -> Footprint {
+        match self.splat {
+            SplatKind::Square | SplatKind::Filtered => Footprint::Square,
+            SplatKind::Disc => Footprint::Circle,
+            SplatKind::Ellipse | SplatKind::Gauss | SplatKind::Visibility => Footprint::Oriented,
+        }
     }
 
     /// Factor of the depth offset. A filtered splat is pushed away by half its side over the cosine of the viewing

@@ -16,7 +16,9 @@
 //! shading.
 
 mod clip;
+mod disc;
 mod filtered;
+mod round;
 mod shade;
 mod square;
 mod target;
@@ -26,7 +28,7 @@ mod visibility;
 pub use filtered::{Filtered, render_filtered};
 pub use visibility::{Class, Filling, Pixel, Visibility, render_visibility};
 
-use crate::draw::{DrawList, Style};
+use crate::draw::{DrawList, Footprint, Style};
 use crate::image::Image;
 use crate::math::camera::View;
 use glam::{Mat4, Vec3, Vec4};
@@ -80,17 +82,32 @@ pub fn render(view: &View, list: &DrawList, style: &Style, outputs: Outputs) -> 
                 triangle::rasterize(&frame, t, band)
             });
         }
+        let is_square = style.footprint == Footprint::Square;
         for chunk in list.splats.chunks(CHUNK) {
-            let set_up = gather(chunk, |splat, out| {
-                out.extend(square::of_splat(&frame, splat))
-            });
-            draw(&mut bands, &set_up, |band, s| square::rasterize(s, band));
+            if is_square {
+                let set_up = gather(chunk, |splat, out| {
+                    out.extend(square::of_splat(&frame, splat))
+                });
+                draw(&mut bands, &set_up, |band, s| square::rasterize(s, band));
+            } else {
+                let set_up = gather(chunk, |splat, out| {
+                    out.extend(round::of_splat(&frame, splat))
+                });
+                draw(&mut bands, &set_up, |band, s| round::rasterize(s, band));
+            }
         }
         for chunk in list.points.chunks(CHUNK) {
-            let set_up = gather(chunk, |point, out| {
-                out.extend(square::of_point(&frame, point))
-            });
-            draw(&mut bands, &set_up, |band, s| square::rasterize(s, band));
+            if is_square {
+                let set_up = gather(chunk, |point, out| {
+                    out.extend(square::of_point(&frame, point))
+                });
+                draw(&mut bands, &set_up, |band, s| square::rasterize(s, band));
+            } else {
+                let set_up = gather(chunk, |point, out| {
+                    out.extend(round::of_point(&frame, point))
+                });
+                draw(&mut bands, &set_up, |band, s| round::rasterize(s, band));
+            }
         }
     }
     target.into_image()

@@ -5,15 +5,16 @@
 
 mod reconstruct;
 
+use super::disc::Disc;
+use super::round::patch;
 use super::shade::{Kind, color_of, normal_of};
-use super::square::{self, Footprint};
+use super::square;
 use super::triangle::{self, Triangle};
 use super::{CHUNK, Frame, Outputs, Placed, draw, gather};
 use crate::abi::Vertex;
 use crate::draw::{ColorBy, DrawList, Style};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
-use crate::math::octahedral;
 use crate::method::Reconstruction;
 use glam::{DVec3, Vec3};
 use std::ops::Range;
@@ -80,12 +81,11 @@ pub struct Visibility {
 
 /// Draws `list` as `view` sees it.
 ///
-/// **Depth.** Every splat and point as a square of its side, at least 1 pixel, with the depth of its center pushed
-/// away from the eye along the ray (orthographic: parallel to the view direction) by m s d / (2 f) over the cosine
-/// between normal and view ray (at least 0.1; 1 without a normal): s is its side in pixels, d the distance along the
-/// view direction (orthographic: 1), f the focal length in pixels and m [`Style::depth_offset`]. The corners of
-/// triangles are pushed likewise, with s = [`Style::splat_size_px`]. Nearer wins, the first drawn wins ties. Covered
-/// pixels are holes.
+/// **Depth.** The footprint of every splat and point as a disc in the plane of the surface, at least a pixel, with the
+/// depth of its center pushed away from the eye along the ray (orthographic: parallel to the view direction) by m r
+/// over the cosine between normal and view ray (at least 0.1; 1 without a normal): r is its radius, at least that of
+/// half a pixel, and m [`Style::depth_offset`]. The corners of triangles are pushed likewise, by the r of
+/// [`Style::splat_size_px`]. Nearer wins, the first drawn wins ties. Covered pixels are holes.
 ///
 /// **Centers.** The pixel that contains the center of each splat, and triangles, in their place: foreground where
 /// they are not farther than what the pixel holds; the last drawn wins ties.
@@ -189,21 +189,22 @@ fn draw_pass(frame: &Frame, list: &DrawList, pass: Pass, bands: &mut [Band]) {
                     Fragment {
                         color,
                         normal: surface.normal.as_vec3().to_array(),
-                        front: [
-                            distance,
-                            offset(frame, size_px(frame.style), distance, facing),
-                        ],
+                        front: [distance, offset_at(frame, distance, facing)],
                     }
                 });
             });
         });
     }
-    let squares = |bands: &mut [Band], set_up: Vec<Vec<Splat>>| {
-        draw(bands, &set_up, |band, splat: &Splat| {
-            let Footprint { columns, rows, .. } = &splat.footprint;
-            for y in band.rows(rows) {
-                for x in columns.clone() {
+    let splats = |bands: &mut [Band], set_up: Vec<Vec<Splat>>| {
+        draw(bands, &set_up, |band, splat: &Splat| match &splat.shape {
+            Shape::Footprint(disc) => {
+                disc.for_each_pixel(band.rows(&disc.rows), |x, y, _| {
                     band.put(pass, [x, y], splat.depth, || splat.fragment);
+                });
+            }
+            Shape::Center([x, y]) => {
+                for y in band.rows(&(*y..y + 1)) {
+                    band.put(pass, [*x, y], splat.depth, || splat.fragment);
                 }
             }
         });
@@ -212,13 +213,13 @@ fn draw_pass(frame: &Frame, list: &DrawList, pass: Pass, bands: &mut [Band]) {
         let set_up = gather(chunk, |s, out| {
             out.extend(splat(frame, pass, s.center, s.radius, s.normal, s.color));
         });
-        squares(bands, set_up);
+        splats(bands, set_up);
     }
     for chunk in list.points.chunks(CHUNK) {
         let set_up = gather(chunk, |p, out| {
             out.extend(splat(frame, pass, p.position, 0.0, p.normal, p.color));
         });
-        squares(bands, set_up);
+        splats(bands, set_up);
     }
 }
 
@@ -227,15 +228,25 @@ fn size_px(style: &Style) -> f32 {
     style.splat_size_px.max(1.0)
 }
 
-/// The depth offset of something of `side_px` pixels at `distance` that faces the eye by a cosine.
-fn offset(frame: &Frame, side_px: f32, distance: f32, facing: f32) -> f32 {
+/// Half the side of a pixel at a distance, view-space units.
+fn pixel_radius(frame: &Frame, distance: f32) -> f32 {
     let depth = if frame.view.is_perspective {
         distance.max(0.0)
     } else {
         1.0
     };
-    let radius = frame.style.depth_offset * side_px * depth / (2.0 * frame.view.focal_px());
-    radius / facing.abs().max(LEAST_COSINE)
+    0.5 * depth / frame.view.focal_px()
+}
+
+/// The depth offset of a patch of surface that faces the eye by a cosine.
+fn offset(frame: &Frame, radius: f32, facing: f32) -> f32 {
+    frame.style.depth_offset * radius / facing.abs().max(LEAST_COSINE)
+}
+
+/// The depth offset of a triangle: that of the largest splat there.
+fn offset_at(frame: &Frame, distance: f32, facing: f32) -> f32 {
+    let radius = size_px(frame.style) * pixel_radius(frame, distance);
+    offset(frame, radius, facing)
 }
 
 /// The cosine between a normal and the direction to the viewer, in model space; 1 without a normal.
@@ -271,16 +282,22 @@ fn pushed_corner(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
     let in_view = (frame.view.view_from_model).transform_point3(vertex.position);
     let normal = normal_of(vertex.normal, vertex.color);
     let facing = facing(frame, vertex.position.as_dvec3(), normal);
-    let by = offset(frame, size_px(frame.style), -in_view.z, facing);
+    let by = offset_at(frame, -in_view.z, facing);
     frame.project(pushed(frame, in_view, by))
 }
 
 /// A splat ready to be drawn in one of the passes.
 struct Splat {
-    footprint: Footprint,
+    shape: Shape,
     /// Reversed depth in this pass.
     depth: f32,
     fragment: Fragment,
+}
+
+enum Shape {
+    Footprint(Disc),
+    /// The pixel of the center.
+    Center([u32; 2]),
 }
 
 fn splat(
@@ -291,54 +308,40 @@ fn splat(
     normal: [i16; 2],
     color: [u8; 4],
 ) -> Option<Splat> {
-    let view = frame.view;
-    let side_px = |distance: f32| {
-        let own = 2.0 * frame.pixels_per_unit * radius;
-        if radius.is_nan() {
-            f32::NAN
-        } else if radius <= 0.0 {
-            size_px(frame.style)
-        } else if view.is_perspective {
-            (own / distance).max(1.0)
-        } else {
-            own.max(1.0)
-        }
-    };
-    let footprint = square::footprint(frame, center, |distance| match pass {
-        Pass::Depth => side_px(distance),
-        // Snapped to the grid, a side of 1 covers exactly the pixel that contains the center.
-        Pass::Centers if side_px(distance).is_nan() => f32::NAN,
-        Pass::Centers => 1.0,
-    })?;
-    let normal_in_model = if color[3] == 0 {
-        DVec3::ZERO
-    } else {
-        octahedral::decode(normal).as_dvec3()
-    };
-    let distance = footprint.distance;
-    let facing = facing(frame, center.as_dvec3(), normal_in_model);
-    let by = offset(frame, side_px(distance), distance, facing);
-    let depth = match pass {
+    let (patch, placed) = patch(frame, center, radius, normal, color)?;
+    let distance = placed.distance;
+    let normal = normal_of(normal, color);
+    let facing = facing(frame, center.as_dvec3(), normal);
+    let by = offset(
+        frame,
+        (patch.radius as f32).max(pixel_radius(frame, distance)),
+        facing,
+    );
+    let (shape, depth) = match pass {
         Pass::Depth => {
-            let in_view = view.view_from_model.transform_point3(center);
+            let disc = Disc::new(frame, &patch, 0.0)?;
             // What cannot be pushed (an infinite offset) lies as far as can be.
-            (frame.project(pushed(frame, in_view, by))).map_or(0.0, |p| p.clip.z / p.clip.w)
+            let depth = frame.project(pushed(frame, patch.center, by));
+            let depth = depth.map_or(f32::NEG_INFINITY, |p| p.clip.z / p.clip.w);
+            (Shape::Footprint(disc), depth)
         }
-        Pass::Centers => footprint.depth,
+        Pass::Centers => {
+            // Snapped to the grid, a side of 1 covers exactly the pixel that contains the center.
+            let pixel = square::footprint(frame, center, |_| 1.0)?;
+            let at = [pixel.columns.start, pixel.rows.start];
+            (Shape::Center(at), pixel.depth)
+        }
     };
     Some(Splat {
+        shape,
         depth: before_far(depth),
         fragment: Fragment {
-            color: frame.shading.color(
-                Kind::Splat,
-                center.as_dvec3(),
-                normal_in_model,
-                color_of(color),
-            ),
-            normal: normal_in_model.as_vec3().to_array(),
+            color: frame
+                .shading
+                .color(Kind::Splat, center.as_dvec3(), normal, color_of(color)),
+            normal: normal.as_vec3().to_array(),
             front: [distance, by],
         },
-        footprint,
     })
 }
 

@@ -13,9 +13,11 @@ mod pyramid;
 
 use super::hybrid::Run;
 use super::scene::Scene;
+use super::splats::Source;
 use super::targets::{Context, Targets};
 use super::{NORMAL, Reconstruction, SPLAT, VERTEX, triangles};
 use crate::abi::{Shader, shaders};
+use crate::draw::splats::Packed;
 use crate::gpu::buffer::Upload;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
@@ -37,10 +39,13 @@ const NOTHING: Record = Record {
 /// The splats of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Splats<'a> {
-    /// Records of the draw list, and how many.
-    List(&'a Upload, u32),
+    /// Records of a draw list, how many of which kind, and of how many records.
+    List(&'a Upload, Packed, usize),
     /// Every vertex of the scene.
-    Vertices,
+    Vertices {
+        /// Footprints may be too large for points.
+        as_quads: bool,
+    },
 }
 
 /// What a frame draws.
@@ -54,25 +59,79 @@ pub(crate) struct List<'a> {
     pub(crate) largest_px: f32,
 }
 
-/// The pipelines of one of the first two passes.
+/// The pipelines of splats from one source.
 #[derive(Debug)]
-struct PassPipelines {
-    triangles: Pipeline,
-    splats: Pipeline,
+struct SplatPipelines {
+    /// Footprints as points.
     points: Pipeline,
+    /// Footprints as quads.
+    quads: Pipeline,
+    /// One pixel each.
+    centers: Pipeline,
 }
 
 /// Pipelines and targets, for one picture size.
 #[derive(Debug)]
 pub(crate) struct Visibility {
     gpu: Arc<Gpu>,
-    depth: PassPipelines,
-    centers: PassPipelines,
+    normals: bool,
+    /// Of the first and of the second pass.
+    triangles: [Pipeline; 2],
+    from_list: Option<SplatPipelines>,
+    from_vertices: Option<SplatPipelines>,
     picked: Target,
     fronts: Target,
     gaussian: Option<Pipeline>,
     density: Option<Pipeline>,
     pyramid: Option<Pyramid>,
+}
+
+/// A pipeline of one of the first two passes.
+fn first_pass(
+    gpu: &Arc<Gpu>,
+    normals: bool,
+    is_center: bool,
+    (vertex, record): (&Shader, Record),
+    topology: Topology,
+) -> Result<Pipeline, Error> {
+    let formats = [PICKED, FRONTS, NORMAL];
+    let pass = if is_center { "centers" } else { "depth" };
+    Pipeline::new(
+        gpu,
+        &Description {
+            name: &format!("visibility.{pass} {topology:?}"),
+            vertex,
+            fragment: Some(match topology {
+                Topology::Triangles => &shaders::VISIBILITY_TRIANGLES_FRAG,
+                Topology::Points | Topology::Quads => &shaders::VISIBILITY_SPLATS_FRAG,
+            }),
+            constants: &[is_center, normals, topology == Topology::Quads],
+            record,
+            topology,
+            colors: &formats[..if normals { 3 } else { 2 }],
+            // A center may lie exactly in its own footprint, where the offset is 0.
+            depth: if is_center {
+                Depth::NotFarther
+            } else {
+                Depth::Nearest
+            },
+            is_additive: false,
+        },
+    )
+}
+
+impl SplatPipelines {
+    fn new(gpu: &Arc<Gpu>, normals: bool, source: Source) -> Result<Self, Error> {
+        let from = match source {
+            Source::List => (&shaders::VISIBILITY_SPLATS_VERT, SPLAT),
+            Source::Vertices => (&shaders::VISIBILITY_POINTS_VERT, VERTEX),
+        };
+        Ok(Self {
+            points: first_pass(gpu, normals, false, from, Topology::Points)?,
+            quads: first_pass(gpu, normals, false, from, Topology::Quads)?,
+            centers: first_pass(gpu, normals, true, from, Topology::Points)?,
+        })
+    }
 }
 
 /// A pass over the whole picture that ends it.
@@ -94,7 +153,7 @@ fn last_pass(gpu: &Arc<Gpu>, name: &str, fragment: &Shader) -> Result<Pipeline, 
 }
 
 impl Visibility {
-    /// Pipelines and targets of the first two passes; [`Visibility::ensure`] makes those of a reconstruction.
+    /// Targets and the pipelines of triangles; [`Visibility::ensure`] makes the others.
     ///
     /// # Errors
     /// When memory runs out.
@@ -104,62 +163,16 @@ impl Visibility {
         height: u32,
         normals: bool,
     ) -> Result<Self, Error> {
-        let pass = |is_center: bool, shaders: [&Shader; 3]| -> Result<PassPipelines, Error> {
-            let name = if is_center {
-                "visibility.centers"
-            } else {
-                "visibility.depth"
-            };
-            let formats = [PICKED, FRONTS, NORMAL];
-            let make = |what: &str, vertex: &Shader, record, topology| {
-                Pipeline::new(
-                    gpu,
-                    &Description {
-                        name: &format!("{name} {what}"),
-                        vertex,
-                        fragment: Some(match topology {
-                            Topology::Triangles => &shaders::VISIBILITY_TRIANGLES_FRAG,
-                            Topology::Points => &shaders::VISIBILITY_SPLATS_FRAG,
-                        }),
-                        constants: &[is_center, normals],
-                        record,
-                        topology,
-                        colors: &formats[..if normals { 3 } else { 2 }],
-                        // A center may lie exactly in its own footprint, where the offset is 0.
-                        depth: if is_center {
-                            Depth::NotFarther
-                        } else {
-                            Depth::Nearest
-                        },
-                        is_additive: false,
-                    },
-                )
-            };
-            let [triangles, splats, points] = shaders;
-            Ok(PassPipelines {
-                triangles: make("triangles", triangles, VERTEX, Topology::Triangles)?,
-                splats: make("splats", splats, SPLAT, Topology::Points)?,
-                points: make("points", points, VERTEX, Topology::Points)?,
-            })
+        let triangles = |is_center| {
+            let from = (&shaders::VISIBILITY_TRIANGLES_VERT, VERTEX);
+            first_pass(gpu, normals, is_center, from, Topology::Triangles)
         };
         Ok(Self {
             gpu: gpu.clone(),
-            depth: pass(
-                false,
-                [
-                    &shaders::VISIBILITY_DEPTH_TRIANGLES_VERT,
-                    &shaders::VISIBILITY_DEPTH_VERT,
-                    &shaders::VISIBILITY_DEPTH_POINTS_VERT,
-                ],
-            )?,
-            centers: pass(
-                true,
-                [
-                    &shaders::VISIBILITY_CENTERS_TRIANGLES_VERT,
-                    &shaders::VISIBILITY_CENTERS_VERT,
-                    &shaders::VISIBILITY_CENTERS_POINTS_VERT,
-                ],
-            )?,
+            normals,
+            triangles: [triangles(false)?, triangles(true)?],
+            from_list: None,
+            from_vertices: None,
             picked: Target::new(gpu, "picked", PICKED, width, height)?,
             fronts: Target::new(gpu, "fronts", FRONTS, width, height)?,
             gaussian: None,
@@ -168,11 +181,22 @@ impl Visibility {
         })
     }
 
-    /// Makes what `reconstruction` needs, outside of the frame.
+    /// Makes what splats from `source` and `reconstruction` need, outside of the frame.
     ///
     /// # Errors
     /// When memory runs out.
-    pub(crate) fn ensure(&mut self, reconstruction: Reconstruction) -> Result<(), Error> {
+    pub(crate) fn ensure(
+        &mut self,
+        source: Source,
+        reconstruction: Reconstruction,
+    ) -> Result<(), Error> {
+        let pipelines = match source {
+            Source::List => &mut self.from_list,
+            Source::Vertices => &mut self.from_vertices,
+        };
+        if pipelines.is_none() {
+            *pipelines = Some(SplatPipelines::new(&self.gpu, self.normals, source)?);
+        }
         let gpu = &self.gpu;
         match reconstruction {
             Reconstruction::Gaussian if self.gaussian.is_none() => {
@@ -239,14 +263,21 @@ impl Visibility {
         context: &Context,
         constants: Uniform,
     ) {
-        for (name, pipelines, load) in [
-            (
-                "visibility.depth",
-                &self.depth,
-                Load::Clear as fn([f32; 4]) -> Load,
-            ),
-            ("visibility.centers", &self.centers, |_| Load::Keep),
+        let splats = match list.splats {
+            Splats::List(..) => &self.from_list,
+            Splats::Vertices { .. } => &self.from_vertices,
+        };
+        let Some(splats) = splats else {
+            unreachable!("ensure made the pipelines")
+        };
+        for (name, triangles, is_center) in [
+            ("visibility.depth", &self.triangles[0], false),
+            ("visibility.centers", &self.triangles[1], true),
         ] {
+            let load = |clear| match is_center {
+                false => Load::Clear(clear),
+                true => Load::Keep,
+            };
             let mut pass = frame
                 .pass(name)
                 .color(&self.picked, load([0.0; 4]))
@@ -261,15 +292,15 @@ impl Visibility {
             if let Some((indices, _)) = list.triangles {
                 pass = pass.indices(indices);
             }
-            if let Splats::List(splats, _) = list.splats {
-                pass = pass.vertices(splats);
+            if let Splats::List(records, ..) = list.splats {
+                pass = pass.vertices(records);
             }
             pass.draw(context.viewport(), |draw| {
                 if let Some((indices, runs)) = list.triangles
                     && !runs.is_empty()
                 {
                     draw.cull_back_faces(context.cull_back, context.is_mirrored);
-                    draw.bind(&pipelines.triangles, &[constants], &[]);
+                    draw.bind(triangles, &[constants], &[]);
                     draw.indices(indices, 0);
                     for run in runs {
                         draw.vertices(&list.scene.pages[run.page].vertices, 0);
@@ -277,18 +308,39 @@ impl Visibility {
                     }
                 }
                 draw.cull_back_faces(false, false);
+                let footprints = if is_center {
+                    &splats.centers
+                } else {
+                    &splats.points
+                };
                 match list.splats {
-                    Splats::List(_, 0) => {}
-                    Splats::List(splats, count) => {
-                        draw.bind(&pipelines.splats, &[constants], &[]);
-                        draw.vertices(splats, 0);
-                        draw.draw(0, count);
+                    Splats::List(records, packed, capacity) => {
+                        let first = (capacity - packed.quads) as u32;
+                        let (points, quads) = (packed.points as u32, packed.quads as u32);
+                        if points > 0 || quads > 0 {
+                            draw.bind(footprints, &[constants], &[]);
+                            draw.vertices(records, 0);
+                            draw.draw(0, points);
+                        }
+                        if quads > 0 && is_center {
+                            draw.draw(first, quads);
+                        } else if quads > 0 {
+                            draw.bind(&splats.quads, &[constants], &[]);
+                            draw.vertices(records, 0);
+                            draw.draw_quads(first, quads);
+                        }
                     }
-                    Splats::Vertices => {
-                        draw.bind(&pipelines.points, &[constants], &[]);
+                    Splats::Vertices { as_quads } => {
+                        let as_quads = as_quads && !is_center;
+                        let pipeline = if as_quads { &splats.quads } else { footprints };
+                        draw.bind(pipeline, &[constants], &[]);
                         for page in &list.scene.pages {
                             draw.vertices(&page.vertices, 0);
-                            draw.draw(0, page.vertex_count);
+                            if as_quads {
+                                draw.draw_quads(0, page.vertex_count);
+                            } else {
+                                draw.draw(0, page.vertex_count);
+                            }
                         }
                     }
                 }

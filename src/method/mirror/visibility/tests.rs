@@ -4,6 +4,7 @@
 use super::*;
 use crate::abi::Splat;
 use crate::math::camera::Camera;
+use crate::math::octahedral;
 use glam::DVec3;
 use proptest::prelude::*;
 

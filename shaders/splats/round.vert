@@ -1,6 +1,6 @@
 #version 460
-// Pass visibility.centers: one pixel for each splat of the draw list.
-#include "common/visibility_splat.glsl"
+// One disc or ellipse per splat of the draw list.
+#include "common/round_splat.glsl"
 
 layout(location = 0) in vec3 center;
 layout(location = 1) in float radius;
@@ -8,5 +8,5 @@ layout(location = 2) in vec2 normal;
 layout(location = 3) in vec4 color;
 
 void main() {
-    emit_splat(center, radius, normal, color, true);
+    emit_round(center, radius, normal, color);
 }

@@ -1,5 +1,5 @@
 #version 460
-// Pass visibility.depth: the footprint of each splat of the draw list.
+// Passes visibility.depth and visibility.centers: the splats of the draw list.
 #include "common/visibility_splat.glsl"
 
 layout(location = 0) in vec3 center;
@@ -8,5 +8,5 @@ layout(location = 2) in vec2 normal;
 layout(location = 3) in vec4 color;
 
 void main() {
-    emit_splat(center, radius, normal, color, false);
+    emit_splat(center, radius, normal, color);
 }

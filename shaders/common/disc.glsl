@@ -1,0 +1,139 @@
+// The footprint of an oriented disc, exact in perspective: ray and plane, as a quadratic form in pixels.
+//
+// A disc has center c, unit normal n and radius r in view space. The ray through a pixel at an offset of (x, y) pixels
+// from the projected center has the direction d = d_c + e, d_c = c / z. It meets the plane in q = z d / (1 + M.e),
+// M = z n / (n.c), so q - c = z (e - d_c (M.e)) / (1 + M.e): free of cancellation. With rho = |q - c| / r,
+//
+//     rho^2 = (x, y) form (x, y) / (1 + skew.(x, y))^2.
+//
+// Orthographic rays are parallel to z; then skew = 0.
+#include "common/frame.glsl"
+
+struct Disc {
+    // Framebuffer position of the projected center.
+    vec2 center_px;
+    // xx, xy, yy of the quadratic form, 1 / pixels^2; all 0 where the footprint is the whole square.
+    vec3 form;
+    // 1 / pixels.
+    vec2 skew;
+    // Side of a square around the center that contains the footprint, pixels; at least 1.
+    float size_px;
+};
+
+// Smallest ratio of the axes of a footprint: at a rim normals are unsure and a line would leave holes.
+const float LEAST_RATIO = 0.1;
+
+// A circle of a smaller diameter may lie between the centers of pixels: it is the square around it instead, of one pixel
+// at least, so that no splat vanishes.
+const float LEAST_ROUND_PX = 1.41421356;
+
+// Framebuffer position of a view-space point in front of the eye.
+vec2 position_px(vec3 in_view) {
+    vec2 at = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? in_view.xy : in_view.xy / -in_view.z;
+    return (at - frame.ray_offset) / frame.ray_scale;
+}
+
+// Unit vector from a view-space point to the eye; towards the viewer in an orthographic view.
+vec3 to_eye(vec3 in_view) {
+    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(in_view);
+}
+
+// Half the thickness of the patch over its radius, from the alpha of its color (1 / 255 to 1: 255 is flat).
+float thickness_of(float alpha) {
+    return (1.0 - alpha) * (255.0 / 254.0);
+}
+
+// Normal of the plane in which the footprint of a patch is a disc. The patch lies in a ball, between two planes with
+// normal n at a distance of `thickness` radii from its middle; v is the direction to the eye. A slab seen under the
+// cosine k is k + thickness sin wide, which is the ratio of the disc's axes. A zero normal: facing.
+vec3 footprint_normal(vec3 n, vec3 v, float thickness) {
+    float facing = dot(n, v);
+    vec3 across = n - facing * v;
+    float sine = length(across);
+    float ratio = clamp(abs(facing) + thickness * sine, LEAST_RATIO, 1.0);
+    // Towards the eye; facing when there is no normal or it points straight there.
+    if (sine < 1e-6) {
+        return v;
+    }
+    return ratio * v + sqrt(1.0 - ratio * ratio) * sign(facing == 0.0 ? 1.0 : facing) * (across / sine);
+}
+
+// Side of the square around the center that contains the ellipse rho = 1, from the inverse of its form.
+float size_of(vec3 inverse, vec2 skew) {
+    vec2 shift = vec2(dot(inverse.xy, skew), dot(inverse.yz, skew));
+    float rest = 1.0 - dot(skew, shift);
+    vec2 extent = (abs(shift) + sqrt(inverse.xz * rest + shift * shift)) / rest;
+    return 2.0 * max(extent.x, extent.y);
+}
+
+vec3 inverse_form(vec3 form) {
+    return vec3(form.z, -form.y, form.x) / (form.x * form.z - form.y * form.y);
+}
+
+// Ends a footprint whose form and skew are set.
+Disc bounded(Disc disc) {
+    disc.size_px = size_of(inverse_form(disc.form), disc.skew);
+    if (!(disc.size_px >= LEAST_ROUND_PX)) {
+        disc.form = vec3(0.0);
+        disc.skew = vec2(0.0);
+        disc.size_px = disc.size_px >= 1.0 ? disc.size_px : 1.0;
+    } else {
+        // The device snaps the center; what the square gains is cut off by the form.
+        disc.size_px += 1.0 / 64.0;
+    }
+    return disc;
+}
+
+// A circle of `radius_px` on the picture.
+Disc circle(vec3 center, float radius_px) {
+    return bounded(Disc(position_px(center), vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0));
+}
+
+// The footprint of a patch around `center`, all in view space; `normal` unit, or zero where there is none.
+// `low_pass_px` is the standard deviation of a Gaussian that the footprint is widened by, where rho = 1 stands for two
+// standard deviations.
+Disc footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
+    Disc disc;
+    disc.center_px = position_px(center);
+    disc.skew = vec2(0.0);
+    vec2 scale = frame.ray_scale;
+    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
+    float distance = is_orthographic ? 1.0 : -center.z;
+    // The near plane in view space, from the projection: depth 1 there.
+    float near = frame.clip_from_view[3][2] / (1.0 + frame.clip_from_view[2][2]);
+    if (!is_orthographic && distance - radius <= near) {
+        // It may reach behind the eye, where the plane has no picture: a circle that faces the viewer.
+        float extent = radius * frame.focal_px / max(distance, near);
+        disc.form = vec3(1.0, 0.0, 1.0) / (extent * extent);
+    } else {
+        vec3 n = footprint_normal(normal, to_eye(center), thickness);
+        vec3 x;
+        vec3 y;
+        if (is_orthographic) {
+            x = vec3(1.0, 0.0, -n.x / n.z);
+            y = vec3(0.0, 1.0, -n.y / n.z);
+        } else {
+            vec3 along = center / distance;
+            vec2 slope = n.xy / dot(n, along);
+            x = vec3(1.0, 0.0, 0.0) - along * slope.x;
+            y = vec3(0.0, 1.0, 0.0) - along * slope.y;
+            disc.skew = slope * scale;
+        }
+        x *= scale.x * distance / radius;
+        y *= scale.y * distance / radius;
+        disc.form = vec3(dot(x, x), dot(x, y), dot(y, y));
+    }
+    if (low_pass_px > 0.0) {
+        vec3 inverse = inverse_form(disc.form);
+        inverse.xz += 4.0 * low_pass_px * low_pass_px;
+        disc.form = inverse_form(inverse);
+    }
+    return bounded(disc);
+}
+
+// rho^2 at an offset from the center, pixels; above 1 is outside.
+float rho_squared(vec3 form, vec2 skew, vec2 offset) {
+    float w = 1.0 + dot(skew, offset);
+    float squared = form.x * offset.x * offset.x + 2.0 * form.y * offset.x * offset.y + form.z * offset.y * offset.y;
+    return w > 0.0 ? squared / (w * w) : 2.0;
+}

@@ -1,0 +1,358 @@
+//! From a cut to splats, written straight into the caller's memory (the mapped buffer of a frame): first those that the
+//! device can draw as points, at the end those that are too large and become quads.
+
+use crate::abi::{Splat, Vertex, WeightedSplat};
+use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center};
+use crate::draw::Footprint;
+use crate::math::camera::View;
+use crate::math::octahedral;
+use crate::tree::Model;
+use glam::Vec3;
+
+/// What the packing depends on besides model, cut and view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plan {
+    /// What splats look like.
+    pub footprint: Footprint,
+    /// Size of splats without a radius of their own, pixels; at least 1.
+    pub threshold_px: f32,
+    /// The metric of the cut.
+    pub size: SizeMetric,
+    /// Draw leaves that are larger than the threshold as splats too, not as triangles.
+    pub draws_large_leaves: bool,
+    /// Standard deviation of the Gaussian that footprints are widened by, pixels.
+    pub low_pass_px: f32,
+    /// Largest point that the device draws, pixels.
+    pub max_point_px: f32,
+}
+
+/// What was written: points from the start of the list, quads up to its end.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Packed {
+    /// Number of records to draw as points.
+    pub points: usize,
+    /// Number of records that may be too large for points.
+    pub quads: usize,
+}
+
+/// A record of a draw list of splats.
+pub trait Record {
+    /// The record of a splat that stands for `area` of surface (model units squared; 0 where it is unknown).
+    fn new(splat: Splat, area: f32) -> Self;
+}
+
+impl Record for Splat {
+    fn new(splat: Splat, _area: f32) -> Self {
+        splat
+    }
+}
+
+impl Record for WeightedSplat {
+    fn new(splat: Splat, area: f32) -> Self {
+        Self { splat, area }
+    }
+}
+
+/// What a footprint may be larger by than the disc in the plane: snapping, and one pixel for the low pass and rounding.
+const SLACK_PX: f32 = 1.0;
+
+impl Plan {
+    /// Whether every splat of a cut of this plan is smaller than the largest point, so that none is looked at.
+    ///
+    /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
+    /// that ball, and the ellipse contains the projected center: the footprint reaches at most t from there.
+    fn fits_always(&self, model: &Model) -> bool {
+        self.bound_px() <= self.max_point_px
+            && !self.draws_large_leaves
+            && (self.footprint != Footprint::Oriented || self.size == SizeMetric::Exact)
+            && !model.triangles.is_empty()
+    }
+
+    fn bound_px(&self) -> f32 {
+        match self.footprint {
+            Footprint::Square => self.threshold_px,
+            Footprint::Circle => self.threshold_px + SLACK_PX,
+            Footprint::Oriented => 2.0 * self.threshold_px + self.widened_px(),
+        }
+    }
+
+    fn widened_px(&self) -> f32 {
+        4.0 * self.low_pass_px + SLACK_PX
+    }
+
+    /// Largest side of a point of this plan, pixels: half of it must fit between the picture and the border of the
+    /// view volume, or centers beside the picture are lost.
+    pub fn largest_point_px(&self, model: &Model) -> f32 {
+        if self.fits_always(model) {
+            self.bound_px()
+        } else {
+            self.max_point_px
+        }
+    }
+
+    /// Largest side of the footprint of a vertex that is drawn with the threshold's size, pixels: a disc of radius
+    /// r = t z / 2 f anywhere in the picture. With slope s = |xy| / z of the center it reaches at most
+    /// f r (1 + s) / (z - r) from there.
+    pub fn vertex_px(&self, view: &View) -> f32 {
+        let side = self.threshold_px;
+        if self.footprint == Footprint::Square {
+            return side;
+        }
+        if self.footprint == Footprint::Circle || !view.is_perspective {
+            return side + self.widened_px();
+        }
+        let ratio = side / (2.0 * view.focal_px());
+        // Centers up to one picture beside it.
+        let slope = |i: usize| 3.0 * (1.0 + view.offset[i].abs()) / view.scale[i].abs();
+        let slope = slope(0).hypot(slope(1));
+        if ratio < 1.0 {
+            side * (1.0 + slope) / (1.0 - ratio) + self.widened_px()
+        } else {
+            f32::INFINITY
+        }
+    }
+}
+
+/// Number of records that [`pack`] writes.
+pub fn count(cut: &Cut, plan: &Plan) -> usize {
+    let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
+    let large = if plan.draws_large_leaves {
+        cut.triangles.len()
+    } else {
+        0
+    };
+    cut.nodes.len() + strips + cut.leaves.len() + large
+}
+
+/// Writes the splats of a cut into `out`, of which exactly the first [`count`] are used.
+///
+/// Squares and circles have the frame's constant size (radius 0), but for leaves that are larger. Oriented discs have a radius in
+/// which all of their patch lies: of a node the largest distance of a corner, of a row of splats that of its balls, of
+/// a leaf that of its sphere.
+///
+/// # Panics
+/// When `out` is shorter than [`count`].
+pub fn pack<R: Record>(
+    model: &Model,
+    cut: &Cut,
+    view: &View,
+    plan: &Plan,
+    out: &mut [R],
+) -> Packed {
+    let tree = &model.tree;
+    let is_oriented = plan.footprint == Footprint::Oriented;
+    let mut writer = Writer {
+        end: count(cut, plan),
+        out,
+        packed: Packed::default(),
+        view,
+        plan,
+        is_checked: !plan.fits_always(model),
+    };
+    // A radius of 0 would ask for the constant size.
+    let own = |radius: f32| {
+        if is_oriented {
+            radius.max(f32::MIN_POSITIVE)
+        } else {
+            0.0
+        }
+    };
+    for &id in &cut.nodes {
+        let node = &tree.nodes[id as usize];
+        let a = &tree.attributes[id as usize];
+        let splat = Splat {
+            center: node.center,
+            radius: own(a.splat_radius),
+            normal: a.normal,
+            color: a.color,
+        };
+        writer.write(splat, a.area);
+    }
+    for &StripRun { node: id, count } in &cut.strips {
+        let node = &tree.nodes[id as usize];
+        let a = &tree.attributes[id as usize];
+        let radius = own(strip_ball_radius(node, count));
+        for i in 0..count {
+            let splat = Splat {
+                center: strip_center(node, count, i),
+                radius,
+                normal: a.normal,
+                color: a.color,
+            };
+            writer.write(splat, a.area / count as f32);
+        }
+    }
+    let large: &[u32] = if plan.draws_large_leaves {
+        &cut.triangles
+    } else {
+        &[]
+    };
+    for (ids, is_large) in [(cut.leaves.as_slice(), false), (large, true)] {
+        for &leaf in ids {
+            let sphere = &tree.leaves[leaf as usize];
+            let (mut splat, area) = match model.triangles.get(leaf as usize) {
+                Some(corners) => {
+                    let corners = corners.map(|i| model.vertices[i as usize]);
+                    let (splat, area) = of_triangle(corners, sphere.center, is_large);
+                    (
+                        Splat {
+                            radius: own(sphere.radius),
+                            ..splat
+                        },
+                        area,
+                    )
+                }
+                None => {
+                    let vertex = &model.vertices[leaf as usize];
+                    let splat = Splat {
+                        center: vertex.position,
+                        radius: if is_oriented { sphere.radius } else { 0.0 },
+                        normal: vertex.normal,
+                        color: vertex.color,
+                    };
+                    (splat, 0.0)
+                }
+            };
+            // A square or circle has the threshold's size unless its leaf is larger.
+            if !is_oriented
+                && sphere.radius > 0.0
+                && writer.side_px(sphere.center, sphere.radius) > plan.threshold_px
+            {
+                splat.radius = sphere.radius;
+            }
+            writer.write(splat, area);
+        }
+    }
+    writer.packed
+}
+
+/// A triangle as a patch of surface: its mean color, and the mean normal of its corners with a thickness that reaches
+/// all of it, or with `is_large` its own normal.
+fn of_triangle(corners: [Vertex; 3], center: Vec3, is_large: bool) -> (Splat, f32) {
+    let [a, b, c] = corners.map(|v| v.position);
+    let cross = (b - a).cross(c - a);
+    let plane = cross.normalize_or_zero();
+    let sum: Vec3 = corners
+        .iter()
+        .filter(|v| v.color[3] != 0)
+        .map(|v| octahedral::decode(v.normal))
+        .sum();
+    let mean = sum.normalize_or(plane);
+    let (normal, thickness) = if is_large && plane != Vec3::ZERO {
+        (if mean.dot(plane) < 0.0 { -plane } else { plane }, 0.0)
+    } else {
+        // Around the mean normal the triangle is as thick as the sine of the angle between the two.
+        (mean, mean.cross(plane).length().min(1.0))
+    };
+    let channel =
+        |i: usize| ((corners.iter().map(|v| u32::from(v.color[i])).sum::<u32>() + 1) / 3) as u8;
+    let alpha = if normal == Vec3::ZERO {
+        0
+    } else {
+        255 - (thickness * 254.0).ceil() as u8
+    };
+    let splat = Splat {
+        center,
+        radius: 0.0,
+        normal: octahedral::encode(normal),
+        color: [channel(0), channel(1), channel(2), alpha],
+    };
+    (splat, 0.5 * cross.length())
+}
+
+struct Writer<'a, R> {
+    out: &'a mut [R],
+    end: usize,
+    packed: Packed,
+    view: &'a View,
+    plan: &'a Plan,
+    /// Whether a splat may be too large for a point.
+    is_checked: bool,
+}
+
+impl<R: Record> Writer<'_, R> {
+    #[inline]
+    fn write(&mut self, splat: Splat, area: f32) {
+        let at = if self.is_checked && !self.fits(&splat) {
+            self.packed.quads += 1;
+            self.end - self.packed.quads
+        } else {
+            self.packed.points += 1;
+            self.packed.points - 1
+        };
+        self.out[at] = R::new(splat, area);
+    }
+
+    /// Diameter in pixels of a ball at the depth of its center.
+    fn side_px(&self, center: Vec3, radius: f32) -> f32 {
+        let view = self.view;
+        let z = if view.is_perspective {
+            view.distance(center).max(view.near)
+        } else {
+            1.0
+        };
+        2.0 * view.focal_px() * radius * view.model_scale / z
+    }
+
+    /// Whether the footprint is surely smaller than the largest point. A point q of the disc around c is at most r
+    /// from it, so their projections differ by |q_xy - c_xy - (c_xy / c_z) (q_z - c_z)| / q_z <= r (1 + s) / (z - r).
+    fn fits(&self, splat: &Splat) -> bool {
+        let (view, plan) = (self.view, self.plan);
+        let limit = plan.max_point_px - plan.widened_px();
+        if splat.radius <= 0.0 {
+            return match plan.footprint {
+                Footprint::Oriented => plan.vertex_px(view) <= plan.max_point_px,
+                _ => plan.bound_px() <= plan.max_point_px,
+            };
+        }
+        if plan.footprint != Footprint::Oriented || !view.is_perspective {
+            return self.side_px(splat.center, splat.radius) <= limit;
+        }
+        let center = view.view_from_model.transform_point3(splat.center);
+        let (z, r) = (-center.z, splat.radius * view.model_scale);
+        if z - r <= view.near {
+            return 2.0 * view.focal_px() * r <= limit * z.max(view.near);
+        }
+        let slope = center.truncate().length() / z;
+        2.0 * view.focal_px() * r * (1.0 + slope) <= limit * (z - r)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::octahedral;
+
+    fn corner(position: Vec3, normal: Vec3) -> Vertex {
+        Vertex {
+            position,
+            normal: octahedral::encode(normal),
+            color: [255; 4],
+        }
+    }
+
+    #[test]
+    fn a_triangle_is_as_thick_as_its_normals_are_off() {
+        let at = [Vec3::ZERO, Vec3::X, Vec3::Y];
+        for degrees in [0f32, 10.0, 45.0, 90.0] {
+            let (sin, cos) = degrees.to_radians().sin_cos();
+            let normal = Vec3::new(sin, 0.0, cos);
+            let (splat, area) = of_triangle(at.map(|p| corner(p, normal)), Vec3::ZERO, false);
+            let thickness = f32::from(255 - splat.color[3]) / 254.0;
+            assert!(
+                thickness >= sin - 2e-4 && thickness < sin + 5e-3,
+                "{degrees}: {thickness}"
+            );
+            assert!((area - 0.5).abs() < 1e-6);
+            let (large, _) = of_triangle(at.map(|p| corner(p, normal)), Vec3::ZERO, true);
+            assert!((octahedral::decode(large.normal).z - 1.0).abs() < 1e-6);
+            assert_eq!(large.color[3], 255);
+        }
+        let (line, area) = of_triangle(
+            [Vec3::ZERO, Vec3::X, Vec3::X].map(|p| corner(p, Vec3::Y)),
+            Vec3::ZERO,
+            true,
+        );
+        assert_eq!((line.color[3], area), (255, 0.0));
+    }
+}

@@ -1,0 +1,113 @@
+//! Frames of the methods that draw the whole model: no cut, no draw lists.
+
+use super::{Counts, End, FrameTimes, Renderer, ms};
+use crate::abi::FrameConstants;
+use crate::gpu::Error;
+use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
+use crate::math::camera::View;
+use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
+use crate::method::scene::Scene;
+use crate::method::targets::Targets;
+use crate::method::{Settings, triangles, visibility};
+use crate::tree::Model;
+use std::time::Instant;
+
+impl Renderer {
+    pub(super) fn draw_triangles(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+        end: &mut End<'_>,
+    ) -> Result<(Ticket, FrameTimes), Error> {
+        let context = self.context(view, settings, model, 0.0);
+        let Some((_, pipeline)) = &self.triangles else {
+            unreachable!("prepare made the pipeline")
+        };
+        let counts = Counts {
+            triangles: model.triangles.len() as u64,
+            ..Counts::default()
+        };
+        let constants = frame_constants(view, settings, &context);
+        let targets = &self.targets;
+        submit_whole(
+            &mut self.frames,
+            targets,
+            &constants,
+            counts,
+            end,
+            |frame, c| {
+                triangles::record(frame, pipeline, targets, scene, &context, c);
+            },
+        )
+    }
+
+    pub(super) fn draw_points(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+        end: &mut End<'_>,
+    ) -> Result<(Ticket, FrameTimes), Error> {
+        let max_point = self.gpu.info().max_point_size_px;
+        let largest = splat_plan(settings, max_point).vertex_px(view);
+        // Quads need no guard band.
+        let as_quads = largest > max_point;
+        let guard_px = if as_quads { 0.0 } else { largest };
+        let context = self.context(view, settings, model, guard_px);
+        let counts = Counts {
+            points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
+            ..Counts::default()
+        };
+        let constants = frame_constants(view, settings, &context);
+        let targets = &self.targets;
+        let (splats, visibility) = (&self.splats, &self.visibility);
+        submit_whole(
+            &mut self.frames,
+            targets,
+            &constants,
+            counts,
+            end,
+            |frame, c| match (Drawing::of(settings), splats, visibility) {
+                (Drawing::Visibility, _, Some(visibility)) => {
+                    let list = visibility::List {
+                        scene,
+                        triangles: None,
+                        splats: visibility::Splats::Vertices { as_quads },
+                        largest_px: largest_splat_px(model, settings),
+                    };
+                    let how = settings.reconstruction;
+                    visibility.record(frame, targets, list, how, &context, c);
+                }
+                (_, Some(splats), _) => {
+                    splats.record_vertices(frame, targets, scene, as_quads, &context, c);
+                }
+                _ => unreachable!("prepare made the pipelines"),
+            },
+        )
+    }
+}
+
+/// Records and submits a frame of a method that draws the whole model.
+fn submit_whole(
+    frames: &mut Frames,
+    targets: &Targets,
+    constants: &FrameConstants,
+    counts: Counts,
+    end: &mut End<'_>,
+    record: impl FnOnce(&mut Frame<'_>, Uniform),
+) -> Result<(Ticket, FrameTimes), Error> {
+    let start = Instant::now();
+    let mut frame = frames.begin()?;
+    let constants = frame.uniform(constants)?;
+    record(&mut frame, constants);
+    let ticket = end(frame, &targets.color)?;
+    let times = FrameTimes {
+        submit_ms: ms(start),
+        counts,
+        ..FrameTimes::default()
+    };
+    Ok((ticket, times))
+}

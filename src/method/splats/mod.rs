@@ -1,0 +1,138 @@
+//! Opaque splats of every footprint, from a draw list or from the vertices of the mesh: the nearest wins.
+//!
+//! A footprint up to the device's largest point is a point sprite; a larger one is a quad with the same shaders.
+
+use super::scene::Scene;
+use super::targets::{Context, Targets};
+use super::triangles::targets;
+use super::{SPLAT, VERTEX};
+use crate::abi::{Shader, shaders};
+use crate::draw::Footprint;
+use crate::draw::splats::Packed;
+use crate::gpu::buffer::Upload;
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::{Error, Gpu};
+use std::sync::Arc;
+
+/// Where splats come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Source {
+    /// The draw list.
+    List,
+    /// The vertices of the mesh, all of one size.
+    Vertices,
+}
+
+/// Pipelines of one kind of opaque splat.
+#[derive(Debug)]
+pub(crate) struct Splats {
+    /// What the pipelines were made for.
+    pub(crate) variant: (Footprint, Source),
+    points: Pipeline,
+    quads: Pipeline,
+}
+
+impl Splats {
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        variant @ (footprint, source): (Footprint, Source),
+        normals: bool,
+    ) -> Result<Self, Error> {
+        let is_square = footprint == Footprint::Square;
+        let (vertex, record): (&Shader, Record) = match (source, is_square) {
+            (Source::List, true) => (&shaders::SPLATS_SQUARE_VERT, SPLAT),
+            (Source::List, false) => (&shaders::SPLATS_ROUND_VERT, SPLAT),
+            (Source::Vertices, true) => (&shaders::POINTS_DRAW_VERT, VERTEX),
+            (Source::Vertices, false) => (&shaders::POINTS_ROUND_VERT, VERTEX),
+        };
+        let fragment = if is_square {
+            &shaders::POINTS_DRAW_FRAG
+        } else {
+            &shaders::SPLATS_ROUND_FRAG
+        };
+        let is_oriented = footprint == Footprint::Oriented;
+        let pipeline = |name, topology| {
+            Pipeline::new(
+                gpu,
+                &Description {
+                    name,
+                    vertex,
+                    fragment: Some(fragment),
+                    constants: &[normals, is_oriented, topology == Topology::Quads],
+                    record,
+                    topology,
+                    colors: targets(normals),
+                    depth: Depth::Nearest,
+                    is_additive: false,
+                },
+            )
+        };
+        Ok(Self {
+            variant,
+            points: pipeline("splats as points", Topology::Points)?,
+            quads: pipeline("splats as quads", Topology::Quads)?,
+        })
+    }
+
+    /// Pass `hybrid.splats`: the splats of a draw list of `capacity` records. Keeps what the triangles left.
+    pub(crate) fn record_list(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        (list, packed, capacity): (&Upload, Packed, usize),
+        context: &Context,
+        constants: Uniform,
+    ) {
+        if packed == Packed::default() {
+            return;
+        }
+        let pass = targets
+            .attach_with(frame.pass("hybrid.splats"), context, |_| Load::Keep)
+            .vertices(list);
+        pass.draw(context.viewport(), |draw| {
+            draw.cull_back_faces(false, false);
+            if packed.points > 0 {
+                draw.bind(&self.points, &[constants], &[]);
+                draw.vertices(list, 0);
+                draw.draw(0, packed.points as u32);
+            }
+            if packed.quads > 0 {
+                draw.bind(&self.quads, &[constants], &[]);
+                draw.vertices(list, 0);
+                draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
+            }
+        });
+    }
+
+    /// Pass `points.draw`: all used vertices of all pages. Clears the targets.
+    pub(crate) fn record_vertices(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        scene: &Scene,
+        as_quads: bool,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let mut pass = targets.attach(frame.pass("points.draw"), context);
+        for page in &scene.pages {
+            pass = pass.vertices(&page.vertices);
+        }
+        pass.draw(context.viewport(), |draw| {
+            draw.cull_back_faces(false, false);
+            let pipeline = if as_quads { &self.quads } else { &self.points };
+            draw.bind(pipeline, &[constants], &[]);
+            for page in &scene.pages {
+                draw.vertices(&page.vertices, 0);
+                if as_quads {
+                    draw.draw_quads(0, page.vertex_count);
+                } else {
+                    draw.draw(0, page.vertex_count);
+                }
+            }
+        });
+    }
+}

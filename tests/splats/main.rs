@@ -1,0 +1,7 @@
+//! Round and fuzzy splats: the device against the mirror, closed forms, and what must not change a picture.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[path = "../common/mod.rs"]
+mod common;
+mod opaque;
+mod oracle;
