@@ -38,7 +38,7 @@ pub struct Splat {
 pub struct WeightedSplat {
     /// The splat.
     pub splat: Splat,
-    /// Area of its patch of surface, model units squared; 0 where it is unknown.
+    /// Area of its patch of surface, model units squared; negative where it is unknown.
     pub area: f32,
 }
 

@@ -5,6 +5,8 @@
 mod models;
 #[path = "tree/shapes.rs"]
 mod shapes;
+#[path = "tree/thickness.rs"]
+mod thickness;
 
 use glam::{DVec3, Vec3};
 use models::{horse, models, obj};

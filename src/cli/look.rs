@@ -4,7 +4,9 @@ use super::{Failure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
-use surfel::method::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};
+use surfel::method::{
+    Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+};
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 pub(crate) enum MethodName {
@@ -100,6 +102,14 @@ enum ShadingName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum SumName {
+    /// 16-bit floats
+    Half,
+    /// 32-bit floats
+    Float,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ReconstructionName {
     /// A Gaussian of the threshold's radius
     Gaussian,
@@ -163,6 +173,12 @@ pub(crate) struct LookArgs {
     /// When blended splats are lit
     #[arg(long, value_enum, default_value = "per-splat")]
     shading: ShadingName,
+    /// Floats that blended splats are summed in [default: float where the device can blend them, else half]
+    #[arg(long, value_enum)]
+    sums: Option<SumName>,
+    /// Blended gauss splats: standard deviation of the Gaussian that smooths their rims [default: 0.3]
+    #[arg(long, value_name = "PIXELS")]
+    low_pass: Option<f32>,
     /// How visibility splats are reconstructed
     #[arg(long, value_enum, default_value = "gaussian")]
     reconstruct: ReconstructionName,
@@ -204,6 +220,19 @@ impl LookArgs {
                 "--depth-offset {factor} is no factor from 0 to 1000"
             )));
         }
+        if let Some(pixels) = self.low_pass {
+            if !(0.0..=16.0).contains(&pixels) {
+                return Err(usage(format!(
+                    "--low-pass {pixels} is no width in pixels from 0 to 16"
+                )));
+            }
+            let blend = self.blend.map(Blend::from);
+            if self.splat != SplatName::Gauss || blend.is_some_and(|b| b != Blend::TwoPass) {
+                return Err(usage(
+                    "--low-pass smooths the rims of gauss splats blended in two passes; use --splat gauss",
+                ));
+            }
+        }
         Ok(Settings {
             method: self.method.into(),
             splat: self.splat.into(),
@@ -212,6 +241,11 @@ impl LookArgs {
                 ShadingName::PerSplat => Shading::PerSplat,
                 ShadingName::Deferred => Shading::Deferred,
             },
+            sums: self.sums.map(|name| match name {
+                SumName::Half => SumFormat::Half,
+                SumName::Float => SumFormat::Float,
+            }),
+            low_pass_px: self.low_pass,
             reconstruction: match self.reconstruct {
                 ReconstructionName::Gaussian => Reconstruction::Gaussian,
                 ReconstructionName::Density => Reconstruction::Density,

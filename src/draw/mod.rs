@@ -4,7 +4,7 @@ pub mod filtered;
 pub mod pack;
 pub mod splats;
 
-use crate::abi::{FilteredSplat, Splat, Vertex};
+use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
 
 /// Everything one frame draws. Triangles are drawn first, then splats, then points; all with the same depth
 /// test (nearer wins, first drawn wins ties).
@@ -38,6 +38,22 @@ pub struct FilteredList<'a> {
     pub splats: &'a [FilteredSplat],
 }
 
+/// Everything one frame with fuzzy splats draws: triangles, splats, then points, see
+/// [`crate::method::mirror::render_fuzzy`].
+#[derive(Debug, Clone, Copy, Default)]
+pub struct FuzzyList<'a> {
+    /// The model's vertices.
+    pub vertices: &'a [Vertex],
+    /// Corner indices into `vertices`.
+    pub triangles: &'a [[u32; 3]],
+    /// Splats.
+    pub splats: &'a [WeightedSplat],
+    /// Vertices drawn as splats of [`Style::splat_size_px`].
+    pub points: &'a [Vertex],
+    /// Sums of weights are coverage.
+    pub has_coverage: bool,
+}
+
 /// How the primitives of a frame look.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Style {
@@ -46,6 +62,12 @@ pub struct Style {
     pub splat_size_px: f32,
     /// What splats and points look like.
     pub footprint: Footprint,
+    /// Fuzzy splats: weights fall off as a Gaussian of half the radius.
+    pub is_gauss: bool,
+    /// Fuzzy splats: standard deviation of the Gaussian that footprints are widened by, pixels.
+    pub low_pass_px: f32,
+    /// Fuzzy splats: light once a pixel.
+    pub is_deferred: bool,
     /// What a pixel shows where nothing is drawn: red, green, blue, in 0..=1.
     pub background: [f32; 3],
     /// What decides the color.
@@ -56,7 +78,7 @@ pub struct Style {
     pub two_sided: bool,
     /// Multiply the albedo by the vertex color.
     pub use_colors: bool,
-    /// Factor of the depth offset of filtered splats, see [`crate::method::Settings::depth_offset`].
+    /// Factor of the depth offset of splats that are blended, see [`crate::method::Settings::depth_offset`].
     pub depth_offset: f32,
 }
 
@@ -65,6 +87,9 @@ impl Default for Style {
         Self {
             splat_size_px: 1.0,
             footprint: Footprint::Square,
+            is_gauss: false,
+            low_pass_px: 0.0,
+            is_deferred: false,
             background: [0.0; 3],
             color_by: ColorBy::Shading,
             cull_back_faces: false,

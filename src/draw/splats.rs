@@ -37,17 +37,24 @@ pub struct Packed {
 
 /// A record of a draw list of splats.
 pub trait Record {
-    /// The record of a splat that stands for `area` of surface (model units squared; 0 where it is unknown).
+    /// Whether splats that stand for no area at all are left out.
+    const HAS_AREA: bool;
+
+    /// The record of a splat that stands for `area` of surface (model units squared; negative where it is unknown).
     fn new(splat: Splat, area: f32) -> Self;
 }
 
 impl Record for Splat {
+    const HAS_AREA: bool = false;
+
     fn new(splat: Splat, _area: f32) -> Self {
         splat
     }
 }
 
 impl Record for WeightedSplat {
+    const HAS_AREA: bool = true;
+
     fn new(splat: Splat, area: f32) -> Self {
         Self { splat, area }
     }
@@ -113,7 +120,7 @@ impl Plan {
     }
 }
 
-/// Number of records that [`pack`] writes.
+/// Number of records that [`pack`] needs room for.
 pub fn count(cut: &Cut, plan: &Plan) -> usize {
     let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
     let large = if plan.draws_large_leaves {
@@ -124,11 +131,11 @@ pub fn count(cut: &Cut, plan: &Plan) -> usize {
     cut.nodes.len() + strips + cut.leaves.len() + large
 }
 
-/// Writes the splats of a cut into `out`, of which exactly the first [`count`] are used.
+/// Writes the splats of a cut into the first [`count`] records of `out`.
 ///
-/// Squares and circles have the frame's constant size (radius 0), but for leaves that are larger. Oriented discs have a radius in
-/// which all of their patch lies: of a node the largest distance of a corner, of a row of splats that of its balls, of
-/// a leaf that of its sphere.
+/// Squares and circles have the frame's constant size (radius 0), but for leaves that are larger. Oriented discs have a
+/// radius in which all of their patch lies: of a node the largest distance of a corner, of a row of splats that of its
+/// balls, of a leaf that of its sphere. Where records have areas, patches without any are left out.
 ///
 /// # Panics
 /// When `out` is shorter than [`count`].
@@ -171,13 +178,20 @@ pub fn pack<R: Record>(
     for &StripRun { node: id, count } in &cut.strips {
         let node = &tree.nodes[id as usize];
         let a = &tree.attributes[id as usize];
-        let radius = own(strip_ball_radius(node, count));
+        let ball = strip_ball_radius(node, count);
+        let normal = octahedral::decode(a.normal);
         for i in 0..count {
+            let center = strip_center(node, count, i);
+            let [r, g, b, alpha] = a.color;
+            // The slab lies around the node's center, and its thickness counts in the radii of the ball.
+            let half =
+                thickness_of(alpha) * a.splat_radius + normal.dot(center - node.center).abs();
+            let alpha = if alpha == 0 { 0 } else { alpha_of(half / ball) };
             let splat = Splat {
-                center: strip_center(node, count, i),
-                radius,
+                center,
+                radius: own(ball),
                 normal: a.normal,
-                color: a.color,
+                color: [r, g, b, alpha],
             };
             writer.write(splat, a.area / count as f32);
         }
@@ -210,7 +224,7 @@ pub fn pack<R: Record>(
                         normal: vertex.normal,
                         color: vertex.color,
                     };
-                    (splat, 0.0)
+                    (splat, -1.0)
                 }
             };
             // A square or circle has the threshold's size unless its leaf is larger.
@@ -249,7 +263,7 @@ fn of_triangle(corners: [Vertex; 3], center: Vec3, is_large: bool) -> (Splat, f3
     let alpha = if normal == Vec3::ZERO {
         0
     } else {
-        255 - (thickness * 254.0).ceil() as u8
+        alpha_of(thickness)
     };
     let splat = Splat {
         center,
@@ -258,6 +272,16 @@ fn of_triangle(corners: [Vertex; 3], center: Vec3, is_large: bool) -> (Splat, f3
         color: [channel(0), channel(1), channel(2), alpha],
     };
     (splat, 0.5 * cross.length())
+}
+
+/// Half the thickness of a patch over its radius, from the alpha of its color.
+fn thickness_of(alpha: u8) -> f32 {
+    f32::from(255 - alpha) / 254.0
+}
+
+/// The alpha of a thickness, rounded to thicker; NaN is as thick as can be.
+fn alpha_of(thickness: f32) -> u8 {
+    255 - (thickness.clamp(0.0, 1.0) * 254.0).ceil().min(254.0) as u8
 }
 
 struct Writer<'a, R> {
@@ -273,6 +297,9 @@ struct Writer<'a, R> {
 impl<R: Record> Writer<'_, R> {
     #[inline]
     fn write(&mut self, splat: Splat, area: f32) {
+        if R::HAS_AREA && area == 0.0 {
+            return;
+        }
         let at = if self.is_checked && !self.fits(&splat) {
             self.packed.quads += 1;
             self.end - self.packed.quads

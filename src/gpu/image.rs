@@ -14,6 +14,8 @@ pub enum Format {
     Rgba8,
     /// Two 32-bit floats.
     Rg32Float,
+    /// Four 16-bit floats.
+    Rgba16Float,
     /// Four 32-bit floats.
     Rgba32Float,
     /// 32-bit float depth, reversed: 1 at the near plane, 0 at the far plane.
@@ -26,6 +28,7 @@ impl Format {
         match self {
             Self::Rgba8 | Self::Depth32 => 4,
             Self::Rg32Float => 8,
+            Self::Rgba16Float => 8,
             Self::Rgba32Float => 16,
         }
     }
@@ -34,6 +37,7 @@ impl Format {
         match self {
             Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
             Self::Rg32Float => vk::Format::R32G32_SFLOAT,
+            Self::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,
             Self::Depth32 => vk::Format::D32_SFLOAT,
         }

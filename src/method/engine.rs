@@ -4,10 +4,10 @@
 use super::plan::{Drawing, check, cut_settings, filtered_shade, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
-use super::{Method, Settings, mirror};
-use crate::abi::{FilteredSplat, Splat};
+use super::{Blend, Method, Settings, Shading, SplatKind, mirror};
+use crate::abi::{FilteredSplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Selector};
-use crate::draw::{self, DrawList, FilteredList, Style, pack};
+use crate::draw::{self, DrawList, FilteredList, FuzzyList, Style, pack};
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
@@ -163,6 +163,7 @@ impl MirrorEngine {
         let used = &model.vertices[..model.used_vertices as usize];
         let mut splats = Vec::new();
         let mut filtered = Vec::new();
+        let mut weighted = Vec::new();
         let mut triangles = Vec::new();
         let mut list = DrawList {
             vertices: used,
@@ -182,6 +183,13 @@ impl MirrorEngine {
                         let plan = splat_plan(settings, f32::INFINITY);
                         splats.resize(draw::splats::count(cut, &plan), Splat::zeroed());
                         draw::splats::pack(model, cut, view, &plan, &mut splats);
+                    }
+                    Drawing::Fuzzy => {
+                        let plan = splat_plan(settings, f32::INFINITY);
+                        let count = draw::splats::count(cut, &plan);
+                        weighted.resize(count, WeightedSplat::zeroed());
+                        let packed = draw::splats::pack(model, cut, view, &plan, &mut weighted);
+                        weighted.truncate(packed.points);
                     }
                     Drawing::Filtered => {
                         let most = draw::filtered::splat_count(cut);
@@ -206,11 +214,12 @@ impl MirrorEngine {
             } else {
                 0
             },
-            splats: (list.splats.len() + filtered.len()) as u64,
+            splats: (list.splats.len() + filtered.len() + weighted.len()) as u64,
             triangles: list.triangles.len() as u64,
             points: list.points.len() as u64,
             draw_list_bytes: (size_of_val(list.splats)
                 + size_of_val(filtered.as_slice())
+                + size_of_val(weighted.as_slice())
                 + size_of_val(triangles.as_slice())) as u64,
         };
         self.image = if settings.draws_filtered() {
@@ -226,6 +235,20 @@ impl MirrorEngine {
                 largest_px: largest_splat_px(model, settings),
             };
             mirror::render_visibility(view, &list, &style, how, self.outputs).image
+        } else if Drawing::of(settings) == Drawing::Fuzzy {
+            let list = FuzzyList {
+                vertices: list.vertices,
+                triangles: list.triangles,
+                splats: &weighted,
+                points: list.points,
+                has_coverage: settings.sums_coverage(!model.triangles.is_empty()),
+            };
+            let passes = match settings.blend() {
+                Blend::DepthThreshold => mirror::Passes::DepthThreshold,
+                Blend::DepthRange => mirror::Passes::DepthRange,
+                Blend::TwoPass | Blend::Opaque => mirror::Passes::Two,
+            };
+            mirror::render_fuzzy(view, &list, &style, passes, self.outputs).image
         } else {
             mirror::render(view, &list, &style, self.outputs)
         };
@@ -239,6 +262,9 @@ pub fn style(settings: &Settings, model: &Model) -> Style {
     Style {
         splat_size_px: settings.threshold_px.max(1.0),
         footprint: settings.footprint(),
+        is_gauss: settings.splat == SplatKind::Gauss,
+        low_pass_px: settings.low_pass_px(),
+        is_deferred: settings.shading == Shading::Deferred,
         background: settings.background,
         color_by: settings.color_by,
         cull_back_faces: settings.culls_back(model.is_closed),

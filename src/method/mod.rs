@@ -3,6 +3,7 @@
 
 pub mod engine;
 pub mod filtered;
+pub mod fuzzy;
 pub mod hybrid;
 mod lists;
 pub mod mirror;
@@ -15,7 +16,9 @@ pub(crate) mod targets;
 pub mod triangles;
 pub(crate) mod visibility;
 
-pub use settings::{Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind};
+pub use settings::{
+    Blend, Culling, Method, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+};
 
 use crate::gpu::image::Format;
 use crate::gpu::pipeline::{Attribute, AttributeFormat, Record};

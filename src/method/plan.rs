@@ -38,6 +38,8 @@ pub(super) enum Drawing {
     Nothing,
     /// The nearest splat wins.
     Opaque,
+    /// The weighted mean of all that is near the front.
+    Fuzzy,
     /// Deposits of area.
     Filtered,
     /// Visible centers, and what lies between reconstructed.
@@ -51,6 +53,7 @@ impl Drawing {
             _ if !settings.draws_splats() => Self::Nothing,
             SplatKind::Filtered => Self::Filtered,
             SplatKind::Visibility => Self::Visibility,
+            _ if settings.blend() != Blend::Opaque => Self::Fuzzy,
             _ => Self::Opaque,
         }
     }
@@ -63,7 +66,7 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> draw::splats::Plan 
         threshold_px: settings.threshold_px.max(1.0),
         size: settings.size,
         draws_large_leaves: settings.method == Method::Splats,
-        low_pass_px: 0.0,
+        low_pass_px: settings.low_pass_px(),
         max_point_px,
     }
 }
@@ -96,19 +99,62 @@ pub fn check(
             why: "only visibility splats have one; add --splat visibility".into(),
         });
     }
-    if (settings.method == Method::Splats && settings.splat == SplatKind::Filtered)
-        || settings.blend() != Blend::Opaque
-        || settings.shading != Shading::PerSplat
-    {
-        return Err(Error::Unsupported {
-            what: "these splats",
-            why: "they are not drawn yet".into(),
-        });
+    let is_device = max_size_px.is_finite();
+    if settings.draws_splats() {
+        check_blend(settings, outputs, is_device)?;
     }
     if settings.draws_filtered() {
         check_filtered(model, settings, outputs, max_size_px)?;
     }
     Ok(())
+}
+
+/// Refuses by name what the blending of splats cannot do.
+fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result<(), Error> {
+    let refuse = |what, why: &str| {
+        Err(Error::Unsupported {
+            what,
+            why: why.into(),
+        })
+    };
+    let own = match settings.splat {
+        SplatKind::Filtered => Some("filtered splats"),
+        SplatKind::Visibility => Some("visibility splats"),
+        _ => None,
+    };
+    if let Some(name) = own {
+        if settings.splat == SplatKind::Filtered && settings.method == Method::Splats {
+            return refuse(name, "they belong to --method pop");
+        }
+        if settings.blend.is_some_and(|blend| blend != Blend::Opaque)
+            || settings.shading != Shading::PerSplat
+        {
+            return refuse(
+                name,
+                "they have a way of their own to blend and shade; leave --blend and --shading out",
+            );
+        }
+        return Ok(());
+    }
+    match settings.blend() {
+        Blend::Opaque if settings.shading == Shading::Deferred => refuse(
+            "deferred shading",
+            "only splats that are blended are lit once a pixel; use --blend two-pass",
+        ),
+        Blend::DepthThreshold | Blend::DepthRange if is_device => refuse(
+            "blending in one pass",
+            "it needs ordered access to a pixel; use --device mirror, or --blend two-pass",
+        ),
+        Blend::DepthThreshold | Blend::DepthRange if settings.shading == Shading::Deferred => {
+            refuse("deferred shading", "use --blend two-pass")
+        }
+        Blend::Opaque => Ok(()),
+        _ if outputs.normal => refuse(
+            "normals of blended splats",
+            "a mean over splats has none; leave --normals out or use --blend opaque",
+        ),
+        _ => Ok(()),
+    }
 }
 
 /// Refuses by name what filtered splats cannot draw.
@@ -210,6 +256,6 @@ pub(super) fn frame_constants(
             let [r, g, b] = settings.background;
             [r, g, b, settings.depth_offset()]
         },
-        low_pass_px: 0.0,
+        low_pass_px: settings.low_pass_px(),
     }
 }

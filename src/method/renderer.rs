@@ -9,6 +9,7 @@ mod present;
 mod whole;
 
 use super::filtered::Filtered;
+use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
 use super::plan::{Drawing, check};
@@ -91,6 +92,7 @@ pub struct Renderer {
     splats: Option<Splats>,
     filtered: Option<Filtered>,
     visibility: Option<Visibility>,
+    fuzzy: Option<Fuzzy>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
@@ -142,6 +144,7 @@ impl Renderer {
             splats: None,
             filtered: None,
             visibility: None,
+            fuzzy: None,
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
@@ -288,6 +291,14 @@ impl Renderer {
                 let variant = (settings.footprint(), source);
                 if self.splats.as_ref().is_none_or(|s| s.variant != variant) {
                     self.splats = Some(Splats::new(&self.gpu, variant, normals)?);
+                }
+            }
+            Drawing::Fuzzy => {
+                let has_triangles = !model.triangles.is_empty();
+                let variant = fuzzy::Variant::new(&self.gpu, settings, has_triangles)?;
+                if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
+                    let (width, height) = (self.targets.color.width, self.targets.color.height);
+                    self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
                 }
             }
             Drawing::Filtered => {

@@ -62,6 +62,16 @@ pub enum Shading {
     Deferred,
 }
 
+/// Of what the sums of blended splats are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SumFormat {
+    /// 16-bit floats: half the memory; sums stall or overflow where thousands of splats meet in a pixel.
+    Half,
+    /// 32-bit floats.
+    Float,
+}
+
 /// How [`SplatKind::Visibility`] fills the pixels between the centers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -98,6 +108,12 @@ pub struct Settings {
     pub blend: Option<Blend>,
     /// When splats are lit.
     pub shading: Shading,
+    /// Of what the sums of blended splats are made; `None` is 32-bit floats where the device can blend them, else 16-bit.
+    /// The mirror has 32-bit floats.
+    pub sums: Option<SumFormat>,
+    /// Standard deviation of the Gaussian that [`SplatKind::Gauss`] splats are widened by where they are blended,
+    /// pixels, 0 to 16; `None` is the usual one, [`Settings::low_pass_px`].
+    pub low_pass_px: Option<f32>,
     /// How visibility splats are reconstructed.
     pub reconstruction: Reconstruction,
     /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0.
@@ -126,6 +142,8 @@ impl Default for Settings {
             splat: SplatKind::Square,
             blend: None,
             shading: Shading::PerSplat,
+            sums: None,
+            low_pass_px: None,
             reconstruction: Reconstruction::Gaussian,
             depth_offset: None,
             threshold_px: 1.0,
@@ -175,6 +193,24 @@ impl Settings {
             SplatKind::Gauss => Blend::TwoPass,
             _ => Blend::Opaque,
         })
+    }
+
+    /// Standard deviation of the Gaussian that splats are widened by, pixels. About that of a pixel's own box (0.29):
+    /// a sharper rim would be jagged, a wider one blurred. 0 for all but blended Gaussians.
+    pub fn low_pass_px(&self) -> f32 {
+        if self.splat == SplatKind::Gauss && self.blend() == Blend::TwoPass {
+            self.low_pass_px.unwrap_or(0.3)
+        } else {
+            0.0
+        }
+    }
+
+    /// Whether the sums of weights are coverage: Gaussians that stand for a known area of surface.
+    pub fn sums_coverage(&self, has_triangles: bool) -> bool {
+        self.splat == SplatKind::Gauss
+            && self.blend() == Blend::TwoPass
+            && self.has_cut()
+            && has_triangles
     }
 
     /// What pixels a splat covers, of the kinds that cover any.

@@ -8,7 +8,7 @@ use super::closed::Evidence;
 use super::shape::Shape;
 use super::strip::{self, Corners};
 use super::summary::{self, Sums};
-use super::{Leaf, Node, NodeAttributes, Strip};
+use super::{Leaf, Node, NodeAttributes, Strip, thickness};
 use crate::abi::Vertex;
 use crate::math::cone::Cap;
 use crate::math::sphere::{self, Sphere};
@@ -427,6 +427,15 @@ impl Source<'_> {
         *attributes = sums.attributes(splat_radius.min(node.radius), || {
             self.some_normal(first_child, count)
         });
+        if attributes.has_normal() {
+            let normal = attributes.normal();
+            attributes.set_half_thickness(if self.triangles.is_empty() {
+                let own = &self.vertices[first_child..first_child + count];
+                thickness::of_points(own, &low.leaves[range], node, normal)
+            } else {
+                corners.half_thickness(range.start * 3, range.end * 3, node.center, normal)
+            });
+        }
         sums
     }
 
@@ -438,9 +447,10 @@ impl Source<'_> {
         below: &Below,
         node: &mut Node,
         attributes: &mut NodeAttributes,
-        corners: Option<(&mut Corners, std::ops::Range<usize>)>,
+        mut corners: Option<(&mut Corners, std::ops::Range<usize>)>,
     ) -> Sums {
         let local = children.start - below.first..children.end - below.first;
+        let local_children = local.clone();
         let nodes = &below.nodes[local.clone()];
         let mut balls = [Sphere::default(); 4];
         for (ball, child) in balls.iter_mut().zip(nodes) {
@@ -477,7 +487,7 @@ impl Source<'_> {
                 node.cone = summary::pack_cone(&caps[..usable]);
             }
             let direction = sums.principal_direction();
-            if let Some((corners, leaves)) = corners {
+            if let Some((corners, leaves)) = &mut corners {
                 (node.strip, splat_radius) =
                     corners.fit(leaves.start * 3, leaves.end * 3, node, direction);
             } else {
@@ -505,6 +515,15 @@ impl Source<'_> {
                 .find(|child| child.color[3] != 0)
                 .map_or([0, 0], |child| child.normal)
         });
+        if attributes.has_normal() {
+            let normal = attributes.normal();
+            attributes.set_half_thickness(match corners {
+                Some((corners, leaves)) if !self.triangles.is_empty() => {
+                    corners.half_thickness(leaves.start * 3, leaves.end * 3, node.center, normal)
+                }
+                _ => thickness::of_children(nodes, &below.attributes[local_children], node, normal),
+            });
+        }
         sums
     }
 

@@ -1,6 +1,7 @@
 //! Walks over a model and tests every promise that the cut and the renderer rely on.
 
-use super::{Cone, Model, Node, Strip, moments, summary};
+use super::{Cone, Model, Node, NodeAttributes, Strip, Tree, moments, summary};
+use crate::math::octahedral;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::fmt;
@@ -13,6 +14,9 @@ const SPHERE_TOLERANCE: f64 = 1e-5;
 const STRIP_TOLERANCE: f64 = 1e-5;
 /// How far, in radians, a normal may lie outside of a cone.
 const CONE_TOLERANCE: f64 = 1e-6;
+/// How much farther than the stored thickness a corner may lie, relative to the splat radius, beside the promised
+/// tolerance.
+const THICKNESS_TOLERANCE: f64 = 1e-5;
 /// Violations that are written out.
 const LISTED: usize = 50;
 
@@ -84,6 +88,7 @@ impl Sink {
 /// * S1 to S3: a sphere contains the children's spheres, a leaf's its corners, so the root's the model;
 /// * C1, C2: a cone contains the geometric normals below and the children's cones;
 /// * a capsule contains the corners below; a splat's radius is at most the bounding radius;
+/// * no corner below, and no disc of a point, is farther along the mean normal than the thickness says;
 /// * areas and moments are the sums of the children's; box and orbit enclose the used vertices.
 ///
 /// The rest is only looked at when the links hold.
@@ -94,14 +99,6 @@ pub fn check(model: &Model) -> Report {
         return sink.finish();
     }
     let tree = &model.tree;
-    (0..tree.nodes.len())
-        .into_par_iter()
-        .with_min_len(256)
-        .for_each(|index| check_node(model, index as u32, &sink));
-    (0..tree.leaves.len())
-        .into_par_iter()
-        .with_min_len(1024)
-        .for_each(|leaf| check_leaf(model, leaf as u32, &sink));
     for (index, vertex) in model.vertices[..model.used_vertices as usize]
         .iter()
         .enumerate()
@@ -115,6 +112,14 @@ pub fn check(model: &Model) -> Report {
             sink.report(|| format!("vertex {index} lies outside of the orbit's sphere"));
         }
     }
+    (0..tree.nodes.len())
+        .into_par_iter()
+        .with_min_len(256)
+        .for_each(|index| check_node(model, index as u32, &sink));
+    (0..tree.leaves.len())
+        .into_par_iter()
+        .with_min_len(1024)
+        .for_each(|leaf| check_leaf(model, leaf as u32, &sink));
     sink.finish()
 }
 
@@ -309,6 +314,17 @@ fn check_leaf(model: &Model, leaf: u32, sink: &Sink) {
         if model.vertices[leaf as usize].position != sphere.center {
             sink.report(|| format!("leaf {leaf}: its sphere is not around its point"));
         }
+        let vertex = &model.vertices[leaf as usize];
+        let disc = (vertex.color[3] != 0).then(|| octahedral::decode(vertex.normal).as_dvec3());
+        each_ancestor(tree, leaf, |id| {
+            let reach = |normal: DVec3| match disc {
+                Some(own) => own.cross(normal).length() * f64::from(sphere.radius),
+                None => f64::from(sphere.radius),
+            };
+            if !is_within_thickness(tree, id, &[sphere.center], reach) {
+                sink.report(|| format!("node {id}: leaf {leaf} is thicker"));
+            }
+        });
         return;
     };
     let corners = triangle.map(|corner| model.vertices[corner as usize].position);
@@ -320,10 +336,7 @@ fn check_leaf(model: &Model, leaf: u32, sink: &Sink) {
         sink.report(|| format!("leaf {leaf}: the sphere does not contain the triangle"));
     }
     let (normal, _) = summary::geometric_normal(corners);
-    let Some(mut id) = tree.parent_of_leaf(leaf) else {
-        return;
-    };
-    loop {
+    each_ancestor(tree, leaf, |id| {
         let node = &tree.nodes[id as usize];
         if normal != DVec3::ZERO && !contains_normal(&node.cone, normal) {
             sink.report(|| {
@@ -333,11 +346,46 @@ fn check_leaf(model: &Model, leaf: u32, sink: &Sink) {
         if corners.iter().any(|&corner| !contains_point(node, corner)) {
             sink.report(|| format!("node {id}: the capsule does not contain leaf {leaf}"));
         }
+        if !is_within_thickness(tree, id, &corners, |_| 0.0) {
+            sink.report(|| format!("node {id}: leaf {leaf} is thicker"));
+        }
+    });
+}
+
+/// Calls `visit` with every node above a leaf, the lowest first.
+fn each_ancestor(tree: &Tree, leaf: u32, mut visit: impl FnMut(u32)) {
+    let Some(mut id) = tree.parent_of_leaf(leaf) else {
+        return;
+    };
+    loop {
+        visit(id);
         if id == 0 {
             break;
         }
         id = tree.parents[id as usize];
     }
+}
+
+/// Whether points, with what reaches beyond them along the node's normal, lie within its thickness.
+fn is_within_thickness(
+    tree: &Tree,
+    id: u32,
+    points: &[Vec3],
+    reach: impl Fn(DVec3) -> f64,
+) -> bool {
+    let (node, attributes) = (&tree.nodes[id as usize], &tree.attributes[id as usize]);
+    if !attributes.has_normal() {
+        return true;
+    }
+    let normal = attributes.normal().as_dvec3();
+    let half = f64::from(attributes.half_thickness());
+    let tolerance = f64::from(NodeAttributes::THICKNESS_TOLERANCE) + THICKNESS_TOLERANCE;
+    let most = half + tolerance * f64::from(attributes.splat_radius);
+    let beyond = reach(normal);
+    points.iter().all(|point| {
+        let offset = point.as_dvec3() - node.center.as_dvec3();
+        offset.dot(normal).abs() + beyond <= most
+    })
 }
 
 fn contains_ball(node: &Node, center: Vec3, radius: f32) -> bool {

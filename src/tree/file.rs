@@ -20,7 +20,7 @@ pub const EXTENSION: &str = "surfel";
 /// First bytes of a tree file. The control characters show a transfer in text mode.
 pub const MAGIC: [u8; 8] = *b"surfel\x1a\n";
 /// The version that is written, and the only one that is read.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 const SECTIONS: usize = 9;
 const ALIGNMENT: u64 = 64;
@@ -191,7 +191,7 @@ fn read_from(file: &mut dyn Read, length: u64, path: &Path) -> Result<Model, Err
     }
     if header.version != VERSION {
         let cause = format!(
-            "version {} of the format; this program reads version {VERSION}",
+            "version {} of the format; this program reads version {VERSION}: build the file again from its model",
             header.version
         );
         return Err(damaged(8, cause));
@@ -469,8 +469,11 @@ mod tests {
         assert!(forged(|h| h.flags = 4).is_err());
         assert!(forged(|h| h.min[0] = f32::NAN).is_err());
         assert!(forged(|h| h.file_length = 5).is_err());
-        let error = forged(|h| h.version = 2).unwrap_err().to_string();
-        assert!(error.contains("version 2"), "{error}");
+        let error = forged(|h| h.version = 1).unwrap_err().to_string();
+        assert!(
+            error.contains("version 1 ") && error.contains("build the file again"),
+            "{error}"
+        );
     }
 
     /// Changes a section's bytes and makes all checksums right again.

@@ -18,6 +18,7 @@ mod shape;
 mod spacing;
 mod strip;
 mod summary;
+mod thickness;
 
 pub use access::MemoryBytes;
 pub use build::{BuildOptions, build};

@@ -116,13 +116,59 @@ impl Strip {
 pub struct NodeAttributes {
     /// Area-weighted mean normal for shading, octahedral 2 x 16 bit.
     pub normal: [i16; 2],
-    /// Area-weighted mean color; alpha as in [`crate::abi::Vertex::color`].
+    /// Area-weighted mean color. Alpha is 0 where nothing below has a normal, else 255 less the thickness along the
+    /// normal, see [`NodeAttributes::half_thickness`].
     pub color: [u8; 4],
     /// Radius of the splat that stands for the node: the largest distance of a corner below from the sphere's center
     /// (above 256 leaves a bound of it), at most the bounding radius. For points the bounding radius.
     pub splat_radius: f32,
     /// Sum of the triangle areas below, model units squared.
     pub area: f32,
+}
+
+impl NodeAttributes {
+    /// How much thinner than true [`NodeAttributes::half_thickness`] may be, in splat radii. The packed normal is off by
+    /// about half of this, and a plane should be thin.
+    pub const THICKNESS_TOLERANCE: f32 = 1e-4;
+
+    /// Whether `normal` is one.
+    #[inline]
+    pub fn has_normal(&self) -> bool {
+        self.color[3] != 0
+    }
+
+    /// The mean normal, a unit vector; without meaning unless [`NodeAttributes::has_normal`].
+    #[inline]
+    pub fn normal(&self) -> Vec3 {
+        octahedral::decode(self.normal)
+    }
+
+    /// Half the thickness of what lies below, model units: no corner below (no disc of a point, as wide as its spacing) is
+    /// farther along the normal from the sphere's center, up or down. Errs to too much, in steps of 1/254 of the splat
+    /// radius, but for [`NodeAttributes::THICKNESS_TOLERANCE`]; at most the splat radius, which it is without a normal.
+    #[inline]
+    pub fn half_thickness(&self) -> f32 {
+        if self.has_normal() {
+            self.splat_radius * (f32::from(255 - self.color[3]) * (1.0 / 254.0))
+        } else {
+            self.splat_radius
+        }
+    }
+
+    /// Stores a half thickness, where there is a normal.
+    #[inline]
+    pub(super) fn set_half_thickness(&mut self, half: f32) {
+        if self.has_normal() {
+            let share = half / self.splat_radius;
+            // Not: nothing, or nothing of a splat without extent. Two millionths for the rounding on the way.
+            let code = if share > 0.0 {
+                ((share.min(1.0) - Self::THICKNESS_TOLERANCE + 2e-6) * 254.0).ceil() as u8
+            } else {
+                0
+            };
+            self.color[3] = 255 - code.min(254);
+        }
+    }
 }
 
 /// The bounding sphere of a triangle, or of a point with its spacing: 16 bytes.

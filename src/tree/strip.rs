@@ -45,6 +45,41 @@ impl Corners {
         }
     }
 
+    /// The largest distance of corners `first..end` (at least four) from the plane through `center` with the unit
+    /// normal `normal`.
+    pub(super) fn half_thickness(
+        &self,
+        first: usize,
+        end: usize,
+        center: Vec3,
+        normal: Vec3,
+    ) -> f32 {
+        let (cx, cy, cz) = (
+            Vec4::splat(center.x),
+            Vec4::splat(center.y),
+            Vec4::splat(center.z),
+        );
+        let (nx, ny, nz) = (
+            Vec4::splat(normal.x),
+            Vec4::splat(normal.y),
+            Vec4::splat(normal.z),
+        );
+        let mut farthest = Vec4::ZERO;
+        let mut at = first;
+        loop {
+            let start = at.min(end - 4);
+            let x = Vec4::from_slice(&self.x[start..start + 4]) - cx;
+            let y = Vec4::from_slice(&self.y[start..start + 4]) - cy;
+            let z = Vec4::from_slice(&self.z[start..start + 4]) - cz;
+            farthest = farthest.max((x * nx + y * ny + z * nz).abs());
+            at += 4;
+            if at >= end {
+                break;
+            }
+        }
+        farthest.max_element()
+    }
+
     /// The capsule around corners `first..end` (at least four) along `direction`, for the sphere of `node`; and the
     /// largest distance of a corner from its center.
     pub(super) fn fit(

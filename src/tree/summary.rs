@@ -130,7 +130,7 @@ impl Sums {
         self.normal_weight > 0.0 && self.normal.length() <= CANCELLED * self.normal_weight
     }
 
-    /// The attributes; `substitute` gives the normal where the known ones cancel.
+    /// The attributes, as flat as they can be; `substitute` gives the normal where the known ones cancel.
     #[inline]
     pub(super) fn attributes(
         &self,

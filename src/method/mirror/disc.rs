@@ -42,6 +42,10 @@ pub(super) struct Disc {
     shape: Shape,
     /// Projected center, pixels.
     center_px: DVec2,
+    /// Area of the ellipse of the form at the center.
+    area_px: f64,
+    /// Side of the square around it.
+    side_px: f64,
     /// Columns of the square around the center that contains the footprint.
     pub(super) columns: Range<u32>,
     /// Rows of that square.
@@ -98,7 +102,7 @@ impl Disc {
         if low_pass_px > 0.0 {
             return Self::of_form(frame, center, form, skew, low_pass_px);
         }
-        Self::bounded(frame, center, plane, extent(form, skew))
+        Self::bounded(frame, center, plane, (form, skew))
     }
 
     /// A circle of `radius_px` on the picture, around a view-space center.
@@ -118,18 +122,18 @@ impl Disc {
         inverse.x += 4.0 * low_pass_px * low_pass_px;
         inverse.z += 4.0 * low_pass_px * low_pass_px;
         let form = self::inverse(inverse);
-        Self::bounded(
-            frame,
-            center,
-            Shape::Form { form, skew },
-            extent(form, skew),
-        )
+        Self::bounded(frame, center, Shape::Form { form, skew }, (form, skew))
     }
 
-    /// `extent`: how far the footprint reaches from the center at most, pixels to either side.
-    fn bounded(frame: &Frame, center: DVec3, shape: Shape, extent: DVec2) -> Option<Self> {
+    /// `form` and `skew` are those of `shape`, of which they give the bounds.
+    fn bounded(
+        frame: &Frame,
+        center: DVec3,
+        shape: Shape,
+        (form, skew): (DVec3, DVec2),
+    ) -> Option<Self> {
         let center_px = window(frame, center);
-        let size = 2.0 * extent.max_element();
+        let size = 2.0 * extent(form, skew).max_element();
         if !center_px.is_finite() {
             return None;
         }
@@ -152,6 +156,8 @@ impl Disc {
         (!columns.is_empty() && !rows.is_empty()).then_some(Self {
             shape,
             center_px,
+            area_px: std::f64::consts::PI / (form.x * form.z - form.y * form.y).sqrt(),
+            side_px: size,
             columns,
             rows,
         })
@@ -200,6 +206,17 @@ impl Disc {
         }
     }
 
+    /// Integral of exp(-2 rho²) over the footprint, pixels, but for the perspective across it: the ellipse's area
+    /// times (1 - exp(-2)) / 2. Of a square its area.
+    pub(super) fn gaussian_px(&self) -> f64 {
+        let ellipse = self.area_px * (1.0 - (-2.0f64).exp()) / 2.0;
+        if matches!(self.shape, Shape::Square) {
+            self.side_px * self.side_px
+        } else {
+            ellipse
+        }
+    }
+
     /// Calls `visit(x, y, rho²)` for every pixel of `rows` whose center lies in the footprint.
     #[inline]
     pub(super) fn for_each_pixel(&self, rows: Range<u32>, mut visit: impl FnMut(u32, u32, f64)) {
@@ -230,6 +247,14 @@ fn footprint_normal(patch: &Patch, is_perspective: bool) -> DVec3 {
     let ratio = (facing.abs() + patch.thickness * sine).clamp(LEAST_RATIO, 1.0);
     let side = if facing < 0.0 { -across } else { across };
     ratio * v + (1.0 - ratio * ratio).sqrt() * (side / sine)
+}
+
+/// A view-space point that pixel (x, y) shows: at distance 1, or for parallel rays on the plane through the eye.
+pub(super) fn through(frame: &Frame, x: u32, y: u32) -> DVec3 {
+    let [scale, offset] = rays(frame);
+    let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
+    let depth = if frame.view.is_perspective { -1.0 } else { 0.0 };
+    (at * scale + offset).extend(depth)
 }
 
 /// Scale and offset of the rays, see [`Shape::Plane`].

@@ -141,7 +141,7 @@ fn side_px(style: &Style) -> f32 {
 }
 
 /// A view-space point, pushed away from the eye by a view-space length; a point in the eye itself stays.
-fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
+pub(super) fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
     if !frame.view.is_perspective {
         return in_view - Vec3::new(0.0, 0.0, by);
     }
@@ -155,7 +155,7 @@ fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
 }
 
 /// The vertex shader of the first pass. `None` when the result is not finite.
-fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
+pub(super) fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
     let view = frame.view;
     let in_view = view.view_from_model.transform_point3(vertex.position);
     let cosine = if vertex.color[3] == 0 {

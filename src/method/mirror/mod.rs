@@ -18,6 +18,7 @@
 mod clip;
 mod disc;
 mod filtered;
+mod fuzzy;
 mod round;
 mod shade;
 mod square;
@@ -26,6 +27,7 @@ mod triangle;
 mod visibility;
 
 pub use filtered::{Filtered, render_filtered};
+pub use fuzzy::{Fuzzy, Passes, render_fuzzy};
 pub use visibility::{Class, Filling, Pixel, Visibility, render_visibility};
 
 use crate::draw::{DrawList, Footprint, Style};

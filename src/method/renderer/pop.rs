@@ -1,7 +1,7 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
 use super::{Counts, End, FrameTimes, Renderer, ms};
-use crate::abi::{FilteredSplat, Splat};
+use crate::abi::{FilteredSplat, Splat, WeightedSplat};
 use crate::cut::Cut;
 use crate::draw;
 use crate::draw::splats::{self, Packed};
@@ -14,7 +14,7 @@ use crate::method::plan::{
     Drawing, cut_settings, filtered_shade, frame_constants, largest_splat_px, splat_plan,
 };
 use crate::method::scene::Scene;
-use crate::method::{Method, Settings, filtered, hybrid, visibility};
+use crate::method::{Method, Settings, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
 use std::sync::Arc;
 use std::time::Instant;
@@ -86,6 +86,18 @@ impl Renderer {
                     constants,
                 );
             }
+            (Drawing::Fuzzy, ..) => {
+                let Some(fuzzy) = &self.fuzzy else {
+                    unreachable!("prepare made the pipelines")
+                };
+                let list = fuzzy::List {
+                    scene,
+                    indices: &lists.indices,
+                    runs: &lists.runs,
+                    splats: fuzzy::Splats::List(&lists.splats, packed, capacity),
+                };
+                fuzzy.record(&mut frame, &self.targets, list, &context, constants);
+            }
             (Drawing::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
                     scene,
@@ -146,6 +158,13 @@ fn pack_splats(
             let out = records::<Splat>(gpu, list, count)?;
             let packed = splats::pack(model, cut, view, &plan, out);
             (packed, count, size_of::<Splat>())
+        }
+        Drawing::Fuzzy => {
+            let plan = splat_plan(settings, max_point);
+            let count = splats::count(cut, &plan);
+            let out = records::<WeightedSplat>(gpu, list, count)?;
+            let packed = splats::pack(model, cut, view, &plan, out);
+            (packed, count, size_of::<WeightedSplat>())
         }
         Drawing::Filtered => {
             let most = draw::filtered::splat_count(cut);

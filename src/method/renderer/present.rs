@@ -43,6 +43,7 @@ impl Renderer {
             self.readback = None;
             self.filtered = None;
             self.visibility = None;
+            self.fuzzy = None;
         }
         Ok(())
     }

@@ -8,7 +8,7 @@ use crate::math::camera::View;
 use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::targets::Targets;
-use crate::method::{Settings, triangles, visibility};
+use crate::method::{Settings, fuzzy, triangles, visibility};
 use crate::tree::Model;
 use std::time::Instant;
 
@@ -63,15 +63,31 @@ impl Renderer {
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
-        let (splats, visibility) = (&self.splats, &self.visibility);
+        // Declared by the pass, not read.
+        let indices = &self.lists[0].indices;
         submit_whole(
             &mut self.frames,
             targets,
             &constants,
             counts,
             end,
-            |frame, c| match (Drawing::of(settings), splats, visibility) {
-                (Drawing::Visibility, _, Some(visibility)) => {
+            |frame, c| match (Drawing::of(settings), &self.splats, &self.fuzzy) {
+                (Drawing::Opaque, Some(splats), _) => {
+                    splats.record_vertices(frame, targets, scene, as_quads, &context, c);
+                }
+                (Drawing::Fuzzy, _, Some(fuzzy)) => {
+                    let list = fuzzy::List {
+                        scene,
+                        indices,
+                        runs: &[],
+                        splats: fuzzy::Splats::Vertices { as_quads },
+                    };
+                    fuzzy.record(frame, targets, list, &context, c);
+                }
+                (Drawing::Visibility, ..) => {
+                    let Some(visibility) = &self.visibility else {
+                        unreachable!("prepare made the pipelines")
+                    };
                     let list = visibility::List {
                         scene,
                         triangles: None,
@@ -80,9 +96,6 @@ impl Renderer {
                     };
                     let how = settings.reconstruction;
                     visibility.record(frame, targets, list, how, &context, c);
-                }
-                (_, Some(splats), _) => {
-                    splats.record_vertices(frame, targets, scene, as_quads, &context, c);
                 }
                 _ => unreachable!("prepare made the pipelines"),
             },

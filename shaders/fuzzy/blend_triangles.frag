@@ -1,0 +1,29 @@
+#version 460
+// Pass fuzzy.blend, triangles: they cover the pixel whole, with weight 1.
+#include "common/headlight.glsl"
+
+layout(location = 0) in vec3 normal_in_view;
+layout(location = 1) in vec3 vertex_color;
+
+layout(location = 0) out vec4 sums;
+layout(location = 1) out vec4 normals;
+
+layout(constant_id = 4) const bool IS_DEFERRED = false;
+
+void main() {
+    float squared = dot(normal_in_view, normal_in_view);
+    vec3 n = squared > 0.0 ? normal_in_view * inversesqrt(squared) : vec3(0.0);
+    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
+    vec3 to_eye = is_orthographic
+        ? vec3(0.0, 0.0, 1.0)
+        : -normalize(vec3(gl_FragCoord.xy * frame.ray_scale + frame.ray_offset, -1.0));
+    vec3 tint = vec3(0.2, 0.35, 1.0);
+    if (IS_DEFERRED) {
+        sums = vec4((frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u ? tint : vertex_color, 1.0);
+        bool is_turned = (frame.flags & FLAG_TWO_SIDED) != 0u && dot(n, to_eye) < 0.0;
+        normals = vec4(is_turned ? -n : n, 0.0);
+    } else {
+        vec3 l = (frame.flags & FLAG_PARALLEL_LIGHT) != 0u ? vec3(0.0, 0.0, 1.0) : to_eye;
+        sums = vec4(headlight(n, l, vertex_color, tint), 1.0);
+    }
+}

@@ -1,0 +1,369 @@
+//! Fuzzy splats: the weighted mean of all splats of the front surface.
+//!
+//! Two-pass splatting (Benda, *Point Based Rendering*, section 2.3.3; Rusinkiewicz and Levoy, *QSplat*, 2000, section
+//! 3.3) with a division per pixel: `fuzzy.depth` finds the front surface and pushes it away by a splat's depth,
+//! `fuzzy.blend` sums (color * weight, weight) of all that is not behind it, `fuzzy.normalize` divides. With
+//! deferred shading the sums are those of albedo and normals, and the last pass lights their mean.
+
+use super::hybrid::Run;
+use super::scene::Scene;
+use super::targets::{Context, Targets};
+use super::triangles::targets;
+use super::{Settings, Shading, SplatKind, SumFormat, VERTEX};
+use crate::abi::{Shader, Splat, WeightedSplat, shaders};
+use crate::draw::Footprint;
+use crate::draw::splats::Packed;
+use crate::gpu::buffer::{AnyBuffer, Upload};
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::pipeline::{
+    Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
+};
+use crate::gpu::{Error, Gpu};
+use std::sync::Arc;
+
+/// Byte offset of a field of the splat in [`WeightedSplat`].
+const SPLAT_AT: u32 = std::mem::offset_of!(WeightedSplat, splat) as u32;
+
+/// [`WeightedSplat`] as pipelines see it.
+const RECORD: Record = Record {
+    stride: size_of::<WeightedSplat>() as u32,
+    attributes: &[
+        Attribute {
+            name: "center",
+            format: AttributeFormat::Float3,
+            offset: SPLAT_AT + std::mem::offset_of!(Splat, center) as u32,
+        },
+        Attribute {
+            name: "radius",
+            format: AttributeFormat::Float,
+            offset: SPLAT_AT + std::mem::offset_of!(Splat, radius) as u32,
+        },
+        Attribute {
+            name: "normal",
+            format: AttributeFormat::Snorm16x2,
+            offset: SPLAT_AT + std::mem::offset_of!(Splat, normal) as u32,
+        },
+        Attribute {
+            name: "color",
+            format: AttributeFormat::Unorm8x4,
+            offset: SPLAT_AT + std::mem::offset_of!(Splat, color) as u32,
+        },
+        Attribute {
+            name: "area",
+            format: AttributeFormat::Float,
+            offset: std::mem::offset_of!(WeightedSplat, area) as u32,
+        },
+    ],
+};
+
+const NOTHING: Record = Record {
+    stride: 0,
+    attributes: &[],
+};
+
+/// What decides the pipelines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Variant {
+    is_gauss: bool,
+    footprint: Footprint,
+    is_deferred: bool,
+    /// Weights are areas, and their sum is coverage.
+    has_coverage: bool,
+    /// From the vertices of the mesh instead of a draw list.
+    from_vertices: bool,
+    sums: Format,
+}
+
+impl Variant {
+    /// That of `settings` for a model with or without triangles.
+    ///
+    /// # Errors
+    /// When 32-bit sums are asked for and the device cannot blend them.
+    pub(crate) fn new(gpu: &Gpu, settings: &Settings, has_triangles: bool) -> Result<Self, Error> {
+        let sums = match settings.sums {
+            Some(SumFormat::Float) if !gpu.info().has_float_blend => {
+                return Err(Error::Unsupported {
+                    what: "32-bit sums (--sums float)",
+                    why: format!(
+                        "{} cannot blend into 32-bit float targets; leave --sums out",
+                        gpu.info().name
+                    ),
+                });
+            }
+            Some(SumFormat::Half) => Format::Rgba16Float,
+            Some(SumFormat::Float) => Format::Rgba32Float,
+            None if gpu.info().has_float_blend => Format::Rgba32Float,
+            None => Format::Rgba16Float,
+        };
+        Ok(Self {
+            is_gauss: settings.splat == SplatKind::Gauss,
+            footprint: settings.footprint(),
+            is_deferred: settings.shading == Shading::Deferred,
+            has_coverage: settings.sums_coverage(has_triangles),
+            from_vertices: !settings.has_cut(),
+            sums,
+        })
+    }
+
+    /// The specialization constants of all shaders of fuzzy splats.
+    fn constants(&self, topology: Topology) -> [bool; 6] {
+        [
+            self.is_gauss,
+            self.footprint == Footprint::Oriented,
+            topology == Topology::Quads,
+            self.footprint == Footprint::Square,
+            self.is_deferred,
+            self.has_coverage,
+        ]
+    }
+}
+
+/// Points and quads of one pass.
+#[derive(Debug)]
+struct Pair {
+    points: Pipeline,
+    quads: Pipeline,
+}
+
+/// Pipelines and the targets of the sums, for one picture size.
+#[derive(Debug)]
+pub(crate) struct Fuzzy {
+    pub(crate) variant: Variant,
+    depth_triangles: Pipeline,
+    depth_splats: Pair,
+    blend_triangles: Pipeline,
+    blend_splats: Pair,
+    normalize: Pipeline,
+    sums: Target,
+    normals: Option<Target>,
+}
+
+/// What a frame draws.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct List<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) indices: &'a Upload,
+    pub(crate) runs: &'a [Run],
+    pub(crate) splats: Splats<'a>,
+}
+
+/// Where splats come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Splats<'a> {
+    /// A draw list of that many records.
+    List(&'a Upload, Packed, usize),
+    /// All vertices of the scene, as quads or as points.
+    Vertices { as_quads: bool },
+}
+
+impl Fuzzy {
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        variant: Variant,
+        width: u32,
+        height: u32,
+    ) -> Result<Self, Error> {
+        let colors: &[Format] = match (variant.sums, variant.is_deferred) {
+            (sums, true) => &[sums; 2],
+            (sums, false) => &[sums],
+        };
+        let base = Description {
+            name: "",
+            vertex: &shaders::FUZZY_DEPTH_VERT,
+            fragment: None,
+            constants: &variant.constants(Topology::Triangles),
+            record: VERTEX,
+            topology: Topology::Triangles,
+            colors: &[],
+            depth: Depth::Nearest,
+            is_additive: false,
+        };
+        let blend = Description {
+            colors,
+            depth: Depth::TestOnly,
+            is_additive: true,
+            ..base
+        };
+        // A square needs no outline.
+        let outline =
+            (variant.footprint != Footprint::Square).then_some(&shaders::FUZZY_DEPTH_FRAG);
+        let (depth_vertex, blend_vertex, record): (&Shader, &Shader, Record) =
+            if variant.from_vertices {
+                (
+                    &shaders::FUZZY_DEPTH_POINTS_VERT,
+                    &shaders::FUZZY_BLEND_POINTS_VERT,
+                    VERTEX,
+                )
+            } else {
+                (
+                    &shaders::FUZZY_DEPTH_VERT,
+                    &shaders::FUZZY_BLEND_VERT,
+                    RECORD,
+                )
+            };
+        let pair = |name, description: Description<'_>| -> Result<Pair, Error> {
+            let make = |topology| {
+                Pipeline::new(
+                    gpu,
+                    &Description {
+                        name,
+                        topology,
+                        record,
+                        constants: &variant.constants(topology),
+                        ..description
+                    },
+                )
+            };
+            Ok(Pair {
+                points: make(Topology::Points)?,
+                quads: make(Topology::Quads)?,
+            })
+        };
+        let depth_splats = Description {
+            vertex: depth_vertex,
+            fragment: outline,
+            ..base
+        };
+        let blend_splats = Description {
+            vertex: blend_vertex,
+            fragment: Some(&shaders::FUZZY_BLEND_FRAG),
+            ..blend
+        };
+        Ok(Self {
+            variant,
+            depth_triangles: Pipeline::new(
+                gpu,
+                &Description {
+                    name: "fuzzy.depth triangles",
+                    vertex: &shaders::FILTERED_DEPTH_TRIANGLES_VERT,
+                    ..base
+                },
+            )?,
+            depth_splats: pair("fuzzy.depth splats", depth_splats)?,
+            blend_triangles: Pipeline::new(
+                gpu,
+                &Description {
+                    name: "fuzzy.blend triangles",
+                    vertex: &shaders::TRIANGLES_DRAW_VERT,
+                    fragment: Some(&shaders::FUZZY_BLEND_TRIANGLES_FRAG),
+                    ..blend
+                },
+            )?,
+            blend_splats: pair("fuzzy.blend splats", blend_splats)?,
+            normalize: Pipeline::new(
+                gpu,
+                &Description {
+                    name: "fuzzy.normalize",
+                    vertex: &shaders::FILTERED_NORMALIZE_VERT,
+                    fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
+                    record: NOTHING,
+                    colors: targets(false),
+                    depth: Depth::None,
+                    ..base
+                },
+            )?,
+            sums: Target::new(gpu, "sums", variant.sums, width, height)?,
+            normals: variant
+                .is_deferred
+                .then(|| Target::new(gpu, "sums of normals", variant.sums, width, height))
+                .transpose()?,
+        })
+    }
+
+    /// The three passes of a frame.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        for is_depth in [true, false] {
+            let (pass, triangles, splats) = if is_depth {
+                let pass = frame.pass("fuzzy.depth");
+                let pass = pass.depth(targets.depth(), Load::Clear([0.0; 4]));
+                (pass, &self.depth_triangles, &self.depth_splats)
+            } else {
+                let pass = frame.pass("fuzzy.blend");
+                let mut pass = pass.color(&self.sums, Load::Clear([0.0; 4]));
+                if let Some(normals) = &self.normals {
+                    pass = pass.color(normals, Load::Clear([0.0; 4]));
+                }
+                let pass = pass.depth_test(targets.depth());
+                (pass, &self.blend_triangles, &self.blend_splats)
+            };
+            let mut pass = pass.indices(list.indices);
+            if let Splats::List(splats, ..) = list.splats {
+                pass = pass.vertices(splats);
+            }
+            for page in &list.scene.pages {
+                pass = pass.vertices(&page.vertices);
+            }
+            pass.draw(context.viewport(), |draw| {
+                if !list.runs.is_empty() {
+                    draw.cull_back_faces(context.cull_back, context.is_mirrored);
+                    draw.bind(triangles, &[constants], &[]);
+                    draw.indices(list.indices, 0);
+                    for run in list.runs {
+                        draw.vertices(&list.scene.pages[run.page].vertices, 0);
+                        draw.draw_indexed(run.first, run.count, 0);
+                    }
+                }
+                draw.cull_back_faces(false, false);
+                match list.splats {
+                    Splats::List(buffer, packed, capacity) => {
+                        if packed.points > 0 {
+                            draw.bind(&splats.points, &[constants], &[]);
+                            draw.vertices(buffer, 0);
+                            draw.draw(0, packed.points as u32);
+                        }
+                        if packed.quads > 0 {
+                            draw.bind(&splats.quads, &[constants], &[]);
+                            draw.vertices(buffer, 0);
+                            draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
+                        }
+                    }
+                    Splats::Vertices { as_quads } => {
+                        let pipeline = if as_quads {
+                            &splats.quads
+                        } else {
+                            &splats.points
+                        };
+                        draw.bind(pipeline, &[constants], &[]);
+                        for page in &list.scene.pages {
+                            let vertices: &dyn AnyBuffer = &page.vertices;
+                            draw.vertices(vertices, 0);
+                            if as_quads {
+                                draw.draw_quads(0, page.vertex_count);
+                            } else {
+                                draw.draw(0, page.vertex_count);
+                            }
+                        }
+                    }
+                }
+            });
+        }
+        let [r, g, b] = context.background;
+        // Every binding must be written; without deferred shading the second is not looked at.
+        let normals = self.normals.as_ref().unwrap_or(&self.sums);
+        let mut pass = frame
+            .pass("fuzzy.normalize")
+            .color(targets.color(), Load::Clear([r, g, b, 0.0]))
+            .sampled(&self.sums);
+        if self.normals.is_some() {
+            pass = pass.sampled(normals);
+        }
+        pass.draw(
+            [0.0, 0.0, context.width as f32, context.height as f32],
+            |draw| {
+                draw.cull_back_faces(false, false);
+                draw.bind(&self.normalize, &[constants], &[&self.sums, normals]);
+                draw.draw(0, 3);
+            },
+        );
+    }
+}
