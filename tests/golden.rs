@@ -15,7 +15,7 @@ use surfel::generate::{Shape, Spec};
 use surfel::image::{FloatImage, Image, compare, difference_picture};
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings, SplatKind};
+use surfel::method::{Method, Reconstruction, Settings, SplatKind};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -75,11 +75,28 @@ fn cases() -> Vec<Case> {
         case("background", Method::Pop, 2.0, [200.0, -30.0, 0.7]),
         case("filtered-1", Method::Pop, 1.0, [30.0, 20.0, 0.4]),
         case("filtered-3", Method::Pop, 3.0, whole),
+        case("visibility-gaussian", Method::Pop, 4.0, whole),
+        case("visibility-density", Method::Points, 4.0, whole),
+        case("visibility-pull-push", Method::Pop, 4.0, near),
+        case("visibility-class", Method::Pop, 4.0, whole),
     ];
     for case in &mut cases {
         match case.name {
             "primitive" => case.settings.color_by = ColorBy::Primitive,
             "filtered-1" | "filtered-3" => case.settings.splat = SplatKind::Filtered,
+            "visibility-gaussian" => case.settings.splat = SplatKind::Visibility,
+            "visibility-density" => {
+                case.settings.splat = SplatKind::Visibility;
+                case.settings.reconstruction = Reconstruction::Density;
+            }
+            "visibility-pull-push" => {
+                case.settings.splat = SplatKind::Visibility;
+                case.settings.reconstruction = Reconstruction::PullPush;
+            }
+            "visibility-class" => {
+                case.settings.splat = SplatKind::Visibility;
+                case.settings.color_by = ColorBy::Classification;
+            }
             "background" => case.settings.background = [0.2, 0.4, 0.8],
             _ => {}
         }

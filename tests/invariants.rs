@@ -11,7 +11,7 @@ use surfel::math::camera::View;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Outputs, Renderer};
 use surfel::method::scene::Scene;
-use surfel::method::{Culling, Method, Path, Settings, SplatKind};
+use surfel::method::{Culling, Method, Path, Reconstruction, Settings, SplatKind};
 use surfel::tree::Model;
 
 const ALL: Outputs = Outputs {
@@ -23,7 +23,7 @@ const ALL: Outputs = Outputs {
 fn outputs_of((_, splat, _): (Method, SplatKind, f32)) -> Outputs {
     Outputs {
         depth: true,
-        normal: splat == SplatKind::Square,
+        normal: splat != SplatKind::Filtered,
     }
 }
 
@@ -51,25 +51,29 @@ fn is_almost_equal(d: &Difference) -> bool {
         && d.whole.past_level <= 1 + d.object.pixels / 5_000
 }
 
-const METHODS: [(Method, SplatKind, f32); 6] = [
+const METHODS: [(Method, SplatKind, f32); 8] = [
     (Method::Triangles, SplatKind::Square, 1.0),
     (Method::Points, SplatKind::Square, 2.0),
     (Method::Pop, SplatKind::Square, 1.0),
     (Method::Pop, SplatKind::Square, 5.0),
     (Method::Pop, SplatKind::Filtered, 1.0),
     (Method::Pop, SplatKind::Filtered, 3.0),
+    (Method::Points, SplatKind::Visibility, 2.0),
+    (Method::Pop, SplatKind::Visibility, 3.0),
 ];
 
 fn settings_of((method, splat, threshold_px): (Method, SplatKind, f32)) -> Settings {
     Settings {
         splat,
+        // The one with the most passes and targets.
+        reconstruction: Reconstruction::PullPush,
         ..settings(method, threshold_px)
     }
 }
 
 /// Whether a model without triangles can be drawn so.
 fn draws_clouds((method, splat, _): (Method, SplatKind, f32)) -> bool {
-    method != Method::Triangles && splat == SplatKind::Square
+    method != Method::Triangles && splat != SplatKind::Filtered
 }
 
 #[test]

@@ -16,6 +16,8 @@ const uint FLAG_PHONG = 64u;
 const float LEAST_BACK = 0.2;
 // n . l from which a highlight has its full strength; at 0 it has none.
 const float FULL_HIGHLIGHT = 0.1;
+// Frame flag: visibility splats show the class of each pixel instead of its color.
+const uint FLAG_COLOR_BY_CLASSIFICATION = 128u;
 // Diffuse albedo.
 const float ALBEDO = 0.8;
 // A pixel of fuzzy splats shows something when the sum of its weights is at least this.

@@ -47,7 +47,7 @@ void emit_blend(vec3 center, float radius, vec2 packed_normal, vec4 color, float
     vec3 tint = vec3(1.0, 0.2, 0.2);
     vec3 base = (frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u ? tint : color.rgb;
     if (!IS_DEFERRED) {
-        base = headlight(surfel.normal, to_light(surfel.center), color.rgb, tint);
+        base = shade_at(surfel.center, surfel.normal, color.rgb, tint);
     }
     deposit = vec4(base * weight, weight);
     // Turned to the viewer where both sides are lit, so that sides do not cancel.

@@ -29,5 +29,5 @@ void emit_round(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     form = disc.form;
     skew = disc.skew;
     place(frame.clip_from_view * vec4(center_in_view, 1.0), disc.size_px);
-    shade = headlight(n, to_light(center_in_view), color.rgb, vec3(1.0, 0.2, 0.2));
+    shade = shade_at(center_in_view, n, color.rgb, vec3(1.0, 0.2, 0.2));
 }

@@ -162,6 +162,8 @@ enum ColorByName {
     Shading,
     /// Splats red, triangles blue
     Primitive,
+    /// With --splat visibility: foreground white, holes gray, holes out of reach of any foreground red
+    Classification,
 }
 
 /// How the model is drawn.
@@ -285,6 +287,7 @@ impl LookArgs {
             color_by: match self.color_by {
                 ColorByName::Shading => ColorBy::Shading,
                 ColorByName::Primitive => ColorBy::Primitive,
+                ColorByName::Classification => ColorBy::Classification,
             },
             light: self.light.lighting()?,
             two_sided: !self.one_sided,

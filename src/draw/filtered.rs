@@ -157,7 +157,7 @@ impl Eye<'_> {
             ColorBy::Shading if self.shade.use_colors => {
                 [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0)
             }
-            ColorBy::Shading => [1.0; 3],
+            ColorBy::Shading | ColorBy::Classification => [1.0; 3],
         };
         let facing = (toward / patch.vector_area.length()).clamp(0.1, 1.0);
         Some(FilteredSplat {

@@ -129,4 +129,7 @@ pub enum ColorBy {
     /// Splats and points red (value * (1, 0.2, 0.2)), triangles blue (value * (0.2, 0.35, 1)), where value is
     /// the shading without vertex colors.
     Primitive,
+    /// What visibility splatting made of each pixel: foreground (the center of a splat, or a triangle) white; holes
+    /// gray, red where no foreground was within reach; background as it is. No other splats have these classes.
+    Classification,
 }

@@ -93,6 +93,8 @@ pub enum Depth {
     None,
     /// Nearer passes and is written; the first drawn wins a tie.
     Nearest,
+    /// What is not farther passes and is written; the last drawn wins a tie.
+    NotFarther,
     /// What is not farther passes; nothing is written.
     TestOnly,
 }
@@ -355,9 +357,12 @@ fn compile(
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
         .depth_test_enable(description.depth != Depth::None)
-        .depth_write_enable(description.depth == Depth::Nearest)
+        .depth_write_enable(matches!(
+            description.depth,
+            Depth::Nearest | Depth::NotFarther
+        ))
         .depth_compare_op(match description.depth {
-            Depth::TestOnly => vk::CompareOp::GREATER_OR_EQUAL,
+            Depth::TestOnly | Depth::NotFarther => vk::CompareOp::GREATER_OR_EQUAL,
             _ => vk::CompareOp::GREATER,
         });
     let target = vk::PipelineColorBlendAttachmentState::default()

@@ -1,7 +1,7 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{Drawing, check, cut_settings, filtered_shade, splat_plan};
+use super::plan::{Drawing, check, cut_settings, filtered_shade, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::times::Stage;
@@ -194,7 +194,7 @@ impl MirrorEngine {
                 let packing = Stage::Pack.begin();
                 let (cut, is_whole) = (&self.cut, settings.method == Method::Splats);
                 match Drawing::of(settings) {
-                    Drawing::Opaque => {
+                    Drawing::Opaque | Drawing::Visibility => {
                         let plan = splat_plan(settings, f32::INFINITY);
                         splats.resize(draw::splats::count(cut, &plan), Splat::zeroed());
                         draw::splats::pack(model, cut, view, &plan, &mut splats);
@@ -244,6 +244,12 @@ impl MirrorEngine {
                 splats: &filtered,
             };
             mirror::render_filtered(view, &list, &style, self.outputs).image
+        } else if settings.draws_visibility() {
+            let how = mirror::Filling {
+                reconstruction: settings.reconstruction,
+                largest_px: largest_splat_px(model, settings),
+            };
+            mirror::render_visibility(view, &list, &style, how, self.outputs).image
         } else if Drawing::of(settings) == Drawing::Fuzzy {
             let list = FuzzyList {
                 vertices: list.vertices,

@@ -16,6 +16,7 @@ pub mod splats;
 pub(crate) mod targets;
 pub mod times;
 pub mod triangles;
+pub(crate) mod visibility;
 
 pub use settings::{
     Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,

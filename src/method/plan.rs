@@ -22,6 +22,15 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
     }
 }
 
+/// No splat is larger than this, pixels: infinite where splats have sizes of their own.
+pub(super) fn largest_splat_px(model: &Model, settings: &Settings) -> f32 {
+    if settings.method == Method::Splats || (settings.has_cut() && model.triangles.is_empty()) {
+        f32::INFINITY
+    } else {
+        settings.threshold_px.max(1.0)
+    }
+}
+
 /// Which passes draw the splats of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Drawing {
@@ -33,6 +42,8 @@ pub(super) enum Drawing {
     Fuzzy,
     /// Deposits of area.
     Filtered,
+    /// Visible centers, and what lies between reconstructed.
+    Visibility,
 }
 
 impl Drawing {
@@ -41,6 +52,7 @@ impl Drawing {
         match settings.splat {
             _ if !settings.draws_splats() => Self::Nothing,
             SplatKind::Filtered => Self::Filtered,
+            SplatKind::Visibility => Self::Visibility,
             _ if settings.blend() != Blend::Opaque => Self::Fuzzy,
             _ => Self::Opaque,
         }
@@ -82,6 +94,12 @@ pub fn check(
     outputs: Outputs,
     max_size_px: f32,
 ) -> Result<(), Error> {
+    if settings.color_by == ColorBy::Classification && !settings.draws_visibility() {
+        return Err(Error::Unsupported {
+            what: "the classification of pixels",
+            why: "only visibility splats have one; add --splat visibility".into(),
+        });
+    }
     let is_device = max_size_px.is_finite();
     if settings.draws_splats() {
         check_blend(settings, outputs, is_device)?;
@@ -100,18 +118,20 @@ fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result
             why: why.into(),
         })
     };
-    if settings.splat == SplatKind::Visibility {
-        return refuse("these splats", "they are not drawn yet");
-    }
-    if settings.splat == SplatKind::Filtered {
-        if settings.method == Method::Splats {
-            return refuse("filtered splats", "they belong to --method pop");
+    let own = match settings.splat {
+        SplatKind::Filtered => Some("filtered splats"),
+        SplatKind::Visibility => Some("visibility splats"),
+        _ => None,
+    };
+    if let Some(name) = own {
+        if settings.splat == SplatKind::Filtered && settings.method == Method::Splats {
+            return refuse(name, "they belong to --method pop");
         }
         if settings.blend.is_some_and(|blend| blend != Blend::Opaque)
             || settings.shading != Shading::PerSplat
         {
             return refuse(
-                "filtered splats",
+                name,
                 "they have a way of their own to blend and shade; leave --blend and --shading out",
             );
         }
@@ -198,6 +218,10 @@ pub(super) fn frame_constants(
         (
             settings.color_by == ColorBy::Primitive,
             constants::FLAG_COLOR_BY_PRIMITIVE,
+        ),
+        (
+            settings.color_by == ColorBy::Classification,
+            constants::FLAG_COLOR_BY_CLASSIFICATION,
         ),
         (
             view.light == Light::Directional || !view.is_perspective,

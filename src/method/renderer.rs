@@ -20,6 +20,7 @@ use super::targets::{Context, Targets};
 pub use super::times::FrameTimes;
 use super::times::Stage;
 use super::triangles::{self, Variant};
+use super::visibility::Visibility;
 use super::{Method, Settings, SplatKind};
 use crate::cut::{self, Cut};
 use crate::draw::Lighting;
@@ -76,6 +77,7 @@ pub struct Renderer {
     small: Option<Small>,
     sums: Option<Sums>,
     filtered: Option<Filtered>,
+    visibility: Option<Visibility>,
     fuzzy: Option<Fuzzy>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
@@ -135,6 +137,7 @@ impl Renderer {
             small: None,
             sums: None,
             filtered: None,
+            visibility: None,
             fuzzy: None,
             readback: None,
             #[cfg(feature = "viewer")]
@@ -290,14 +293,22 @@ impl Renderer {
                 _ => {}
             }
         }
+        let source = if settings.method == Method::Points {
+            Source::Vertices
+        } else {
+            Source::List
+        };
         match Drawing::of(settings) {
             Drawing::Nothing => {}
-            Drawing::Opaque => {
-                let source = if settings.method == Method::Points {
-                    Source::Vertices
-                } else {
-                    Source::List
+            Drawing::Visibility => {
+                let (width, height) = (self.targets.color.width, self.targets.color.height);
+                let visibility = match &mut self.visibility {
+                    Some(made) => made,
+                    none => none.insert(Visibility::new(&self.gpu, width, height, normals)?),
                 };
+                visibility.ensure(source, settings.reconstruction)?;
+            }
+            Drawing::Opaque => {
                 let variant = (settings.footprint(), source);
                 if self.splats.as_ref().is_none_or(|s| s.variant != variant) {
                     self.splats = Some(Splats::new(&self.gpu, variant, normals)?);

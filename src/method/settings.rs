@@ -201,6 +201,11 @@ impl Settings {
         self.draws_splats() && self.splat == SplatKind::Filtered
     }
 
+    /// Whether splats are drawn as visible centers with a reconstruction between them.
+    pub fn draws_visibility(&self) -> bool {
+        self.draws_splats() && self.splat == SplatKind::Visibility
+    }
+
     /// How splats are blended: Gaussians in two passes, the others not at all unless asked for.
     pub fn blend(&self) -> Blend {
         self.blend.unwrap_or(match self.splat {
@@ -230,9 +235,9 @@ impl Settings {
     /// What pixels a splat covers, of the kinds that cover any.
     pub fn footprint(&self) -> Footprint {
         match self.splat {
-            SplatKind::Square | SplatKind::Visibility | SplatKind::Filtered => Footprint::Square,
+            SplatKind::Square | SplatKind::Filtered => Footprint::Square,
             SplatKind::Disc => Footprint::Circle,
-            SplatKind::Ellipse | SplatKind::Gauss => Footprint::Oriented,
+            SplatKind::Ellipse | SplatKind::Gauss | SplatKind::Visibility => Footprint::Oriented,
         }
     }
 

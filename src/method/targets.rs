@@ -40,6 +40,10 @@ impl Targets {
         &self.depth
     }
 
+    pub(crate) fn normal(&self) -> Option<&Target> {
+        self.normal.as_ref()
+    }
+
     /// Attaches all targets, cleared: color to the background with coverage 0, depth to far.
     pub(crate) fn attach<'f>(&self, pass: Pass<'f>, context: &Context) -> Pass<'f> {
         self.attach_with(pass, context, Load::Clear)

@@ -453,7 +453,7 @@ impl Viewer {
             Command::Primitive => {
                 self.settings.color_by = match self.settings.color_by {
                     ColorBy::Shading => ColorBy::Primitive,
-                    ColorBy::Primitive => ColorBy::Shading,
+                    ColorBy::Primitive | ColorBy::Classification => ColorBy::Shading,
                 };
             }
             Command::Statistics => self.has_statistics = !self.has_statistics,

@@ -126,6 +126,7 @@ pub fn statistics(facts: &Facts<'_>, frame_ms: f64, times: &FrameTimes) -> Strin
         match settings.color_by {
             ColorBy::Shading => "shading",
             ColorBy::Primitive => "primitive",
+            ColorBy::Classification => "classification",
         },
     );
     let _ = writeln!(

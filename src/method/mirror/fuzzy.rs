@@ -195,7 +195,7 @@ fn share(frame: &Frame, kind: Kind, position: DVec3, normal: DVec3, color: DVec3
         };
     }
     let color = match (frame.style.color_by, kind) {
-        (ColorBy::Shading, _) => color,
+        (ColorBy::Shading | ColorBy::Classification, _) => color,
         (ColorBy::Primitive, Kind::Triangle) => DVec3::new(0.2, 0.35, 1.0),
         (ColorBy::Primitive, Kind::Splat) => DVec3::new(1.0, 0.2, 0.2),
     };

@@ -24,9 +24,11 @@ mod shade;
 mod square;
 mod target;
 mod triangle;
+mod visibility;
 
 pub use filtered::{Filtered, render_filtered};
 pub use fuzzy::{Fuzzy, Passes, render_fuzzy};
+pub use visibility::{Class, Filling, Pixel, Visibility, render_visibility};
 
 use crate::draw::{DrawList, Footprint, Style};
 use crate::image::Image;

@@ -101,7 +101,7 @@ impl Shading {
             (ColorBy::Primitive, Kind::Triangle) => TRIANGLE_TINT,
             (ColorBy::Primitive, Kind::Splat) => SPLAT_TINT,
             (ColorBy::Shading, _) if self.use_colors => color,
-            (ColorBy::Shading, _) => DVec3::ONE,
+            (ColorBy::Shading | ColorBy::Classification, _) => DVec3::ONE,
         }
     }
 

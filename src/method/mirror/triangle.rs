@@ -175,7 +175,7 @@ pub(super) struct Surface {
     /// Value / 255.
     pub(super) color: DVec3,
     /// View-space distance.
-    distance: f64,
+    pub(super) distance: f64,
 }
 
 impl Triangle {

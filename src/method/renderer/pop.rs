@@ -11,10 +11,12 @@ use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::method::compute::{self, Small};
 use crate::method::lists::{pack_triangles, records, reserve};
-use crate::method::plan::{Drawing, cut_settings, filtered_shade, frame_constants, splat_plan};
+use crate::method::plan::{
+    Drawing, cut_settings, filtered_shade, frame_constants, largest_splat_px, splat_plan,
+};
 use crate::method::scene::Scene;
 use crate::method::times::Stage;
-use crate::method::{Method, Settings, filtered, fuzzy, hybrid};
+use crate::method::{Method, Settings, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
 use std::sync::Arc;
 
@@ -144,6 +146,19 @@ impl Renderer {
                 };
                 filtered.record(&mut frame, &self.targets, list, small, &context, constants);
             }
+            (Drawing::Visibility, ..) => {
+                let Some(visibility) = &self.visibility else {
+                    unreachable!("prepare made the pipelines")
+                };
+                let list = visibility::List {
+                    scene,
+                    triangles: Some((&lists.indices, &lists.runs)),
+                    splats: visibility::Splats::List(&lists.splats, packed, capacity),
+                    largest_px: largest_splat_px(model, settings),
+                };
+                let how = settings.reconstruction;
+                visibility.record(&mut frame, &self.targets, list, how, &context, constants);
+            }
             _ => unreachable!("prepare made the pipelines"),
         }
         let ticket = end(frame, &self.targets.color)?;
@@ -169,7 +184,7 @@ fn pack_splats(
     (settings, max_point): (&Settings, f32),
 ) -> Result<(Packed, usize, u64), Error> {
     let (packed, capacity, record_bytes) = match Drawing::of(settings) {
-        Drawing::Opaque => {
+        Drawing::Opaque | Drawing::Visibility => {
             let plan = splat_plan(settings, max_point);
             let count = splats::count(cut, &plan);
             let out = records::<Splat>(gpu, list, count)?;

@@ -43,6 +43,7 @@ impl Renderer {
             self.targets = Targets::new(&self.gpu, width, height, self.outputs.normal)?;
             self.readback = None;
             self.filtered = None;
+            self.visibility = None;
             self.fuzzy = None;
         }
         Ok(())

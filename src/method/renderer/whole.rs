@@ -5,11 +5,11 @@ use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
-use crate::method::plan::{Drawing, frame_constants, splat_plan};
+use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::targets::Targets;
 use crate::method::times::Stage;
-use crate::method::{Settings, fuzzy, triangles};
+use crate::method::{Settings, fuzzy, triangles, visibility};
 use crate::tree::Model;
 
 impl Renderer {
@@ -83,6 +83,19 @@ impl Renderer {
                         splats: fuzzy::Splats::Vertices { as_quads },
                     };
                     fuzzy.record(frame, targets, list, &context, c);
+                }
+                (Drawing::Visibility, ..) => {
+                    let Some(visibility) = &self.visibility else {
+                        unreachable!("prepare made the pipelines")
+                    };
+                    let list = visibility::List {
+                        scene,
+                        triangles: None,
+                        splats: visibility::Splats::Vertices { as_quads },
+                        largest_px: largest_splat_px(model, settings),
+                    };
+                    let how = settings.reconstruction;
+                    visibility.record(frame, targets, list, how, &context, c);
                 }
                 _ => unreachable!("prepare made the pipelines"),
             },
