@@ -8,6 +8,7 @@ const COMMANDS: &[&str] = &[
     "info",
     "check",
     "generate",
+    "profile",
     "devices",
     "demo",
     "completions",
