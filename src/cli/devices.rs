@@ -83,6 +83,13 @@ pub(crate) fn run(args: Args) -> Outcome {
             yes(d.has_float_blend),
             yes(d.has_full_index)
         );
+        let _ = writeln!(
+            out,
+            "   calibrated timestamps {}, pipeline statistics {}, exact sample counts {}",
+            yes(d.has_calibrated_timestamps),
+            yes(d.has_pipeline_statistics),
+            yes(d.has_sample_counts)
+        );
         if let Some(report) = report {
             let _ = writeln!(out, "{report}");
         }

@@ -333,6 +333,9 @@ fn table(ready: &Ready, profile: &Profile, report: &Report) -> String {
         if let Some(samples) = &pass.samples {
             t.count("  samples drawn", samples);
         }
+        if let Some(overdraw) = &pass.overdraw {
+            t.row("  overdraw", overdraw, &|v| format!("{v:.2}"), None);
+        }
         for counter in &pass.pipeline {
             t.count(
                 &format!("  {}", counter.name.replace('_', " ")),
@@ -388,13 +391,18 @@ fn proof(t: &mut Table, report: &Report) {
             100.0 * ratio
         ));
     }
-    if let (Some(cost), Some(share)) = (&proof.cost_ms, proof.cost_share) {
+    if let (Some(cost), Some([low, high]), Some(share)) =
+        (&proof.cost_ms, proof.cost_bounds_ms, proof.cost_share)
+    {
         t.text(&format!(
-            "  timestamps cost {:.3} ms a frame, {:.1} % (5th to 95th percentile {:.3} to {:.3} ms)",
+            "  timestamps cost {:.3} ms a frame, {:.1} % (median; between {low:.3} and {high:.3} ms{})",
             cost.median,
             100.0 * share,
-            cost.p5,
-            cost.p95
+            if low <= 0.0 && high >= 0.0 {
+                ": not told apart from noise"
+            } else {
+                ""
+            }
         ));
     }
     for warning in &report.warnings {

@@ -52,6 +52,17 @@ impl Distribution {
     }
 }
 
+/// Bounds between which the median of what a sample was drawn from lies, with a probability of 95 percent (by ranks,
+/// so whatever its shape); the whole range of a sample of less than 6, which is less sure, `None` of an empty one.
+pub fn median_bounds(values: &[f64]) -> Option<[f64; 2]> {
+    let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
+    sorted.sort_by(f64::total_cmp);
+    let n = sorted.len();
+    // How many values lie below the median is binomial: n/2 with a standard deviation of sqrt(n)/2.
+    let rank = (n as f64 / 2.0 - 0.98 * (n as f64).sqrt()).max(1.0) as usize;
+    Some([*sorted.get(rank - 1)?, sorted[n - rank]])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -63,5 +74,15 @@ mod tests {
         assert_eq!((d.median, d.p5, d.p95), (50.5, 5.0, 95.0));
         assert_eq!(Distribution::of(&[3.0]).median, 3.0);
         assert_eq!(Distribution::of(&[f64::NAN]), Distribution::default());
+    }
+
+    #[test]
+    fn bounds_of_a_median_are_ranks() {
+        // The ranks of the tables of the sign test.
+        let values: Vec<f64> = (1..=100).map(f64::from).collect();
+        assert_eq!(median_bounds(&values), Some([40.0, 61.0]));
+        assert_eq!(median_bounds(&[2.0, 1.0, 4.0]), Some([1.0, 4.0]));
+        assert_eq!(median_bounds(&[7.0]), Some([7.0, 7.0]));
+        assert_eq!(median_bounds(&[f64::NAN]), None);
     }
 }

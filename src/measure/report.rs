@@ -36,6 +36,8 @@ pub struct PassReport {
     pub frames: usize,
     /// Samples that passed the depth test; `None` where the device does not count them exactly.
     pub samples: Option<Distribution>,
+    /// The same a covered pixel of the picture.
+    pub overdraw: Option<Distribution>,
     /// Bytes of targets loaded, from the description of the pass.
     pub loaded_bytes: Distribution,
     /// Bytes of targets stored, from the description of the pass.
@@ -112,6 +114,8 @@ pub struct ProofReport {
     /// What timestamps cost a frame, milliseconds: the frame with them less the same without, median and spread
     /// over the views. Below 0 it is noise.
     pub cost_ms: Option<Distribution>,
+    /// Between which bounds its median lies, with a probability of 95 percent.
+    pub cost_bounds_ms: Option<[f64; 2]>,
     /// The median of that over the median frame without timestamps.
     pub cost_share: Option<f64>,
     /// How times of the device are put on the host's clock, in a sentence.
@@ -140,6 +144,13 @@ pub struct Report {
     pub profiling: ProofReport,
     /// What cannot be believed, in sentences.
     pub warnings: Vec<String>,
+}
+
+impl ProofReport {
+    /// Whether timestamps cost more time than noise explains.
+    pub fn costs_time(&self) -> bool {
+        self.cost_bounds_ms.is_some_and(|[low, _]| low > 0.0)
+    }
 }
 
 fn over<T>(items: &[T], of: impl Fn(&T) -> f64) -> Distribution {
@@ -247,6 +258,7 @@ impl Report {
         }
         if let (Some(share), Some(cost)) = (proof.cost_share, proof.cost_ms)
             && share > COST_TOLERANCE
+            && proof.costs_time()
         {
             out.push(format!(
                 "timestamps cost {:.1} % of a frame ({:.3} ms): the frame without them is the true one",
@@ -285,6 +297,10 @@ fn passes(profile: &Profile) -> Vec<PassReport> {
         };
         if profile.counts("samples") {
             row.samples = all(&|c| c.samples);
+            row.overdraw = known(&profile.samples, |s| {
+                let covered = s.covered_pixels;
+                (covered > 0).then_some(of(s, &|c| c.samples)? / covered as f64)
+            });
         }
         row.loaded_bytes = all(&|c| Some(c.loaded_bytes)).unwrap_or_default();
         row.stored_bytes = all(&|c| Some(c.stored_bytes)).unwrap_or_default();
@@ -310,6 +326,7 @@ fn row(name: &'static str, gpu_ms: Option<Distribution>, share: f64, frames: usi
         share,
         frames,
         samples: None,
+        overdraw: None,
         loaded_bytes: Distribution::default(),
         stored_bytes: Distribution::default(),
         pipeline: Vec::new(),
@@ -318,7 +335,9 @@ fn row(name: &'static str, gpu_ms: Option<Distribution>, share: f64, frames: usi
 
 fn proof(profile: &Profile) -> ProofReport {
     let samples = &profile.samples;
-    let cost_ms = known(samples, |s| Some(s.times.frame_ms - s.plain_ms?));
+    let cost = |s: &Sample| Some(s.times.frame_ms - s.plain_ms?);
+    let costs: Vec<f64> = samples.iter().filter_map(cost).collect();
+    let cost_ms = known(samples, cost);
     let plain = known(samples, |s| s.plain_ms);
     let ratio = |part: &dyn Fn(&FrameTimes) -> Option<f64>,
                  whole: &dyn Fn(&FrameTimes) -> Option<f64>| {
@@ -336,6 +355,7 @@ fn proof(profile: &Profile) -> ProofReport {
         }),
         device_of_host: ratio(&|t| t.device.frame_ms, &host_ms),
         cost_ms,
+        cost_bounds_ms: super::median_bounds(&costs),
         cost_share: match (cost_ms, plain) {
             (Some(cost), Some(plain)) if plain.median > 0.0 => Some(cost.median / plain.median),
             _ => None,

@@ -10,6 +10,7 @@ const COMMANDS: &[&str] = &[
     "generate",
     "compare",
     "scenes",
+    "profile",
     "devices",
     "demo",
     "completions",
