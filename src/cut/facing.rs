@@ -20,7 +20,7 @@ pub enum Facing {
 
 impl Tester {
     /// Which balls face away everywhere, and which face the viewer everywhere, by packed cones: the coordinates
-    /// of the axes and the sines, as [`Words::axis`] and [`Words::sine`] have them.
+    /// of the axes and the sines, as `Words::axis` and `Words::sine` have them.
     ///
     /// With v from the eye to the center, D = |v|, R the radius, a the axis and α the half angle, every
     /// normal faces away at every point of the ball exactly if D cos(θ + α) >= R, θ the angle between a and
