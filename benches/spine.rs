@@ -190,6 +190,7 @@ fn orbit(model: &Model, fill: f64, k: u32, n: u32) -> View {
         .expect("a valid camera")
 }
 
+/// Time of cuts of the standard orbit, on one thread and on two in turn.
 fn cutting(model: &Model, name: &str) {
     for threshold_px in [1.0, 3.0] {
         let settings = cut::Settings {
@@ -197,25 +198,37 @@ fn cutting(model: &Model, name: &str) {
             cull_back: model.is_closed,
             ..cut::Settings::default()
         };
-        let mut selector = Selector::default();
+        let mut selectors = [1, 2].map(Selector::with_threads);
         let mut cut = Cut::default();
-        let mut times = Vec::new();
-        let mut visited = 0;
+        let mut times = [vec![], vec![]];
+        let mut visits = Vec::new();
         for repeat in 0..3 {
             for k in 0..12 {
                 let view = orbit(model, 1.0, k, 12);
-                let time = ms(|| selector.select(model, &view, &settings, &mut cut));
-                if repeat > 0 {
-                    times.push(time * 1e6 / cut.stats.visited.max(1) as f64);
-                    visited = cut.stats.visited;
+                for (selector, times) in selectors.iter_mut().zip(&mut times) {
+                    let time = ms(|| selector.select(model, &view, &settings, &mut cut));
+                    if repeat > 0 {
+                        times.push(time / cut.stats.visited.max(1) as f64);
+                    }
                 }
+                visits.push(cut.stats.visited as f64);
             }
         }
+        let visited = Distribution::of(&visits).median;
+        let [one, two] = times.map(|times| Distribution::of(&times).median);
         row(
             &format!("cut, {name}, threshold {threshold_px}, a visited node ({visited})"),
-            Distribution::of(&times).median,
+            one * 1e6,
             "ns",
             Some((true, 8.0)),
+        );
+        row("   a cut, one thread", one * visited, "ms", None);
+        row("   a cut, two threads", two * visited, "ms", None);
+        row(
+            "   visited nodes a second, two threads",
+            1e-3 / two,
+            "million",
+            Some((false, 150.0)),
         );
     }
 }

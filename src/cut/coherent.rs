@@ -10,9 +10,9 @@
 //! the parent alone would save a quarter of the remembered tests and be wrong where rounding breaks a tie.)
 
 use super::class::Class;
-use super::select::{Item, Run, Walk};
 use super::tester::Tester;
-use super::{Cut, Settings, leaf_range};
+use super::walk::{Item, Run, Walk};
+use super::{Cut, Settings, StripRun, leaf_range};
 use crate::math::camera::View;
 use crate::tree::Model;
 
@@ -42,6 +42,8 @@ pub struct Coherent {
     leaf_count: usize,
     stack: Vec<Item>,
     path: Vec<u32>,
+    nodes: Vec<u32>,
+    strips: Vec<StripRun>,
     update: Update,
 }
 
@@ -94,12 +96,12 @@ impl Coherent {
                 tester: &tester,
                 cut,
                 stack: &mut self.stack,
-                record: &mut self.next,
+                runs: &mut self.next,
             },
         };
         if runs.is_empty() {
             frame.walk.root();
-            changed = count(frame.walk.record);
+            changed = count(frame.walk.runs);
         } else {
             let mut done_leaves = 0;
             for &run in &runs {
@@ -113,12 +115,30 @@ impl Coherent {
             }
         }
         self.runs = std::mem::replace(&mut self.next, runs);
+        let starts = &tree.level_starts;
+        by_level(&mut cut.nodes, &mut self.nodes, starts, |&id| id);
+        by_level(&mut cut.strips, &mut self.strips, starts, |strip| {
+            strip.node
+        });
         self.update = Update {
             stops: count(&self.runs),
             changed,
             tests: cut.stats.visited,
         };
     }
+}
+
+/// From tree order to ascending order: within a level they are the same.
+fn by_level<T: Copy>(list: &mut Vec<T>, spare: &mut Vec<T>, starts: &[u32], id: fn(&T) -> u32) {
+    spare.clear();
+    for level in starts.windows(2) {
+        if spare.len() == list.len() {
+            break;
+        }
+        let level = level[0]..level[1];
+        spare.extend(list.iter().filter(|item| level.contains(&id(item))));
+    }
+    std::mem::swap(list, spare);
 }
 
 fn count(runs: &[Run]) -> u64 {
@@ -130,7 +150,7 @@ struct Frame<'a> {
     number: u32,
     marks: &'a mut Vec<u32>,
     path: &'a mut Vec<u32>,
-    walk: Walk<'a, &'a mut Vec<Run>>,
+    walk: Walk<'a>,
 }
 
 impl Frame<'_> {
@@ -155,13 +175,13 @@ impl Frame<'_> {
     /// above that now stops, so that the caller skips the other runs below it.
     fn run(&mut self, run: Run, done_leaves: &mut u32) -> u64 {
         if run.parent == Run::ROOT {
-            let before = count(self.walk.record);
+            let before = count(self.walk.runs);
             self.walk.root();
-            let is_same = self.walk.record.first() == Some(&run);
+            let is_same = self.walk.runs.first() == Some(&run);
             return if is_same {
                 0
             } else {
-                count(self.walk.record) - before
+                count(self.walk.runs) - before
             };
         }
         let inherited = match self.state(run.parent) {
@@ -190,9 +210,9 @@ impl Frame<'_> {
         for id in run.first..run.first.saturating_add(run.count) {
             match self.mark(id) {
                 Some(class) if class.is_open() => {
-                    let before = self.walk.record.len();
+                    let before = self.walk.runs.len();
                     self.walk.descend(id, class.inherited());
-                    changed += count(self.walk.record.get(before..).unwrap_or_default());
+                    changed += count(self.walk.runs.get(before..).unwrap_or_default());
                 }
                 Some(class) => self.walk.stop(run.parent, id, class),
                 None => {}

@@ -3,16 +3,21 @@
 //! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root; [`Coherent`] updates the cut
 //! of the last frame and gives the same lists. Both ask one [`Tester`].
 
+mod batch;
 mod class;
 mod coherent;
+mod facing;
+mod quad;
 mod select;
 mod strip;
 mod tester;
+mod walk;
 
 pub use coherent::{Coherent, Update};
+pub use facing::Facing;
 pub use select::{Selector, select};
 pub use strip::{MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers};
-pub use tester::{Facing, Tester};
+pub use tester::Tester;
 
 use crate::tree::Tree;
 use std::ops::Range;
@@ -61,7 +66,7 @@ pub enum SizeMetric {
     Area,
 }
 
-/// What is to be drawn, as ids in tree order.
+/// What is to be drawn, as ids in ascending order: of nodes the upper levels first, in a level in tree order.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Cut {
     /// Nodes drawn as one splat.

@@ -1,261 +1,215 @@
-//! The cut from the root: depth-first, front to back in tree order.
+//! The cut from the root: level by level.
 //!
 //! Source: Benda, *Point Based Rendering*, sections 3.3 and 3.3.1: an invisible node is dropped, a small node
 //! is a splat (a small leaf too: the text's order, not the pseudocode's), a large leaf is its triangle, and
-//! of a large node the children are looked at. Deviations: children are tested together, tests that passed
-//! for all of a node are not repeated below it, and needles may be drawn as rows of splats ([`super::strip`]).
+//! of a large node the children are looked at. Deviations: not depth-first but level by level, in batches
+//! ([`super::batch`]), so that memory is read in ascending order and many requests for it are on their way at
+//! once; tests that passed for all of a node are not repeated below it; needles may be drawn as rows of splats
+//! ([`super::strip`]).
+//!
+//! All leaves are at the same depth and siblings stand together, level after level, so every list comes out
+//! in ascending order.
 
-use super::class::{Class, inherit};
+use super::batch::{self, Batch, Group};
 use super::tester::Tester;
-use super::{Cut, Settings, StripRun};
+use super::{Cut, Settings};
 use crate::math::camera::View;
-use crate::tree::{Model, Node};
+use crate::tree::Model;
+use std::sync::Mutex;
 
-/// Stopping siblings: the children `first .. first + count` of `parent` are where a traversal stopped, drawn
-/// or not. Nodes, or leaves if the parent has leaves; `parent` is [`Run::ROOT`] for what has no parent.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Run {
-    pub(super) parent: u32,
-    pub(super) first: u32,
-    pub(super) count: u32,
+/// A large cut is divided where a level has at least this many sibling groups to look at (about a tenth of a
+/// millisecond); a thread is started in a fifth of that.
+const LARGE: usize = 4096;
+
+/// Parts for each thread: how much of a part is visible is not known before.
+const PARTS: usize = 8;
+
+/// Sibling groups of one level, and the next one's.
+#[derive(Debug, Default)]
+struct Front {
+    groups: Vec<Group>,
+    open: Vec<Group>,
 }
 
-impl Run {
-    /// No parent: the run is the root node, or the only leaf of a tree without nodes.
-    pub(super) const ROOT: u32 = u32::MAX;
-}
+impl Front {
+    /// Looks at a level of nodes; the groups become those of the next level.
+    fn descend(&mut self, model: &Model, tester: &Tester, batch: &mut Batch, cut: &mut Cut) {
+        self.open.clear();
+        for pair in batches(&self.groups) {
+            batch.nodes(model, tester, pair, cut, &mut self.open);
+        }
+        std::mem::swap(&mut self.groups, &mut self.open);
+    }
 
-/// Keeps where a traversal stopped, in tree order.
-pub(super) trait Record {
-    /// Whether [`Record::stop`] does anything, so that a traversal need not bring it invisible nodes.
-    const ACTIVE: bool;
-    /// The traversal stopped at these siblings.
-    fn stop(&mut self, parent: u32, first: u32, count: u32);
-}
-
-/// Keeps nothing.
-pub(super) struct Forget;
-
-impl Record for Forget {
-    const ACTIVE: bool = false;
-    #[inline]
-    fn stop(&mut self, _parent: u32, _first: u32, _count: u32) {}
-}
-
-impl Record for &mut Vec<Run> {
-    const ACTIVE: bool = true;
-    #[inline]
-    fn stop(&mut self, parent: u32, first: u32, count: u32) {
-        match self.last_mut() {
-            Some(run) if run.parent == parent && run.first + run.count == first => {
-                run.count += count
-            }
-            _ => self.push(Run {
-                parent,
-                first,
-                count,
-            }),
+    fn finish(&self, model: &Model, tester: &Tester, batch: &mut Batch, cut: &mut Cut) {
+        for pair in batches(&self.groups) {
+            batch.leaves(model, tester, pair, cut);
         }
     }
 }
 
-/// Appends `first + i` for the bits i of `mask` (4 of them), lowest first.
-///
-/// Writes all four and takes back what is too much: which lanes are set cannot be foreseen on a real surface,
-/// and a wrong guess of the processor costs more than the store.
-#[inline]
-fn append(list: &mut Vec<u32>, first: u32, mask: u32) {
-    const LANES: [[u32; 4]; 16] = {
-        let mut table = [[0; 4]; 16];
-        let mut mask = 0;
-        while mask < 16 {
-            let (mut lane, mut count) = (0, 0);
-            while lane < 4 {
-                if mask >> lane & 1 != 0 {
-                    table[mask][count] = lane;
-                    count += 1;
-                }
-                lane += 1;
-            }
-            mask += 1;
-        }
-        table
-    };
-    let end = list.len() + (mask & 15).count_ones() as usize;
-    list.extend_from_slice(&LANES[(mask & 15) as usize].map(|lane| first.wrapping_add(lane)));
-    list.truncate(end);
+/// Batches, each with what comes after it.
+fn batches(groups: &[Group]) -> impl Iterator<Item = (&[Group], &[Group])> {
+    let ahead = (batch::SIZE..).step_by(batch::SIZE);
+    let ahead = ahead.map(|at| groups.get(at..).unwrap_or_default());
+    groups.chunks(batch::SIZE).zip(ahead)
 }
 
-/// A node whose turn has not come.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Item {
-    id: u32,
-    class: Class,
+/// What is below some consecutive groups of a level: a cut of its own, and where each level ends in its lists.
+#[derive(Debug, Default)]
+struct Part {
+    front: Front,
+    cut: Cut,
+    ends: Vec<(usize, usize)>,
 }
 
-/// One traversal: what it reads, and what it appends to.
-pub(super) struct Walk<'a, R> {
-    pub(super) model: &'a Model,
-    pub(super) tester: &'a Tester,
-    pub(super) cut: &'a mut Cut,
-    pub(super) stack: &'a mut Vec<Item>,
-    pub(super) record: R,
-}
-
-impl<R: Record> Walk<'_, R> {
-    /// The cut of the whole tree.
-    pub(super) fn root(&mut self) {
-        let start = self.tester.start();
-        if self.model.tree.nodes.is_empty() {
-            // A tree over one leaf (or over nothing) has no interior node.
-            let count = u32::from(!self.model.tree.leaves.is_empty());
-            self.leaves(Run::ROOT, 0, count, start);
-            return;
+impl Part {
+    fn run(&mut self, model: &Model, tester: &Tester, batch: &mut Batch, levels: usize) {
+        self.cut.clear();
+        self.ends.clear();
+        for _ in 0..levels {
+            self.front.descend(model, tester, batch, &mut self.cut);
+            self.ends
+                .push((self.cut.nodes.len(), self.cut.strips.len()));
         }
-        let [class, ..] = self
-            .tester
-            .nodes(self.model, 0, 1, start, &mut self.cut.stats);
-        if class.is_open() {
-            self.descend(0, class.inherited());
-        } else {
-            self.stop(Run::ROOT, 0, class);
-        }
+        self.front.finish(model, tester, batch, &mut self.cut);
     }
 
-    /// The cut below the open node `id`.
-    pub(super) fn descend(&mut self, id: u32, inherited: u8) {
-        self.stack.clear();
-        self.open(id, inherited);
-        while let Some(Item { id, class }) = self.stack.pop() {
-            if class.is_open() {
-                self.open(id, class.inherited());
-            } else {
-                let parent = if R::ACTIVE { self.parent(id) } else { 0 };
-                self.stop(parent, id, class);
-            }
-        }
-    }
-
-    #[inline]
-    fn parent(&self, id: u32) -> u32 {
-        self.model
-            .tree
-            .parents
-            .get(id as usize)
-            .copied()
-            .unwrap_or(0)
-    }
-
-    /// Looks at the children of one node: emits those that come before the first one to be opened, and
-    /// leaves the others on the stack, so that the lists stay in tree order.
-    #[inline]
-    fn open(&mut self, id: u32, inherited: u8) {
-        let Some(&Node {
-            first_child: first,
-            child_count,
-            flags,
-            ..
-        }) = self.model.tree.nodes.get(id as usize)
-        else {
-            return;
-        };
-        let count = u32::from(child_count);
-        if flags & Node::LEAF_CHILDREN != 0 {
-            self.leaves(id, first, count, inherited);
-            return;
-        }
-        let classes = self
-            .tester
-            .nodes(self.model, first, count, inherited, &mut self.cut.stats);
-        if classes == [Class::SPLAT; 4] {
-            self.cut
-                .nodes
-                .extend_from_slice(&[first, first + 1, first + 2, first + 3]);
-            self.record.stop(id, first, 4);
-            return;
-        }
-        let count = count.min(4);
-        let mut lane = 0;
-        while lane < count && !classes[lane as usize].is_open() {
-            self.stop(id, first + lane, classes[lane as usize]);
-            lane += 1;
-        }
-        for later in (lane..count).rev() {
-            let class = classes[later as usize];
-            if R::ACTIVE || class != Class::DROP {
-                self.stack.push(Item {
-                    id: first + later,
-                    class,
-                });
-            }
-        }
-    }
-
-    /// The traversal ends at node `id`: draws what its class says.
-    #[inline]
-    pub(super) fn stop(&mut self, parent: u32, id: u32, class: Class) {
-        if class == Class::SPLAT {
-            self.cut.nodes.push(id);
-        } else if let Some(count) = class.strip_count() {
-            self.cut.strips.push(StripRun { node: id, count });
-        }
-        self.record.stop(parent, id, 1);
-    }
-
-    /// Draws the leaves of one parent.
-    #[inline]
-    pub(super) fn leaves(&mut self, parent: u32, first: u32, count: u32, inherited: u8) {
-        let model = self.model;
-        let (mut kept, mut small) = self.tester.leaves(
-            &model.tree.leaves,
-            first,
-            count,
-            inherited,
-            &mut self.cut.stats,
+    /// Where the nodes and strips of a level are in the lists.
+    fn level(&self, level: usize) -> [std::ops::Range<usize>; 2] {
+        let end = |level: usize| self.ends.get(level).copied().unwrap_or_default();
+        let (from, to) = (
+            level.checked_sub(1).map(end).unwrap_or_default(),
+            end(level),
         );
-        if inherited & inherit::FRONT == 0 {
-            for lane in 0..4 {
-                if kept & (1 << lane) != 0 && self.tester.leaf_faces_away(model, first + lane) {
-                    kept &= !(1 << lane);
-                    self.cut.stats.facing_away += 1;
-                }
-            }
-            small &= kept;
-        }
-        // A point has no triangle: large or small, it is a splat.
-        if model.triangles.is_empty() {
-            small = kept;
-        }
-        append(&mut self.cut.leaves, first, small);
-        append(&mut self.cut.triangles, first, kept & !small);
-        if count > 0 {
-            self.record.stop(parent, first, count);
-        }
+        [from.0..to.0, from.1..to.1]
     }
 }
 
 /// Selects cuts from the root and keeps its working memory from one to the next.
-#[derive(Debug, Default)]
+///
+/// A large cut (some ten thousand nodes) is divided among threads. Every list has the same ids in the same
+/// order whatever their number.
+///
+/// Memory: about 8 bytes for each node that is opened on a level and 26 KiB a thread; with several threads the
+/// lists of the cut once more.
+#[derive(Debug)]
 pub struct Selector {
-    stack: Vec<Item>,
+    threads: usize,
+    /// Groups from which on a cut is divided.
+    large: usize,
+    front: Front,
+    batches: Vec<Batch>,
+    parts: Vec<Part>,
 }
 
-impl Selector {
-    /// As [`select`], without allocating once `cut` and `self` have grown.
-    pub fn select(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
-        cut.clear();
-        Walk {
-            model,
-            tester: &Tester::new(model, view, settings),
-            cut,
-            stack: &mut self.stack,
-            record: Forget,
-        }
-        .root();
+impl Default for Selector {
+    /// As many threads as the machine runs at once, at most 16.
+    fn default() -> Self {
+        let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
+        Self::with_threads(threads.min(16))
     }
 }
 
-/// Replaces `cut` by what `view` needs of `model`: every list in tree order.
+impl Selector {
+    /// Uses up to `threads` threads, the calling one included; 0 counts as 1.
+    pub fn with_threads(threads: usize) -> Self {
+        Self {
+            threads: threads.max(1),
+            large: LARGE,
+            front: Front::default(),
+            batches: Vec::new(),
+            parts: Vec::new(),
+        }
+    }
+
+    /// As [`select`], without allocating once `cut` and `self` have grown (but for starting threads).
+    pub fn select(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
+        let tester = &Tester::new(model, view, settings);
+        let tree = &model.tree;
+        cut.clear();
+        self.batches.resize_with(self.threads, Batch::default);
+        let Some(batch) = self.batches.first_mut() else {
+            return;
+        };
+        self.front.groups.clear();
+        // A tree over one leaf has no interior node, and one over nothing no leaf: then nothing is found.
+        self.front.groups.push(Group::new(0, 1, tester.start()));
+        let levels = if tree.nodes.is_empty() {
+            0
+        } else {
+            tree.level_count()
+        };
+        for level in 0..levels {
+            if self.threads > 1 && self.front.groups.len() >= self.large {
+                self.divide(model, tester, levels - level, cut);
+                return;
+            }
+            self.front.descend(model, tester, batch, cut);
+        }
+        if self.threads > 1 && self.front.groups.len() >= self.large {
+            self.divide(model, tester, 0, cut);
+        } else {
+            self.front.finish(model, tester, batch, cut);
+        }
+    }
+
+    /// Goes down the remaining levels in parts, and joins them level by level.
+    ///
+    /// The threads are of this call and not of the pool that builds trees: while another model is loaded, a
+    /// frame would wait for a place in it.
+    fn divide(&mut self, model: &Model, tester: &Tester, levels: usize, cut: &mut Cut) {
+        let groups = &self.front.groups;
+        let each = groups.len().div_ceil(PARTS * self.threads);
+        let count = groups.len().div_ceil(each);
+        if self.parts.len() < count {
+            self.parts.resize_with(count, Part::default);
+        }
+        let Some(parts) = self.parts.get_mut(..count) else {
+            return;
+        };
+        let work = Mutex::new(parts.iter_mut().zip(groups.chunks(each)));
+        let run = |batch: &mut Batch| {
+            loop {
+                // A poisoned lock means that another thread panicked, which the scope passes on.
+                let Ok(next) = work.lock().map(|mut work| work.next()) else {
+                    return;
+                };
+                let Some((part, groups)) = next else { return };
+                part.front.groups.clear();
+                part.front.groups.extend_from_slice(groups);
+                part.run(model, tester, batch, levels);
+            }
+        };
+        if let [first, others @ ..] = self.batches.as_mut_slice() {
+            std::thread::scope(|scope| {
+                for batch in others {
+                    // Where no thread can be started, the others do its work.
+                    let thread = std::thread::Builder::new().name("cut".to_owned());
+                    let _ = thread.spawn_scoped(scope, || run(batch));
+                }
+                run(first);
+            });
+        }
+        for level in 0..levels {
+            for part in &*parts {
+                let [nodes, strips] = part.level(level);
+                let (nodes, strips) = (part.cut.nodes.get(nodes), part.cut.strips.get(strips));
+                cut.nodes.extend_from_slice(nodes.unwrap_or_default());
+                cut.strips.extend_from_slice(strips.unwrap_or_default());
+            }
+        }
+        for part in &*parts {
+            cut.leaves.extend_from_slice(&part.cut.leaves);
+            cut.triangles.extend_from_slice(&part.cut.triangles);
+            cut.stats.visited += part.cut.stats.visited;
+            cut.stats.outside += part.cut.stats.outside;
+            cut.stats.facing_away += part.cut.stats.facing_away;
+        }
+    }
+}
+
+/// Replaces `cut` by what `view` needs of `model`: every list in ascending order.
 ///
 /// Every leaf is drawn exactly once, by itself or by one node above it, unless it or a node above it was
 /// dropped; what is dropped is never visible (with `cull_back`: on a closed surface). A small leaf is a splat, a large leaf a
@@ -265,4 +219,56 @@ impl Selector {
 /// Cost: proportional to the nodes visited, that is to what is drawn, not to the size of the model.
 pub fn select(model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
     Selector::default().select(model, view, settings, cut);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{self, Shape, Spec};
+    use crate::math::camera::Camera;
+    use crate::progress::Silent;
+    use crate::tree::{self, BuildOptions};
+
+    /// However many threads there are, and wherever a cut is divided: the same lists.
+    #[test]
+    fn the_cut_does_not_depend_on_threads() {
+        let mut lists = [0; 4];
+        for shape in [Shape::Torus, Shape::Statue] {
+            let spec = Spec::with_triangles(shape, 30_000).expect("a valid size");
+            let mesh = generate::mesh(&spec);
+            let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree");
+            let center = model.origin + model.orbit_center.as_dvec3();
+            let radius = f64::from(model.orbit_radius);
+            for (k, fill) in [(0, 0.1), (1, 0.5), (2, 2.0)] {
+                let camera = Camera::orbit_view((300, 300), center, radius, fill, k, 3);
+                let view = camera.view(model.origin).expect("a usable camera");
+                for threshold_px in [0.0, 3.0, 12.0] {
+                    let settings = Settings {
+                        threshold_px,
+                        cull_back: model.is_closed,
+                        ..Settings::default()
+                    };
+                    let (mut expected, mut cut) = (Cut::default(), Cut::default());
+                    Selector::with_threads(1).select(&model, &view, &settings, &mut expected);
+                    for (list, len) in lists.iter_mut().zip([
+                        expected.nodes.len(),
+                        expected.strips.len(),
+                        expected.leaves.len(),
+                        expected.triangles.len(),
+                    ]) {
+                        *list += len;
+                    }
+                    for (threads, large) in [(2, 1), (3, 20), (5, 300), (2, 3000)] {
+                        let mut selector = Selector::with_threads(threads);
+                        selector.large = large;
+                        for _ in 0..2 {
+                            selector.select(&model, &view, &settings, &mut cut);
+                            assert_eq!(cut, expected, "{shape:?}, {threads} threads, {large}");
+                        }
+                    }
+                }
+            }
+        }
+        assert!(lists.iter().all(|&len| len > 100), "{lists:?}");
+    }
 }

@@ -18,6 +18,9 @@
 //! g = z a / (1 + a²) satisfies it: g + κ g² = z a (1 + 2 a²) / (1 + a²)² <= z a. The major axis bounds the
 //! metrics center, angle and area; for `Nearest`, 2 f g / (z - g) <= t is g <= t z / (2 f + t).
 
+use super::SizeMetric;
+use super::quad::{self, Words};
+use super::tester::Tester;
 use crate::tree::Node;
 use glam::{Vec3, Vec4};
 
@@ -26,27 +29,27 @@ pub const MAX_COUNT: u32 = 16;
 
 /// Widest strip over the ball that a splat stands for. Beyond, pieces are so short that a row is hardly
 /// cheaper than the children.
-pub(super) const MAX_WIDTH: f32 = 0.95;
+const MAX_WIDTH: f32 = 0.95;
 
 /// What the count needs to know of the frame; lengths in the tester's unit.
-pub(super) struct Frame {
-    pub(super) is_perspective: bool,
-    pub(super) is_nearest: bool,
-    pub(super) twice_focal_px: f32,
-    pub(super) threshold_px: f32,
-    pub(super) near: f32,
+struct Frame {
+    is_perspective: bool,
+    is_nearest: bool,
+    twice_focal_px: f32,
+    threshold_px: f32,
+    near: f32,
 }
 
 /// Four nodes' balls in that unit; depths are along the view direction.
-pub(super) struct Balls {
-    pub(super) radius: Vec4,
-    pub(super) depth: Vec4,
-    pub(super) distance: Vec4,
+struct Balls {
+    radius: Vec4,
+    depth: Vec4,
+    distance: Vec4,
 }
 
 /// Half length of the row (the strip with its round ends, within the ball) and width, over the node's radius.
 #[inline]
-pub(super) fn relative_size(node: &Node) -> (f32, f32) {
+fn relative_size(node: &Node) -> (f32, f32) {
     let (half, width) = (
         u16::from(node.strip.half_length),
         u16::from(node.strip.width),
@@ -55,13 +58,13 @@ pub(super) fn relative_size(node: &Node) -> (f32, f32) {
     (in_radii((half + width).min(255)), in_radii(width))
 }
 
-/// The same for four nodes.
+/// The same for four nodes, from the bytes of half length and width.
 #[inline]
-pub(super) fn relative_sizes(nodes: &[Node; 4]) -> (Vec4, Vec4) {
-    // Written out: a closure per lane is not always inlined.
-    let (a, b) = (relative_size(&nodes[0]), relative_size(&nodes[1]));
-    let (c, d) = (relative_size(&nodes[2]), relative_size(&nodes[3]));
-    (Vec4::new(a.0, b.0, c.0, d.0), Vec4::new(a.1, b.1, c.1, d.1))
+fn relative_sizes((half, width): (Vec4, Vec4)) -> (Vec4, Vec4) {
+    (
+        (half + width).min(Vec4::splat(255.0)) * (1.0 / 255.0),
+        width * (1.0 / 255.0),
+    )
 }
 
 /// How many splats cover the strips of four nodes, and for which of them that is at most [`MAX_COUNT`] and
@@ -71,7 +74,7 @@ pub(super) fn relative_sizes(nodes: &[Node; 4]) -> (Vec4, Vec4) {
 /// distance, so G >= κ' Z² (1 - κ'²) / S with Z the least depth and S the greatest distance, and
 /// n² = H² S² / (K Z⁴ - ω² S²), K = (κ' (1 - κ'²))².
 #[inline]
-pub(super) fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) {
+fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) {
     let (half, width) = (half * balls.radius, width * balls.radius);
     let nearest = balls.depth - half;
     let (t, f) = (frame.threshold_px, frame.twice_focal_px);
@@ -106,6 +109,64 @@ pub(super) fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (
         & thick.cmple(limit * (MAX_WIDTH * MAX_WIDTH))
         & squared.cmple(Vec4::splat((MAX_COUNT * MAX_COUNT) as f32));
     (squared.sqrt().ceil().max(Vec4::splat(2.0)), fits.bitmask())
+}
+
+impl Tester {
+    /// Most splats in a row for each of the nodes from `first` on: fewer than there are leaves below, else
+    /// the leaves are the better picture.
+    ///
+    /// Known without a look at them: the levels are complete and split evenly, so two levels up a node has
+    /// about the average number of leaves, and three levels up at least as many as a row has splats.
+    #[inline]
+    pub(super) fn most_in_row(&self, first: u32, words: &Words) -> Vec4 {
+        if first >= self.lowest_nodes {
+            Vec4::from_array(words.child_counts().map(|n| (n as i32 - 1) as f32))
+        } else if first >= self.low_nodes {
+            Vec4::splat(self.low_leaves.saturating_sub(1).min(MAX_COUNT) as f32)
+        } else {
+            Vec4::splat(MAX_COUNT as f32)
+        }
+    }
+
+    /// Which nodes may be rows of splats, before any root or division. Most are not: no ball that the
+    /// threshold allows is wider than t z / 2 f, so the strip must be thinner than that, and short enough
+    /// for a row of such balls.
+    #[inline]
+    pub(super) fn may_be_rows(&self, balls: &quad::Balls, words: &Words, most: Vec4) -> u32 {
+        let depth = if self.is_perspective {
+            balls.depth
+        } else {
+            Vec4::ONE
+        };
+        let in_balls = balls.radius * self.ratio;
+        let (half, width) = relative_sizes(words.strip());
+        (width.cmplt(Vec4::ONE)
+            & (width * in_balls).cmple(depth * MAX_WIDTH)
+            & (half * in_balls).cmple(depth * most))
+        .bitmask()
+    }
+
+    /// How many splats along their strips stand for the nodes, and for which nodes such a row will do.
+    #[inline]
+    pub(super) fn rows(&self, balls: &quad::Balls, words: &Words, most: Vec4) -> ([u32; 4], u32) {
+        let frame = Frame {
+            is_perspective: self.is_perspective,
+            is_nearest: self.size == SizeMetric::Nearest,
+            twice_focal_px: self.twice_focal_px,
+            threshold_px: self.threshold_px,
+            near: self.near,
+        };
+        let distances = Balls {
+            radius: balls.radius,
+            depth: balls.depth,
+            distance: balls.distance_squared().sqrt(),
+        };
+        let (half, width) = relative_sizes(words.strip());
+        let (counts, fits) = counts(half, width, &distances, &frame);
+        // Whole numbers below 2^23 lie in the low bits after this addition.
+        let integers = (counts + 8_388_608.0).to_array().map(|n| n.to_bits() & 31);
+        (integers, fits & counts.cmple(most).bitmask())
+    }
 }
 
 /// Center of splat `index` (0 to `count` - 1) of a strip drawn as `count` splats, model space.
