@@ -184,7 +184,7 @@ pub(crate) fn orbit_camera(
 }
 
 /// Reads a camera file; every error names it.
-fn read_camera(path: &Path) -> Result<Camera, Failure> {
+pub(crate) fn read_camera(path: &Path) -> Result<Camera, Failure> {
     Camera::read(path).map_err(|error| match error {
         error @ surfel::math::camera::Error::Value(_) => {
             Failure::Input(anyhow::Error::new(error).context(path.display().to_string()))

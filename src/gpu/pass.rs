@@ -391,8 +391,8 @@ impl Timing {
 
 /// Draws inside a pass.
 pub struct Draw<'a> {
-    gpu: &'a Gpu,
-    commands: vk::CommandBuffer,
+    pub(super) gpu: &'a Gpu,
+    pub(super) commands: vk::CommandBuffer,
     descriptors: vk::DescriptorPool,
     uniforms: vk::Buffer,
     vertex_buffers: &'a [vk::Buffer],

@@ -4,7 +4,7 @@
 //! picture back is a submission of its own, so that its cost is not part of the frame's.
 
 #[cfg(feature = "viewer")]
-mod present;
+pub mod present;
 
 use super::filtered::{self, Filtered};
 use super::hybrid;
