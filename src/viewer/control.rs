@@ -11,7 +11,7 @@ pub const COARSEST_PX: f32 = 50.0;
 /// Off the wanted time by less than this: the threshold stays as it is, once it has settled.
 const DEAD_BAND: f64 = 0.05;
 /// Off by less than this: it has settled.
-const SETTLED: f64 = 0.02;
+const SETTLED: f64 = 0.019;
 /// Factor of the threshold from step to step at rest (theirs).
 const REFINE: f32 = 0.7;
 /// Frames in a row that must agree that the time cannot be reached.
@@ -120,9 +120,15 @@ impl Control {
             // Until there are three the newest counts: the first frame may have been far off.
             _ => wanted,
         };
-        let error = f64::from(median / self.moving_px).powi(2) - 1.0;
-        let band = if self.has_settled { DEAD_BAND } else { SETTLED };
-        self.has_settled = error.abs() <= band;
+        if self.has_settled {
+            // One slow frame does not end the rest.
+            let error = f64::from(median / self.moving_px).powi(2) - 1.0;
+            self.has_settled = error.abs() <= DEAD_BAND;
+        } else {
+            let is_at_limit =
+                median == self.moving_px && (median == self.finest_px || median == coarsest);
+            self.has_settled = (ratio - 1.0).abs() <= SETTLED || is_at_limit;
+        }
         if !self.has_settled {
             self.moving_px = median;
             self.shown_px = median;
@@ -263,7 +269,7 @@ mod tests {
             };
             assert!((ms / TARGET - a).abs() < 0.01, "{a}: {ms}");
             // A view that is cheaper again takes the word back.
-            drive(&mut control, 0.1 * TARGET, TARGET, 12);
+            drive(&mut control, 0.1 * TARGET, TARGET, 20);
             assert_eq!(control.report(), Report::Held, "{a}");
         }
         // Half of the time is no reason to give up.

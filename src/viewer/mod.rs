@@ -49,7 +49,7 @@ pub enum Error {
     #[error(transparent)]
     Gpu(#[from] gpu::Error),
     /// The device was lost and could not be opened again.
-    #[error("the device was lost and cannot be opened again: {0}")]
+    #[error("the device was lost and opening it again does not help: {0}")]
     DeviceGone(gpu::Error),
     /// The model that a picture was asked of could not be opened.
     #[error("{0}")]
@@ -227,7 +227,8 @@ fn show(
     }
     match &entries {
         Some(entries) => {
-            replay::run(&mut app, entries, loader, Some(&window.window), should_stop)?;
+            let window = Some((&mut window, &mut glfw));
+            replay::run(&mut app, entries, loader, window, should_stop)?;
         }
         None => {
             window.run(&mut app, &mut glfw, loader, recorder.as_mut(), should_stop)?;

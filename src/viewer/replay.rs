@@ -4,6 +4,7 @@ use super::app::App;
 use super::event::Event;
 use super::loader::{Loader, OpenError};
 use super::record::Entry;
+use super::window::Window;
 use super::{Error, Options};
 use crate::tree::Model;
 use std::path::Path;
@@ -35,7 +36,7 @@ pub(super) fn run(
     app: &mut App,
     entries: &[Entry],
     loader: &mut Loader,
-    window: Option<&glfw::Window>,
+    mut window: Option<(&mut Window, &mut glfw::Glfw)>,
     should_stop: &dyn Fn() -> bool,
 ) -> Result<(), Error> {
     let pictures = app.options.pictures.clone();
@@ -56,6 +57,14 @@ pub(super) fn run(
         if now.is_empty() && !app.is_dirty() {
             continue;
         }
+        for entry in now {
+            if let (Event::Size { width, height, .. }, Some((window, glfw))) =
+                (&entry.event, &mut window)
+            {
+                window.take_size((*width, *height), glfw);
+            }
+        }
+        let window = window.as_ref().map(|(window, _)| &*window.window);
         app.handle(now)?;
         for entry in now {
             if let Event::Loaded(path) = &entry.event {
@@ -86,7 +95,7 @@ pub(super) fn run(
         let _ = app.finished();
         app.asks.clear();
     }
-    app.finish(window)
+    app.finish(window.as_ref().map(|(window, _)| &*window.window))
 }
 
 /// Size and scale of the first step.

@@ -308,7 +308,7 @@ mod tests {
     use super::*;
 
     fn show(ui: &mut Interface, pressed: &mut bool) -> Painted {
-        ui.run(0.0, |ui| {
+        let mut painted = ui.run(0.0, |ui| {
             egui::Area::new("box".into())
                 .fixed_pos(pos2(10.0, 10.0))
                 .show(ui.ctx(), |ui| {
@@ -316,7 +316,10 @@ mod tests {
                         .add_sized([100.0, 40.0], egui::Button::new("press"))
                         .clicked();
                 });
-        })
+        });
+        // There is no device that they could go to.
+        painted.textures.clear();
+        painted
     }
 
     fn button(pressed: bool) -> Event {
@@ -340,9 +343,8 @@ mod tests {
             true,
         );
         // Sizes are known from the second pass on.
-        for _ in 0..2 {
-            assert!(!show(&mut ui, &mut pressed).primitives.is_empty());
-        }
+        show(&mut ui, &mut pressed);
+        assert!(!show(&mut ui, &mut pressed).primitives.is_empty());
         let mut event = |event: Event, pressed: &mut bool| {
             let taken = ui.event(&event, true);
             show(&mut ui, pressed);

@@ -16,6 +16,9 @@ const IDLE_WAIT_S: f64 = 0.5;
 /// Least time between two titles while frames are drawn.
 const TITLE_INTERVAL: Duration = Duration::from_millis(250);
 
+/// How long the window system has to give a window another size.
+const RESIZE_PATIENCE: Duration = Duration::from_secs(1);
+
 /// A window with its events.
 pub(super) struct Window {
     pub(super) window: PWindow,
@@ -171,6 +174,18 @@ impl Window {
             }
             _ => return None,
         })
+    }
+
+    /// Takes the size that a recording had, as far as the window system allows.
+    pub(super) fn take_size(&mut self, wanted: (u32, u32), glfw: &mut glfw::Glfw) {
+        let scale = self.cursor_scale();
+        let width = (f64::from(wanted.0) / scale.x).round() as i32;
+        let height = (f64::from(wanted.1) / scale.y).round() as i32;
+        self.window.set_size(width, height);
+        let start = Instant::now();
+        while self.size() != wanted && start.elapsed() < RESIZE_PATIENCE {
+            glfw.wait_events_timeout(0.01);
+        }
     }
 
     fn toggle_full_screen(&mut self, glfw: &mut glfw::Glfw) {

@@ -137,7 +137,7 @@ impl App {
             }
             Command::Fly => self.set_flying(self.fly.is_none()),
             Command::CopyCamera => {
-                if let Some(camera) = self.camera(self.size)
+                if let Some(camera) = self.camera()
                     && let Ok(text) = serde_json::to_string(&camera)
                 {
                     self.asks.push(Ask::Copy(text));
@@ -202,9 +202,23 @@ impl App {
             depth: false,
             normal: false,
         };
-        plan::check(model, &settings, outputs, max_size_px)
-            .err()
-            .map(|error| error.to_string())
+        let refuses = |settings: &Settings| {
+            let outcome = plan::check(model, settings, outputs, max_size_px);
+            outcome.err().map(|error| error.to_string())
+        };
+        let old = &self.settings;
+        let changes_splats = (settings.splat, settings.blend, settings.shading)
+            != (old.splat, old.blend, old.shading);
+        // Without splats any kind is accepted; it would be refused when splats are to be drawn, and seem to be the
+        // fault of the method.
+        let with_splats = Settings {
+            method: Method::Pop,
+            ..settings
+        };
+        refuses(&settings).or_else(|| {
+            let is_later = changes_splats && !settings.has_cut();
+            is_later.then(|| refuses(&with_splats)).flatten()
+        })
     }
 
     /// Draws in another way from now on, unless that is refused: then the window says why and nothing changes.
@@ -375,7 +389,7 @@ impl App {
 
     fn print_statistics(&mut self) -> Result<(), Error> {
         self.screen.finish()?;
-        let camera: Option<Camera> = self.camera(self.size);
+        let camera: Option<Camera> = self.camera();
         let (Some(model), Some(camera)) = (self.screen.model(), camera) else {
             return Ok(());
         };

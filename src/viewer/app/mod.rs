@@ -16,8 +16,8 @@ use super::record::Entry;
 use super::screen::{Request, Screen, Shown, Way, way_after};
 use super::ui::Interface;
 use super::{Error, Options, text};
-use crate::gpu::Gpu;
 use crate::gpu::messages::Messages;
+use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
 use crate::method::Settings;
 use crate::tree::Model;
@@ -46,6 +46,8 @@ pub(super) enum Ask {
 const REST_S: f64 = 0.15;
 /// Radii of the model flown in a second at first.
 const FLY_SPEED: f64 = 0.5;
+/// How often in a row the device may be lost without a frame between.
+const MOST_LOSSES: u32 = 3;
 /// Longest time that one step flies, seconds: after a pause nobody is thrown out of the model.
 const LONGEST_TICK_S: f64 = 0.2;
 
@@ -101,6 +103,8 @@ pub(super) struct App {
     /// When the camera moved last.
     moved_at: f64,
     turntable: Option<Turntable>,
+    /// How often the device was lost since the last frame.
+    losses: u32,
     /// Number and time of the frame whose figures are shown.
     shown_figures: (u64, u64),
     /// What the validation layer says of each device that was opened.
@@ -149,6 +153,7 @@ impl App {
             again_at: None,
             moved_at: f64::NEG_INFINITY,
             turntable: None,
+            losses: 0,
             shown_figures: (0, 0),
             messages,
             size: (1, 1),
@@ -224,7 +229,6 @@ impl App {
             Ok(()) => {
                 let is_another = self.orbit.is_some();
                 self.name = text::name(path);
-                self.notices.clear();
                 self.history.clear();
                 let orbit = self.options.orbit;
                 let Some(model) = self.screen.model() else {
@@ -300,6 +304,9 @@ impl App {
         match event {
             Event::Size { width, height, .. } => {
                 self.size = (*width, *height);
+                if let Some(orbit) = &mut self.orbit {
+                    orbit.resize(self.size);
+                }
                 self.is_dirty = true;
             }
             Event::Focus(has_focus) => {
@@ -486,16 +493,10 @@ impl App {
         self.is_dirty = true;
     }
 
-    /// The camera for a picture of `size` pixels.
-    fn camera(&mut self, size: (u32, u32)) -> Option<Camera> {
-        let orbit = self.orbit.as_mut()?;
-        orbit.resize(size);
-        let mut camera = match &self.fixed {
-            Some(camera) => fit(camera, size),
-            None => orbit.camera(),
-        };
-        camera.light = self.light;
-        Some(camera)
+    /// The camera for a picture of the size that the window has.
+    fn camera(&self) -> Option<Camera> {
+        let orbit = self.orbit.as_ref()?;
+        Some(camera_of(orbit, self.fixed.as_ref(), self.light, self.size))
     }
 
     /// Distance of what is seen at a pixel, or of the center of rotation where nothing is.
@@ -577,7 +578,9 @@ impl App {
     pub(super) fn finish(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
         let had_frames = self.screen.has_pending();
         match self.screen.finish() {
-            Err(error) if way_after(&error) == Way::NewDevice => self.open_new_device(window),
+            Err(error) if way_after(&error) == Way::NewDevice => {
+                self.open_new_device(window, error)
+            }
             other => {
                 other?;
                 // The figures of the last frame are known only now.
@@ -614,15 +617,18 @@ impl App {
                 self.is_cover_dirty = true;
                 Ok(true)
             }
-            Ok(Shown::Frame) => Ok(true),
-            Err(Error::Gpu(error)) if way_after(&error) == Way::End || self.is_unattended() => {
-                Err(error.into())
+            Ok(Shown::Frame) => {
+                self.losses = 0;
+                Ok(true)
             }
             Err(Error::Gpu(error)) => {
                 match way_after(&error) {
+                    Way::NewDevice => self.open_new_device(window, error)?,
+                    Way::End => return Err(error.into()),
+                    // What was asked for cannot be made, and nobody is there to ask for something else.
+                    _ if self.is_unattended() => return Err(error.into()),
                     Way::OtherSettings => self.fall_back(&error.to_string()),
-                    Way::NewDevice => self.open_new_device(window)?,
-                    _ => self.forget_model(&error.to_string()),
+                    Way::WithoutModel => self.forget_model(&error.to_string()),
                 }
                 Ok(true)
             }
@@ -647,18 +653,12 @@ impl App {
             has_overlay: self.has_cover(),
             is_moving,
         };
-        // The screen and the camera are different parts of this.
-        let (screen, orbit) = (&mut self.screen, &mut self.orbit);
+        // The window may have another size already than its events say. That is no input, so the turntable must not
+        // learn of it.
+        let (screen, orbit) = (&mut self.screen, &self.orbit);
         let (fixed, light) = (&self.fixed, self.light);
         let shown = screen.draw(&request, |size| {
-            let orbit = orbit.as_mut()?;
-            orbit.resize(size);
-            let mut camera = match fixed {
-                Some(camera) => fit(camera, size),
-                None => orbit.camera(),
-            };
-            camera.light = light;
-            Some(camera)
+            Some(camera_of(orbit.as_ref()?, fixed.as_ref(), light, size))
         })?;
         if shown == Shown::Nothing {
             return Ok(shown);
@@ -705,7 +705,15 @@ impl App {
     }
 
     /// The device was lost: opens it again, and puts everything back.
-    fn open_new_device(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
+    fn open_new_device(
+        &mut self,
+        window: Option<&glfw::Window>,
+        error: gpu::Error,
+    ) -> Result<(), Error> {
+        self.losses += 1;
+        if self.losses > MOST_LOSSES {
+            return Err(Error::DeviceGone(error));
+        }
         let gpu: Arc<Gpu> = Gpu::open(&self.options.gpu).map_err(Error::DeviceGone)?;
         self.messages.push(gpu.messages().clone());
         self.screen
@@ -715,6 +723,20 @@ impl App {
         self.warn("the device was lost; it was opened again");
         Ok(())
     }
+}
+
+/// The camera for a picture of `size` pixels.
+fn camera_of(orbit: &Orbit, fixed: Option<&Camera>, light: Light, size: (u32, u32)) -> Camera {
+    let mut camera = match fixed {
+        Some(camera) => fit(camera, size),
+        None => {
+            let mut orbit = orbit.clone();
+            orbit.resize(size);
+            orbit.camera()
+        }
+    };
+    camera.light = light;
+    camera
 }
 
 /// `camera` for a picture of `size` pixels: the same height is seen, and pixels stay as square as they were.
