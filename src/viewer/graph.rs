@@ -197,13 +197,12 @@ impl History {
         ui.horizontal_wrapped(|ui| {
             ui.spacing_mut().item_spacing.x = 6.0;
             for (name, ms) in self.medians() {
-                // One widget each, so that a line never breaks between color and name.
+                // One unbroken label each, so that no line ends between color and name.
                 let mut job = egui::text::LayoutJob::default();
                 let format = |color| egui::TextFormat::simple(font.clone(), color);
                 job.append("■ ", 0.0, format(self.color(name)));
                 job.append(&format!("{name} {ms:.2} ms"), 0.0, format(text));
-                job.wrap.max_width = f32::INFINITY;
-                ui.label(job);
+                ui.add(egui::Label::new(job).extend());
             }
         });
     }
@@ -272,7 +271,7 @@ mod tests {
         assert_eq!(history.frames.len(), FRAMES);
         let medians = history.medians();
         assert_eq!(medians[0], ("cut", 1.0));
-        assert!(medians.iter().any(|m| *m == ("a", 2.0)));
+        assert!(medians.contains(&("a", 2.0)));
         assert!(medians.iter().all(|m| m.0 != "wait"), "nothing to show");
         history.add(&frame(1.0, &[], 0.0));
         history.add(&frame(1.0, &[], 0.0));

@@ -61,7 +61,7 @@ fn style(style: &mut egui::Style) {
     style.spacing.slider_width = 120.0;
     style.spacing.item_spacing = vec2(6.0, 4.0);
     style.visuals.panel_fill = egui::Color32::from_rgba_unmultiplied(18, 20, 24, 225);
-    style.visuals.window_fill = egui::Color32::from_rgba_unmultiplied(18, 20, 24, 235);
+    style.visuals.window_fill = egui::Color32::from_rgb(24, 27, 32);
     style.visuals.override_text_color = Some(egui::Color32::from_gray(225));
     style.visuals.popup_shadow = egui::Shadow::NONE;
     style.visuals.window_shadow = egui::Shadow::NONE;
