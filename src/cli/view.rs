@@ -8,6 +8,7 @@ use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use surfel::method::engine::Backend;
 use surfel::progress::Progress;
 use surfel::viewer::loader::Open;
@@ -177,12 +178,14 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         window.panel = panel == Switch::On;
     }
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
-    let (weld, moments) = (args.weld, settings.draws_filtered());
+    let weld = args.weld;
+    let moments = Arc::new(AtomicBool::new(settings.draws_filtered()));
+    let wanted = moments.clone();
     let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress| {
         let source = Source {
             model: path.to_owned(),
             weld,
-            moments,
+            moments: wanted.load(Ordering::Relaxed),
         };
         match source.ready_with(progress) {
             Ok(ready) => Ok(ready.model),
@@ -199,6 +202,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         orbit: (azimuth.to_radians(), elevation.to_radians(), fill),
         camera,
         settings,
+        moments,
         frame_ms: args.frame_ms,
         vsync: args.vsync != Some(Switch::Off),
         gpu,
