@@ -230,11 +230,3 @@ same_layout!(
     normal = NORMAL,
     color = COLOR,
 );
-same_layout!(
-    FilteredSplat,
-    filtered_record,
-    center = CENTER,
-    offset = OFFSET,
-    color = COLOR,
-    area_px = AREA_PX,
-);

@@ -4,7 +4,6 @@
 #include "common/headlight.glsl"
 #include "common/list.glsl"
 #include "common/octahedral.glsl"
-#include "common/push.glsl"
 
 // Mirrored by `abi::Vertex`.
 struct VertexRecord {
@@ -38,28 +37,14 @@ struct Small {
     int area;
 };
 
-// View-space position of a vertex; pushed away as `filtered/depth_triangles.vert` does where asked for.
-vec3 place(VertexRecord v, bool is_pushed) {
-    vec3 position_in_view = (frame.view_from_model * vec4(v.position[0], v.position[1], v.position[2], 1.0)).xyz;
-    if (!is_pushed) {
-        return position_in_view;
-    }
-    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
-    vec3 to_eye = is_orthographic ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
-    vec3 n = mat3(frame.view_from_model) * octahedral_decode(unpackSnorm2x16(v.normal)) / frame.model_scale;
-    float facing = (v.color >> 24) == 0u ? 1.0 : max(abs(dot(n, to_eye)), 0.1);
-    float depth = is_orthographic ? 1.0 : max(-position_in_view.z, 0.0);
-    float radius = frame.background.a * max(frame.splat_size_px, 1.0) * depth / (2.0 * frame.focal_px);
-    return push_away(position_in_view, radius / facing);
-}
-
-Small set_up(uint item, bool is_pushed) {
+Small set_up(uint item) {
     Small small;
     small.index = uvec3(corners[3 * item], corners[3 * item + 1], corners[3 * item + 2]);
     ivec2 at[3];
     for (int i = 0; i < 3; ++i) {
         VertexRecord v = vertices[small.index[i]];
-        vec4 clip = frame.clip_from_view * vec4(place(v, is_pushed), 1.0);
+        vec4 clip = frame.clip_from_view
+            * (frame.view_from_model * vec4(v.position[0], v.position[1], v.position[2], 1.0));
         small.inverse_w[i] = 1.0 / clip.w;
         small.depth[i] = clip.z / clip.w;
         at[i] = ivec2(roundEven(window_of(clip) * 256.0));

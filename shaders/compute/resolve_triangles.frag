@@ -21,7 +21,7 @@ void main() {
     if (key == 0ul || (number & SPLAT_BIT) != 0u || item >= list.count) {
         discard;
     }
-    Small small = set_up(list.begin + item, false);
+    Small small = set_up(list.begin + item);
     Shaded shaded = shade(small, pixel, edges(small, pixel));
     color = vec4(shaded.color, 1.0);
     if (WRITE_NORMALS) {

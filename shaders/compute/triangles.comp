@@ -16,7 +16,7 @@ void main() {
     if (item >= list.count) {
         return;
     }
-    Small small = set_up(list.begin + item, false);
+    Small small = set_up(list.begin + item);
     if (small.area == 0) {
         return;
     }

@@ -112,7 +112,7 @@ Exit codes: 0 done, 1 the run failed, 2 bad usage or input.";
 /// What follows the options in `surfel --help`.
 fn help() -> String {
     #[cfg(feature = "viewer")]
-    return format!("{}\n\n{EXAMPLES}", view::HELP);
+    return format!("{}\n\n{EXAMPLES}", view::help());
     #[cfg(not(feature = "viewer"))]
     return EXAMPLES.to_owned();
 }
@@ -190,7 +190,13 @@ fn parse() -> Result<Cli, clap::Error> {
         let text = format!("'{arg}' does not go with the command '{name}'");
         return Err(command.error(ErrorKind::ArgumentConflict, text));
     }
-    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+    let cli = Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command));
+    #[cfg(feature = "viewer")]
+    let cli = cli.map(|mut cli| {
+        cli.view.note_given(&matches);
+        cli
+    });
+    cli
 }
 
 /// Parses the arguments, runs the command and turns its end into an exit code.

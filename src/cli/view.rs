@@ -2,28 +2,29 @@
 
 use super::look::LookArgs;
 use super::progress::is_interrupted;
-use super::render::{DeviceArgs, parse_orbit, parse_size, require_ending};
+use super::render::{DeviceArgs, parse_orbit, parse_size, read_camera, require_ending};
 use super::source::Source;
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use surfel::method::engine::Backend;
 use surfel::progress::Progress;
 use surfel::viewer::loader::Open;
-use surfel::viewer::{self, Options};
+use surfel::viewer::{self, Faults, Options, store};
 
 /// Mouse and keys, for `surfel --help`.
-pub(crate) use surfel::viewer::input::HELP;
+pub(crate) use surfel::viewer::input::help;
 
 /// What the window shows when no model is named.
 const BUILT_IN: &str = "generate:statue:2000000";
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum Switch {
-    /// Frames wait for the screen; nothing tears
+    /// Yes
     On,
-    /// Frames are shown as soon as they are drawn
+    /// No
     Off,
 }
 
@@ -38,26 +39,76 @@ pub(crate) struct Args {
     weld: bool,
     #[command(flatten)]
     look: LookArgs,
-    /// Size of the window
-    #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "1024x768")]
-    size: (u32, u32),
+    /// Size of the window [default: as it was left, or 1024x768]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
     /// First view: azimuth and elevation in degrees, and the part of the picture that the model fills [default: 30,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
-    /// Whether frames wait for the screen
-    #[arg(long, value_enum, default_value = "on")]
-    vsync: Switch,
-    /// Write the first whole picture to this file (.png) and close the window
+    /// First view: a camera file as `surfel render --save-camera` or Ctrl C in the window writes it
+    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
+    camera: Option<PathBuf>,
+    /// While the camera moves, draw as coarsely as it takes to keep frames within this time; milliseconds
+    #[arg(long, value_name = "MS")]
+    frame_ms: Option<f64>,
+    /// Whether the panel is shown [default: as it was left; off where pictures are made]
+    #[arg(long, value_enum)]
+    panel: Option<Switch>,
+    /// Pixels for one point of the panel [default: the screen's]
+    #[arg(long, value_name = "FACTOR")]
+    ui_scale: Option<f32>,
+    /// Whether frames wait for the screen [default: on]
+    #[arg(long, value_enum)]
+    vsync: Option<Switch>,
+    /// Write the first whole picture to this file (.png) and close the window; with --panel on what the window shows
     #[arg(long, value_name = "FILE")]
     screenshot: Option<PathBuf>,
+    /// Write pictures from all around into this folder and close the window
+    #[arg(long, value_name = "FOLDER")]
+    turntable: Option<PathBuf>,
+    /// How many pictures a turntable has [default: 36]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1000))]
+    frames: Option<u32>,
+    /// Write every input event to this file
+    #[arg(long, value_name = "FILE", conflicts_with = "replay")]
+    record: Option<PathBuf>,
+    /// Take the input from a file that --record wrote, with the same model and options; then close
+    #[arg(long, value_name = "FILE")]
+    replay: Option<PathBuf>,
+    /// Replay without a window
+    #[arg(long, requires = "replay")]
+    headless: bool,
+    /// Write the picture of each step of a replay into this folder; with --panel on what the window shows
+    #[arg(long, value_name = "FOLDER", requires = "replay")]
+    pictures: Option<PathBuf>,
     /// Close after this many frames, drawn one after the other
     #[arg(long, value_name = "N", hide = true)]
     exit_after_frames: Option<u64>,
     /// For tests: treat the surface as lost every N frames
-    #[arg(long, value_name = "N", hide = true)]
-    lose_surface_every: Option<u64>,
+    #[arg(long, value_name = "N", hide = true, default_value_t = 0)]
+    lose_surface_every: u64,
+    /// For tests: treat the device as lost every N frames
+    #[arg(long, value_name = "N", hide = true, default_value_t = 0)]
+    lose_device_every: u64,
+    /// For tests: treat device memory as exhausted every N frames
+    #[arg(long, value_name = "N", hide = true, default_value_t = 0)]
+    exhaust_memory_every: u64,
+    /// Whether the command line says how the model looks.
+    #[arg(skip)]
+    has_look: bool,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+impl Args {
+    /// Notes what the command line says itself: the settings file decides the rest.
+    pub(crate) fn note_given(&mut self, matches: &clap::ArgMatches) {
+        let look = <LookArgs as clap::Args>::augment_args(clap::Command::new("look"));
+        self.has_look = look.get_arguments().any(|arg| {
+            matches.value_source(arg.get_id().as_str())
+                == Some(clap::parser::ValueSource::CommandLine)
+        });
+    }
 }
 
 impl From<viewer::Error> for Failure {
@@ -65,14 +116,14 @@ impl From<viewer::Error> for Failure {
         match error {
             viewer::Error::Gpu(error) => error.into(),
             viewer::Error::Image(error) => error.into(),
-            viewer::Error::Open(_) => Self::Input(error.into()),
+            viewer::Error::Open(_) | viewer::Error::Recording(_) => Self::Input(error.into()),
             _ => Self::Run(error.into()),
         }
     }
 }
 
 pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
-    let settings = args.look.settings()?;
+    let mut settings = args.look.settings()?;
     let gpu = args.device.options();
     if gpu.device.as_deref() == Some(Backend::MIRROR) {
         return Err(usage(
@@ -80,29 +131,98 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         ));
     }
     require_ending("--screenshot", args.screenshot.as_ref(), &["png"])?;
+    if let Some(ms) = args.frame_ms
+        && !(1.0..=10_000.0).contains(&ms)
+    {
+        return Err(usage(format!(
+            "--frame-ms {ms} is no time from 1 to 10000 milliseconds"
+        )));
+    }
+    if let Some(scale) = args.ui_scale
+        && !(0.25..=8.0).contains(&scale)
+    {
+        return Err(usage(format!(
+            "--ui-scale {scale} is no factor from 0.25 to 8"
+        )));
+    }
+    if args.frames.is_some() && args.turntable.is_none() {
+        return Err(usage("--frames goes with --turntable FOLDER"));
+    }
+    let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    // What is made for a file must not depend on how a window was left.
+    let is_attended = args.screenshot.is_none()
+        && args.turntable.is_none()
+        && args.replay.is_none()
+        && args.exit_after_frames.is_none();
+    let settings_file = store::place().filter(|_| is_attended);
+    let mut warning = None;
+    let mut window = store::Window {
+        panel: is_attended,
+        ..store::Window::default()
+    };
+    let mut left_size = None;
+    match settings_file.as_deref().map(store::load) {
+        Some(Ok((stored, look))) => {
+            if stored.window != store::Window::default() {
+                left_size = Some((stored.window.width, stored.window.height));
+            }
+            window = stored.window;
+            if !args.has_look {
+                settings = look;
+            }
+        }
+        Some(Err(error)) => warning = Some(error),
+        None => {}
+    }
+    if let Some(panel) = args.panel {
+        window.panel = panel == Switch::On;
+    }
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
-    let (weld, moments) = (args.weld, settings.draws_filtered());
+    let weld = args.weld;
+    let moments = Arc::new(AtomicBool::new(settings.draws_filtered()));
+    let wanted = moments.clone();
     let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress| {
         let source = Source {
             model: path.to_owned(),
             weld,
-            moments,
+            moments: wanted.load(Ordering::Relaxed),
         };
         match source.ready_with(progress) {
             Ok(ready) => Ok(ready.model),
             Err(Failure::Input(error) | Failure::Run(error)) => Err(format!("{error}").into()),
         }
     });
+    let camera_size = camera.as_ref().map(|c| (c.width, c.height));
+    let size = args.size.or(camera_size).or(left_size);
     let options = Options {
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
-        size: args.size,
+        size: size.unwrap_or((window.width, window.height)),
+        size_is_usual: size.is_none() && is_attended,
+        ui_scale: args.ui_scale,
         orbit: (azimuth.to_radians(), elevation.to_radians(), fill),
+        camera,
         settings,
-        vsync: args.vsync == Switch::On,
+        moments,
+        frame_ms: args.frame_ms,
+        vsync: args.vsync != Some(Switch::Off),
         gpu,
+        window,
+        settings_file,
+        warning,
         screenshot: args.screenshot,
+        with_panel: args.panel == Some(Switch::On),
+        turntable: args.turntable,
+        turntable_frames: args.frames,
+        record: args.record,
+        replay: args.replay,
+        headless: args.headless,
+        pictures: args.pictures,
         exit_after_frames: args.exit_after_frames,
-        lose_surface_every: args.lose_surface_every,
+        faults: Faults {
+            surface: args.lose_surface_every,
+            device: args.lose_device_every,
+            memory: args.exhaust_memory_every,
+        },
     };
     Ok(viewer::run(options, open, &is_interrupted)?)
 }

@@ -11,8 +11,6 @@ use ash::vk;
 pub enum Access {
     /// Sampled in a fragment shader.
     Sampled,
-    /// Sampled in a compute shader.
-    ComputeSampled,
     /// Read as storage in a compute shader.
     StorageRead,
     /// Read and written as storage in a compute shader.
@@ -64,9 +62,8 @@ pub struct Scope {
 
 impl Access {
     /// Every access, for tests of the table.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 18] = [
         Self::Sampled,
-        Self::ComputeSampled,
         Self::StorageRead,
         Self::StorageWrite,
         Self::FragmentStorageRead,
@@ -95,12 +92,6 @@ impl Access {
         let (stages, access, layout, writes) = match self {
             Self::Sampled => (
                 S::FRAGMENT_SHADER,
-                A::SHADER_SAMPLED_READ,
-                L::SHADER_READ_ONLY_OPTIMAL,
-                false,
-            ),
-            Self::ComputeSampled => (
-                S::COMPUTE_SHADER,
                 A::SHADER_SAMPLED_READ,
                 L::SHADER_READ_ONLY_OPTIMAL,
                 false,

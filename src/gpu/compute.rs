@@ -4,7 +4,6 @@ use super::access::Access;
 use super::bind::{self, Bound, Site, Slice};
 use super::buffer::AnyBuffer;
 use super::frame::Uniform;
-use super::image::Image;
 use super::pass::Pass;
 use super::pipeline::Pipeline;
 use ash::vk;
@@ -38,13 +37,6 @@ impl Pass<'_> {
     pub fn storage(self, buffer: &dyn AnyBuffer) -> Self {
         self.barriers.buffer(buffer, Access::StorageWrite);
         self.barriers.declared[2].push(buffer.handle());
-        self
-    }
-
-    /// Samples an image in the compute shader.
-    #[must_use]
-    pub fn compute_sampled(self, image: &Image) -> Self {
-        self.barriers.image(image, Access::ComputeSampled, false);
         self
     }
 
@@ -101,21 +93,15 @@ impl Pass<'_> {
 }
 
 impl Compute<'_> {
-    /// Binds a pipeline with its uniform blocks, images and storage buffers, each in ascending order of their
+    /// Binds a pipeline with its uniform blocks and storage buffers, each in ascending order of their
     /// bindings.
     ///
     /// # Panics
     /// When a binding gets nothing, or a resource was not declared by the pass.
-    pub fn bind(
-        &mut self,
-        pipeline: &Pipeline,
-        uniforms: &[Uniform],
-        images: &[&Image],
-        storage: &[Slice<'_>],
-    ) {
+    pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform], storage: &[Slice<'_>]) {
         let bound = Bound {
             uniforms,
-            images,
+            images: &[],
             storage,
         };
         bind::bind(&self.site, vk::PipelineBindPoint::COMPUTE, pipeline, &bound);

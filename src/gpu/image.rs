@@ -81,6 +81,34 @@ impl Image {
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
+        Self::with(
+            gpu,
+            name,
+            format,
+            (width, height),
+            vk::ImageUsageFlags::empty(),
+        )
+    }
+
+    /// As [`new`](Image::new), of [`Format::Rgba8`], and can be copied to.
+    #[cfg(feature = "viewer")]
+    pub(super) fn texture(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        width: u32,
+        height: u32,
+    ) -> Result<Self, Error> {
+        let usage = vk::ImageUsageFlags::TRANSFER_DST;
+        Self::with(gpu, name, Format::Rgba8, (width, height), usage)
+    }
+
+    fn with(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        format: Format,
+        (width, height): (u32, u32),
+        usage: vk::ImageUsageFlags,
+    ) -> Result<Self, Error> {
         let limit = gpu.info.max_image_side;
         for side in [width, height] {
             if side == 0 || side > limit {
@@ -107,7 +135,9 @@ impl Image {
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
             .tiling(vk::ImageTiling::OPTIMAL)
-            .usage(target | vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC)
+            .usage(
+                target | usage | vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC,
+            )
             .initial_layout(vk::ImageLayout::UNDEFINED);
         // SAFETY: the device is alive; sides are within the limits; these formats and usages are mandatory in
         // Vulkan 1.3.

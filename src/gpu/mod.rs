@@ -19,6 +19,8 @@ pub mod device;
 pub mod frame;
 pub mod image;
 pub mod messages;
+#[cfg(feature = "viewer")]
+pub mod overlay;
 mod pass;
 pub mod pipeline;
 pub mod profile;

@@ -371,7 +371,7 @@ impl Timing {
 
 /// Draws inside a pass.
 pub struct Draw<'a> {
-    site: Site<'a>,
+    pub(super) site: Site<'a>,
     vertex_buffers: &'a [vk::Buffer],
     index_buffers: &'a [vk::Buffer],
 }

@@ -24,6 +24,8 @@ pub struct Attribute {
 pub enum AttributeFormat {
     /// One float.
     Float,
+    /// Two floats.
+    Float2,
     /// Three floats.
     Float3,
     /// Two signed normalized 16-bit integers.
@@ -36,6 +38,7 @@ impl AttributeFormat {
     fn vk(self) -> vk::Format {
         match self {
             Self::Float => vk::Format::R32_SFLOAT,
+            Self::Float2 => vk::Format::R32G32_SFLOAT,
             Self::Float3 => vk::Format::R32G32B32_SFLOAT,
             Self::Snorm16x2 => vk::Format::R16G16_SNORM,
             Self::Unorm8x4 => vk::Format::R8G8B8A8_UNORM,
@@ -163,6 +166,16 @@ impl Pipeline {
     /// When a shader wants a vertex input that the record lacks, or the shaders disagree about a binding:
     /// broken promises of this crate, found by the first test that draws.
     pub fn new(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
+        Self::with(gpu, description, false)
+    }
+
+    /// As [`new`](Pipeline::new), drawing over what is there by premultiplied alpha.
+    #[cfg(feature = "viewer")]
+    pub(super) fn over(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
+        Self::with(gpu, description, true)
+    }
+
+    fn with(gpu: &Arc<Gpu>, description: &Description<'_>, is_over: bool) -> Result<Self, Error> {
         let Description {
             name,
             vertex,
@@ -170,7 +183,7 @@ impl Pipeline {
             ..
         } = *description;
         let mut pipeline = Self::with_layout(gpu, name, std::iter::once(vertex).chain(fragment))?;
-        pipeline.handle = compile(gpu, description, pipeline.layout)?;
+        pipeline.handle = compile(gpu, description, pipeline.layout, is_over)?;
         gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
         gpu.name(pipeline.handle, name);
         Ok(pipeline)
@@ -273,6 +286,7 @@ fn compile(
     gpu: &Gpu,
     description: &Description<'_>,
     layout: vk::PipelineLayout,
+    is_over: bool,
 ) -> Result<vk::Pipeline, Error> {
     let name = description.name;
     let vertex = Module::new(gpu, description.vertex)?;
@@ -365,14 +379,19 @@ fn compile(
             Depth::TestOnly | Depth::NotFarther => vk::CompareOp::GREATER_OR_EQUAL,
             _ => vk::CompareOp::GREATER,
         });
+    let under = if is_over {
+        vk::BlendFactor::ONE_MINUS_SRC_ALPHA
+    } else {
+        vk::BlendFactor::ONE
+    };
     let target = vk::PipelineColorBlendAttachmentState::default()
         .color_write_mask(vk::ColorComponentFlags::RGBA)
-        .blend_enable(description.is_additive)
+        .blend_enable(description.is_additive || is_over)
         .src_color_blend_factor(vk::BlendFactor::ONE)
-        .dst_color_blend_factor(vk::BlendFactor::ONE)
+        .dst_color_blend_factor(under)
         .color_blend_op(vk::BlendOp::ADD)
         .src_alpha_blend_factor(vk::BlendFactor::ONE)
-        .dst_alpha_blend_factor(vk::BlendFactor::ONE)
+        .dst_alpha_blend_factor(under)
         .alpha_blend_op(vk::BlendOp::ADD);
     let targets = vec![target; description.colors.len()];
     let blend = vk::PipelineColorBlendStateCreateInfo::default().attachments(&targets);

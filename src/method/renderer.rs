@@ -5,10 +5,10 @@
 
 mod pop;
 #[cfg(feature = "viewer")]
-mod present;
+pub mod present;
 mod whole;
 
-use super::compute::{self, Small, Sums};
+use super::compute::{self, Small};
 use super::filtered::Filtered;
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
@@ -21,7 +21,7 @@ pub use super::times::FrameTimes;
 use super::times::Stage;
 use super::triangles::{self, Variant};
 use super::visibility::Visibility;
-use super::{Method, Settings, SplatKind};
+use super::{Method, Settings};
 use crate::cut::{self, Cut};
 use crate::draw::Lighting;
 use crate::gpu::buffer::{Readback, Upload};
@@ -75,7 +75,6 @@ pub struct Renderer {
     triangles: Option<(Variant, Pipeline)>,
     splats: Option<Splats>,
     small: Option<Small>,
-    sums: Option<Sums>,
     filtered: Option<Filtered>,
     visibility: Option<Visibility>,
     fuzzy: Option<Fuzzy>,
@@ -135,7 +134,6 @@ impl Renderer {
             triangles: None,
             splats: None,
             small: None,
-            sums: None,
             filtered: None,
             visibility: None,
             fuzzy: None,
@@ -282,16 +280,8 @@ impl Renderer {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
         }
-        if compute::is_wanted(&self.gpu, settings, &self.targets)? {
-            match settings.splat {
-                SplatKind::Filtered if self.sums.is_none() => {
-                    self.sums = Some(Sums::new(&self.gpu, &self.targets)?);
-                }
-                SplatKind::Square if self.small.is_none() => {
-                    self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
-                }
-                _ => {}
-            }
+        if compute::is_wanted(&self.gpu, settings, &self.targets)? && self.small.is_none() {
+            self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
         }
         let source = if settings.method == Method::Points {
             Source::Vertices

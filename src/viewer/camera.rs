@@ -73,6 +73,66 @@ impl Orbit {
         self.framed = Some(fill);
     }
 
+    /// The turntable camera that looks as `camera` does, for the same model: eye and direction are kept; a turn about
+    /// the view direction and another field of view are not. The center of rotation is where the view passes the
+    /// model's center.
+    pub fn look_as(&mut self, camera: &Camera) {
+        let world_from_view = camera.view.inverse();
+        let eye = world_from_view.transform_point3(DVec3::ZERO);
+        let back = world_from_view
+            .transform_vector3(DVec3::Z)
+            .normalize_or(DVec3::Z);
+        self.elevation = back.y.clamp(-1.0, 1.0).asin();
+        if self.elevation.cos() > POLE {
+            self.azimuth = back.x.atan2(back.z).rem_euclid(2.0 * PI);
+        } else {
+            // Straight down or up: the turn is in the direction that is up on the picture.
+            let up = world_from_view.transform_vector3(DVec3::Y) * -back.y.signum();
+            self.azimuth = up.x.atan2(up.z).rem_euclid(2.0 * PI);
+        }
+        let distance = (eye - self.model_center).dot(back);
+        let distance = distance.max(0.01 * self.radius);
+        let back = self.basis().2;
+        self.pivot = eye - distance * back;
+        self.eye = distance * DVec3::Z;
+        self.framed = None;
+        self.keep_near();
+    }
+
+    /// Turns the view about the eye by a drag of `by` pixels, as a head is turned.
+    pub fn look_around(&mut self, by: DVec2) {
+        self.center_ahead();
+        let eye = self.eye();
+        let pixel = FOV_Y / f64::from(self.size.1);
+        self.azimuth = (self.azimuth - by.x * pixel).rem_euclid(2.0 * PI);
+        self.elevation = (self.elevation + by.y * pixel).clamp(-FRAC_PI_2, FRAC_PI_2);
+        self.pivot = eye - self.world(self.eye);
+        self.framed = None;
+        self.keep_near();
+    }
+
+    /// Moves the eye by `by` (right, up, back), in radii of the model.
+    pub fn fly(&mut self, by: DVec3) {
+        self.center_ahead();
+        self.pivot += self.world(by * self.radius);
+        self.framed = None;
+        self.keep_near();
+    }
+
+    /// Makes a point straight ahead the center of rotation; what is seen does not change.
+    fn center_ahead(&mut self) {
+        if self.eye.x != 0.0 || self.eye.y != 0.0 {
+            self.pivot += self.world(DVec3::new(self.eye.x, self.eye.y, 0.0));
+            (self.eye.x, self.eye.y) = (0.0, 0.0);
+        }
+    }
+
+    /// Turns the table by `angle` radians, without limits.
+    pub fn turn_table(&mut self, angle: f64) {
+        self.azimuth = (self.azimuth + angle).rem_euclid(2.0 * PI);
+        self.keep_near();
+    }
+
     /// Moves back or forth, and the center of rotation to the model's middle, so that the model fills the
     /// picture; the direction stays.
     pub fn frame_model(&mut self) {
@@ -357,6 +417,56 @@ mod tests {
             o.camera().view(DVec3::ZERO).is_ok(),
             "an empty window is no failure"
         );
+    }
+
+    #[test]
+    fn a_camera_that_was_copied_comes_back() {
+        let mut o = orbit();
+        o.turn(DVec2::new(200.0, -70.0));
+        o.pan(DVec2::new(-50.0, 20.0), 3.0);
+        o.zoom(0.3, DVec2::new(30.0, 400.0), 4.0);
+        for elevation in [None, Some(FRAC_PI_2), Some(-FRAC_PI_2)] {
+            if let Some(elevation) = elevation {
+                o.look_from(2.0, elevation);
+            }
+            let mut copy = orbit();
+            copy.look_as(&o.camera());
+            let difference = (copy.camera().view - o.camera().view).to_cols_array();
+            assert!(
+                difference.into_iter().all(|d| d.abs() < 1e-6),
+                "{elevation:?}: {difference:?}"
+            );
+        }
+        // One that looks away from the model still gives a usable turntable.
+        let away = Camera::look_at(
+            SIZE,
+            CENTER + 5.0 * DVec3::X,
+            CENTER + 9.0 * DVec3::X,
+            DVec3::Y,
+            1.0,
+            (0.1, 9.0),
+        );
+        o.look_as(&away);
+        assert!(o.eye().distance(CENTER + 5.0 * DVec3::X) < 1e-9 && o.pivot_distance() > 0.0);
+    }
+
+    #[test]
+    fn looking_around_keeps_the_eye_and_flying_the_direction() {
+        let mut o = orbit();
+        o.pan(DVec2::new(30.0, -12.0), 3.0);
+        let (eye, seen) = (o.eye(), o.camera().view);
+        o.look_around(DVec2::ZERO);
+        let difference = (o.camera().view - seen).to_cols_array();
+        assert!(difference.into_iter().all(|d| d.abs() < 1e-9));
+        o.look_around(DVec2::new(100.0, 40.0));
+        assert!(o.eye().distance(eye) < 1e-9);
+        assert_ne!(o.azimuth, HOME.0);
+        let direction = o.basis().2;
+        o.fly(DVec3::new(0.0, 0.0, -0.25));
+        assert!(o.basis().2.distance(direction) < 1e-12);
+        assert!(o.eye().distance(eye - 0.5 * direction) < 1e-9, "forward");
+        o.turn_table(7.0);
+        assert!(o.azimuth >= 0.0 && o.azimuth < 2.0 * PI);
     }
 
     #[test]

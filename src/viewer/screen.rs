@@ -1,13 +1,18 @@
-//! Frames on the window: two on their way at a time, rebuilt when the window changes.
+//! Frames on the window, or on none: two on their way at a time, rebuilt when the window changes or the device is
+//! lost.
 
+use super::ui::Painted;
+use crate::gpu::overlay::Overlay;
 use crate::gpu::surface::Surface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
+use crate::method::renderer::present::Show;
 use crate::method::renderer::{FrameTimes, Outputs, Renderer, Submitted};
 use crate::method::scene::Scene;
 use crate::method::{Method, Settings};
 use crate::tree::Model;
+use ash::vk::Result as R;
 use glam::DVec2;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -27,19 +32,42 @@ pub(super) enum Shown {
     Nothing,
 }
 
-/// Whether the window can go on without its model after this error: only memory or a limit was exceeded.
-pub(super) fn is_survivable(error: &Error) -> bool {
-    use ash::vk::Result as R;
+/// What an error leaves possible.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Way {
+    /// The settings ask for what cannot be drawn; others can.
+    OtherSettings,
+    /// There is not enough memory for this model.
+    WithoutModel,
+    /// The device must be opened anew.
+    NewDevice,
+    /// None.
+    End,
+}
+
+/// How the window can go on after an error.
+pub(super) fn way_after(error: &Error) -> Way {
     match error {
-        Error::Memory { .. } | Error::Limit { .. } => true,
-        Error::Vulkan { result, .. } => {
-            matches!(
-                *result,
-                R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY
-            )
-        }
-        _ => false,
+        Error::Unsupported { .. } | Error::Limit { .. } => Way::OtherSettings,
+        Error::Memory { .. } => Way::WithoutModel,
+        Error::Vulkan { result, .. } => match *result {
+            R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY => Way::WithoutModel,
+            R::ERROR_DEVICE_LOST => Way::NewDevice,
+            _ => Way::End,
+        },
+        _ => Way::End,
     }
+}
+
+/// Faults that tests ask for, each every so many frames; 0 is never.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Faults {
+    /// The surface is lost, or its swapchain out of date, in turn.
+    pub surface: u64,
+    /// The device is lost.
+    pub device: u64,
+    /// Device memory runs out.
+    pub memory: u64,
 }
 
 /// A frame that was submitted.
@@ -47,71 +75,159 @@ pub(super) fn is_survivable(error: &Error) -> bool {
 struct Pending {
     submitted: Submitted,
     start: Instant,
-    of_model: bool,
+    /// The threshold that it was drawn with; none for one that shows no new picture of the model.
+    threshold_px: Option<f32>,
+    is_moving: bool,
+}
+
+/// A frame of the model that has finished.
+#[derive(Debug)]
+pub(super) struct Finished {
+    pub(super) times: FrameTimes,
+    pub(super) threshold_px: f32,
+    /// The camera moved.
+    pub(super) is_moving: bool,
+}
+
+/// What the next frame shows.
+pub(super) struct Request<'r> {
+    /// The window; none where frames are only read back.
+    pub(super) window: Option<&'r glfw::Window>,
+    /// Size of the picture where there is no window, pixels.
+    pub(super) size: (u32, u32),
+    /// How the model is drawn.
+    pub(super) settings: &'r Settings,
+    /// Draw the model anew, not only what covers it.
+    pub(super) is_new_picture: bool,
+    /// Cover the picture with the overlay.
+    pub(super) has_overlay: bool,
+    /// The camera moves.
+    pub(super) is_moving: bool,
 }
 
 /// Draws a model onto a window. Must be dropped before the window.
 #[derive(Debug)]
 pub(super) struct Screen {
-    stage: Option<(Model, Scene)>,
+    model: Option<Model>,
+    scene: Option<Scene>,
     renderer: Renderer,
-    surface: Surface,
+    overlay: Option<Overlay>,
+    has_overlay: bool,
+    surface: Option<Surface>,
     gpu: Arc<Gpu>,
+    vsync: bool,
     pending: VecDeque<Pending>,
     last_end: Instant,
     frame_times_ms: VecDeque<f64>,
     times: FrameTimes,
+    finished: Vec<Finished>,
     /// The view that the targets hold.
     drawn: Option<View>,
+    /// The targets hold a picture of this size that can be shown again.
+    picture: Option<(u32, u32)>,
     /// How the last frame was drawn, and how large: times of others do not go into its median.
     look: Option<(Settings, (u32, u32))>,
-    lose_surface_every: Option<u64>,
-    acquired: u64,
+    faults: Faults,
+    frames: u64,
 }
 
+const OUTPUTS: Outputs = Outputs {
+    depth: false,
+    normal: false,
+};
+
 impl Screen {
-    pub(super) fn new(gpu: &Arc<Gpu>, window: &glfw::Window, vsync: bool) -> Result<Self, Error> {
-        let outputs = Outputs {
-            depth: false,
-            normal: false,
-        };
+    pub(super) fn new(
+        gpu: &Arc<Gpu>,
+        window: Option<&glfw::Window>,
+        vsync: bool,
+    ) -> Result<Self, Error> {
         // The size is that of the first acquired image.
-        let renderer = Renderer::new(gpu, 1, 1, outputs, true)?;
-        let surface = Surface::new(gpu, window, renderer.in_flight(), vsync)?;
+        let renderer = Renderer::new(gpu, 1, 1, OUTPUTS, true)?;
+        let surface = window
+            .map(|window| Surface::new(gpu, window, renderer.in_flight(), vsync))
+            .transpose()?;
         Ok(Self {
-            stage: None,
+            model: None,
+            scene: None,
             renderer,
+            overlay: None,
+            has_overlay: false,
             surface,
             gpu: gpu.clone(),
+            vsync,
             pending: VecDeque::new(),
             last_end: Instant::now(),
             frame_times_ms: VecDeque::new(),
             times: FrameTimes::default(),
+            finished: Vec::new(),
             drawn: None,
+            picture: None,
             look: None,
-            lose_surface_every: None,
-            acquired: 0,
+            faults: Faults::default(),
+            frames: 0,
         })
     }
 
-    /// For tests: every so many frames the surface counts as lost, or its swapchain as out of date, in turn.
-    pub(super) fn lose_surface_every(&mut self, frames: Option<u64>) {
-        self.lose_surface_every = frames.filter(|&n| n > 0);
+    /// Goes on with a device that was opened anew: everything on it is made again. What was on its way is gone.
+    pub(super) fn reopen(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        window: Option<&glfw::Window>,
+    ) -> Result<(), Error> {
+        self.pending.clear();
+        // A window takes one surface at a time.
+        self.surface = None;
+        self.scene = None;
+        let mut new = Self::new(gpu, window, self.vsync)?;
+        if let Some(old) = self.overlay.take() {
+            let in_flight = new.renderer.in_flight();
+            new.overlay = Some(Overlay::new(gpu, in_flight)?.with_textures_of(old));
+        }
+        new.scene = self
+            .model
+            .as_ref()
+            .map(|model| Scene::new(gpu, model))
+            .transpose()?;
+        new.model = self.model.take();
+        new.faults = self.faults;
+        new.frames = self.frames;
+        *self = new;
+        Ok(())
     }
 
-    fn inject_fault(&mut self) {
-        self.acquired += 1;
-        let Some(every) = self.lose_surface_every else {
-            return;
-        };
-        if self.acquired.is_multiple_of(every) {
-            self.surface
-                .inject(if !(self.acquired / every).is_multiple_of(2) {
-                    ash::vk::Result::ERROR_SURFACE_LOST_KHR
-                } else {
-                    ash::vk::Result::ERROR_OUT_OF_DATE_KHR
-                });
+    /// For tests: what goes wrong, and how often.
+    pub(super) fn inject(&mut self, faults: Faults) {
+        self.faults = faults;
+    }
+
+    /// Makes the faults of the frame that is about to be drawn.
+    fn make_faults(&mut self) -> Result<(), Error> {
+        self.frames += 1;
+        let is_due = |every: u64| every > 0 && self.frames.is_multiple_of(every);
+        if is_due(self.faults.surface)
+            && let Some(surface) = &mut self.surface
+        {
+            let turn = self.frames / self.faults.surface;
+            surface.inject(if turn.is_multiple_of(2) {
+                R::ERROR_OUT_OF_DATE_KHR
+            } else {
+                R::ERROR_SURFACE_LOST_KHR
+            });
         }
+        for (every, result) in [
+            (self.faults.device, R::ERROR_DEVICE_LOST),
+            (self.faults.memory, R::ERROR_OUT_OF_DEVICE_MEMORY),
+        ] {
+            if is_due(every) {
+                return Err(Error::Vulkan {
+                    call: "vkQueueSubmit2",
+                    object: "a frame".into(),
+                    result,
+                });
+            }
+        }
+        Ok(())
     }
 
     /// Shows another model from the next frame on. When it does not fit the device the old one stays.
@@ -119,23 +235,30 @@ impl Screen {
         let scene = Scene::new(&self.gpu, &model)?;
         self.finish()?;
         self.drop_model();
-        self.stage = Some((model, scene));
+        self.model = Some(model);
+        self.scene = Some(scene);
         Ok(())
     }
 
     pub(super) fn drop_model(&mut self) {
-        self.stage = None;
+        self.model = None;
+        self.scene = None;
         self.drawn = None;
+        self.picture = None;
         self.frame_times_ms.clear();
         self.times = FrameTimes::default();
     }
 
     pub(super) fn model(&self) -> Option<&Model> {
-        self.stage.as_ref().map(|(model, _)| model)
+        self.model.as_ref()
+    }
+
+    pub(super) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
     }
 
     pub(super) fn present_mode(&self) -> &'static str {
-        self.surface.present_mode()
+        self.surface.as_ref().map_or("none", Surface::present_mode)
     }
 
     /// Median of the last frames, milliseconds: from setting the camera to the finished picture, or from the
@@ -149,6 +272,41 @@ impl Screen {
         &self.times
     }
 
+    /// The frames of the model that have finished since the last call.
+    pub(super) fn take_finished(&mut self) -> Vec<Finished> {
+        std::mem::take(&mut self.finished)
+    }
+
+    /// Whether [`take_finished`](Screen::take_finished) would give any.
+    pub(super) fn has_finished(&self) -> bool {
+        !self.finished.is_empty()
+    }
+
+    /// Whether frames are on their way.
+    pub(super) fn has_pending(&self) -> bool {
+        !self.pending.is_empty()
+    }
+
+    /// Whether the picture of the last frame can be shown again.
+    pub(super) fn has_picture(&self) -> bool {
+        self.picture.is_some()
+    }
+
+    /// What covers the picture from the next frame on.
+    pub(super) fn cover(&mut self, painted: Painted) -> Result<(), Error> {
+        if self.overlay.is_none() {
+            self.overlay = Some(Overlay::new(&self.gpu, self.renderer.in_flight())?);
+        }
+        if let Some(overlay) = &mut self.overlay {
+            overlay.set(
+                painted.primitives,
+                painted.textures,
+                painted.pixels_per_point,
+            );
+        }
+        Ok(())
+    }
+
     /// Waits for the oldest frame.
     fn finish_one(&mut self) -> Result<(), Error> {
         let Some(pending) = self.pending.pop_front() else {
@@ -156,14 +314,19 @@ impl Screen {
         };
         let times = self.renderer.finish(pending.submitted)?;
         let end = Instant::now();
-        if pending.of_model {
+        if let Some(threshold_px) = pending.threshold_px {
             if self.frame_times_ms.len() == FRAMES_OF_MEDIAN {
                 self.frame_times_ms.pop_front();
             }
             let begin = pending.start.max(self.last_end);
             self.frame_times_ms
                 .push_back((end - begin).as_secs_f64() * 1e3);
-            self.times = times;
+            self.times = times.clone();
+            self.finished.push(Finished {
+                times,
+                threshold_px,
+                is_moving: pending.is_moving,
+            });
         }
         self.last_end = end;
         Ok(())
@@ -178,65 +341,117 @@ impl Screen {
     }
 
     /// Draws the model as the camera sees it that `camera` gives for the size of the window's image, or the
-    /// background without one, and presents it.
+    /// background without one, and presents it. The picture of the last frame is shown again where no new one is
+    /// asked for and the size is the same.
     pub(super) fn draw(
         &mut self,
-        window: &glfw::Window,
+        request: &Request<'_>,
         camera: impl FnOnce((u32, u32)) -> Option<Camera>,
-        settings: &Settings,
     ) -> Result<Shown, Error> {
         while self.pending.len() >= self.renderer.in_flight() {
             self.finish_one()?;
         }
         let slot = self.renderer.wait_for_next()?;
         let start = Instant::now();
-        self.inject_fault();
-        let Some(onto) = self.surface.acquire(window, slot)? else {
-            return Ok(Shown::Nothing);
+        self.make_faults()?;
+        let onto = match (&mut self.surface, request.window) {
+            (Some(surface), Some(window)) => match surface.acquire(window, slot)? {
+                Some(onto) => Some(onto),
+                None => return Ok(Shown::Nothing),
+            },
+            _ => None,
         };
-        let size = (onto.width, onto.height);
-        let mut settings = *settings;
+        let size = onto.as_ref().map_or(request.size, |o| (o.width, o.height));
+        let mut settings = *request.settings;
         if settings.method == Method::Points {
             settings.threshold_px = settings.threshold_px.min(self.gpu.info().max_point_size_px);
         }
-        if self.look != Some((settings, size)) {
-            self.finish()?;
-            self.frame_times_ms.clear();
-            self.look = Some((settings, size));
-        }
-        self.drawn = None;
-        let outcome = self.renderer.resize(size.0, size.1).and_then(|()| {
-            let view = match (camera(size), &self.stage) {
-                // A camera of the turntable is always usable.
-                (Some(camera), Some((model, _))) => camera.view(model.origin).ok(),
-                _ => None,
+        let is_again = !request.is_new_picture && self.picture == Some(size);
+        self.has_overlay = request.has_overlay;
+        let outcome = if is_again {
+            let shown = Show {
+                onto: onto.as_ref(),
+                overlay: self.overlay.as_mut().filter(|_| request.has_overlay),
             };
-            match (view, &mut self.stage) {
-                (Some(view), Some((model, scene))) => {
-                    self.drawn = Some(view);
-                    self.renderer
-                        .submit_onto(model, scene, &view, &settings, &onto)
-                }
-                _ => self.renderer.submit_background(settings.background, &onto),
-            }
-        });
+            self.renderer.submit_again(shown).map(|s| (s, None))
+        } else {
+            let look_changes = self.look != Some((settings, size));
+            self.draw_picture(&settings, size, request.has_overlay, onto.as_ref(), camera)
+                .inspect(|_| {
+                    if look_changes {
+                        self.look = Some((settings, size));
+                    }
+                })
+        };
         match outcome {
-            Ok(submitted) => {
-                let of_model = self.drawn.is_some();
+            Ok((submitted, threshold_px)) => {
                 self.pending.push_back(Pending {
                     submitted,
                     start,
-                    of_model,
+                    threshold_px,
+                    is_moving: request.is_moving,
                 });
-                let is_shown = self.surface.present(onto)?;
+                let is_shown = match (&mut self.surface, onto) {
+                    (Some(surface), Some(onto)) => surface.present(onto)?,
+                    _ => true,
+                };
                 Ok(if is_shown { Shown::Frame } else { Shown::Again })
             }
             Err(error) => {
-                self.drawn = None;
-                self.surface.abandon(onto);
+                if let (Some(surface), Some(onto)) = (&mut self.surface, onto) {
+                    surface.abandon(onto);
+                }
+                if let Some(overlay) = &mut self.overlay {
+                    overlay.invalidate();
+                }
                 Err(error)
             }
         }
+    }
+
+    fn draw_picture(
+        &mut self,
+        settings: &Settings,
+        size: (u32, u32),
+        has_overlay: bool,
+        onto: Option<&crate::gpu::surface::Acquired>,
+        camera: impl FnOnce((u32, u32)) -> Option<Camera>,
+    ) -> Result<(Submitted, Option<f32>), Error> {
+        if self.look != Some((*settings, size)) {
+            self.finish()?;
+            self.frame_times_ms.clear();
+        }
+        let view = match (camera(size), &self.model) {
+            // A camera of the turntable is always usable.
+            (Some(camera), Some(model)) => camera.view(model.origin).ok(),
+            _ => None,
+        };
+        if self.picture != Some(size) {
+            (self.picture, self.drawn) = (None, None);
+        }
+        self.renderer.resize(size.0, size.1)?;
+        let shown = Show {
+            onto,
+            overlay: self.overlay.as_mut().filter(|_| has_overlay),
+        };
+        let submitted = match (view, &self.model, &mut self.scene) {
+            (Some(view), Some(model), Some(scene)) => {
+                let submitted = self
+                    .renderer
+                    .submit_shown(model, scene, &view, settings, shown)?;
+                self.drawn = Some(view);
+                (submitted, Some(settings.threshold_px))
+            }
+            _ => {
+                let submitted = self
+                    .renderer
+                    .submit_background(settings.background, shown)?;
+                self.drawn = None;
+                (submitted, None)
+            }
+        };
+        self.picture = Some(size);
+        Ok(submitted)
     }
 
     /// View-space distance of what the last frame shows near a pixel.
@@ -254,12 +469,47 @@ impl Screen {
         Ok(distance.map(f64::from))
     }
 
-    /// The picture of the last frame.
+    /// The picture of the last frame, without what covers it.
     pub(super) fn read(&mut self) -> Result<Option<Image>, Error> {
         let Some(view) = self.drawn else {
             return Ok(None);
         };
         self.finish()?;
         self.renderer.read(&view).map(Some)
+    }
+
+    /// What the last frame showed, with what covers it.
+    pub(super) fn read_shown(&mut self) -> Result<Option<Image>, Error> {
+        if self.picture.is_none() {
+            return Ok(None);
+        }
+        self.finish()?;
+        let overlay = self.overlay.as_ref().filter(|_| self.has_overlay);
+        self.renderer.read_shown(overlay).map(Some)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn errors_leave_the_most_that_is_possible() {
+        let vulkan = |result| Error::Vulkan {
+            call: "a call",
+            object: "a thing".into(),
+            result,
+        };
+        assert_eq!(way_after(&vulkan(R::ERROR_DEVICE_LOST)), Way::NewDevice);
+        assert_eq!(
+            way_after(&vulkan(R::ERROR_OUT_OF_DEVICE_MEMORY)),
+            Way::WithoutModel
+        );
+        assert_eq!(way_after(&vulkan(R::ERROR_UNKNOWN)), Way::End);
+        let unsupported = Error::Unsupported {
+            what: "these splats",
+            why: "they are not drawn yet".into(),
+        };
+        assert_eq!(way_after(&unsupported), Way::OtherSettings);
     }
 }

@@ -3,7 +3,7 @@
 use super::super::hybrid::Run;
 use super::super::scene::Scene;
 use super::super::targets::Context;
-use crate::abi::{FilteredSplat, ListConstants, Splat, Vertex};
+use crate::abi::{ListConstants, Splat, Vertex};
 use crate::gpu::Error;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Upload};
@@ -47,11 +47,11 @@ pub(super) fn constants(context: &Context) -> ListConstants {
 }
 
 impl<'a> List<'a> {
-    /// Binds everything; `S` is the record of the splats.
+    /// Binds everything.
     ///
     /// # Errors
     /// When the frame has no room for the constants of so many parts.
-    pub(super) fn bound<S>(
+    pub(super) fn bound(
         &self,
         frame: &mut Frame<'_>,
         context: &Context,
@@ -70,7 +70,7 @@ impl<'a> List<'a> {
                 })
                 .collect::<Result<Vec<Bound<'a>>, Error>>()
         };
-        let splats = bind(self.splats, size_of::<S>() as u64, 0, self.splat_count)?;
+        let splats = bind(self.splats, size_of::<Splat>() as u64, 0, self.splat_count)?;
         let mut triangles = Vec::new();
         for run in self.runs {
             let own = bind(self.corners, 12, run.first / 3, run.count / 3)?;
@@ -93,7 +93,7 @@ struct Part {
 }
 
 /// The items `first .. first + count` in parts that fit bindings of `max_binding` bytes. Three alignments hold whole
-/// records of 12, 24 and 32 bytes.
+/// records of 12 and of 24 bytes.
 fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator<Item = Part> {
     let step = 3 * Slice::ALIGNMENT / record;
     let most = (max_binding / (3 * Slice::ALIGNMENT)).saturating_sub(1) * step;
@@ -118,7 +118,7 @@ impl Part {
 }
 
 const _: () = assert!(
-    size_of::<Splat>() == 24 && size_of::<FilteredSplat>() == 32 && size_of::<Vertex>() == 20,
+    size_of::<Splat>() == 24 && size_of::<Vertex>() == 20,
     "parts() counts on records that fill three alignments"
 );
 

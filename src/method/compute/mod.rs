@@ -7,17 +7,15 @@
 //! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
 //! the near plane, goes to the rasterizer.
 
-mod filtered;
 mod list;
 
-pub(crate) use filtered::{Ready, Sums};
 pub(crate) use list::List;
 
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
 use super::{Blend, Path, Settings, SplatKind};
-use crate::abi::{Splat, shaders};
+use crate::abi::shaders;
 use crate::draw::Lighting;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
@@ -63,17 +61,17 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     let why = if settings.path == Path::Raster {
         return Ok(false);
     } else if !settings.has_cut()
-        || !matches!(settings.splat, SplatKind::Square | SplatKind::Filtered)
+        || settings.splat != SplatKind::Square
         || settings.blend() != Blend::Opaque
     {
-        "it draws squares that are not blended, and filtered splats, of pop and splats"
+        "it draws the squares of pop and splats that are not blended"
     } else if settings.light != Lighting::Headlight {
         "it knows the headlight only"
     } else if settings.threshold_px > LARGEST_SQUARE_PX {
         "squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels"
     } else if !info.has_int64_atomics {
         "the device has no 64-bit atomics on storage buffers"
-    } else if filtered::sum_bytes(targets) > info.max_storage_range {
+    } else if key_bytes(targets) > info.max_storage_range {
         "the picture does not fit one storage binding of the device"
     } else {
         return Ok(true);
@@ -153,7 +151,7 @@ impl Small {
         if list.runs.is_empty() && list.splat_count == 0 {
             return Ok(());
         }
-        let Items { splats, triangles } = list.bound::<Splat>(frame, context, self.max_binding)?;
+        let Items { splats, triangles } = list.bound(frame, context, self.max_binding)?;
         let keys = Slice::whole(&self.keys);
         frame.pass("small.clear").fill(&[&self.keys], 0);
         if !triangles.is_empty() {
@@ -169,7 +167,6 @@ impl Small {
                     compute.bind(
                         &self.triangles,
                         &[constants, uniform],
-                        &[],
                         &[part, vertices, keys],
                     );
                     compute.items(count);
@@ -183,7 +180,7 @@ impl Small {
                 .storage(&self.keys)
                 .compute(|compute| {
                     for &(part, uniform, count) in &splats {
-                        compute.bind(&self.splats, &[constants, uniform], &[], &[part, keys]);
+                        compute.bind(&self.splats, &[constants, uniform], &[part, keys]);
                         compute.items(count);
                     }
                 });

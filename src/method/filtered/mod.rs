@@ -6,7 +6,6 @@
 //! The sums are 32-bit floats: a pixel adds up thousands of small weights, which 16 bits lose.
 
 use super::VERTEX;
-use super::compute::{Ready, Sums};
 use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
@@ -167,13 +166,12 @@ impl Filtered {
         })
     }
 
-    /// The three passes of a frame. What is `small` is drawn by compute, besides `list`.
+    /// The three passes of a frame.
     pub(crate) fn record(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        small: Option<(&Sums, Ready<'_>)>,
         context: &Context,
         constants: Uniform,
     ) {
@@ -209,17 +207,6 @@ impl Filtered {
                     draw.draw(0, list.splat_count);
                 }
             });
-            if let Some((sums, ready)) = &small {
-                if name == "filtered.depth" {
-                    sums.record_depth(frame, ready, targets.depth(), context);
-                } else {
-                    sums.record_blend(frame, ready, targets.depth());
-                }
-            }
-        }
-        if let Some((sums, ready)) = &small {
-            sums.record_normalize(frame, ready, &self.sums, targets.color(), context);
-            return;
         }
         let [r, g, b] = context.background;
         frame

@@ -130,21 +130,14 @@ impl Renderer {
                 fuzzy.record(&mut frame, &self.targets, list, &context, constants);
             }
             (Drawing::Filtered, _, _, Some(filtered)) => {
-                let small = match &self.sums {
-                    Some(sums) if by_compute => Some((
-                        sums,
-                        sums.ready(&mut frame, small_list, &context, constants)?,
-                    )),
-                    _ => None,
-                };
                 let list = filtered::List {
                     scene,
                     indices: &lists.indices,
                     runs: &lists.runs,
                     splats: &lists.splats,
-                    splat_count: if by_compute { 0 } else { packed.points as u32 },
+                    splat_count: packed.points as u32,
                 };
-                filtered.record(&mut frame, &self.targets, list, small, &context, constants);
+                filtered.record(&mut frame, &self.targets, list, &context, constants);
             }
             (Drawing::Visibility, ..) => {
                 let Some(visibility) = &self.visibility else {

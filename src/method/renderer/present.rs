@@ -5,7 +5,11 @@ use super::{FrameTimes, Renderer, Submitted};
 use crate::draw::Lighting;
 use crate::gpu::Error;
 use crate::gpu::buffer::Readback;
+use crate::gpu::frame::{Frame, Ticket};
+use crate::gpu::image::Image as Target;
+use crate::gpu::overlay::Overlay;
 use crate::gpu::surface::Acquired;
+use crate::image::Image;
 use crate::math::camera::View;
 use crate::method::Settings;
 use crate::method::scene::Scene;
@@ -17,6 +21,32 @@ use std::time::Instant;
 const PROBE_RADIUS_PX: u32 = 6;
 /// Most pixels of a probe.
 const PROBE_PIXELS: u64 = (2 * PROBE_RADIUS_PX as u64 + 1).pow(2);
+
+/// Where a frame goes besides the renderer's own targets.
+#[derive(Debug)]
+pub struct Show<'a> {
+    /// The image of a window; none leaves the frame where it is, to be read back.
+    pub onto: Option<&'a Acquired>,
+    /// What covers the picture.
+    pub overlay: Option<&'a mut Overlay>,
+}
+
+impl Show<'_> {
+    /// Covers the picture, presents and submits.
+    fn end(&mut self, mut frame: Frame<'_>, color: &Target) -> Result<Ticket, Error> {
+        let shown = match &mut self.overlay {
+            Some(overlay) => overlay.record(&mut frame, color),
+            None => color,
+        };
+        match self.onto {
+            Some(onto) => {
+                frame.present(shown, onto);
+                frame.submit_onto(onto)
+            }
+            None => frame.submit(),
+        }
+    }
+}
 
 impl Renderer {
     /// How many frames can be on their way at once.
@@ -49,22 +79,48 @@ impl Renderer {
         Ok(())
     }
 
-    /// Submits one frame that is drawn and put onto an acquired image of a window, and does not wait for it.
+    /// Submits one frame that is drawn, covered by the overlay (if any) and put where `shown` says, and does not
+    /// wait for it.
     ///
     /// # Errors
-    /// As [`Renderer::draw`]; the image must be abandoned then.
-    pub fn submit_onto(
+    /// As [`Renderer::draw`]; an acquired image must be abandoned then.
+    pub fn submit_shown(
         &mut self,
         model: &Model,
         scene: &mut Scene,
         view: &View,
         settings: &Settings,
-        onto: &Acquired,
+        mut shown: Show<'_>,
     ) -> Result<Submitted, Error> {
-        self.submit(model, scene, view, settings, &mut |mut frame, color| {
-            frame.present(color, onto);
-            frame.submit_onto(onto)
+        self.prepare_overlay(&mut shown)?;
+        self.submit(model, scene, view, settings, &mut |frame, color| {
+            shown.end(frame, color)
         })
+    }
+
+    /// Submits a frame that shows the picture of the last frame again, under a new overlay.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost; an acquired image must be abandoned then.
+    pub fn submit_again(&mut self, mut shown: Show<'_>) -> Result<Submitted, Error> {
+        let start = Instant::now();
+        self.prepare_overlay(&mut shown)?;
+        let frame = self.frames.begin()?;
+        let ticket = shown.end(frame, &self.targets.color)?;
+        Ok(Submitted {
+            ticket,
+            times: FrameTimes::default(),
+            start,
+        })
+    }
+
+    fn prepare_overlay(&mut self, shown: &mut Show<'_>) -> Result<(), Error> {
+        let Some(overlay) = &mut shown.overlay else {
+            return Ok(());
+        };
+        self.frames.wait_for_next()?;
+        let (width, height) = (self.targets.color.width, self.targets.color.height);
+        overlay.prepare(self.frames.next_slot(), width, height)
     }
 
     /// Submits a frame that shows nothing but the background, for a window without a model.
@@ -74,9 +130,10 @@ impl Renderer {
     pub fn submit_background(
         &mut self,
         background: [f32; 3],
-        onto: &Acquired,
+        mut shown: Show<'_>,
     ) -> Result<Submitted, Error> {
         let start = Instant::now();
+        self.prepare_overlay(&mut shown)?;
         let context = Context {
             width: self.targets.color.width,
             height: self.targets.color.height,
@@ -90,12 +147,32 @@ impl Renderer {
         self.targets
             .attach(frame.pass("background"), &context)
             .draw(context.viewport(), |_| {});
-        frame.present(&self.targets.color, onto);
-        let ticket = frame.submit_onto(onto)?;
+        let ticket = shown.end(frame, &self.targets.color)?;
         Ok(Submitted {
             ticket,
             times: FrameTimes::default(),
             start,
+        })
+    }
+
+    /// What the last frame showed, overlay and all. Waits for the device; not for every frame.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn read_shown(&mut self, overlay: Option<&Overlay>) -> Result<Image, Error> {
+        let shown = overlay
+            .and_then(Overlay::shown)
+            .unwrap_or(&self.targets.color);
+        let mut pixels = Readback::new(&self.gpu, "readback of the window", shown.bytes())?;
+        let mut frame = self.frames.begin()?;
+        frame.read_back("readback.window", shown, &pixels);
+        let ticket = frame.submit()?;
+        self.frames.finish(ticket)?;
+        Ok(Image {
+            width: shown.width,
+            height: shown.height,
+            color: bytemuck::pod_collect_to_vec(pixels.bytes()),
+            ..Image::default()
         })
     }
 

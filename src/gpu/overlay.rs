@@ -1,0 +1,527 @@
+//! What a window shows over its picture: triangles of egui, as the one pass `overlay`.
+//!
+//! The pass copies the picture into an image of its own and draws over that, so the picture stays as it is: it can
+//! be read back, shown again under another overlay, and the overlay can be left out at no cost. Textures (the
+//! glyphs of the fonts) are kept on the host as well, so that a device that was opened anew gets them again.
+
+use super::access::Access;
+use super::buffer::{AnyBuffer, Upload};
+use super::frame::{Draw, Frame, Load};
+use super::image::{Format, Image};
+use super::pipeline::{Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology};
+use super::{Error, Gpu};
+use crate::abi::shaders;
+use ash::vk;
+use bytemuck::{Pod, Zeroable};
+use egui::TextureId;
+use egui::epaint::{ClippedPrimitive, ImageData, Primitive, textures::TexturesDelta};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// One corner, 20 bytes.
+#[derive(Debug, Clone, Copy, Pod, Zeroable)]
+#[repr(C)]
+struct Corner {
+    /// Clip space.
+    position: [f32; 2],
+    /// Place in the texture, 0..=1.
+    place: [f32; 2],
+    /// Premultiplied, in the encoding of the screen.
+    color: [u8; 4],
+}
+
+const RECORD: Record = Record {
+    stride: size_of::<Corner>() as u32,
+    attributes: &[
+        Attribute {
+            name: "position",
+            format: AttributeFormat::Float2,
+            offset: std::mem::offset_of!(Corner, position) as u32,
+        },
+        Attribute {
+            name: "place",
+            format: AttributeFormat::Float2,
+            offset: std::mem::offset_of!(Corner, place) as u32,
+        },
+        Attribute {
+            name: "color",
+            format: AttributeFormat::Unorm8x4,
+            offset: std::mem::offset_of!(Corner, color) as u32,
+        },
+    ],
+};
+
+const NOTHING: Record = Record {
+    stride: 0,
+    attributes: &[],
+};
+
+/// A texture, on the host and, once it was drawn with, on the device.
+#[derive(Debug, Default)]
+struct Texture {
+    width: usize,
+    height: usize,
+    pixels: Vec<[u8; 4]>,
+    image: Option<Image>,
+    /// The device's copy is not that of the host.
+    is_stale: bool,
+}
+
+/// Mapped memory of one slot of the ring.
+#[derive(Debug)]
+struct Lists {
+    corners: Upload,
+    indices: Upload,
+    texels: Upload,
+}
+
+/// A run of triangles with one texture and one clip rectangle.
+#[derive(Debug, Clone, Copy)]
+struct Run {
+    texture: TextureId,
+    scissor: [u32; 4],
+    first: u32,
+    count: u32,
+    first_corner: i32,
+}
+
+/// Draws egui's triangles over a picture. One for each window.
+#[derive(Debug)]
+pub struct Overlay {
+    gpu: Arc<Gpu>,
+    copy: Pipeline,
+    draw: Pipeline,
+    textures: BTreeMap<TextureId, Texture>,
+    slots: Vec<Lists>,
+    primitives: Vec<ClippedPrimitive>,
+    pixels_per_point: f32,
+    runs: Vec<Run>,
+    /// Stale textures with their places in the memory of the slot.
+    writes: Vec<(TextureId, u64)>,
+    shown: Option<Image>,
+}
+
+/// First size of the mapped lists, bytes.
+const FIRST_BYTES: u64 = 1 << 18;
+
+impl Overlay {
+    /// An empty overlay for a ring of `in_flight` frames.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails or memory runs out.
+    pub fn new(gpu: &Arc<Gpu>, in_flight: usize) -> Result<Self, Error> {
+        let base = Description {
+            name: "overlay.copy",
+            vertex: &shaders::OVERLAY_COPY_VERT,
+            fragment: Some(&shaders::OVERLAY_COPY_FRAG),
+            constants: &[],
+            record: NOTHING,
+            topology: Topology::Triangles,
+            colors: &[Format::Rgba8],
+            depth: Depth::None,
+            is_additive: false,
+        };
+        let slots = (0..in_flight.max(1))
+            .map(|slot| {
+                let upload = |what: &str| {
+                    Upload::new(gpu, &format!("overlay {what} of frame {slot}"), FIRST_BYTES)
+                };
+                Ok(Lists {
+                    corners: upload("corners")?,
+                    indices: upload("indices")?,
+                    texels: upload("texels")?,
+                })
+            })
+            .collect::<Result<_, Error>>()?;
+        Ok(Self {
+            gpu: gpu.clone(),
+            copy: Pipeline::new(gpu, &base)?,
+            draw: Pipeline::over(
+                gpu,
+                &Description {
+                    name: "overlay.draw",
+                    vertex: &shaders::OVERLAY_DRAW_VERT,
+                    fragment: Some(&shaders::OVERLAY_DRAW_FRAG),
+                    record: RECORD,
+                    ..base
+                },
+            )?,
+            textures: BTreeMap::new(),
+            slots,
+            primitives: Vec::new(),
+            pixels_per_point: 1.0,
+            runs: Vec::new(),
+            writes: Vec::new(),
+            shown: None,
+        })
+    }
+
+    /// The textures of another overlay, for one that takes its place on a device opened anew.
+    #[must_use]
+    pub fn with_textures_of(mut self, other: Self) -> Self {
+        self.textures = other.textures;
+        for texture in self.textures.values_mut() {
+            texture.image = None;
+            texture.is_stale = true;
+        }
+        self.primitives = other.primitives;
+        self.pixels_per_point = other.pixels_per_point;
+        self
+    }
+
+    /// What the next frames show: triangles in points of `pixels_per_point` pixels, and changes of textures since
+    /// the last call. Every change must be handed over, also when nothing is shown.
+    pub fn set(
+        &mut self,
+        primitives: Vec<ClippedPrimitive>,
+        mut textures: TexturesDelta,
+        pixels_per_point: f32,
+    ) {
+        self.primitives = primitives;
+        self.pixels_per_point = pixels_per_point;
+        std::mem::take(&mut textures.set)
+            .into_iter()
+            .for_each(|(id, deltas)| {
+                for delta in deltas {
+                    self.textures
+                        .entry(id)
+                        .or_default()
+                        .change(&delta.image, delta.pos);
+                }
+            });
+        std::mem::take(&mut textures.free)
+            .into_iter()
+            .for_each(|id| {
+                self.textures.remove(&id);
+            });
+    }
+
+    /// Forgets what the device has, after a frame that was recorded and not submitted.
+    pub fn invalidate(&mut self) {
+        for texture in self.textures.values_mut() {
+            texture.is_stale = true;
+        }
+        self.shown = None;
+    }
+
+    /// Makes everything ready for a frame of `width` x `height` pixels in ring slot `slot`, whose last use has
+    /// finished; must come before the frame is begun.
+    ///
+    /// # Errors
+    /// When memory runs out or a side is above the device's limit.
+    pub fn prepare(&mut self, slot: usize, width: u32, height: u32) -> Result<(), Error> {
+        if self
+            .shown
+            .as_ref()
+            .is_none_or(|i| (i.width, i.height) != (width, height))
+        {
+            self.shown = Some(Image::new(
+                &self.gpu,
+                "window with overlay",
+                Format::Rgba8,
+                width,
+                height,
+            )?);
+        }
+        let slot = slot % self.slots.len();
+        self.pack(slot, width, height)?;
+        self.writes.clear();
+        let mut bytes = 0;
+        for (&id, texture) in &mut self.textures {
+            if texture.fits_image() && !texture.is_stale {
+                continue;
+            }
+            if !texture.fits_image() {
+                texture.image = Some(Image::texture(
+                    &self.gpu,
+                    "overlay texture",
+                    texture.width as u32,
+                    texture.height as u32,
+                )?);
+            }
+            texture.is_stale = true;
+            self.writes.push((id, bytes));
+            bytes += 4 * texture.pixels.len() as u64;
+        }
+        let texels = &mut self.slots[slot].texels;
+        reserve(&self.gpu, texels, bytes)?;
+        for (id, offset) in &self.writes {
+            let source = bytemuck::cast_slice(&self.textures[id].pixels);
+            texels.bytes_mut()[*offset as usize..][..source.len()].copy_from_slice(source);
+        }
+        if bytes > 0 {
+            texels.flush(0..bytes);
+        }
+        Ok(())
+    }
+
+    /// Writes corners and indices into the memory of a slot.
+    fn pack(&mut self, slot: usize, width: u32, height: u32) -> Result<(), Error> {
+        let meshes = || {
+            self.primitives.iter().filter_map(|p| match &p.primitive {
+                Primitive::Mesh(mesh) => Some((p.clip_rect, mesh)),
+                Primitive::Callback(_) => None,
+            })
+        };
+        let (mut corners, mut indices) = (0, 0);
+        for (_, mesh) in meshes() {
+            corners += mesh.vertices.len();
+            indices += mesh.indices.len();
+        }
+        let corner_bytes = (corners * size_of::<Corner>()) as u64;
+        let index_bytes = 4 * indices as u64;
+        let lists = &mut self.slots[slot];
+        reserve(&self.gpu, &mut lists.corners, corner_bytes)?;
+        reserve(&self.gpu, &mut lists.indices, index_bytes)?;
+        let scale = self.pixels_per_point;
+        let (to_x, to_y) = (2.0 * scale / width as f32, 2.0 * scale / height as f32);
+        let out: &mut [Corner] =
+            bytemuck::cast_slice_mut(&mut lists.corners.bytes_mut()[..corner_bytes as usize]);
+        let index_out: &mut [u32] =
+            bytemuck::cast_slice_mut(&mut lists.indices.bytes_mut()[..index_bytes as usize]);
+        self.runs.clear();
+        let (mut at, mut index_at) = (0, 0);
+        for (clip, mesh) in meshes() {
+            for (corner, vertex) in out[at..].iter_mut().zip(&mesh.vertices) {
+                *corner = Corner {
+                    position: [vertex.pos.x * to_x - 1.0, vertex.pos.y * to_y - 1.0],
+                    place: [vertex.uv.x, vertex.uv.y],
+                    color: vertex.color.to_array(),
+                };
+            }
+            index_out[index_at..][..mesh.indices.len()].copy_from_slice(&mesh.indices);
+            let scissor = scissor(clip, scale, width, height);
+            // Something whose texture is gone, or that lies outside, is not drawn.
+            if let Some(scissor) = scissor
+                && self.textures.contains_key(&mesh.texture_id)
+            {
+                self.runs.push(Run {
+                    texture: mesh.texture_id,
+                    scissor,
+                    first: index_at as u32,
+                    count: mesh.indices.len() as u32,
+                    first_corner: at as i32,
+                });
+            }
+            at += mesh.vertices.len();
+            index_at += mesh.indices.len();
+        }
+        lists.corners.flush(0..corner_bytes);
+        lists.indices.flush(0..index_bytes);
+        Ok(())
+    }
+
+    /// Records what was prepared over `picture`, and gives the image that is to be shown.
+    ///
+    /// # Panics
+    /// When `picture` has another size than [`prepare`](Overlay::prepare) was told.
+    pub fn record(&mut self, frame: &mut Frame<'_>, picture: &Image) -> &Image {
+        let slot = frame.slot() % self.slots.len();
+        let lists = &self.slots[slot];
+        for (id, offset) in self.writes.drain(..) {
+            let Some(texture) = self.textures.get_mut(&id) else {
+                continue;
+            };
+            if let Some(image) = &texture.image {
+                write(frame, &lists.texels, offset, image);
+                texture.is_stale = false;
+            }
+        }
+        let Some(shown) = &self.shown else {
+            unreachable!("prepare made the image")
+        };
+        assert!(
+            (shown.width, shown.height) == (picture.width, picture.height),
+            "the overlay was prepared for another size"
+        );
+        let mut pass = frame
+            .pass("overlay")
+            .color(shown, Load::Clear([0.0; 4]))
+            .sampled(picture)
+            .vertices(&lists.corners)
+            .indices(&lists.indices);
+        for image in self.textures.values().filter_map(|t| t.image.as_ref()) {
+            pass = pass.sampled(image);
+        }
+        let (textures, runs) = (&self.textures, &self.runs);
+        let (draw_pipeline, copy) = (&self.draw, &self.copy);
+        pass.draw(
+            [0.0, 0.0, shown.width as f32, shown.height as f32],
+            |draw| {
+                draw.cull_back_faces(false, false);
+                draw.bind(copy, &[], &[picture]);
+                draw.draw(0, 3);
+                let mut bound = None;
+                for run in runs {
+                    let Some(image) = textures.get(&run.texture).and_then(|t| t.image.as_ref())
+                    else {
+                        continue;
+                    };
+                    if bound != Some(run.texture) {
+                        draw.bind(draw_pipeline, &[], &[image]);
+                        draw.vertices(&lists.corners, 0);
+                        draw.indices(&lists.indices, 0);
+                        bound = Some(run.texture);
+                    }
+                    draw.scissor(run.scissor);
+                    draw.draw_indexed(run.first, run.count, run.first_corner);
+                }
+            },
+        );
+        shown
+    }
+
+    /// The image that the last frame showed, if it had an overlay.
+    pub fn shown(&self) -> Option<&Image> {
+        self.shown.as_ref()
+    }
+}
+
+impl Texture {
+    fn fits_image(&self) -> bool {
+        let size = (self.width as u32, self.height as u32);
+        self.image
+            .as_ref()
+            .is_some_and(|i| (i.width, i.height) == size)
+    }
+
+    /// The whole texture, or a part of it from `position` on. A part that reaches out is cut off.
+    fn change(&mut self, image: &ImageData, position: Option<[usize; 2]>) {
+        let ImageData::Color(image) = image;
+        let [width, height] = image.size;
+        if position.is_none() {
+            (self.width, self.height) = (width, height);
+            self.pixels.clear();
+            self.pixels.resize(width * height, [0; 4]);
+        }
+        let [left, top] = position.unwrap_or_default();
+        let copied = width.min(self.width.saturating_sub(left));
+        for (row, source) in image.pixels.chunks_exact(width.max(1)).enumerate() {
+            let start = (top + row) * self.width + left;
+            if let Some(target) = self.pixels.get_mut(start..start + copied) {
+                for (to, from) in target.iter_mut().zip(source) {
+                    *to = from.to_array();
+                }
+            }
+        }
+        self.is_stale = true;
+    }
+}
+
+impl Draw<'_> {
+    /// What is drawn from here on shows only inside of `x`, `y`, `width`, `height` in pixels of the target.
+    fn scissor(&mut self, [x, y, width, height]: [u32; 4]) {
+        let area = [vk::Rect2D {
+            offset: vk::Offset2D {
+                x: x as i32,
+                y: y as i32,
+            },
+            extent: vk::Extent2D { width, height },
+        }];
+        // SAFETY: the command buffer is being recorded; the rectangle lies inside of the target, whose sides are
+        // far below the range of the offsets.
+        unsafe {
+            self.site
+                .gpu
+                .device
+                .cmd_set_scissor(self.site.commands, 0, &area)
+        };
+    }
+}
+
+/// A clip rectangle in points as pixels, cut to the picture; none where nothing is left.
+fn scissor(clip: egui::Rect, scale: f32, width: u32, height: u32) -> Option<[u32; 4]> {
+    // A float that is no number or out of range saturates.
+    let pixel = |value: f32, limit: u32| ((value * scale).round() as u32).min(limit);
+    let (left, top) = (pixel(clip.min.x, width), pixel(clip.min.y, height));
+    let (right, bottom) = (pixel(clip.max.x, width), pixel(clip.max.y, height));
+    (right > left && bottom > top).then(|| [left, top, right - left, bottom - top])
+}
+
+/// Grows a mapped buffer; its slot is free, so nothing reads it.
+fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
+    if bytes > buffer.bytes() {
+        let name = buffer.name().to_owned();
+        *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
+    }
+    Ok(())
+}
+
+/// Copies a whole image out of a mapped buffer, as the pass `overlay.texture`.
+fn write(frame: &mut Frame<'_>, from: &Upload, offset: u64, image: &Image) {
+    let mut pass = frame.pass("overlay.texture");
+    let gpu = pass.gpu.clone();
+    let commands = pass.slot.commands;
+    pass.barriers.buffer(from, Access::CopySource);
+    pass.barriers.image(image, Access::CopyTarget, true);
+    let timing = pass.begin();
+    let regions = [vk::BufferImageCopy::default()
+        .buffer_offset(offset)
+        .image_subresource(vk::ImageSubresourceLayers {
+            aspect_mask: image.format.aspect(),
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: 1,
+        })
+        .image_extent(vk::Extent3D {
+            width: image.width,
+            height: image.height,
+            depth: 1,
+        })];
+    // SAFETY: both are alive until the frame has finished (their Drop defers), the image is in the copy layout by
+    // the barrier above, and `prepare` made the buffer large enough.
+    unsafe {
+        gpu.device.cmd_copy_buffer_to_image(
+            commands,
+            from.handle(),
+            image.handle,
+            vk::ImageLayout::TRANSFER_DST_OPTIMAL,
+            &regions,
+        );
+    }
+    timing.end(&pass.slot.queries);
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use egui::{Color32, ColorImage, Rect, pos2};
+
+    #[test]
+    fn clip_rectangles_become_pixels_inside_of_the_picture() {
+        let rect = |a: f32, b: f32, c: f32, d: f32| Rect::from_min_max(pos2(a, b), pos2(c, d));
+        assert_eq!(
+            scissor(rect(1.0, 2.0, 5.0, 9.0), 2.0, 100, 100),
+            Some([2, 4, 8, 14])
+        );
+        assert_eq!(
+            scissor(rect(-9.0, -9.0, 500.0, 3.0), 1.0, 100, 50),
+            Some([0, 0, 100, 3])
+        );
+        assert_eq!(scissor(rect(10.0, 10.0, 10.2, 40.0), 1.0, 100, 50), None);
+        assert_eq!(scissor(Rect::NOTHING, 1.0, 100, 50), None);
+        assert_eq!(
+            scissor(Rect::EVERYTHING, 1.5, 100, 50),
+            Some([0, 0, 100, 50])
+        );
+        assert_eq!(scissor(rect(200.0, 0.0, 300.0, 9.0), 1.0, 100, 50), None);
+    }
+
+    #[test]
+    fn parts_of_textures_land_where_they_belong() {
+        let image = |w: usize, h: usize, value: u8| {
+            let pixel = Color32::from_rgba_premultiplied(value, 0, 0, 255);
+            ImageData::Color(Arc::new(ColorImage::new([w, h], vec![pixel; w * h])))
+        };
+        let mut texture = Texture::default();
+        texture.change(&image(4, 3, 1), None);
+        texture.is_stale = false;
+        texture.change(&image(2, 2, 9), Some([2, 1]));
+        assert!(texture.is_stale);
+        let reds: Vec<u8> = texture.pixels.iter().map(|p| p[0]).collect();
+        assert_eq!(reds, [1, 1, 1, 1, 1, 1, 9, 9, 1, 1, 9, 9]);
+        texture.change(&image(3, 3, 7), Some([3, 2]));
+        let reds: Vec<u8> = texture.pixels.iter().map(|p| p[0]).collect();
+        assert_eq!(reds, [1, 1, 1, 1, 1, 1, 9, 9, 1, 1, 9, 7], "cut off");
+    }
+}

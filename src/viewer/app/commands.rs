@@ -1,0 +1,445 @@
+//! What keys and buttons ask for.
+
+use super::{App, Ask, FLY_SPEED, Fly};
+use crate::draw::ColorBy;
+use crate::math::camera::{Camera, Light};
+use crate::method::plan;
+use crate::method::renderer::Outputs;
+use crate::method::{Culling, Method, Settings, Shading, SplatKind};
+use crate::viewer::camera::Orbit;
+use crate::viewer::choices::{self, Choice, others};
+use crate::viewer::input::Command;
+use crate::viewer::{Error, text};
+use std::f64::consts::TAU;
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::Ordering;
+
+/// Largest threshold that the keys set, pixels.
+const LARGEST_THRESHOLD_PX: f32 = 4096.0;
+/// Largest depth offset that the keys set, and smallest above 0.
+const DEPTH_OFFSETS: (f32, f32) = (0.01, 1000.0);
+/// Pictures of a turntable that a key asks for.
+const TURNTABLE: u32 = 36;
+
+/// Pictures from all around, one a frame.
+#[derive(Debug)]
+pub(super) struct Turntable {
+    folder: PathBuf,
+    next: u32,
+    count: u32,
+}
+
+impl App {
+    /// Does what a key asks for.
+    pub(super) fn command(&mut self, command: Command) -> Result<(), Error> {
+        let old = self.settings;
+        let is_closed = self.screen.model().is_some_and(|model| model.is_closed);
+        match command {
+            Command::Quit => self.is_closing = true,
+            Command::Escape => self.escape(),
+            Command::Method(method) => self.wish(Settings { method, ..old }),
+            Command::Threshold(threshold_px) => self.wish(Settings {
+                threshold_px,
+                ..old
+            }),
+            Command::ThresholdBy(px) => self.wish(Settings {
+                threshold_px: (old.threshold_px + px).clamp(0.0, LARGEST_THRESHOLD_PX),
+                ..old
+            }),
+            Command::Splat(step) => {
+                self.step(choices::SPLATS, old.splat, step < 0, |splat| Settings {
+                    splat,
+                    ..old
+                });
+            }
+            Command::Blend => self.step(choices::BLENDS, old.blend, false, |blend| Settings {
+                blend,
+                ..old
+            }),
+            Command::Reconstruction => {
+                let list = choices::RECONSTRUCTIONS;
+                self.step(list, old.reconstruction, false, |reconstruction| Settings {
+                    reconstruction,
+                    ..old
+                });
+            }
+            Command::Shading => self.wish(Settings {
+                shading: match old.shading {
+                    Shading::PerSplat => Shading::Deferred,
+                    Shading::Deferred => Shading::PerSplat,
+                },
+                ..old
+            }),
+            Command::DepthOffsetBy(factor) => {
+                let (least, most) = DEPTH_OFFSETS;
+                let offset = (old.depth_offset().max(least) * factor).clamp(least, most);
+                self.wish(Settings {
+                    depth_offset: Some(offset),
+                    ..old
+                });
+            }
+            Command::Light => self.set_light(match self.light {
+                Light::Point => Light::Directional,
+                Light::Directional => Light::Point,
+            }),
+            Command::TwoSided => self.wish(Settings {
+                two_sided: !old.two_sided,
+                ..old
+            }),
+            Command::Colors => self.wish(Settings {
+                use_colors: !old.use_colors,
+                ..old
+            }),
+            Command::Background => {
+                let list = choices::BACKGROUNDS;
+                self.step(list, old.background, false, |background| Settings {
+                    background,
+                    ..old
+                });
+            }
+            Command::SizeMetric => self.step(choices::METRICS, old.size, false, |size| Settings {
+                size,
+                ..old
+            }),
+            Command::Culling => self.wish(Settings {
+                culling: if old.culls_back(is_closed) {
+                    Culling::Off
+                } else {
+                    Culling::On
+                },
+                ..old
+            }),
+            Command::Primitive => self.wish(Settings {
+                color_by: match old.color_by {
+                    ColorBy::Shading => ColorBy::Primitive,
+                    ColorBy::Primitive if old.splat == SplatKind::Visibility => {
+                        ColorBy::Classification
+                    }
+                    ColorBy::Primitive | ColorBy::Classification => ColorBy::Shading,
+                },
+                ..old
+            }),
+            Command::Statistics => self.has_statistics = !self.has_statistics,
+            Command::Print => self.print_statistics()?,
+            Command::Screenshot => match self.numbered_screenshot() {
+                Err(Error::Image(error)) => self.warn(&error.to_string()),
+                other => other?,
+            },
+            Command::Turntable => match (&self.turntable, free_path("surfel-turn-", "")) {
+                (Some(_), _) => self.end_turntable("stopped; "),
+                (None, Some(folder)) if self.orbit.is_some() => self.start_turntable(folder)?,
+                (None, Some(_)) => {}
+                (None, None) => {
+                    self.warn("surfel-turn-000 to surfel-turn-999 are all there; move some away");
+                }
+            },
+            Command::Frame => self.change(Orbit::frame_model),
+            Command::Reset => self.change(Orbit::reset),
+            Command::LookFrom(azimuth, elevation) => {
+                self.change(|orbit| orbit.look_from(azimuth, elevation));
+            }
+            Command::Fly => self.set_flying(self.fly.is_none()),
+            Command::CopyCamera => {
+                if let Some(camera) = self.camera()
+                    && let Ok(text) = serde_json::to_string(&camera)
+                {
+                    self.asks.push(Ask::Copy(text));
+                    self.inform("copied the camera");
+                }
+            }
+            Command::Paste => self.asks.push(Ask::Paste),
+            Command::Panel => self.has_panel = !self.has_panel,
+            Command::Help => self.has_help = !self.has_help,
+            Command::Graph => self.has_graph = !self.has_graph,
+            Command::Freeze => self.history.toggle_frozen(),
+            Command::FullScreen => self.asks.push(Ask::FullScreen),
+            Command::Dismiss => {
+                self.notices.clear();
+            }
+        }
+        self.is_cover_dirty = true;
+        Ok(())
+    }
+
+    fn escape(&mut self) {
+        if self.has_help {
+            self.has_help = false;
+        } else if self.turntable.is_some() {
+            self.end_turntable("stopped; ");
+        } else if self.fly.is_some() {
+            self.set_flying(false);
+        } else if !self.notices.clear() {
+            self.is_closing = true;
+        }
+    }
+
+    fn set_flying(&mut self, is_flying: bool) {
+        if is_flying && self.orbit.is_none() {
+            return;
+        }
+        self.fly = is_flying.then_some(Fly {
+            speed: FLY_SPEED,
+            last_at: None,
+        });
+        self.held_keys.clear();
+        self.mouse.release();
+        self.asks.push(Ask::HoldCursor(is_flying));
+    }
+
+    /// Another light.
+    pub(super) fn set_light(&mut self, light: Light) {
+        self.light = light;
+        self.is_dirty = true;
+    }
+
+    /// Why these settings cannot be drawn with, if so.
+    fn refusal(&self, settings: &Settings) -> Option<String> {
+        let model = self.screen.model()?;
+        let max_size_px = self.screen.gpu().info().max_point_size_px;
+        let mut settings = *settings;
+        if settings.method == Method::Points {
+            // As they are drawn.
+            settings.threshold_px = settings.threshold_px.min(max_size_px);
+        }
+        let outputs = Outputs {
+            depth: false,
+            normal: false,
+        };
+        let refuses = |settings: &Settings| {
+            let outcome = plan::check(model, settings, outputs, max_size_px);
+            outcome.err().map(|error| error.to_string())
+        };
+        let old = &self.settings;
+        let changes_splats = (settings.splat, settings.blend, settings.shading)
+            != (old.splat, old.blend, old.shading);
+        // Without splats any kind is accepted; it would be refused when splats are to be drawn, and seem to be the
+        // fault of the method.
+        let with_splats = Settings {
+            method: Method::Pop,
+            ..settings
+        };
+        refuses(&settings).or_else(|| {
+            let is_later = changes_splats && !settings.has_cut();
+            is_later.then(|| refuses(&with_splats)).flatten()
+        })
+    }
+
+    /// Whether the model must be loaded once more for these settings: filtered splats need sums that it has not, and
+    /// that were never asked for. What came by a pipe is gone.
+    fn needs_load(&self, settings: &Settings) -> bool {
+        let Some(model) = self.screen.model() else {
+            return false;
+        };
+        settings.draws_filtered()
+            && settings.has_cut()
+            && !model.triangles.is_empty()
+            && model.tree.moments.len() != model.tree.nodes.len()
+            && self.path != Path::new("-")
+            && !self.options.moments.load(Ordering::Relaxed)
+    }
+
+    /// Draws in another way from now on, unless that is refused: then the window says why and nothing changes.
+    pub(super) fn wish(&mut self, settings: Settings) {
+        if settings == self.settings {
+            return;
+        }
+        if self.needs_load(&settings) {
+            self.options.moments.store(true, Ordering::Relaxed);
+            self.after_load = Some(settings);
+            self.asks.push(Ask::Open(self.path.clone()));
+            self.inform("loading again, with the sums that filtered splats need");
+            return;
+        }
+        if let Some(why) = self.refusal(&settings) {
+            self.warn(&why);
+            return;
+        }
+        if let Some(control) = &mut self.control {
+            control.set_finest(settings.threshold_px);
+        }
+        let looks_other = Settings {
+            threshold_px: self.settings.threshold_px,
+            ..settings
+        } != self.settings;
+        if looks_other {
+            // Other passes: their times are not to be mixed.
+            self.history.clear();
+        }
+        self.settings = settings;
+        self.is_dirty = true;
+    }
+
+    /// The next choice that is not refused; tells of those that were passed over.
+    fn step<T: Copy + PartialEq>(
+        &mut self,
+        list: &[Choice<T>],
+        now: T,
+        backward: bool,
+        with: impl Fn(T) -> Settings,
+    ) {
+        let mut passed: Vec<String> = Vec::new();
+        for value in others(list, now, backward) {
+            let settings = with(value);
+            let refusal = self.refusal(&settings);
+            match refusal.filter(|_| !self.needs_load(&settings)) {
+                None => {
+                    self.wish(settings);
+                    break;
+                }
+                Some(why) => passed.push(format!("{}: {why}", choices::name_of(list, value))),
+            }
+        }
+        if !passed.is_empty() {
+            self.warn(&format!("passed over {}", passed.join("; ")));
+        }
+    }
+
+    /// What the options ask for after a frame of the model, and the next picture of a turntable.
+    pub(super) fn after_frame(&mut self) -> Result<(), Error> {
+        if self.turntable.is_some() {
+            self.next_of_turntable()?;
+        }
+        if let Some(path) = self.options.screenshot.clone() {
+            if self.options.with_panel {
+                // The panel tells of the frames before.
+                if self.frames < 4 {
+                    self.is_dirty = true;
+                    return Ok(());
+                }
+                self.save_shown(&path)?;
+            } else {
+                self.save(&path)?;
+            }
+            self.is_closing = true;
+        }
+        if let Some(frames) = self.options.exit_after_frames {
+            self.is_closing |= self.frames >= frames;
+            self.is_dirty = true;
+        }
+        Ok(())
+    }
+
+    /// Writes the picture, without what covers it.
+    pub(in crate::viewer) fn save(&mut self, path: &Path) -> Result<(), Error> {
+        if let Some(image) = self.screen.read()? {
+            image.save_png(path)?;
+        }
+        Ok(())
+    }
+
+    /// Writes what the window shows, panel and all.
+    pub(in crate::viewer) fn save_shown(&mut self, path: &Path) -> Result<(), Error> {
+        if let Some(image) = self.screen.read_shown()? {
+            image.save_png(path)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the first `surfel-NNN.png` that is not there yet.
+    fn numbered_screenshot(&mut self) -> Result<(), Error> {
+        match free_path("surfel-", ".png") {
+            Some(path) if self.orbit.is_some() => {
+                self.save(&path)?;
+                self.inform(&format!("wrote {}", path.display()));
+            }
+            Some(_) => {}
+            None => self.warn("surfel-000.png to surfel-999.png are all there; move some away"),
+        }
+        Ok(())
+    }
+
+    /// Writes pictures into `folder` from the next frame on, which is made if it is not there.
+    pub(super) fn start_turntable(&mut self, folder: PathBuf) -> Result<(), Error> {
+        if let Err(source) = std::fs::create_dir_all(&folder) {
+            let error = crate::image::Error::Write {
+                path: folder,
+                source,
+            };
+            if self.is_unattended() {
+                return Err(error.into());
+            }
+            self.warn(&error.to_string());
+            return Ok(());
+        }
+        let count = self.options.turntable_frames.unwrap_or(TURNTABLE).max(1);
+        // A turntable turns; a camera that was given does not.
+        self.change(|_| {});
+        self.turntable = Some(Turntable {
+            folder,
+            next: 0,
+            count,
+        });
+        self.is_dirty = true;
+        Ok(())
+    }
+
+    fn end_turntable(&mut self, how: &str) {
+        if let Some(turntable) = self.turntable.take() {
+            self.inform(&format!(
+                "{how}wrote {} pictures to {}",
+                turntable.next,
+                turntable.folder.display()
+            ));
+            self.is_dirty = true;
+            self.is_closing |= self.options.turntable.is_some();
+        }
+    }
+
+    fn next_of_turntable(&mut self) -> Result<(), Error> {
+        let Some(turntable) = &mut self.turntable else {
+            return Ok(());
+        };
+        let (count, index) = (turntable.count, turntable.next);
+        let path = turntable.folder.join(format!("turn-{index:03}.png"));
+        match self.save(&path) {
+            Err(Error::Image(error)) if !self.is_unattended() => {
+                self.warn(&error.to_string());
+                self.turntable = None;
+                return Ok(());
+            }
+            other => other?,
+        }
+        if let Some(turntable) = &mut self.turntable {
+            turntable.next += 1;
+        }
+        if let Some(orbit) = &mut self.orbit {
+            orbit.turn_table(TAU / f64::from(count));
+        }
+        self.is_dirty = true;
+        if index + 1 == count {
+            self.end_turntable("");
+        }
+        Ok(())
+    }
+
+    fn print_statistics(&mut self) -> Result<(), Error> {
+        self.screen.finish()?;
+        let camera: Option<Camera> = self.camera();
+        let (Some(model), Some(camera)) = (self.screen.model(), camera) else {
+            return Ok(());
+        };
+        let facts = text::Facts {
+            name: &self.name,
+            model,
+            settings: &self.settings,
+            device: &self.screen.gpu().info().name,
+            present_mode: self.screen.present_mode(),
+            size: self.size,
+        };
+        let mut out = text::statistics(&facts, self.screen.frame_ms(), self.screen.times());
+        if let Ok(camera) = serde_json::to_string(&camera) {
+            out += &format!("  camera {camera}\n");
+        }
+        // Nobody may be reading; the window goes on.
+        let _ = std::io::stdout().write_all(out.as_bytes());
+        Ok(())
+    }
+}
+
+/// The first of `name000end` to `name999end` that is not there yet.
+fn free_path(name: &str, end: &str) -> Option<PathBuf> {
+    (0..1000)
+        .map(|n| PathBuf::from(format!("{name}{n:03}{end}")))
+        .find(|path| !path.exists())
+}

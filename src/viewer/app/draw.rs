@@ -1,0 +1,240 @@
+//! Frames, and the way on after one that failed.
+
+use super::{App, MOST_LOSSES};
+use crate::gpu::{self, Gpu};
+use crate::math::camera::{Camera, Light};
+use crate::method::Settings;
+use crate::viewer::Error;
+use crate::viewer::camera::Orbit;
+use crate::viewer::event::Event;
+use crate::viewer::graph::work_ms;
+use crate::viewer::screen::{Request, Shown, Way, way_after};
+use std::sync::Arc;
+
+impl App {
+    /// What the frames that have finished cost, as events.
+    pub(in crate::viewer) fn finished(&mut self) -> Vec<Event> {
+        let mut events = Vec::new();
+        for frame in self.screen.take_finished() {
+            self.history.add(&frame.times);
+            if self.control.is_some() && frame.is_moving {
+                events.push(Event::Frame {
+                    ms: work_ms(&frame.times),
+                    threshold_px: frame.threshold_px,
+                });
+            }
+        }
+        events
+    }
+
+    /// Whether frames have finished that [`finished`](App::finished) has not told of and that matter now.
+    pub(in crate::viewer) fn has_finished(&self) -> bool {
+        self.control.is_some() && self.screen.has_finished()
+    }
+
+    /// What is being done besides; shown in the panel.
+    pub(in crate::viewer) fn set_status(&mut self, status: String) {
+        if self.status.as_ref() != Some(&status) {
+            self.status = Some(status);
+            self.is_cover_dirty |= self.has_panel;
+        }
+    }
+
+    /// Waits for all frames.
+    pub(in crate::viewer) fn finish(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
+        let had_frames = self.screen.has_pending();
+        match self.screen.finish() {
+            Err(error) if way_after(&error) == Way::NewDevice => {
+                self.open_new_device(window, error)
+            }
+            other => {
+                other?;
+                // The figures of the last frame are known only now.
+                self.is_cover_dirty |=
+                    had_frames && (self.has_panel || self.has_graph) && self.shows_old_figures();
+                Ok(())
+            }
+        }
+    }
+
+    /// Whether the panel or the graph show another frame than the last.
+    fn shows_old_figures(&mut self) -> bool {
+        let now = (self.frames, self.screen.frame_ms().to_bits());
+        std::mem::replace(&mut self.shown_figures, now) != now
+    }
+
+    /// How the next frame is drawn.
+    fn effective_settings(&self) -> Settings {
+        let mut settings = self.settings;
+        if let Some(control) = &self.control
+            && settings.has_cut()
+            && self.turntable.is_none()
+        {
+            settings.threshold_px = control.threshold_px().max(settings.threshold_px);
+        }
+        settings
+    }
+
+    /// Draws and presents a frame. Returns whether the window gave an image.
+    pub(in crate::viewer) fn draw(&mut self, window: Option<&glfw::Window>) -> Result<bool, Error> {
+        match self.try_draw(window) {
+            Ok(Shown::Nothing) => Ok(false),
+            Ok(Shown::Again) => {
+                self.is_cover_dirty = true;
+                Ok(true)
+            }
+            Ok(Shown::Frame) => {
+                self.losses = 0;
+                Ok(true)
+            }
+            Err(Error::Gpu(error)) => {
+                match way_after(&error) {
+                    Way::NewDevice => self.open_new_device(window, error)?,
+                    Way::End => return Err(error.into()),
+                    // What was asked for cannot be made, and nobody is there to ask for something else.
+                    _ if self.is_unattended() => return Err(error.into()),
+                    Way::OtherSettings => self.fall_back(&error.to_string()),
+                    Way::WithoutModel => self.forget_model(&error.to_string()),
+                }
+                Ok(true)
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<Shown, Error> {
+        let has_cover = self.has_cover();
+        if has_cover {
+            self.paint_cover()?;
+        }
+        let is_new_picture = self.is_dirty || !self.screen.has_picture();
+        let settings = self.effective_settings();
+        let is_moving = self.is_moving();
+        let orbit_is_there = self.orbit.is_some();
+        let request = Request {
+            window,
+            size: self.size,
+            settings: &settings,
+            is_new_picture,
+            has_overlay: self.has_cover(),
+            is_moving,
+        };
+        // The window may have another size already than its events say. That is no input, so the turntable must not
+        // learn of it.
+        let (screen, orbit) = (&mut self.screen, &self.orbit);
+        let (fixed, light) = (&self.fixed, self.light);
+        let shown = screen.draw(&request, |size| {
+            Some(camera_of(orbit.as_ref()?, fixed.as_ref(), light, size))
+        })?;
+        if shown == Shown::Nothing {
+            return Ok(shown);
+        }
+        if is_new_picture {
+            self.is_dirty = shown == Shown::Again;
+            if orbit_is_there && shown == Shown::Frame {
+                self.good = Some(self.settings);
+                self.frames += 1;
+                self.after_frame()?;
+            }
+        }
+        Ok(shown)
+    }
+
+    /// The settings cannot be drawn with: back to the last that could.
+    fn fall_back(&mut self, message: &str) {
+        let plain = Settings {
+            threshold_px: self.settings.threshold_px.min(64.0),
+            background: self.settings.background,
+            ..Settings::default()
+        };
+        let next = match self.good {
+            Some(good) if good != self.settings => good,
+            _ => plain,
+        };
+        if next == self.settings {
+            self.forget_model(message);
+            return;
+        }
+        self.settings = next;
+        self.good = None;
+        self.is_dirty = true;
+        self.warn(message);
+    }
+
+    /// Without the model there is room again, and the window still opens others.
+    fn forget_model(&mut self, message: &str) {
+        self.screen.drop_model();
+        self.orbit = None;
+        self.facts = None;
+        self.is_dirty = true;
+        self.warn(message);
+    }
+
+    /// The device was lost: opens it again, and puts everything back.
+    fn open_new_device(
+        &mut self,
+        window: Option<&glfw::Window>,
+        error: gpu::Error,
+    ) -> Result<(), Error> {
+        self.losses += 1;
+        if self.losses > MOST_LOSSES {
+            return Err(Error::DeviceGone(error));
+        }
+        let gpu: Arc<Gpu> = Gpu::open(&self.options.gpu).map_err(Error::DeviceGone)?;
+        self.messages.push(gpu.messages().clone());
+        self.screen
+            .reopen(&gpu, window)
+            .map_err(Error::DeviceGone)?;
+        self.is_dirty = true;
+        self.warn("the device was lost; it was opened again");
+        Ok(())
+    }
+}
+
+/// The camera for a picture of `size` pixels.
+pub(super) fn camera_of(
+    orbit: &Orbit,
+    fixed: Option<&Camera>,
+    light: Light,
+    size: (u32, u32),
+) -> Camera {
+    let mut camera = match fixed {
+        Some(camera) => fit(camera, size),
+        None => {
+            let mut orbit = orbit.clone();
+            orbit.resize(size);
+            orbit.camera()
+        }
+    };
+    camera.light = light;
+    camera
+}
+
+/// `camera` for a picture of `size` pixels: the same height is seen, and pixels stay as square as they were.
+fn fit(camera: &Camera, (width, height): (u32, u32)) -> Camera {
+    let mut fitted = camera.clone();
+    let aspect = |w: u32, h: u32| f64::from(w) / f64::from(h);
+    if u64::from(width) * u64::from(camera.height) != u64::from(height) * u64::from(camera.width) {
+        fitted.proj.x_axis.x *= aspect(camera.width, camera.height) / aspect(width, height);
+    }
+    (fitted.width, fitted.height) = (width, height);
+    fitted
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::DVec3;
+
+    #[test]
+    fn a_camera_that_is_fitted_keeps_its_height_and_square_pixels() {
+        let camera = Camera::orbit((400, 300), DVec3::ZERO, 1.0, 0.3, 0.2, 1.0);
+        assert_eq!(fit(&camera, (400, 300)), camera);
+        let double = fit(&camera, (800, 600));
+        assert_eq!((double.proj, double.width), (camera.proj, 800));
+        let wide = fit(&camera, (900, 300));
+        assert_eq!(wide.proj.y_axis, camera.proj.y_axis);
+        let square = wide.proj.x_axis.x * 900.0 / (wide.proj.y_axis.y * 300.0);
+        assert!((square - 1.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,290 @@
+//! The events of a step, and what they change.
+
+use super::draw::camera_of;
+use super::{App, Ask, LONGEST_TICK_S, REST_S};
+use crate::math::camera::Camera;
+use crate::viewer::Error;
+use crate::viewer::camera::Orbit;
+use crate::viewer::control::Control;
+use crate::viewer::event::{Event, Key, Modifiers};
+use crate::viewer::input::{self, Command, Drag, Gesture};
+use crate::viewer::record::Entry;
+use crate::viewer::screen::{Way, way_after};
+use glam::{DVec2, DVec3};
+
+impl App {
+    /// Handles the events of a step.
+    pub(in crate::viewer) fn handle(&mut self, entries: &[Entry]) -> Result<(), Error> {
+        for entry in entries {
+            self.time = entry.time.max(self.time);
+            self.event(&entry.event)?;
+        }
+        let steps = std::mem::take(&mut self.wheel);
+        if steps != 0.0 {
+            match &mut self.fly {
+                Some(fly) => fly.speed = (fly.speed * 1.2f64.powf(steps)).clamp(1e-4, 100.0),
+                None => {
+                    let at = self.mouse.position();
+                    let distance = self.distance_at(at)?;
+                    self.change(|orbit| orbit.zoom(Orbit::wheel_factor(steps), at, distance));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, event: &Event) -> Result<(), Error> {
+        let taken = self.interface.event(event, self.has_cover());
+        self.is_cover_dirty |= taken.changes;
+        if taken.consumed {
+            if let Event::Cursor(at) = event {
+                let _ = self.mouse.moved(DVec2::from_array(*at));
+            }
+            return Ok(());
+        }
+        match event {
+            Event::Size { width, height, .. } => {
+                self.size = (*width, *height);
+                if let Some(orbit) = &mut self.orbit {
+                    orbit.resize(self.size);
+                }
+                self.is_dirty = true;
+            }
+            Event::Focus(has_focus) => {
+                if !has_focus {
+                    self.mouse.release();
+                    self.held_keys.clear();
+                }
+            }
+            Event::Cursor(at) => {
+                let at = DVec2::from_array(*at);
+                if let Some(fly) = &mut self.fly {
+                    let by = fly.last_at.map(|last| at - last);
+                    fly.last_at = Some(at);
+                    let _ = self.mouse.moved(at);
+                    if let Some(by) = by {
+                        self.change(|orbit| orbit.look_around(by));
+                    }
+                } else if let Some(gesture) = self.mouse.moved(at) {
+                    self.gesture(gesture)?;
+                }
+            }
+            Event::Button { .. } if self.fly.is_some() => {}
+            Event::Button {
+                button,
+                pressed,
+                modifiers,
+            } => {
+                let gesture = self.mouse.button(*button, *pressed, *modifiers, self.time);
+                if let Some(gesture) = gesture {
+                    self.gesture(gesture)?;
+                }
+            }
+            Event::Scroll([_, steps]) => self.wheel += steps,
+            Event::Key {
+                key,
+                pressed,
+                repeat,
+                modifiers,
+            } => self.key(*key, (*pressed, *repeat), *modifiers)?,
+            Event::Text('?') => self.command(Command::Help)?,
+            Event::Paste(text) => match serde_json::from_str::<Camera>(text) {
+                Ok(camera) => self.set_camera(camera),
+                Err(error) => self.warn(&format!(
+                    "the clipboard holds no camera as Ctrl C or --save-camera writes it: {error}"
+                )),
+            },
+            Event::Drop(path) => {
+                if path
+                    .extension()
+                    .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+                {
+                    match Camera::read(path) {
+                        Ok(camera) => self.set_camera(camera),
+                        Err(error) => self.warn(&format!("{}: {error}", path.display())),
+                    }
+                } else {
+                    self.notices.clear();
+                    self.after_load = None;
+                    self.asks.push(Ask::Open(path.clone()));
+                }
+            }
+            Event::Tick(seconds) => self.tick(*seconds),
+            Event::Frame { ms, threshold_px } => {
+                if let Some(control) = &mut self.control {
+                    control.frame(*threshold_px, *ms);
+                }
+            }
+            Event::Text(_) | Event::CursorGone | Event::Loaded(_) => {}
+        }
+        Ok(())
+    }
+
+    fn key(
+        &mut self,
+        key: Key,
+        (pressed, repeat): (bool, bool),
+        modifiers: Modifiers,
+    ) -> Result<(), Error> {
+        self.is_fast = modifiers.shift;
+        if self.fly.is_some() && matches!(key, Key::Char('w' | 'a' | 's' | 'd' | 'e' | 'q')) {
+            if pressed {
+                self.held_keys.insert(key);
+            } else {
+                self.held_keys.remove(&key);
+            }
+            return Ok(());
+        }
+        if !pressed {
+            return Ok(());
+        }
+        let command = input::command(key, modifiers);
+        // Held keys step thresholds and go through kinds; they switch nothing to and fro.
+        let steps = matches!(
+            command,
+            Some(Command::ThresholdBy(_) | Command::DepthOffsetBy(_) | Command::Splat(_))
+        );
+        match command {
+            Some(command) if !repeat || steps => self.command(command),
+            _ => Ok(()),
+        }
+    }
+
+    /// Time has passed.
+    fn tick(&mut self, seconds: f64) {
+        self.is_cover_dirty |= self.notices.expire(self.time);
+        if self.again_at.is_some_and(|at| at <= self.time) {
+            self.again_at = None;
+            self.is_cover_dirty = true;
+        }
+        if let Some(fly) = self.fly
+            && !self.held_keys.is_empty()
+        {
+            let mut by = DVec3::ZERO;
+            for key in &self.held_keys {
+                by += match key {
+                    Key::Char('w') => DVec3::NEG_Z,
+                    Key::Char('s') => DVec3::Z,
+                    Key::Char('a') => DVec3::NEG_X,
+                    Key::Char('d') => DVec3::X,
+                    Key::Char('e') => DVec3::Y,
+                    _ => DVec3::NEG_Y,
+                };
+            }
+            let speed = fly.speed * if self.is_fast { 4.0 } else { 1.0 };
+            let way = by.normalize_or_zero() * speed * seconds.clamp(0.0, LONGEST_TICK_S);
+            self.change(|orbit| orbit.fly(way));
+        }
+        if !self.is_moving()
+            && let Some(control) = &mut self.control
+            && control.refine()
+        {
+            self.is_dirty = true;
+        }
+    }
+
+    /// When a [`Event::Tick`] is due, seconds; none while nothing moves by itself.
+    pub(in crate::viewer) fn next_tick(&self) -> Option<f64> {
+        let is_flying = self.fly.is_some() && !self.held_keys.is_empty();
+        let refines = self.control.as_ref().is_some_and(Control::is_coarse)
+            && self.orbit.is_some()
+            && self.turntable.is_none();
+        let notice = self.notices.next_expiry(self.time);
+        [
+            is_flying.then_some(self.time),
+            refines.then_some(self.moved_at + REST_S),
+            self.again_at,
+            notice.map(|s| self.time + s),
+        ]
+        .into_iter()
+        .flatten()
+        .min_by(f64::total_cmp)
+    }
+
+    pub(super) fn is_moving(&self) -> bool {
+        self.time - self.moved_at < REST_S
+    }
+
+    /// Changes the camera, if there is a model.
+    pub(super) fn change(&mut self, change: impl FnOnce(&mut Orbit)) {
+        if self.turntable.is_some() {
+            return;
+        }
+        if let Some(orbit) = &mut self.orbit {
+            change(orbit);
+            self.fixed = None;
+            self.moved_at = self.time;
+            if let Some(control) = &mut self.control {
+                control.moved();
+            }
+            self.is_dirty = true;
+            self.is_cover_dirty = true;
+        }
+    }
+
+    /// Looks as a camera does that was given.
+    fn set_camera(&mut self, camera: Camera) {
+        if let Err(error) = camera.view(DVec3::ZERO) {
+            self.warn(&error.to_string());
+            return;
+        }
+        let light = camera.light;
+        self.change(|orbit| orbit.look_as(&camera));
+        self.light = light;
+        self.fixed = Some(camera);
+        self.is_dirty = true;
+    }
+
+    /// The camera for a picture of the size that the window has.
+    pub(super) fn camera(&self) -> Option<Camera> {
+        let orbit = self.orbit.as_ref()?;
+        Some(camera_of(orbit, self.fixed.as_ref(), self.light, self.size))
+    }
+
+    /// Distance of what is seen at a pixel, or of the center of rotation where nothing is.
+    fn distance_at(&mut self, at: DVec2) -> Result<f64, Error> {
+        let Some(orbit) = &self.orbit else {
+            return Ok(1.0);
+        };
+        let away = orbit.pivot_distance();
+        Ok(self.probe(at)?.unwrap_or(away))
+    }
+
+    /// As [`Screen::distance_at`]; a device that was lost knows nothing, and is noticed by the next frame.
+    fn probe(&mut self, at: DVec2) -> Result<Option<f64>, Error> {
+        match self.screen.distance_at(at) {
+            Err(error) if way_after(&error) != Way::End => Ok(None),
+            other => Ok(other?),
+        }
+    }
+
+    fn gesture(&mut self, gesture: Gesture) -> Result<(), Error> {
+        match gesture {
+            Gesture::Begin(Drag::Turn, _) => {}
+            Gesture::Begin(Drag::Pan | Drag::Zoom, at) => {
+                self.drag_distance = self.distance_at(at)?;
+                self.drag_at = at;
+            }
+            Gesture::Move(Drag::Turn, by) => self.change(|orbit| orbit.turn(by)),
+            Gesture::Move(Drag::Pan, by) => {
+                let distance = self.drag_distance;
+                self.change(|orbit| orbit.pan(by, distance));
+            }
+            Gesture::Move(Drag::Zoom, by) => {
+                let (at, distance) = (self.drag_at, self.drag_distance);
+                let mut factor = 1.0;
+                self.change(|orbit| {
+                    factor = orbit.drag_factor(by.y);
+                    orbit.zoom(factor, at, distance);
+                });
+                self.drag_distance *= factor;
+            }
+            Gesture::DoubleClick(at) => {
+                if let Some(distance) = self.probe(at)? {
+                    self.change(|orbit| orbit.set_pivot(at, distance));
+                }
+            }
+        }
+        Ok(())
+    }
+}

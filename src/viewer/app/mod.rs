@@ -1,0 +1,285 @@
+//! What the window does, without the window: events in, frames out. Given the same events in the same steps, the
+//! same pictures.
+
+mod commands;
+mod draw;
+mod events;
+mod show;
+
+use super::camera::Orbit;
+use super::control::Control;
+use super::event::Key;
+use super::graph::History;
+use super::input::Mouse;
+use super::loader::OpenError;
+use super::notice::{Notices, Weight};
+use super::panel::Facts;
+use super::screen::Screen;
+use super::ui::Interface;
+use super::{Error, Options, text};
+use crate::gpu::messages::Messages;
+use crate::math::camera::{Camera, Light};
+use crate::method::Settings;
+use crate::tree::Model;
+use commands::Turntable;
+use glam::DVec2;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
+
+/// What the app asks of the window around it.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Ask {
+    /// Load a model.
+    Open(PathBuf),
+    /// Put a text into the clipboard.
+    Copy(String),
+    /// Read the clipboard, and hand it over as [`super::event::Event::Paste`].
+    Paste,
+    /// Switch full screen.
+    FullScreen,
+    /// Keep the cursor inside, invisible, or let it go.
+    HoldCursor(bool),
+}
+
+/// After how long without motion the camera rests, seconds.
+const REST_S: f64 = 0.15;
+/// Radii of the model flown in a second at first.
+const FLY_SPEED: f64 = 0.5;
+/// How often in a row the device may be lost without a frame between.
+const MOST_LOSSES: u32 = 3;
+/// Longest time that one step flies, seconds: after a pause nobody is thrown out of the model.
+const LONGEST_TICK_S: f64 = 0.2;
+
+/// Flying: how fast, in radii of the model a second.
+#[derive(Debug, Clone, Copy)]
+struct Fly {
+    speed: f64,
+    last_at: Option<DVec2>,
+}
+
+/// The state of the viewer.
+pub(super) struct App {
+    pub(super) screen: Screen,
+    pub(super) options: Options,
+    interface: Interface,
+    orbit: Option<Orbit>,
+    /// A camera as it was given, until it is moved.
+    fixed: Option<Camera>,
+    light: Light,
+    pub(super) settings: Settings,
+    /// Settings that a frame was drawn with.
+    good: Option<Settings>,
+    control: Option<Control>,
+    mouse: Mouse,
+    /// Distance of what the drag that goes on has hold of.
+    drag_distance: f64,
+    /// Where the drag began.
+    drag_at: DVec2,
+    /// Steps of the wheel since the last frame.
+    wheel: f64,
+    fly: Option<Fly>,
+    held_keys: BTreeSet<Key>,
+    is_fast: bool,
+    notices: Notices,
+    history: History,
+    facts: Option<Facts>,
+    /// Where the model came from.
+    path: PathBuf,
+    /// Settings for the model that is being loaded, which is the same with more to it.
+    after_load: Option<Settings>,
+    /// What the window does besides, such as `scan.ply - building nodes 43%`.
+    pub(super) status: Option<String>,
+    pub(super) name: String,
+    pub(super) has_panel: bool,
+    has_help: bool,
+    pub(super) has_graph: bool,
+    pub(super) has_statistics: bool,
+    /// The picture of the model is to be drawn anew.
+    is_dirty: bool,
+    /// What covers it is.
+    is_cover_dirty: bool,
+    pub(super) is_closing: bool,
+    /// Seconds, of the last event or tick.
+    time: f64,
+    /// When egui wants to be shown again.
+    again_at: Option<f64>,
+    /// When the camera moved last.
+    moved_at: f64,
+    turntable: Option<Turntable>,
+    /// How often the device was lost since the last frame.
+    losses: u32,
+    /// Number and time of the frame whose figures are shown.
+    shown_figures: (u64, u64),
+    /// What the validation layer says of each device that was opened.
+    pub(super) messages: Vec<Messages>,
+    pub(super) size: (u32, u32),
+    /// Frames of a model so far.
+    pub(super) frames: u64,
+    pub(super) asks: Vec<Ask>,
+}
+
+impl App {
+    pub(super) fn new(screen: Screen, options: Options) -> Self {
+        let control = options
+            .frame_ms
+            .map(|ms| Control::new(ms, options.settings.threshold_px));
+        let messages = vec![screen.gpu().messages().clone()];
+        Self {
+            screen,
+            interface: Interface::default(),
+            orbit: None,
+            fixed: options.camera.clone(),
+            light: options.camera.as_ref().map_or(Light::Point, |c| c.light),
+            settings: options.settings,
+            good: None,
+            control,
+            mouse: Mouse::default(),
+            drag_distance: 0.0,
+            drag_at: DVec2::ZERO,
+            wheel: 0.0,
+            fly: None,
+            held_keys: BTreeSet::new(),
+            is_fast: false,
+            notices: Notices::default(),
+            history: History::default(),
+            facts: None,
+            path: PathBuf::new(),
+            after_load: None,
+            status: None,
+            name: text::name(&options.model),
+            has_panel: options.window.panel,
+            has_help: false,
+            has_graph: options.window.graph,
+            has_statistics: options.window.statistics,
+            is_dirty: true,
+            is_cover_dirty: true,
+            is_closing: false,
+            time: 0.0,
+            again_at: None,
+            moved_at: f64::NEG_INFINITY,
+            turntable: None,
+            losses: 0,
+            shown_figures: (0, 0),
+            messages,
+            size: (1, 1),
+            frames: 0,
+            asks: Vec::new(),
+            options,
+        }
+    }
+
+    /// Whether nobody is there to read a message and go on.
+    pub(super) fn is_unattended(&self) -> bool {
+        self.options.screenshot.is_some()
+            || self.options.exit_after_frames.is_some()
+            || self.options.turntable.is_some()
+    }
+
+    /// Whether something is to be drawn.
+    pub(super) fn is_dirty(&self) -> bool {
+        self.is_dirty || self.is_cover_dirty
+    }
+
+    /// Draws again although nothing has changed: the window lost what it showed.
+    pub(super) fn expose(&mut self) {
+        self.is_cover_dirty = true;
+    }
+
+    /// Whether anything covers the picture.
+    pub(super) fn has_cover(&self) -> bool {
+        self.has_panel || self.has_help || self.has_graph || !self.notices.list().is_empty()
+    }
+
+    pub(super) fn warn(&mut self, message: &str) {
+        // Standard error may be gone; the window is there.
+        let _ = std::io::Write::write_all(
+            &mut std::io::stderr(),
+            format!("surfel: {message}\n").as_bytes(),
+        );
+        self.notices.add(message, Weight::Warning, self.time);
+        self.is_cover_dirty = true;
+    }
+
+    fn inform(&mut self, message: &str) {
+        let _ = std::io::Write::write_all(
+            &mut std::io::stderr(),
+            format!("surfel: {message}\n").as_bytes(),
+        );
+        self.notices.add(message, Weight::Info, self.time);
+        self.is_cover_dirty = true;
+    }
+
+    /// The message that the title tells.
+    pub(super) fn failure(&self) -> Option<&str> {
+        let last = self.notices.list().last()?;
+        (last.weight == Weight::Warning).then_some(last.text.as_str())
+    }
+
+    /// A model was loaded, or could not be. Comes with [`super::event::Event::Loaded`].
+    pub(super) fn loaded(
+        &mut self,
+        path: &Path,
+        result: Result<Model, OpenError>,
+    ) -> Result<(), Error> {
+        self.status = None;
+        self.is_cover_dirty = true;
+        let after_load = self.after_load.take().filter(|_| path == self.path);
+        let outcome = match result {
+            Ok(model) => self
+                .screen
+                .set_model(model)
+                .map_err(|e| Box::new(e) as OpenError),
+            Err(error) => Err(error),
+        };
+        match outcome {
+            Ok(()) => {
+                let is_another = self.orbit.is_some();
+                self.path = path.to_owned();
+                self.name = text::name(path);
+                self.history.clear();
+                let orbit = self.options.orbit;
+                let Some(model) = self.screen.model() else {
+                    return Ok(());
+                };
+                self.facts = Some(Facts {
+                    name: self.name.clone(),
+                    triangles: model.triangles.len() as u64,
+                    vertices: model.vertices.len() as u64,
+                    nodes: (model.tree.nodes.len() + model.tree.leaves.len()) as u64,
+                    bytes: model.memory_bytes().total(),
+                    is_closed: model.is_closed,
+                });
+                self.is_dirty = true;
+                if let Some(settings) = after_load {
+                    self.wish(settings);
+                    return Ok(());
+                }
+                let center = model.origin + model.orbit_center.as_dvec3();
+                let radius = f64::from(model.orbit_radius);
+                self.orbit = Some(Orbit::new(center, radius, self.size, orbit));
+                if is_another {
+                    self.fixed = None;
+                }
+                if let (Some(camera), Some(orbit)) = (&self.fixed, &mut self.orbit) {
+                    orbit.look_as(camera);
+                }
+                if let Some(folder) = self.options.turntable.clone() {
+                    self.start_turntable(folder)?;
+                }
+                Ok(())
+            }
+            Err(error) if self.is_unattended() => Err(Error::Open(error)),
+            Err(error) => {
+                let message = error.to_string();
+                let name = path.display().to_string();
+                // Most errors name their file.
+                self.warn(&if message.contains(&name) {
+                    message
+                } else {
+                    format!("{name}: {message}")
+                });
+                Ok(())
+            }
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! What covers the picture: panel, graph, list of keys, messages.
+
+use super::App;
+use crate::viewer::panel::{self, State, Wish};
+use crate::viewer::{Error, help};
+use egui::{Align2, Area, Frame, vec2};
+
+/// Width of the graph, points.
+const GRAPH_WIDTH: f32 = 380.0;
+
+impl App {
+    /// Lets egui lay out and paint, does what the user asked for, and hands the triangles to the screen.
+    pub(super) fn paint_cover(&mut self) -> Result<(), Error> {
+        if !self.is_cover_dirty && !self.is_dirty {
+            return Ok(());
+        }
+        self.is_cover_dirty = false;
+        let mut wishes: Vec<Wish> = Vec::new();
+        let mut dismissed = None;
+        let mut closes_help = false;
+        let size = self.interface.size_in_points();
+        let control = self
+            .control
+            .as_ref()
+            .map(|c| (c.threshold_px(), c.target_ms(), c.report()));
+        let state = State {
+            settings: &self.settings,
+            light: self.light,
+            facts: self.facts.as_ref(),
+            status: self.status.as_deref(),
+            frame_ms: self.screen.frame_ms(),
+            counts: self.screen.times().counts,
+            control,
+            is_flying: self.fly.is_some(),
+        };
+        let left = if self.has_panel { panel::WIDTH } else { 0.0 };
+        let budget = control.map_or(1000.0 / 60.0, |(_, ms, _)| ms);
+        let painted = self.interface.run(self.time, |ui| {
+            let context = ui.ctx();
+            if self.has_panel {
+                wishes = panel::show(context, &state, size.y);
+            }
+            if self.has_graph {
+                Area::new("graph".into())
+                    .anchor(Align2::RIGHT_BOTTOM, vec2(-12.0, -12.0))
+                    .show(context, |ui| {
+                        Frame::window(ui.style()).show(ui, |ui| {
+                            ui.set_width(GRAPH_WIDTH.min(size.x - 40.0).max(100.0));
+                            self.history.show(ui, budget);
+                        });
+                    });
+            }
+            dismissed = help::notices(context, &self.notices, size, left);
+            if self.has_help {
+                closes_help = help::keys(context, size);
+            }
+        });
+        self.again_at = painted.again_in.map(|seconds| self.time + seconds);
+        if painted.again_in == Some(0.0) {
+            self.again_at = None;
+            self.is_cover_dirty = true;
+        }
+        if let Some(text) = &painted.copied {
+            self.asks.push(super::Ask::Copy(text.clone()));
+        }
+        self.screen.cover(painted)?;
+        if closes_help {
+            self.has_help = false;
+            self.is_cover_dirty = true;
+        }
+        if let Some(index) = dismissed {
+            self.notices.dismiss(index);
+            self.is_cover_dirty = true;
+        }
+        for wish in wishes {
+            self.is_cover_dirty = true;
+            match wish {
+                Wish::Command(command) => self.command(command)?,
+                Wish::Settings(settings) => self.wish(*settings),
+                Wish::Light(light) => self.set_light(light),
+            }
+        }
+        Ok(())
+    }
+}

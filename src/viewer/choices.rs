@@ -1,0 +1,219 @@
+//! What can be chosen, with the names of the command line.
+
+use crate::cut::SizeMetric;
+use crate::method::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
+
+/// A value with its name and what it is, in a sentence.
+pub type Choice<T> = (T, &'static str, &'static str);
+
+/// The methods.
+pub const METHODS: &[Choice<Method>] = &[
+    (
+        Method::Triangles,
+        "triangles",
+        "Every triangle: the reference (A)",
+    ),
+    (
+        Method::Points,
+        "points",
+        "Every vertex as a square of the threshold's size (S)",
+    ),
+    (
+        Method::Splats,
+        "splats",
+        "Splats only, also where triangles are large on screen (X)",
+    ),
+    (
+        Method::Pop,
+        "pop",
+        "Triangles where they are large on screen, splats where small (D)",
+    ),
+];
+
+/// The kinds of splats.
+pub const SPLATS: &[Choice<SplatKind>] = &[
+    (SplatKind::Square, "square", "Squares that face the viewer"),
+    (SplatKind::Disc, "disc", "Discs that face the viewer"),
+    (
+        SplatKind::Ellipse,
+        "ellipse",
+        "Discs in the plane of the surface, seen in perspective",
+    ),
+    (
+        SplatKind::Gauss,
+        "gauss",
+        "As ellipse, fading outward; blended in two passes",
+    ),
+    (
+        SplatKind::Visibility,
+        "visibility",
+        "Visible centers, and a reconstruction of the picture between them",
+    ),
+    (
+        SplatKind::Filtered,
+        "filtered",
+        "Squares that deposit the area they cover: smooth rims, the mean of what is in a pixel",
+    ),
+];
+
+/// The ways of blending; none is the usual one of the kind of splat.
+pub const BLENDS: &[Choice<Option<Blend>>] = &[
+    (None, "usual", "What the kind of splat asks for"),
+    (Some(Blend::Opaque), "opaque", "The nearest splat wins"),
+    (
+        Some(Blend::TwoPass),
+        "two-pass",
+        "The weighted mean of all splats within the depth offset of the front",
+    ),
+    (
+        Some(Blend::DepthThreshold),
+        "depth-threshold",
+        "One pass with a depth threshold; on the mirror only",
+    ),
+    (
+        Some(Blend::DepthRange),
+        "depth-range",
+        "One pass with a depth range a pixel; on the mirror only",
+    ),
+];
+
+/// When splats are lit.
+pub const SHADINGS: &[Choice<Shading>] = &[
+    (Shading::PerSplat, "per-splat", "Lit once a splat"),
+    (
+        Shading::Deferred,
+        "deferred",
+        "Lit once a pixel, from blended normals",
+    ),
+];
+
+/// How visibility splats are filled in.
+pub const RECONSTRUCTIONS: &[Choice<Reconstruction>] = &[
+    (
+        Reconstruction::Gaussian,
+        "gaussian",
+        "A Gaussian of the threshold's radius",
+    ),
+    (
+        Reconstruction::Density,
+        "density",
+        "A Gaussian whose radius follows the density of centers",
+    ),
+    (
+        Reconstruction::PullPush,
+        "pull-push",
+        "Pull-push over a pyramid of half sizes",
+    ),
+];
+
+/// Size metrics.
+pub const METRICS: &[Choice<SizeMetric>] = &[
+    (
+        SizeMetric::Exact,
+        "exact",
+        "The longer axis of the ellipse that its sphere covers",
+    ),
+    (
+        SizeMetric::Center,
+        "center",
+        "Diameter over distance of the center along the view direction",
+    ),
+    (
+        SizeMetric::Nearest,
+        "nearest",
+        "Diameter over distance of the nearest point along the view direction",
+    ),
+    (
+        SizeMetric::Angle,
+        "angle",
+        "Twice the tangent of half the angle it is seen under",
+    ),
+    (
+        SizeMetric::Area,
+        "area",
+        "Diameter of the circle of the ellipse's area",
+    ),
+];
+
+/// When what faces away is dropped.
+pub const CULLINGS: &[Choice<Culling>] = &[
+    (Culling::Auto, "auto", "On closed surfaces"),
+    (Culling::On, "on", "Always"),
+    (Culling::Off, "off", "Never"),
+];
+
+/// The backgrounds that a key goes through.
+pub const BACKGROUNDS: &[Choice<[f32; 3]>] = &[
+    ([0.0; 3], "black", "Black"),
+    ([128.0 / 255.0; 3], "gray", "Gray"),
+    ([1.0; 3], "white", "White"),
+];
+
+/// Name of a value; "other" of one that is not listed.
+pub fn name_of<T: Copy + PartialEq>(list: &[Choice<T>], value: T) -> &'static str {
+    list.iter()
+        .find(|c| c.0 == value)
+        .map_or("other", |choice| choice.1)
+}
+
+/// The value of a name.
+pub fn named<T: Copy>(list: &[Choice<T>], name: &str) -> Option<T> {
+    list.iter().find(|c| c.1 == name).map(|choice| choice.0)
+}
+
+/// The values that follow `value`, once around, without itself; all of them for a value that is not listed.
+pub fn others<T: Copy + PartialEq>(list: &[Choice<T>], value: T, backward: bool) -> Vec<T> {
+    let at = list.iter().position(|c| c.0 == value);
+    let mut after: Vec<T> = match at {
+        Some(at) => list[at + 1..]
+            .iter()
+            .chain(&list[..at])
+            .map(|c| c.0)
+            .collect(),
+        None => list.iter().map(|c| c.0).collect(),
+    };
+    if backward {
+        after.reverse();
+    }
+    after
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names<T: Copy + PartialEq + std::fmt::Debug>(list: &[Choice<T>]) {
+        for (value, name, what) in list {
+            assert_eq!(named(list, name), Some(*value));
+            assert_eq!(name_of(list, *value), *name);
+            assert!(!what.is_empty());
+        }
+    }
+
+    #[test]
+    fn names_and_values_belong_together() {
+        names(METHODS);
+        names(SPLATS);
+        names(BLENDS);
+        names(SHADINGS);
+        names(RECONSTRUCTIONS);
+        names(METRICS);
+        names(CULLINGS);
+        names(BACKGROUNDS);
+        assert_eq!(named(SPLATS, "needle"), None);
+        assert_eq!(name_of(BACKGROUNDS, [0.1; 3]), "other");
+    }
+
+    #[test]
+    fn keys_go_around_in_both_directions() {
+        let after = others(SHADINGS, Shading::PerSplat, false);
+        assert_eq!(after, [Shading::Deferred]);
+        let kinds = others(SPLATS, SplatKind::Filtered, false);
+        assert_eq!((kinds[0], kinds.len()), (SplatKind::Square, 5));
+        assert_eq!(
+            others(SPLATS, SplatKind::Square, true)[0],
+            SplatKind::Filtered
+        );
+        assert_eq!(others(BACKGROUNDS, [0.3; 3], false).len(), 3);
+    }
+}

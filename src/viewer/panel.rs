@@ -1,0 +1,447 @@
+//! The panel: what decides the picture, and what it shows. It changes nothing itself; what the user asks for comes
+//! back as wishes, the same that keys make.
+
+use super::choices::{self, Choice, name_of};
+use super::control::Report;
+use super::help::ACCENT;
+use super::input::Command;
+use super::text::count;
+use crate::draw::ColorBy;
+use crate::math::camera::Light;
+use crate::method::renderer::Counts;
+use crate::method::{Blend, Method, Settings, Shading, SplatKind};
+use egui::{Area, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2};
+
+/// Width of the panel, points.
+pub const WIDTH: f32 = 276.0;
+
+/// What the model is.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Facts {
+    /// Name of the file.
+    pub name: String,
+    /// Triangles.
+    pub triangles: u64,
+    /// Vertices.
+    pub vertices: u64,
+    /// Nodes of the tree, leaves included.
+    pub nodes: u64,
+    /// Bytes of model and tree in memory.
+    pub bytes: u64,
+    /// Whether the surface is closed.
+    pub is_closed: bool,
+}
+
+/// Everything the panel shows.
+#[derive(Debug)]
+pub struct State<'a> {
+    /// How the model is drawn.
+    pub settings: &'a Settings,
+    /// Where the light is.
+    pub light: Light,
+    /// The model, once there is one.
+    pub facts: Option<&'a Facts>,
+    /// What is being done, such as `building nodes 43%`.
+    pub status: Option<&'a str>,
+    /// Median time of the last frames, milliseconds.
+    pub frame_ms: f64,
+    /// What the last frame drew.
+    pub counts: Counts,
+    /// The threshold of the last frame, and what is known about the time of frames, where that is controlled.
+    pub control: Option<(f32, f64, Report)>,
+    /// The user flies.
+    pub is_flying: bool,
+}
+
+/// What the user asks for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Wish {
+    /// As a key would.
+    Command(Command),
+    /// Draw in another way.
+    Settings(Box<Settings>),
+    /// Another light.
+    Light(Light),
+}
+
+/// Shows the panel at the left edge, `height` points high.
+pub fn show(context: &egui::Context, state: &State<'_>, height: f32) -> Vec<Wish> {
+    let mut wishes = Vec::new();
+    Area::new("panel".into())
+        .fixed_pos(pos2(0.0, 0.0))
+        .movable(false)
+        .show(context, |ui| {
+            Frame::new()
+                .fill(ui.visuals().panel_fill)
+                .inner_margin(10)
+                .show(ui, |ui| {
+                    ui.set_width(WIDTH - 20.0);
+                    ui.set_min_height(height - 20.0);
+                    ScrollArea::vertical()
+                        .max_height(height - 20.0)
+                        .auto_shrink([false, true])
+                        .show(ui, |ui| contents(ui, state, &mut wishes));
+                });
+        });
+    wishes
+}
+
+fn heading(ui: &mut Ui, text: &str) {
+    ui.add_space(8.0);
+    ui.label(RichText::new(text).strong().color(ACCENT));
+}
+
+/// A line of two columns: what, and a value that may be long.
+fn fact(ui: &mut Ui, what: &str, value: String) {
+    ui.label(what);
+    ui.label(RichText::new(value).monospace());
+    ui.end_row();
+}
+
+fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
+    model(ui, state);
+    let mut settings = *state.settings;
+    heading(ui, "Drawing");
+    drawing(ui, &mut settings, state);
+    heading(ui, "Look");
+    let mut light = state.light;
+    look(ui, &mut settings, &mut light);
+    if settings != *state.settings {
+        wishes.push(Wish::Settings(Box::new(settings)));
+    }
+    if light != state.light {
+        wishes.push(Wish::Light(light));
+    }
+    heading(ui, "Frame");
+    frame(ui, state);
+    ui.add_space(10.0);
+    ui.horizontal_wrapped(|ui| {
+        for (name, command, tip) in [
+            ("Keys", Command::Help, "Show every key (? or F1)"),
+            (
+                "Frame model",
+                Command::Frame,
+                "Bring the model into the picture (F)",
+            ),
+            ("Reset", Command::Reset, "Back to the first view (R)"),
+            (
+                "Fly",
+                Command::Fly,
+                "Walk through the model with W A S D and the mouse (G)",
+            ),
+            (
+                "Picture",
+                Command::Screenshot,
+                "Write the picture to surfel-NNN.png (P)",
+            ),
+            (
+                "Turntable",
+                Command::Turntable,
+                "Write 36 pictures from all around to surfel-turn-NNN (T)",
+            ),
+            (
+                "Copy camera",
+                Command::CopyCamera,
+                "Copy the camera as JSON (Ctrl C); Ctrl V pastes one",
+            ),
+            (
+                "Full screen",
+                Command::FullScreen,
+                "Fill the screen, or back (F11)",
+            ),
+            (
+                "Graph",
+                Command::Graph,
+                "Show what the last frames cost (H)",
+            ),
+            ("Hide", Command::Panel, "Hide this panel (Tab)"),
+        ] {
+            if ui.button(name).on_hover_text(tip).clicked() {
+                wishes.push(Wish::Command(command));
+            }
+        }
+    });
+}
+
+fn model(ui: &mut Ui, state: &State<'_>) {
+    if let Some(status) = state.status {
+        ui.horizontal(|ui| {
+            ui.label("⏳");
+            ui.add(egui::Label::new(status).truncate());
+        });
+    }
+    let Some(facts) = state.facts else {
+        if state.status.is_none() {
+            ui.label("Drop a model here.");
+        }
+        return;
+    };
+    ui.add(egui::Label::new(RichText::new(&facts.name).heading()).truncate())
+        .on_hover_text(&facts.name);
+    Grid::new("model").num_columns(2).show(ui, |ui| {
+        fact(ui, "triangles", count(facts.triangles));
+        fact(ui, "vertices", count(facts.vertices));
+        fact(ui, "nodes", count(facts.nodes));
+        let mebibytes = facts.bytes as f64 / f64::from(1 << 20);
+        fact(ui, "in memory", format!("{mebibytes:.1} MiB"));
+        let surface = match (facts.is_closed, facts.triangles) {
+            (_, 0) => "points",
+            (true, _) => "closed",
+            (false, _) => "open",
+        };
+        fact(ui, "surface", surface.into());
+    });
+}
+
+/// A drop-down list of choices.
+fn choose<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    what: &str,
+    list: &[Choice<T>],
+    value: &mut T,
+    tip: &str,
+) {
+    let current = list.iter().find(|c| c.0 == *value);
+    let (name, meaning) = current.map_or(("other", ""), |c| (c.1, c.2));
+    ui.label(what).on_hover_text(tip);
+    ComboBox::from_id_salt(what)
+        .selected_text(name)
+        .width(130.0)
+        .show_ui(ui, |ui| {
+            for (choice, name, meaning) in list {
+                ui.selectable_value(value, *choice, *name)
+                    .on_hover_text(*meaning);
+            }
+        })
+        .response
+        .on_hover_text(format!("{tip}\n{name}: {meaning}"))
+        .on_disabled_hover_text(format!("{tip}\nNot used by what is drawn now."));
+    ui.end_row();
+}
+
+fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
+    ui.horizontal(|ui| {
+        for (method, name, tip) in choices::METHODS {
+            ui.selectable_value(&mut settings.method, *method, *name)
+                .on_hover_text(*tip);
+        }
+    });
+    let has_splats = settings.has_cut();
+    let blends = matches!(
+        settings.splat,
+        SplatKind::Square | SplatKind::Disc | SplatKind::Ellipse | SplatKind::Gauss
+    );
+    Grid::new("drawing").num_columns(2).show(ui, |ui| {
+        choose_if(
+            ui,
+            has_splats,
+            "splat",
+            choices::SPLATS,
+            &mut settings.splat,
+            "What a splat looks like (N, Shift N)",
+        );
+        choose_if(
+            ui,
+            has_splats && blends,
+            "blend",
+            choices::BLENDS,
+            &mut settings.blend,
+            "How splats that overlap become one surface (M)",
+        );
+        choose_if(
+            ui,
+            has_splats && blends && settings.blend() != Blend::Opaque
+                || settings.shading != Shading::PerSplat,
+            "shading",
+            choices::SHADINGS,
+            &mut settings.shading,
+            "When blended splats are lit (J)",
+        );
+        choose_if(
+            ui,
+            has_splats && settings.splat == SplatKind::Visibility,
+            "reconstruct",
+            choices::RECONSTRUCTIONS,
+            &mut settings.reconstruction,
+            "How the picture between visible centers is filled in (K)",
+        );
+        let tip = "Draw a node as a splat once it is this small on screen; pixels (1 to 9, + and -)";
+        ui.label("threshold").on_hover_text(tip);
+        ui.add_enabled_ui(settings.method != Method::Triangles, |ui| {
+            ui.horizontal(|ui| {
+                let slider = Slider::new(&mut settings.threshold_px, 0.0..=64.0)
+                    .logarithmic(true)
+                    .smallest_positive(0.25)
+                    .show_value(false);
+                ui.spacing_mut().slider_width = 78.0;
+                ui.add(slider).on_hover_text(tip);
+                let value = DragValue::new(&mut settings.threshold_px)
+                    .range(0.0..=4096.0)
+                    .speed(0.02)
+                    .max_decimals(2)
+                    .suffix(" px");
+                ui.add(value).on_hover_text(tip);
+            });
+        });
+        ui.end_row();
+        let tip = "How far behind the front a surface still counts as one with it, in radii of a splat (, and .)";
+        ui.label("depth offset").on_hover_text(tip);
+        let is_used = has_splats
+            && (settings.blend() != Blend::Opaque || settings.splat == SplatKind::Filtered);
+        ui.add_enabled_ui(is_used, |ui| {
+            ui.horizontal(|ui| {
+                let mut offset = settings.depth_offset();
+                let value = DragValue::new(&mut offset)
+                    .range(0.0..=1000.0)
+                    .speed(0.02)
+                    .max_decimals(2);
+                if ui
+                    .add(value)
+                    .on_hover_text(tip)
+                    .on_disabled_hover_text(tip)
+                    .changed()
+                {
+                    settings.depth_offset = Some(offset);
+                }
+                if settings.depth_offset.is_some()
+                    && ui
+                        .small_button("usual")
+                        .on_hover_text("Back to the usual one of the kind of splat")
+                        .clicked()
+                {
+                    settings.depth_offset = None;
+                }
+            });
+        });
+        ui.end_row();
+        choose_if(
+            ui,
+            has_splats,
+            "size metric",
+            choices::METRICS,
+            &mut settings.size,
+            "What the size of a node on screen is (E)",
+        );
+    });
+    if let Some((px, ..)) = state.control
+        && px > settings.threshold_px
+    {
+        ui.label(format!("now {px:.2} px, to keep the time of frames"));
+    }
+}
+
+fn choose_if<T: Copy + PartialEq>(
+    ui: &mut Ui,
+    is_used: bool,
+    what: &str,
+    list: &[Choice<T>],
+    value: &mut T,
+    tip: &str,
+) {
+    if is_used {
+        choose(ui, what, list, value, tip);
+        return;
+    }
+    ui.add_enabled_ui(false, |ui| ui.label(what));
+    ui.add_enabled_ui(false, |ui| {
+        ComboBox::from_id_salt(what)
+            .selected_text(name_of(list, *value))
+            .width(130.0)
+            .show_ui(ui, |_| {})
+            .response
+            .on_disabled_hover_text(format!("{tip}\nNot used by what is drawn now."));
+    });
+    ui.end_row();
+}
+
+fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
+    Grid::new("look").num_columns(2).show(ui, |ui| {
+        choose(
+            ui,
+            "light",
+            &[
+                (
+                    Light::Point,
+                    "in the eye",
+                    "A point light where the viewer is",
+                ),
+                (
+                    Light::Directional,
+                    "parallel",
+                    "Parallel light along the view direction",
+                ),
+            ],
+            light,
+            "Where the light is (L)",
+        );
+        choose(
+            ui,
+            "culling",
+            choices::CULLINGS,
+            &mut settings.culling,
+            "Whether what faces away is dropped (B)",
+        );
+        let tip = "Color behind the model (I: black, gray, white)";
+        ui.label("background").on_hover_text(tip);
+        ui.horizontal(|ui| {
+            let mut color = settings.background.map(|c| (c * 255.0).round() as u8);
+            if ui
+                .color_edit_button_srgb(&mut color)
+                .on_hover_text(tip)
+                .changed()
+            {
+                settings.background = color.map(|c| f32::from(c) / 255.0);
+            }
+            ui.label(name_of(choices::BACKGROUNDS, settings.background));
+        });
+        ui.end_row();
+    });
+    ui.checkbox(&mut settings.two_sided, "light both sides")
+        .on_hover_text("Light both sides of a surface, or fronts only (U)");
+    ui.checkbox(&mut settings.use_colors, "vertex colors")
+        .on_hover_text("Multiply by the colors of the vertices (V)");
+    let mut by_primitive = settings.color_by == ColorBy::Primitive;
+    let toggled = ui
+        .checkbox(&mut by_primitive, "color by primitive")
+        .on_hover_text(
+            "Splats red, triangles blue (C); again (C): the classes of visibility splats",
+        )
+        .changed();
+    if toggled {
+        settings.color_by = if by_primitive {
+            ColorBy::Primitive
+        } else {
+            ColorBy::Shading
+        };
+    }
+}
+
+fn frame(ui: &mut Ui, state: &State<'_>) {
+    let counts = &state.counts;
+    Grid::new("frame").num_columns(2).show(ui, |ui| {
+        let ms = state.frame_ms;
+        let rate = if ms > 0.0 { 1e3 / ms } else { 0.0 };
+        fact(ui, "time", format!("{ms:.1} ms, {rate:.0} a second"));
+        fact(ui, "splats", count(counts.splats));
+        fact(ui, "triangles", count(counts.triangles));
+        if counts.points > 0 {
+            fact(ui, "points", count(counts.points));
+        }
+        fact(ui, "visited", count(counts.nodes_visited));
+    });
+    if let Some((_, target, report)) = state.control {
+        let text = match report {
+            Report::Adapting => format!("budget {target:.1} ms: adapting"),
+            Report::Held => format!("budget {target:.1} ms: held"),
+            Report::Unreachable(least) => {
+                format!(
+                    "budget {target:.1} ms cannot be reached: {least:.1} ms remain at any threshold"
+                )
+            }
+        };
+        ui.add(egui::Label::new(text).wrap());
+    }
+    if state.is_flying {
+        ui.label("flying: W A S D, E up, Q down, G ends");
+    }
+}

@@ -1,0 +1,309 @@
+//! The settings file: what the window looked like and how it drew, kept from one time to the next.
+
+use super::choices::{self, name_of, named};
+use crate::method::Settings;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// The file in words. Keys that are missing have their defaults, unknown ones are ignored, so that older and newer
+/// programs read each other's files.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Stored {
+    /// The window.
+    pub window: Window,
+    /// How models are drawn.
+    pub look: Look,
+}
+
+/// What the window looked like.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Window {
+    /// Width in the window system's units.
+    pub width: u32,
+    /// Height in the window system's units.
+    pub height: u32,
+    /// The panel is shown.
+    pub panel: bool,
+    /// The graph is shown.
+    pub graph: bool,
+    /// Statistics are in the title.
+    pub statistics: bool,
+}
+
+/// How models are drawn; names as on the command line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Look {
+    method: String,
+    threshold: f32,
+    splat: String,
+    blend: String,
+    shading: String,
+    reconstruct: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    depth_offset: Option<f32>,
+    size_metric: String,
+    culling: String,
+    two_sided: bool,
+    colors: bool,
+    background: [u8; 3],
+}
+
+impl Default for Stored {
+    fn default() -> Self {
+        Self {
+            window: Window::default(),
+            look: Look::of(&Settings::default()),
+        }
+    }
+}
+
+impl Default for Window {
+    fn default() -> Self {
+        Self {
+            width: 1024,
+            height: 768,
+            panel: true,
+            graph: false,
+            statistics: true,
+        }
+    }
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self::of(&Settings::default())
+    }
+}
+
+impl Look {
+    /// The words for `settings`.
+    pub fn of(settings: &Settings) -> Self {
+        Self {
+            method: name_of(choices::METHODS, settings.method).into(),
+            threshold: settings.threshold_px,
+            splat: name_of(choices::SPLATS, settings.splat).into(),
+            blend: name_of(choices::BLENDS, settings.blend).into(),
+            shading: name_of(choices::SHADINGS, settings.shading).into(),
+            reconstruct: name_of(choices::RECONSTRUCTIONS, settings.reconstruction).into(),
+            depth_offset: settings.depth_offset,
+            size_metric: name_of(choices::METRICS, settings.size).into(),
+            culling: name_of(choices::CULLINGS, settings.culling).into(),
+            two_sided: settings.two_sided,
+            colors: settings.use_colors,
+            background: settings.background.map(|c| (c * 255.0).round() as u8),
+        }
+    }
+
+    /// The settings of these words.
+    ///
+    /// # Errors
+    /// With key, value and what it may be.
+    pub fn settings(&self) -> Result<Settings, String> {
+        fn choice<T: Copy>(
+            key: &str,
+            list: &[choices::Choice<T>],
+            name: &str,
+        ) -> Result<T, String> {
+            named(list, name).ok_or_else(|| {
+                let names: Vec<&str> = list.iter().map(|c| c.1).collect();
+                format!("look.{key} is {name:?}; it may be {}", names.join(", "))
+            })
+        }
+        if !(0.0..=4096.0).contains(&self.threshold) {
+            return Err(format!(
+                "look.threshold is {}; it may be 0 to 4096",
+                self.threshold
+            ));
+        }
+        if let Some(offset) = self.depth_offset
+            && !(0.0..=1000.0).contains(&offset)
+        {
+            return Err(format!(
+                "look.depth_offset is {offset}; it may be 0 to 1000"
+            ));
+        }
+        Ok(Settings {
+            method: choice("method", choices::METHODS, &self.method)?,
+            threshold_px: self.threshold,
+            splat: choice("splat", choices::SPLATS, &self.splat)?,
+            blend: choice("blend", choices::BLENDS, &self.blend)?,
+            shading: choice("shading", choices::SHADINGS, &self.shading)?,
+            reconstruction: choice("reconstruct", choices::RECONSTRUCTIONS, &self.reconstruct)?,
+            depth_offset: self.depth_offset,
+            size: choice("size_metric", choices::METRICS, &self.size_metric)?,
+            culling: choice("culling", choices::CULLINGS, &self.culling)?,
+            two_sided: self.two_sided,
+            use_colors: self.colors,
+            background: self.background.map(|c| f32::from(c) / 255.0),
+            ..Settings::default()
+        })
+    }
+}
+
+/// Where the settings file is: in the folder that `SURFEL_CONFIG` names, else in `surfel` in the user's folder of
+/// settings. None where there is no such folder, or the variable is empty.
+pub fn place() -> Option<PathBuf> {
+    let folder = match std::env::var_os("SURFEL_CONFIG") {
+        Some(folder) if folder.is_empty() => return None,
+        Some(folder) => PathBuf::from(folder),
+        None => dirs::config_dir()?.join("surfel"),
+    };
+    Some(folder.join("viewer.toml"))
+}
+
+/// Reads the file; one that is not there gives the defaults.
+///
+/// # Errors
+/// With the file and what is wrong with it.
+pub fn load(path: &Path) -> Result<(Stored, Settings), String> {
+    let fail = |cause: String| {
+        format!(
+            "{}: {}; the file is ignored",
+            path.display(),
+            cause.trim_end()
+        )
+    };
+    let text = match std::fs::read_to_string(path) {
+        Ok(text) => text,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
+            return Ok((Stored::default(), Settings::default()));
+        }
+        Err(e) => return Err(fail(e.to_string())),
+    };
+    let stored: Stored = toml::from_str(&text).map_err(|e| {
+        // The message alone would not say where; the whole report has several lines.
+        let line = e
+            .span()
+            .map(|span| text[..span.start].lines().count().max(1));
+        fail(match line {
+            Some(line) => format!("line {line}: {}", e.message()),
+            None => e.message().to_owned(),
+        })
+    })?;
+    let settings = stored.look.settings().map_err(fail)?;
+    for (key, side) in [
+        ("width", stored.window.width),
+        ("height", stored.window.height),
+    ] {
+        if !(1..=crate::math::camera::MAX_SIDE).contains(&side) {
+            return Err(fail(format!("window.{key} is {side}")));
+        }
+    }
+    Ok((stored, settings))
+}
+
+/// Writes the file beside its place and renames it; its folder is made.
+///
+/// # Errors
+/// With the file and the cause.
+pub fn save(path: &Path, stored: &Stored) -> Result<(), String> {
+    let write = || -> Result<(), Box<dyn std::error::Error>> {
+        let text = toml::to_string(stored)?;
+        let folder = path.parent().unwrap_or(Path::new("."));
+        std::fs::create_dir_all(folder)?;
+        let mut file = tempfile::Builder::new()
+            .prefix(".viewer-")
+            .tempfile_in(folder)?;
+        let head = "# How the window of surfel was left. Written when it closes; may be deleted.\n";
+        std::io::Write::write_all(&mut file, head.as_bytes())?;
+        std::io::Write::write_all(&mut file, text.as_bytes())?;
+        file.persist(path)?;
+        Ok(())
+    };
+    write().map_err(|e| format!("cannot write {}: {e}", path.display()))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+    use super::*;
+    use crate::cut::SizeMetric;
+    use crate::method::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
+
+    #[test]
+    fn what_was_saved_is_loaded() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("new/viewer.toml");
+        assert_eq!(
+            load(&path),
+            Ok((Stored::default(), Settings::default())),
+            "nothing there"
+        );
+        let settings = Settings {
+            method: Method::Splats,
+            splat: SplatKind::Gauss,
+            blend: Some(Blend::DepthRange),
+            shading: Shading::Deferred,
+            reconstruction: Reconstruction::PullPush,
+            threshold_px: 2.25,
+            depth_offset: Some(0.5),
+            culling: Culling::Off,
+            two_sided: false,
+            use_colors: false,
+            background: [1.0, 0.2, 0.0],
+            size: SizeMetric::Area,
+            ..Settings::default()
+        };
+        let stored = Stored {
+            window: Window {
+                width: 1280,
+                height: 720,
+                panel: false,
+                graph: true,
+                statistics: false,
+            },
+            look: Look::of(&settings),
+        };
+        save(&path, &stored).unwrap();
+        save(&path, &stored).unwrap();
+        assert_eq!(load(&path), Ok((stored, settings)));
+        let files: Vec<_> = std::fs::read_dir(path.parent().unwrap()).unwrap().collect();
+        assert_eq!(files.len(), 1, "nothing is left beside it");
+    }
+
+    #[test]
+    fn what_is_missing_has_its_default_and_what_is_new_is_ignored() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("viewer.toml");
+        std::fs::write(
+            &path,
+            "future = 1\n[window]\npanel = false\n[look]\nthreshold = 3\n",
+        )
+        .unwrap();
+        let (stored, settings) = load(&path).unwrap();
+        assert!(!stored.window.panel && stored.window.width == 1024);
+        assert_eq!(settings.threshold_px, 3.0);
+        assert_eq!(settings.method, Method::Pop);
+    }
+
+    #[test]
+    fn a_damaged_file_is_named_with_what_is_wrong() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("viewer.toml");
+        for (text, part) in [
+            ("[window\n", "line 1"),
+            ("[window]\n\nwidth = \"wide\"\n", "line 3"),
+            ("[window]\nwidth = 0\n", "window.width is 0"),
+            ("[look]\nthreshold = -1\n", "threshold is -1"),
+            ("[look]\nthreshold = nan\n", "threshold is NaN"),
+            ("[look]\nsplat = \"round\"\n", "square, disc"),
+            ("[look]\ndepth_offset = 2e9\n", "depth_offset"),
+            ("\u{0}\u{1}", "line 1"),
+        ] {
+            std::fs::write(&path, text).unwrap();
+            let error = load(&path).unwrap_err();
+            assert!(
+                error.contains("viewer.toml") && error.contains(part) && error.contains("ignored"),
+                "{text:?}: {error}"
+            );
+            assert!(!error.contains('\n'), "{error}");
+        }
+        std::fs::write(&path, [0xff, 0xfe]).unwrap();
+        assert!(load(&path).is_err(), "no text at all");
+        assert!(save(&path.join("below/a/file.toml"), &Stored::default()).is_err());
+    }
+}

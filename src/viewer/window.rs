@@ -1,0 +1,427 @@
+//! The window system: its events become ours, and what the app asks for is done.
+
+use super::app::{App, Ask};
+use super::event::{Button, Event, Key, Modifiers};
+use super::loader::Loader;
+use super::record::{Entry, Recorder};
+use super::{Error, Options, text};
+use glam::DVec2;
+use glfw::{Action, GlfwReceiver, PWindow, WindowEvent, WindowHint, WindowMode};
+use std::time::{Duration, Instant};
+
+/// How long the event loop sleeps at most while a model is loaded, seconds.
+const LOADING_WAIT_S: f64 = 0.05;
+/// How long it sleeps at most when nothing happens, seconds: Ctrl-C is noticed after that.
+const IDLE_WAIT_S: f64 = 0.5;
+/// Least time between two titles while frames are drawn.
+const TITLE_INTERVAL: Duration = Duration::from_millis(250);
+
+/// How long the window system has to give a window another size.
+const RESIZE_PATIENCE: Duration = Duration::from_secs(1);
+
+/// A window with its events.
+pub(super) struct Window {
+    pub(super) window: PWindow,
+    events: GlfwReceiver<(f64, WindowEvent)>,
+    /// Place and size before full screen.
+    windowed: Option<(i32, i32, i32, i32)>,
+    ui_scale: Option<f32>,
+    is_iconified: bool,
+    title: String,
+    title_time: Instant,
+}
+
+impl Window {
+    /// Opens the window; none where the window system gives none.
+    pub(super) fn open(glfw: &mut glfw::Glfw, options: &Options, title: &str) -> Option<Self> {
+        let (mut width, mut height) = options.size;
+        if options.size_is_usual {
+            // On a dense screen as large as on others, and never larger than the screen.
+            glfw.window_hint(WindowHint::ScaleToMonitor(true));
+            let room = glfw.with_primary_monitor(|_, monitor| {
+                let monitor = monitor?;
+                let (_, _, w, h) = monitor.get_workarea();
+                let (x, y) = monitor.get_content_scale();
+                Some((w as f32 / x.max(0.25), h as f32 / y.max(0.25)))
+            });
+            if let Some((w, h)) = room
+                && w >= 64.0
+                && h >= 64.0
+            {
+                (width, height) = (width.min(w as u32), height.min(h as u32));
+            }
+        }
+        let (mut window, events) =
+            glfw.create_window(width, height, title, WindowMode::Windowed)?;
+        window.set_key_polling(true);
+        window.set_char_polling(true);
+        window.set_mouse_button_polling(true);
+        window.set_cursor_pos_polling(true);
+        window.set_cursor_enter_polling(true);
+        window.set_scroll_polling(true);
+        window.set_drag_and_drop_polling(true);
+        window.set_framebuffer_size_polling(true);
+        window.set_content_scale_polling(true);
+        window.set_refresh_polling(true);
+        window.set_iconify_polling(true);
+        window.set_focus_polling(true);
+        Some(Self {
+            window,
+            events,
+            windowed: None,
+            ui_scale: options.ui_scale,
+            is_iconified: false,
+            title: title.to_owned(),
+            title_time: Instant::now(),
+        })
+    }
+
+    /// Size of the picture, pixels.
+    pub(super) fn size(&self) -> (u32, u32) {
+        let (width, height) = self.window.get_framebuffer_size();
+        (
+            u32::try_from(width).unwrap_or(0),
+            u32::try_from(height).unwrap_or(0),
+        )
+    }
+
+    /// Width and height in the window system's units, those of the window where it fills the screen.
+    pub(super) fn windowed_size(&self) -> (u32, u32) {
+        let (width, height) = match self.windowed {
+            Some((_, _, width, height)) => (width, height),
+            None => self.window.get_size(),
+        };
+        (
+            u32::try_from(width).unwrap_or(1).max(1),
+            u32::try_from(height).unwrap_or(1).max(1),
+        )
+    }
+
+    fn can_draw(&self) -> bool {
+        let (width, height) = self.size();
+        width > 0 && height > 0 && !self.is_iconified
+    }
+
+    /// Pixels of the picture for one unit of the cursor's coordinates.
+    fn cursor_scale(&self) -> DVec2 {
+        let (width, height) = self.window.get_size();
+        let (pixels_x, pixels_y) = self.size();
+        DVec2::new(
+            f64::from(pixels_x) / f64::from(width.max(1)),
+            f64::from(pixels_y) / f64::from(height.max(1)),
+        )
+    }
+
+    /// The size of the picture, and how many pixels make one point of the panel.
+    fn size_event(&self) -> Event {
+        let (width, height) = self.size();
+        let (x, y) = self.window.get_content_scale();
+        Event::Size {
+            width,
+            height,
+            scale: self.ui_scale.unwrap_or(x.max(y)),
+        }
+    }
+
+    /// What has happened since the last call.
+    fn collect(&mut self, app: &mut App, step: u64, out: &mut Vec<Entry>) {
+        while let Some((time, event)) = self.events.receive() {
+            let event = match event {
+                WindowEvent::Refresh => {
+                    app.expose();
+                    continue;
+                }
+                WindowEvent::Iconify(is_iconified) => {
+                    self.is_iconified = is_iconified;
+                    app.expose();
+                    continue;
+                }
+                other => self.translate(other),
+            };
+            out.extend(event.map(|event| Entry { step, time, event }));
+        }
+    }
+
+    fn translate(&self, event: WindowEvent) -> Option<Event> {
+        Some(match event {
+            WindowEvent::FramebufferSize(..) | WindowEvent::ContentScale(..) => self.size_event(),
+            WindowEvent::Focus(has_focus) => Event::Focus(has_focus),
+            WindowEvent::FileDrop(paths) => Event::Drop(paths.into_iter().next()?),
+            WindowEvent::CursorPos(x, y) => {
+                Event::Cursor((DVec2::new(x, y) * self.cursor_scale()).to_array())
+            }
+            WindowEvent::CursorEnter(false) => Event::CursorGone,
+            WindowEvent::MouseButton(button, action, modifiers) => Event::Button {
+                button: match button {
+                    glfw::MouseButtonLeft => Button::Left,
+                    glfw::MouseButtonRight => Button::Right,
+                    glfw::MouseButtonMiddle => Button::Middle,
+                    _ => return None,
+                },
+                pressed: action == Action::Press,
+                modifiers: flags(modifiers),
+            },
+            WindowEvent::Scroll(x, y) => Event::Scroll([x, y]),
+            WindowEvent::Char(c) => Event::Text(c),
+            WindowEvent::Key(key, scancode, action, modifiers) => {
+                let printed = glfw::get_key_name(Some(key), Some(scancode));
+                Event::Key {
+                    key: key_of(key, printed.as_deref())?,
+                    pressed: action != Action::Release,
+                    repeat: action == Action::Repeat,
+                    modifiers: flags(modifiers),
+                }
+            }
+            _ => return None,
+        })
+    }
+
+    /// Takes the size that a recording had, as far as the window system allows.
+    pub(super) fn take_size(&mut self, wanted: (u32, u32), glfw: &mut glfw::Glfw) {
+        let scale = self.cursor_scale();
+        let width = (f64::from(wanted.0) / scale.x).round() as i32;
+        let height = (f64::from(wanted.1) / scale.y).round() as i32;
+        self.window.set_size(width, height);
+        let start = Instant::now();
+        while self.size() != wanted && start.elapsed() < RESIZE_PATIENCE {
+            glfw.wait_events_timeout(0.01);
+        }
+    }
+
+    fn toggle_full_screen(&mut self, glfw: &mut glfw::Glfw) {
+        if let Some((x, y, width, height)) = self.windowed.take() {
+            let (width, height) = (width.max(1) as u32, height.max(1) as u32);
+            self.window
+                .set_monitor(WindowMode::Windowed, x, y, width, height, None);
+            return;
+        }
+        let (x, y) = self.window.get_pos();
+        let (width, height) = self.window.get_size();
+        let window = &mut self.window;
+        // The monitor that most of the window lies on.
+        let is_done = glfw.with_connected_monitors(|_, monitors| {
+            let shared = |monitor: &glfw::Monitor| {
+                let (left, top) = monitor.get_pos();
+                let mode = monitor.get_video_mode()?;
+                let right = left + mode.width as i32;
+                let bottom = top + mode.height as i32;
+                let across = (x + width).min(right) - x.max(left);
+                let down = (y + height).min(bottom) - y.max(top);
+                Some(i64::from(across.max(0)) * i64::from(down.max(0)))
+            };
+            let best = monitors
+                .iter()
+                .max_by_key(|monitor| shared(monitor).unwrap_or(-1))?;
+            let mode = best.get_video_mode()?;
+            window.set_monitor(
+                WindowMode::FullScreen(best),
+                0,
+                0,
+                mode.width,
+                mode.height,
+                Some(mode.refresh_rate),
+            );
+            Some(())
+        });
+        if is_done.is_some() {
+            self.windowed = Some((x, y, width, height));
+        }
+    }
+
+    /// Does what the app asks for; answers come as events.
+    pub(super) fn answer(
+        &mut self,
+        app: &mut App,
+        loader: &mut Loader,
+        glfw: &mut glfw::Glfw,
+    ) -> Vec<Event> {
+        let mut events = Vec::new();
+        for ask in std::mem::take(&mut app.asks) {
+            match ask {
+                Ask::Open(path) => {
+                    if let Err(error) = loader.start(&path) {
+                        app.warn(&format!("cannot start to load: {error}"));
+                    }
+                }
+                Ask::Copy(text) => self.window.set_clipboard_string(&text),
+                Ask::Paste => events.extend(self.window.get_clipboard_string().map(Event::Paste)),
+                Ask::FullScreen => self.toggle_full_screen(glfw),
+                Ask::HoldCursor(is_held) => self.window.set_cursor_mode(if is_held {
+                    glfw::CursorMode::Disabled
+                } else {
+                    glfw::CursorMode::Normal
+                }),
+            }
+        }
+        events
+    }
+
+    pub(super) fn update_title(&mut self, app: &App, loader: &Loader) {
+        self.title_time = Instant::now();
+        let title = if let (Some(path), Some(status)) = (loader.path(), loader.status()) {
+            text::loading(&text::name(path), &status)
+        } else if let Some(message) = app.failure() {
+            text::failed(message)
+        } else if app.screen.model().is_none() {
+            "drop a model here - surfel".to_owned()
+        } else {
+            let frame = (app.screen.frame_ms(), &app.screen.times().counts);
+            text::title(
+                &app.name,
+                &app.settings,
+                app.has_statistics.then_some(frame),
+            )
+        };
+        if title != self.title {
+            self.window.set_title(&title);
+            self.title = title;
+        }
+    }
+
+    /// Runs until the window is closed.
+    pub(super) fn run(
+        &mut self,
+        app: &mut App,
+        glfw: &mut glfw::Glfw,
+        loader: &mut Loader,
+        mut recorder: Option<&mut Recorder>,
+        should_stop: &dyn Fn() -> bool,
+    ) -> Result<(), Error> {
+        let mut step = 0;
+        let mut has_drawn = true;
+        let mut last_time = glfw.get_time();
+        let mut answers = vec![self.size_event()];
+        while !(app.is_closing || self.window.should_close() || should_stop()) {
+            let can_draw = app.is_dirty() && self.can_draw();
+            if can_draw && has_drawn || !answers.is_empty() {
+                glfw.poll_events();
+            } else {
+                // Nothing to do (or the window gives no image for now): the last frames end, then it sleeps.
+                app.finish(Some(&self.window))?;
+                self.update_title(app, loader);
+                let is_loading = loader.path().is_some();
+                let longest = if is_loading || can_draw {
+                    LOADING_WAIT_S
+                } else {
+                    IDLE_WAIT_S
+                };
+                let due = app.next_tick().map_or(longest, |at| at - glfw.get_time());
+                if due > 0.0 && !app.has_finished() {
+                    glfw.wait_events_timeout(due.min(longest));
+                } else {
+                    glfw.poll_events();
+                }
+            }
+            let now = glfw.get_time();
+            let mut entries = Vec::new();
+            let entry = |event| Entry {
+                step,
+                time: now,
+                event,
+            };
+            self.collect(app, step, &mut entries);
+            entries.extend(answers.drain(..).map(entry));
+            entries.extend(app.finished().into_iter().map(entry));
+            let mut result = None;
+            if let Some((path, loaded)) = loader.poll() {
+                entries.push(entry(Event::Loaded(path.clone())));
+                result = Some((path, loaded));
+            }
+            if app.next_tick().is_some_and(|at| at <= now) {
+                entries.push(entry(Event::Tick(now - last_time)));
+            }
+            last_time = now;
+            if let (Some(path), Some(status)) = (loader.path(), loader.status()) {
+                app.set_status(format!("{}: {status}", text::name(path)));
+            }
+            let has_events = !entries.is_empty();
+            if has_events {
+                if let Some(recorder) = &mut recorder {
+                    recorder.add(&entries)?;
+                }
+                app.handle(&entries)?;
+                if let Some((path, result)) = result {
+                    app.loaded(&path, result)?;
+                }
+            }
+            has_drawn = true;
+            let draws = app.is_dirty() && self.can_draw();
+            if draws {
+                has_drawn = app.draw(Some(&self.window))?;
+            }
+            if has_events || draws && has_drawn {
+                step += 1;
+            }
+            answers = self.answer(app, loader, glfw);
+            if self.title_time.elapsed() >= TITLE_INTERVAL {
+                self.update_title(app, loader);
+            }
+        }
+        app.finish(Some(&self.window))
+    }
+}
+
+fn flags(modifiers: glfw::Modifiers) -> Modifiers {
+    Modifiers {
+        shift: modifiers.contains(glfw::Modifiers::Shift),
+        control: modifiers.contains(glfw::Modifiers::Control),
+        other: modifiers.intersects(glfw::Modifiers::Alt | glfw::Modifiers::Super),
+    }
+}
+
+/// Our name of a key; `printed` is what the layout prints for it.
+fn key_of(key: glfw::Key, printed: Option<&str>) -> Option<Key> {
+    use glfw::Key as K;
+    let between = |first: glfw::Key, last: glfw::Key| {
+        let (code, first, last) = (key as i32, first as i32, last as i32);
+        (first..=last).contains(&code).then(|| (code - first) as u8)
+    };
+    if let Some(digit) = between(K::Num0, K::Num9) {
+        return Some(Key::Digit(digit));
+    }
+    if let Some(digit) = between(K::Kp0, K::Kp9) {
+        return Some(Key::Pad(digit));
+    }
+    if let Some(number) = between(K::F1, K::F25) {
+        return Some(Key::F(number + 1));
+    }
+    Some(match key {
+        K::KpAdd => Key::PadAdd,
+        K::KpSubtract => Key::PadSubtract,
+        K::Enter | K::KpEnter => Key::Enter,
+        K::Escape => Key::Escape,
+        K::Space => Key::Space,
+        K::Tab => Key::Tab,
+        K::Backspace => Key::Backspace,
+        K::Delete => Key::Delete,
+        K::Home => Key::Home,
+        K::End => Key::End,
+        K::PageUp => Key::PageUp,
+        K::PageDown => Key::PageDown,
+        K::Left => Key::Left,
+        K::Right => Key::Right,
+        K::Up => Key::Up,
+        K::Down => Key::Down,
+        _ => Key::Char(printed?.chars().next()?.to_lowercase().next()?),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn letters_go_by_the_layout_and_digits_by_place() {
+        use glfw::Key as K;
+        // The key left of S prints Q on a French keyboard and must not quit where A is seen.
+        assert_eq!(key_of(K::Q, Some("a")), Some(Key::Char('a')));
+        assert_eq!(key_of(K::Num1, Some("&")), Some(Key::Digit(1)));
+        assert_eq!(key_of(K::Kp7, Some("7")), Some(Key::Pad(7)));
+        assert_eq!(key_of(K::F11, None), Some(Key::F(11)));
+        assert_eq!(key_of(K::F1, None), Some(Key::F(1)));
+        assert_eq!(key_of(K::KpEnter, None), Some(Key::Enter));
+        assert_eq!(key_of(K::Tab, None), Some(Key::Tab));
+        assert_eq!(key_of(K::Semicolon, Some("Ö")), Some(Key::Char('ö')));
+        assert_eq!(key_of(K::LeftShift, None), None);
+    }
+}

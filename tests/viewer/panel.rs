@@ -1,0 +1,322 @@
+//! The panel, keys and messages, and what they do to the picture.
+
+use super::display::{Display, Window, changed, lit_pixels, load, must_succeed, run, wait_for};
+use super::render;
+use std::path::Path;
+use std::time::Duration;
+
+/// Pixels left of `x`, and those right of it.
+fn halves(picture: &image::RgbImage, x: u32) -> (image::RgbImage, image::RgbImage) {
+    let (width, height) = picture.dimensions();
+    let part = |left, width| image::imageops::crop_imm(picture, left, 0, width, height).to_image();
+    (part(0, x), part(x, width - x))
+}
+
+#[test]
+fn the_panel_covers_its_place_and_nothing_when_hidden() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let look = ["generate:statue:20000", "--size", "800x600", "--validate"];
+    let expected = render(&look, &folder.path().join("drawn.png"));
+    let window = Window::open(&display, &[&look[..], &["--panel", "on"]].concat());
+    window.wait_for_title("threshold 1 px");
+    let (_, right) = halves(&expected, 300);
+    wait_for("the panel beside the picture", || {
+        let (covered, beside) = halves(&window.picture(), 300);
+        (beside == right && lit_pixels(&covered) > 40_000).then_some(())
+    });
+    // A click on "points" draws points; one beside the panel draws nothing anew.
+    window.key("Tab");
+    window.wait_for_picture("the whole picture", &expected);
+    window.key("Tab");
+    wait_for("the panel again", || {
+        (changed(&window.picture(), &expected) > 10_000).then_some(())
+    });
+    // Turning beside the panel turns the model, dragging on it does not.
+    window.drag(&[(100, 590), (140, 580)]);
+    window.key("Tab");
+    window.wait_for_picture("the picture as it was", &expected);
+    window.drag(&[(500, 300), (540, 300)]);
+    wait_for("the model turned", || {
+        (changed(&window.picture(), &expected) > 1000).then_some(())
+    });
+    window.key("r");
+    window.wait_for_picture("the first view", &expected);
+    window.key("question");
+    wait_for("the list of keys", || {
+        (changed(&window.picture(), &expected) > 100_000).then_some(())
+    });
+    window.key("Escape");
+    window.wait_for_picture("the list closed", &expected);
+    window.key("h");
+    wait_for("the graph", || {
+        (changed(&window.picture(), &expected) > 10_000).then_some(())
+    });
+    window.key("h");
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
+fn every_method_and_kind_of_splat_is_drawn_or_refused_with_a_message() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let look = ["generate:statue:20000", "--size", "300x200", "--validate"];
+    let filtered = [&look[..], &["--splat", "filtered"]].concat();
+    let expected = render(&filtered, &folder.path().join("drawn.png"));
+    let window = Window::open(&display, &[&look[..], &["--panel", "off"]].concat());
+    window.wait_for_title("pop, threshold 1 px");
+    // The last kind needs sums that the tree was built without: it is built again. The message that says so covers
+    // the picture.
+    window.key("Shift+n");
+    wait_for("filtered splats", || {
+        window.key("BackSpace");
+        std::thread::sleep(Duration::from_millis(50));
+        (window.picture() == expected).then_some(())
+    });
+    // They cannot tell the sides of a surface apart, so the key of that is refused, and says so.
+    window.key("u");
+    let title = window.wait_for_title("filtered splats");
+    assert!(title.contains("sides"), "{title}");
+    window.key("BackSpace");
+    window.wait_for_picture("the last picture that could be drawn", &expected);
+    window.key("Tab");
+    for method in ["a", "s", "x", "d"] {
+        window.key(method);
+        for key in [
+            "n", "n", "n", "n", "n", "n", "m", "m", "m", "m", "k", "k", "k", "j", "j", ",", ".",
+            "l", "u", "u", "v", "v", "i", "e", "e", "e", "e", "e", "b", "c", "4", "plus", "-", "t",
+        ] {
+            // A turntable is a folder full of pictures.
+            if key != "t" {
+                window.key(key);
+            }
+        }
+    }
+    for _ in 0..4 {
+        window.key("BackSpace");
+    }
+    window.key("1");
+    window.key("d");
+    window.wait_for_title("pop, threshold 1 px");
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
+fn the_panel_follows_the_scale_of_the_screen() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let shot = |name: &str, more: &[&str]| {
+        let file = folder.path().join(name);
+        let arguments = [
+            "generate:statue:2000",
+            "--size",
+            "1000x700",
+            "--panel",
+            "on",
+        ];
+        let mut command = display.surfel(&arguments);
+        command.args(more).args(["--background", "white"]);
+        command.args(["--validate", "--screenshot", file.to_str().unwrap()]);
+        must_succeed(&run(&mut command));
+        load(&file)
+    };
+    // Where the light background begins beside the dark panel.
+    let width = |picture: &image::RgbImage| {
+        (0..picture.width())
+            .find(|&x| picture.get_pixel(x, picture.height() - 3).0[0] > 200)
+            .unwrap()
+    };
+    let once = width(&shot("once.png", &[]));
+    assert!((270..290).contains(&once), "{once}");
+    assert_eq!(width(&shot("asked.png", &["--ui-scale", "2"])), 2 * once);
+    display.set_dots_per_inch(192);
+    assert_eq!(width(&shot("dense.png", &[])), 2 * once);
+}
+
+#[test]
+fn a_dropped_model_is_opened_and_a_broken_one_is_told() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let arguments = [
+        "generate:statue:2000",
+        "--size",
+        "300x200",
+        "--validate",
+        "--panel",
+        "off",
+    ];
+    let window = Window::open(&display, &arguments);
+    window.wait_for_title("generate:statue:2000 - pop");
+    std::fs::write(
+        file("tile.obj"),
+        "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+    )
+    .unwrap();
+    window.drop_file(&file("tile.obj"));
+    window.wait_for_title("tile.obj - pop");
+    let tile = [file("tile.obj").to_str().unwrap().to_owned()];
+    let look = [tile[0].as_str(), "--size", "300x200"];
+    let expected = render(&look, &file("drawn.png"));
+    window.wait_for_picture("the dropped model", &expected);
+    std::fs::write(file("broken.obj"), "v 0 0 0\nf 1 2 x\n").unwrap();
+    window.drop_file(&file("broken.obj"));
+    let title = window.wait_for_title("broken.obj");
+    assert!(title.contains("line 2") || title.contains(":2"), "{title}");
+    wait_for("the message", || {
+        (changed(&window.picture(), &expected) > 1000).then_some(())
+    });
+    window.key("BackSpace");
+    window.wait_for_picture("the model that was there", &expected);
+    // A camera is dropped like a model.
+    let camera = file("camera.json");
+    let save = [
+        "--orbit",
+        "100,50,0.5",
+        "--save-camera",
+        camera.to_str().unwrap(),
+    ];
+    let other = render(&[&look[..], &save].concat(), &file("other.png"));
+    window.drop_file(&camera);
+    window.wait_for_picture("the view of the dropped camera", &other);
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
+fn full_screen_fills_the_screen_and_gives_it_back() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let arguments = ["generate:statue:2000", "--size", "300x200", "--validate"];
+    let window = Window::open(&display, &arguments);
+    window.wait_for_title("threshold");
+    window.key("F11");
+    wait_for("the full screen", || {
+        (window.size() == (1280, 1024)).then_some(())
+    });
+    wait_for("a picture on it", || {
+        let picture = window.picture();
+        (picture.dimensions() == (1280, 1024) && lit_pixels(&picture) > 100_000).then_some(())
+    });
+    window.key("F11");
+    wait_for("the window again", || {
+        (window.size() == (300, 200)).then_some(())
+    });
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
+fn flying_moves_the_eye_and_the_camera_goes_through_the_clipboard() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let look = ["generate:statue:20000", "--size", "300x200", "--validate"];
+    let file = folder.path().join("drawn.png");
+    let expected = render(&look, &file);
+    let window = Window::open(&display, &[&look[..], &["--panel", "off"]].concat());
+    window.wait_for_picture("the first picture", &expected);
+    window.key("Control+c");
+    let camera = window.clipboard();
+    let path = folder.path().join("camera.json");
+    std::fs::write(&path, &camera).unwrap();
+    let with_camera = [look[0], "--camera", path.to_str().unwrap()];
+    assert!(render(&with_camera, &file) == expected, "another camera");
+    window.key("g");
+    window.hold("w");
+    std::thread::sleep(Duration::from_millis(300));
+    window.release("w");
+    window.key("g");
+    window.key("BackSpace");
+    wait_for("the model to come nearer", || {
+        let more = lit_pixels(&window.picture()) > lit_pixels(&expected) + 500;
+        more.then_some(())
+    });
+    window.key("Control+v");
+    window.wait_for_picture("the view that was copied", &expected);
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
+fn a_camera_file_decides_the_view() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    // Another field of view and a shift of the picture: what no turntable has.
+    let camera = r#"{"width": 240, "height": 180, "view": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,-4,1],
+        "proj": [2.2,0,0,0, 0,2.9,0,0, 0.3,-0.1,-1.2,-1, 0,0,-1.1,0], "light": "directional"}"#;
+    std::fs::write(file("camera.json"), camera).unwrap();
+    let path = file("camera.json");
+    let arguments = ["generate:statue:20000", "--camera", path.to_str().unwrap()];
+    let expected = render(&arguments, &file("drawn.png"));
+    let shown = file("shown.png");
+    let mut command = display.surfel(&arguments);
+    must_succeed(&run(command.args(["--screenshot", shown.to_str().unwrap()])));
+    assert!(lit_pixels(&expected) > 2000);
+    assert!(load(&shown) == expected, "the view of the window differs");
+    let mut bad = display.surfel(&["generate:statue:20000", "--camera", "none.json"]);
+    let bad = run(&mut bad);
+    assert_eq!(bad.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&bad.stderr).contains("none.json"));
+}
+
+#[test]
+fn at_rest_the_picture_is_as_fine_as_it_was_asked_for() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let look = ["generate:statue:60000", "--size", "300x200", "--validate"];
+    let expected = render(&look, &folder.path().join("drawn.png"));
+    // No device draws this in a millisecond, so the threshold rises while the view is turned to and fro.
+    let more = ["--panel", "off", "--frame-ms", "1"];
+    let window = Window::open(&display, &[&look[..], &more].concat());
+    window.wait_for_picture("the first picture", &expected);
+    window.drag(&[(150, 100), (170, 110), (190, 120), (150, 100)]);
+    window.key("r");
+    window.wait_for_picture("the fine picture", &expected);
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+fn is_near(a: &Path, b: &image::RgbImage) -> bool {
+    // The angle is the sum of two in one case, and single pixels at the rim follow its last bit.
+    let a = load(a);
+    a.dimensions() == b.dimensions() && changed(&a, b) <= a.len() / 3 / 200
+}
+
+#[test]
+fn a_turntable_is_pictures_from_all_around() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let turn = folder.path().join("new/turn");
+    let look = ["generate:statue:20000", "--size", "200x160"];
+    let mut command = display.surfel(&look);
+    command.args(["--validate", "--turntable", turn.to_str().unwrap()]);
+    must_succeed(&run(command.args(["--frames", "3"])));
+    let count = std::fs::read_dir(&turn).unwrap().count();
+    assert_eq!(count, 3);
+    for (index, orbit) in ["30,20,1", "150,20,1", "270,20,1"].iter().enumerate() {
+        let file = folder.path().join("drawn.png");
+        let drawn = render(&[&look[..], &["--orbit", orbit]].concat(), &file);
+        let picture = turn.join(format!("turn-{index:03}.png"));
+        assert!(is_near(&picture, &drawn), "picture {index}");
+    }
+}
