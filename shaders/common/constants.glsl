@@ -22,5 +22,3 @@ const uint FLAG_COLOR_BY_CLASSIFICATION = 128u;
 const float ALBEDO = 0.8;
 // A pixel of fuzzy splats shows something when the sum of its weights is at least this.
 const float LEAST_FUZZY_WEIGHT = 1e-4;
-// A pixel with a neighbor (of 8) whose sum of weights is less than this lies at the rim of the surface.
-const float RIM_FUZZY_WEIGHT = 0.02;

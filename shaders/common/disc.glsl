@@ -89,10 +89,10 @@ Disc circle(vec3 center, float radius_px) {
     return bounded(Disc(position_px(center), vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0));
 }
 
-// The footprint of a patch around `center`, all in view space; `normal` unit, or zero where there is none.
-// `low_pass_px` is the standard deviation of a Gaussian that the footprint is widened by, where rho = 1 stands for two
-// standard deviations.
-Disc footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
+// Form and skew of the footprint of a patch around `center`, all in view space; `normal` unit, or zero where there is
+// none. `low_pass_px` is the standard deviation of a Gaussian that the footprint is widened by, where rho = 1 stands for
+// two standard deviations.
+Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
     Disc disc;
     disc.center_px = position_px(center);
     disc.skew = vec2(0.0);
@@ -128,7 +128,21 @@ Disc footprint(vec3 center, vec3 normal, float radius, float thickness, float lo
         inverse.xz += 4.0 * low_pass_px * low_pass_px;
         disc.form = inverse_form(inverse);
     }
-    return bounded(disc);
+    disc.size_px = 0.0;
+    return disc;
+}
+
+// The footprint of a patch, see unbounded_footprint; a pixel at least.
+Disc footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
+    return bounded(unbounded_footprint(center, normal, radius, thickness, low_pass_px));
+}
+
+// The footprint as it is: it may lie between the centers of pixels.
+Disc exact_footprint(vec3 center, vec3 normal, float radius, float thickness) {
+    Disc disc = unbounded_footprint(center, normal, radius, thickness, 0.0);
+    float size = size_of(inverse_form(disc.form), disc.skew) + 1.0 / 64.0;
+    disc.size_px = size >= 1.0 ? size : 1.0;
+    return disc;
 }
 
 // rho^2 at an offset from the center, pixels; above 1 is outside.

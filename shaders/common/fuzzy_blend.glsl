@@ -17,6 +17,8 @@ const float PI = 3.14159265;
 const float GAUSSIAN_MEAN = 0.43233236;
 // The least cosine under which a patch is taken to be seen: it covers something, or it would not be there.
 const float LEAST_FACING = 0.02;
+// The least weight in the middle: a pixel that a splat alone decides (exp(-2) of this) must show something.
+const float LEAST_DEPOSIT = 1e-3;
 
 // `area` in model units squared; negative where it is unknown.
 void emit_blend(vec3 center, float radius, vec2 packed_normal, vec4 color, float area) {
@@ -43,6 +45,7 @@ void emit_blend(vec3 center, float radius, vec2 packed_normal, vec4 color, float
         // A square has no form.
         weight = determinant > 0.0 ? area_px * sqrt(determinant) / (PI * GAUSSIAN_MEAN)
                                    : area_px / (disc.size_px * disc.size_px);
+        weight = max(weight, LEAST_DEPOSIT);
     }
     vec3 tint = vec3(1.0, 0.2, 0.2);
     vec3 base = (frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u ? tint : color.rgb;

@@ -8,7 +8,10 @@ layout(location = 2) flat out vec2 skew;
 
 void emit_depth(vec3 center, float radius, vec2 packed_normal, float alpha) {
     Surfel surfel = surfel_of(center, radius, packed_normal, alpha);
-    Disc disc = footprint_of(surfel, 0.0);
+    // A Gaussian's own footprint: wherever it hides something it also counts, since the kernel is never smaller. Small
+    // ones between the centers of pixels hide nothing; what surface they stand for, their neighbors hide.
+    Disc disc = IS_GAUSS ? exact_footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness)
+                         : footprint_of(surfel, 0.0);
     center_px = disc.center_px;
     form = disc.form;
     skew = disc.skew;

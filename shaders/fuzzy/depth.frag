@@ -7,7 +7,8 @@ layout(location = 1) flat in vec3 form;
 layout(location = 2) flat in vec2 skew;
 
 void main() {
-    if (rho_squared(form, skew, gl_FragCoord.xy - center_px) > 1.0) {
+    // Also for what is not a number.
+    if (!(rho_squared(form, skew, gl_FragCoord.xy - center_px) <= 1.0)) {
         discard;
     }
 }

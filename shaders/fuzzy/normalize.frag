@@ -27,7 +27,7 @@ void main() {
         for (int y = -1; y <= 1; ++y) {
             for (int x = -1; x <= 1; ++x) {
                 ivec2 neighbor = clamp(pixel + ivec2(x, y), ivec2(0), last);
-                if (!(texelFetch(sums, neighbor, 0).a >= RIM_FUZZY_WEIGHT)) {
+                if (!(texelFetch(sums, neighbor, 0).a >= LEAST_FUZZY_WEIGHT)) {
                     covered = min(sum.a, 1.0);
                 }
             }

@@ -4,5 +4,6 @@
 #[path = "../common/mod.rs"]
 mod common;
 mod fuzzy;
+mod lists;
 mod opaque;
 mod oracle;

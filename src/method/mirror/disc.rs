@@ -69,6 +69,70 @@ enum Shape {
     Form { form: DVec3, skew: DVec2 },
 }
 
+/// A footprint whose pixels are not looked for yet.
+struct Unbounded {
+    center: DVec3,
+    shape: Shape,
+    /// Those of `shape`, of which they give the bounds.
+    form: DVec3,
+    skew: DVec2,
+}
+
+impl Unbounded {
+    fn of_form(center: DVec3, form: DVec3, skew: DVec2, low_pass_px: f64) -> Self {
+        let form = if low_pass_px > 0.0 {
+            let widened = 4.0 * low_pass_px * low_pass_px;
+            inverse(inverse(form) + DVec3::new(widened, 0.0, widened))
+        } else {
+            form
+        };
+        Self {
+            center,
+            shape: Shape::Form { form, skew },
+            form,
+            skew,
+        }
+    }
+
+    /// With `is_pixel_at_least` what is small becomes a square.
+    fn bounded(self, frame: &Frame, is_pixel_at_least: bool) -> Option<Disc> {
+        let Self {
+            center,
+            shape,
+            form,
+            skew,
+        } = self;
+        let center_px = window(frame, center);
+        let size = 2.0 * extent(form, skew).max_element();
+        if !center_px.is_finite() {
+            return None;
+        }
+        // A radius of 0 has no form at all; `max` takes the number where the other is none.
+        let (shape, size) = if size >= LEAST_ROUND_PX || !is_pixel_at_least {
+            (shape, (size + 1.0 / 64.0).max(1.0))
+        } else {
+            (Shape::Square, size.max(1.0))
+        };
+        // Far beyond any picture, yet sums of two stay far inside an i64.
+        const LIMIT_PX: f64 = (1u64 << 40) as f64;
+        if center_px.abs().max_element() >= LIMIT_PX {
+            return None;
+        }
+        let side = snap(size.min(LIMIT_PX));
+        let [left, top] = [center_px.x, center_px.y].map(|c| snap(c) - side / 2);
+        let columns = pixels_between(left, left + side, frame.view.width);
+        let rows = pixels_between(top, top + side, frame.view.height);
+        (!columns.is_empty() && !rows.is_empty()).then_some(Disc {
+            shape,
+            center_px,
+            area_px: std::f64::consts::PI / (form.x * form.z - form.y * form.y).sqrt(),
+            side_px: size,
+            columns,
+            rows,
+        })
+    }
+}
+
 /// Half the thickness of a patch over its radius, from the alpha of its color: 255 is flat, 1 as thick as wide.
 pub(super) fn thickness_of([.., alpha]: [u8; 4]) -> f64 {
     f64::from(255 - alpha) / 254.0
@@ -80,6 +144,15 @@ impl Disc {
     ///
     /// `low_pass_px` widens it by a Gaussian of that standard deviation, where rho = 1 stands for two of them.
     pub(super) fn new(frame: &Frame, patch: &Patch, low_pass_px: f64) -> Option<Self> {
+        Self::unbounded(frame, patch, low_pass_px)?.bounded(frame, true)
+    }
+
+    /// The footprint as it is: it may lie between the centers of pixels.
+    pub(super) fn exact(frame: &Frame, patch: &Patch) -> Option<Self> {
+        Self::unbounded(frame, patch, 0.0)?.bounded(frame, false)
+    }
+
+    fn unbounded(frame: &Frame, patch: &Patch, low_pass_px: f64) -> Option<Unbounded> {
         let view = frame.view;
         let center = patch.center.as_dvec3();
         let distance = if view.is_perspective { -center.z } else { 1.0 };
@@ -87,7 +160,7 @@ impl Disc {
         if view.is_perspective && distance - patch.radius <= near {
             let radius_px = patch.radius * f64::from(view.focal_px()) / distance.max(near);
             let form = DVec3::new(1.0, 0.0, 1.0) / (radius_px * radius_px);
-            return Self::of_form(frame, center, form, DVec2::ZERO, low_pass_px);
+            return Some(Unbounded::of_form(center, form, DVec2::ZERO, low_pass_px));
         }
         let normal = footprint_normal(patch, view.is_perspective);
         let ray = rays(frame);
@@ -100,67 +173,20 @@ impl Disc {
         };
         let (form, skew) = form_of_plane(center, normal, patch.radius, ray, view.is_perspective);
         if low_pass_px > 0.0 {
-            return Self::of_form(frame, center, form, skew, low_pass_px);
+            return Some(Unbounded::of_form(center, form, skew, low_pass_px));
         }
-        Self::bounded(frame, center, plane, (form, skew))
+        Some(Unbounded {
+            center,
+            shape: plane,
+            form,
+            skew,
+        })
     }
 
     /// A circle of `radius_px` on the picture, around a view-space center.
     pub(super) fn circle(frame: &Frame, center: Vec3, radius_px: f64) -> Option<Self> {
         let form = DVec3::new(1.0, 0.0, 1.0) / (radius_px * radius_px);
-        Self::of_form(frame, center.as_dvec3(), form, DVec2::ZERO, 0.0)
-    }
-
-    fn of_form(
-        frame: &Frame,
-        center: DVec3,
-        form: DVec3,
-        skew: DVec2,
-        low_pass_px: f64,
-    ) -> Option<Self> {
-        let mut inverse = inverse(form);
-        inverse.x += 4.0 * low_pass_px * low_pass_px;
-        inverse.z += 4.0 * low_pass_px * low_pass_px;
-        let form = self::inverse(inverse);
-        Self::bounded(frame, center, Shape::Form { form, skew }, (form, skew))
-    }
-
-    /// `form` and `skew` are those of `shape`, of which they give the bounds.
-    fn bounded(
-        frame: &Frame,
-        center: DVec3,
-        shape: Shape,
-        (form, skew): (DVec3, DVec2),
-    ) -> Option<Self> {
-        let center_px = window(frame, center);
-        let size = 2.0 * extent(form, skew).max_element();
-        if !center_px.is_finite() {
-            return None;
-        }
-        // A radius of 0 has no form at all.
-        let (shape, size) = if size >= LEAST_ROUND_PX {
-            (shape, size + 1.0 / 64.0)
-        } else {
-            // `max` takes the number where the other is none.
-            (Shape::Square, size.max(1.0))
-        };
-        // Far beyond any picture, yet sums of two stay far inside an i64.
-        const LIMIT_PX: f64 = (1u64 << 40) as f64;
-        if center_px.abs().max_element() >= LIMIT_PX {
-            return None;
-        }
-        let side = snap(size.min(LIMIT_PX));
-        let [left, top] = [center_px.x, center_px.y].map(|c| snap(c) - side / 2);
-        let columns = pixels_between(left, left + side, frame.view.width);
-        let rows = pixels_between(top, top + side, frame.view.height);
-        (!columns.is_empty() && !rows.is_empty()).then_some(Self {
-            shape,
-            center_px,
-            area_px: std::f64::consts::PI / (form.x * form.z - form.y * form.y).sqrt(),
-            side_px: size,
-            columns,
-            rows,
-        })
+        Unbounded::of_form(center.as_dvec3(), form, DVec2::ZERO, 0.0).bounded(frame, true)
     }
 
     /// The square of the distance from the center in the plane of the disc, in radii, where the ray of pixel

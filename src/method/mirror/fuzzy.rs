@@ -24,6 +24,9 @@ const LEAST_COSINE: f64 = 0.1;
 /// Least cosine under which a patch is taken to be seen, where weights are areas.
 const LEAST_FACING: f64 = 0.02;
 
+/// Least weight in the middle, where weights are areas.
+const LEAST_DEPOSIT: f64 = 1e-3;
+
 /// How splats that overlap become one surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Passes {
@@ -67,7 +70,7 @@ pub struct Fuzzy {
 /// weights add up to the pixels that its patch covers, else 1.
 ///
 /// **Normalize.** A pixel whose sum of weights is less than 1e-4 shows the background with alpha 0, any other the mean.
-/// With [`FuzzyList::has_coverage`] alpha is the sum of weights, at most 1, where one of 8 neighbors has less than 0.02.
+/// With [`FuzzyList::has_coverage`] alpha is the sum of weights, at most 1, where one of 8 neighbors has less than that.
 ///
 /// Degenerate input draws nothing, as in [`super::render`].
 pub fn render_fuzzy(
@@ -115,12 +118,12 @@ pub fn render_fuzzy(
             };
             for chunk in list.splats.chunks(CHUNK) {
                 depth_pass(gather(chunk, |splat, out| {
-                    out.extend(ready(&frame, splat, 0.0))
+                    out.extend(ready(&frame, splat, None))
                 }));
             }
             for chunk in list.points.chunks(CHUNK) {
                 depth_pass(gather(chunk, |vertex, out| {
-                    out.extend(ready(&frame, &vertex_splat(vertex), 0.0));
+                    out.extend(ready(&frame, &vertex_splat(vertex), None));
                 }));
             }
         }
@@ -142,7 +145,7 @@ pub fn render_fuzzy(
                 });
             });
         }
-        let low_pass = f64::from(style.low_pass_px);
+        let low_pass = Some(f64::from(style.low_pass_px));
         let mut blend_pass = |set_up: Vec<Vec<Ready>>| {
             draw(&mut bands, &set_up, |band, ready: &Ready| {
                 ready.for_each_pixel(band.rows(ready.rows()), |x, y, kernel| {
@@ -261,7 +264,8 @@ impl Ready {
     }
 }
 
-fn ready(frame: &Frame, weighted: &WeightedSplat, low_pass_px: f64) -> Option<Ready> {
+/// `low_pass_px` is that of the blend pass; `None` for the first.
+fn ready(frame: &Frame, weighted: &WeightedSplat, low_pass_px: Option<f64>) -> Option<Ready> {
     let WeightedSplat { splat, area } = *weighted;
     let style = frame.style;
     let (patch, placed) = patch(frame, splat.center, splat.radius, splat.normal, splat.color)?;
@@ -271,7 +275,11 @@ fn ready(frame: &Frame, weighted: &WeightedSplat, low_pass_px: f64) -> Option<Re
             (2.0 * radius_px) as f32
         })?),
         Footprint::Circle => Shape::Disc(Disc::circle(frame, patch.center, radius_px)?),
-        Footprint::Oriented => Shape::Disc(Disc::new(frame, &patch, low_pass_px)?),
+        Footprint::Oriented => Shape::Disc(match low_pass_px {
+            // A Gaussian hides what is behind its own footprint only: there its kernel is never 0.
+            None if style.is_gauss => Disc::exact(frame, &patch)?,
+            low_pass => Disc::new(frame, &patch, low_pass.unwrap_or(0.0))?,
+        }),
     };
     let to_eye = if frame.view.is_perspective {
         (-patch.center.as_dvec3()).normalize_or_zero()
@@ -301,7 +309,7 @@ fn ready(frame: &Frame, weighted: &WeightedSplat, low_pass_px: f64) -> Option<Re
             Shape::Disc(disc) => disc,
             Shape::Square(_) => return None,
         };
-        area_px(frame, &patch, f64::from(area), facing) / disc.gaussian_px()
+        (area_px(frame, &patch, f64::from(area), facing) / disc.gaussian_px()).max(LEAST_DEPOSIT)
     } else {
         1.0
     };
@@ -478,7 +486,7 @@ fn normalize(
         rows.any(|y| {
             columns
                 .clone()
-                .any(|x| sums[y * width + x][3] < constants::RIM_FUZZY_WEIGHT)
+                .any(|x| sums[y * width + x][3] < constants::LEAST_FUZZY_WEIGHT)
         })
     };
     let background = frame.style.background.map(f64::from);
