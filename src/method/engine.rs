@@ -190,11 +190,13 @@ impl MirrorEngine {
                         splats.truncate(count);
                     }
                     SplatKind::Filtered => {
-                        let most = draw::filtered::splat_count(&self.cut);
+                        let shade = filtered_shade(settings, model, f32::INFINITY);
+                        let cut = &mut self.cut;
+                        let large = draw::filtered::take_triangles(model, view, &shade, cut);
+                        let most = draw::filtered::splat_count(cut, large);
                         filtered.resize(most, FilteredSplat::zeroed());
-                        let shade = filtered_shade(settings, model);
-                        let count =
-                            draw::filtered::splats(model, &self.cut, view, shade, &mut filtered);
+                        let out = &mut filtered;
+                        let count = draw::filtered::splats(model, cut, large, view, shade, out);
                         filtered.truncate(count);
                     }
                 }

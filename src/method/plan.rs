@@ -23,11 +23,21 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
 }
 
 /// What the packing of filtered splats needs of the settings.
-pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
+pub fn filtered_shade(
+    settings: &Settings,
+    model: &Model,
+    max_size_px: f32,
+) -> draw::filtered::Shade {
+    let cull_back = cut_settings(settings, model).cull_back;
     draw::filtered::Shade {
         side_px: settings.threshold_px.max(1.0),
-        depth_offset: settings.depth_offset(),
-        cull_back: settings.culls_back(model.is_closed),
+        max_size_px,
+        splats_only: settings.method == Method::Splats,
+        // Both sides of a part are near the front at its rim: a smaller offset keeps the far one out.
+        depth_offset: settings
+            .depth_offset
+            .unwrap_or(if cull_back { 3.0 } else { 2.0 }),
+        cull_back,
         use_colors: settings.use_colors,
         color_by: settings.color_by,
     }
@@ -52,7 +62,7 @@ pub fn check(
         });
     }
     if !matches!(settings.splat, SplatKind::Square | SplatKind::Filtered)
-        || settings.method == Method::Splats
+        || (settings.method == Method::Splats && settings.splat != SplatKind::Filtered)
         || settings.blend() != Blend::Opaque
         || settings.shading != Shading::PerSplat
     {
@@ -79,9 +89,7 @@ fn check_filtered(
     max_size_px: f32,
 ) -> Result<(), Error> {
     let why = if settings.method == Method::Points {
-        "points have no areas without a tree; use --method pop"
-    } else if model.triangles.is_empty() {
-        "a point cloud has no areas; use --splat square"
+        "points have no areas without a tree; use --method pop or splats"
     } else if model.tree.moments.len() != model.tree.nodes.len() {
         "the tree was built without moments; build it again with them (surfel build --moments)"
     } else if outputs.normal {

@@ -355,8 +355,10 @@ impl Renderer {
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
         let max_point = self.gpu.info().max_point_size_px;
-        let largest = if model.triangles.is_empty() {
+        let largest = if model.triangles.is_empty() || settings.method == Method::Splats {
             max_point
+        } else if settings.splat == SplatKind::Filtered {
+            (settings.threshold_px.max(3.0) + 2.0).min(max_point)
         } else {
             settings.threshold_px.clamp(1.0, max_point)
         };
@@ -383,10 +385,12 @@ impl Renderer {
                 (count, (count * size_of::<Splat>()) as u64)
             }
             SplatKind::Filtered => {
-                let most = draw::filtered::splat_count(&self.cut);
+                let shade = filtered_shade(settings, model, max_point);
+                let cut = &mut self.cut;
+                let large = draw::filtered::take_triangles(model, view, &shade, cut);
+                let most = draw::filtered::splat_count(cut, large);
                 let out = records(&self.gpu, &mut lists.splats, most)?;
-                let shade = filtered_shade(settings, model);
-                let count = draw::filtered::splats(model, &self.cut, view, shade, out);
+                let count = draw::filtered::splats(model, cut, large, view, shade, out);
                 (count, (count * size_of::<FilteredSplat>()) as u64)
             }
         };

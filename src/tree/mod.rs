@@ -23,6 +23,7 @@ mod thickness;
 pub use access::MemoryBytes;
 pub use build::{BuildOptions, build};
 pub use check::{Report, check};
+pub use moments::area_of_point;
 pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
 
 use crate::abi::Vertex;
@@ -94,7 +95,7 @@ pub struct Moments {
     pub area_centroid: [f32; 3],
     /// Sum of A times unit normal (the vector area).
     pub vector_area: [f32; 3],
-    /// Sum of A n nᵀ: xx, yy, zz, xy, xz, yz.
+    /// Sum of A (n sᵀ + s nᵀ) / 2, s the shading normal (the mean of the corners'): xx, yy, zz, xy, xz, yz.
     pub second_moment: [f32; 6],
 }
 

@@ -4,6 +4,12 @@ use super::{Model, Moments, Node, summary};
 use glam::DVec3;
 use rayon::prelude::*;
 
+/// The area that a point of a cloud stands for, by the distance to its sixth nearest neighbor: in a disc of that radius
+/// on an evenly sampled surface there are six points beside it, or rather on its edge as much as inside.
+pub fn area_of_point(spacing: f32) -> f32 {
+    std::f32::consts::PI / super::spacing::NEIGHBORS as f32 * spacing * spacing
+}
+
 /// In double precision while adding up.
 #[derive(Clone, Copy, Default)]
 struct Exact([f64; 13]);
@@ -21,26 +27,34 @@ impl Exact {
                 let corners = triangle.map(|index| model.vertices[index as usize].position);
                 let (normal, area) = summary::geometric_normal(corners);
                 let centroid = corners.map(|p| p.as_dvec3()).into_iter().sum::<DVec3>() / 3.0;
-                Self::new(f64::from(area), centroid, normal)
+                // As a picture of triangles interpolates it.
+                let shading: DVec3 = triangle
+                    .iter()
+                    .map(|&index| &model.vertices[index as usize])
+                    .filter(|vertex| vertex.color[3] != 0)
+                    .map(|vertex| crate::math::octahedral::decode(vertex.normal).as_dvec3())
+                    .sum();
+                Self::new(
+                    f64::from(area),
+                    centroid,
+                    normal,
+                    shading.normalize_or(normal),
+                )
             }
             None => {
                 let vertex = &model.vertices[leaf];
                 let radius = f64::from(model.tree.leaves[leaf].radius);
-                let area =
-                    std::f64::consts::PI / super::spacing::NEIGHBORS as f64 * radius * radius;
+                let area = f64::from(super::area_of_point(radius as f32));
                 let is_known = vertex.color[3] != 0;
                 let normal = crate::math::octahedral::decode(vertex.normal).as_dvec3();
-                Self::new(
-                    area,
-                    vertex.position.as_dvec3(),
-                    if is_known { normal } else { DVec3::ZERO },
-                )
+                let normal = if is_known { normal } else { DVec3::ZERO };
+                Self::new(area, vertex.position.as_dvec3(), normal, normal)
             }
         }
     }
 
-    fn new(area: f64, centroid: DVec3, n: DVec3) -> Self {
-        let (c, v) = (centroid * area, n * area);
+    fn new(area: f64, centroid: DVec3, normal: DVec3, shading: DVec3) -> Self {
+        let (c, v, s) = (centroid * area, normal * area, shading);
         Self([
             area,
             c.x,
@@ -49,12 +63,12 @@ impl Exact {
             v.x,
             v.y,
             v.z,
-            v.x * n.x,
-            v.y * n.y,
-            v.z * n.z,
-            v.x * n.y,
-            v.x * n.z,
-            v.y * n.z,
+            v.x * s.x,
+            v.y * s.y,
+            v.z * s.z,
+            0.5 * (v.x * s.y + v.y * s.x),
+            0.5 * (v.x * s.z + v.z * s.x),
+            0.5 * (v.y * s.z + v.z * s.y),
         ])
     }
 
