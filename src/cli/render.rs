@@ -322,11 +322,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
     let camera = args.camera.as_deref().map(read_camera).transpose()?;
-    let source = Source {
-        moments: settings.draws_filtered(),
-        ..args.source.clone()
-    };
-    let ready = source.ready(quiet)?;
+    let ready = args.source.ready(quiet)?;
     let cameras = args.cameras(&ready, camera)?;
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);

@@ -81,12 +81,11 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     }
     require_ending("--screenshot", args.screenshot.as_ref(), &["png"])?;
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
-    let (weld, moments) = (args.weld, settings.draws_filtered());
+    let weld = args.weld;
     let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress| {
         let source = Source {
             model: path.to_owned(),
             weld,
-            moments,
         };
         match source.ready_with(progress) {
             Ok(ready) => Ok(ready.model),

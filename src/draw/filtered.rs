@@ -126,16 +126,19 @@ fn middle(a: Corner, b: Corner) -> Corner {
 
 impl Patch {
     fn of_node(model: &Model, id: u32) -> Self {
-        let moments: &Moments = &model.tree.moments[id as usize];
-        let color = model.tree.attributes[id as usize].color;
-        let [xx, yy, zz, xy, xz, yz] = moments.second_moment;
+        let node = &model.tree.nodes[id as usize];
+        let attributes = &model.tree.attributes[id as usize];
+        let moments = &model.tree.moments[id as usize];
+        let unit = |code: i16| f32::from(code) * (1.0 / Moments::UNIT);
+        let area = attributes.area;
+        let [xx, yy, zz, xy, xz, yz] = moments.second_moment.map(|code| unit(code) * area);
         Self {
-            center: Vec3::from(moments.area_centroid) / moments.area,
-            area: moments.area,
-            vector_area: Vec3::from(moments.vector_area),
+            center: node.center + Vec3::from(moments.centroid.map(unit)) * node.radius,
+            area,
+            vector_area: Vec3::from(moments.vector_area.map(unit)) * area,
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
-            color,
-            is_bare: color[3] == 0,
+            color: attributes.color,
+            is_bare: !attributes.has_normal(),
         }
     }
 

@@ -49,7 +49,7 @@ pub fn filtered_shade(
 /// # Errors
 /// [`Error::Unsupported`] with the reason and what to do, or [`Error::Limit`] for a threshold that is too large.
 pub fn check(
-    model: &Model,
+    _model: &Model,
     settings: &Settings,
     outputs: Outputs,
     max_size_px: f32,
@@ -72,7 +72,7 @@ pub fn check(
         });
     }
     if settings.draws_filtered() {
-        check_filtered(model, settings, outputs, max_size_px)?;
+        check_filtered(settings, outputs, max_size_px)?;
     }
     Ok(())
 }
@@ -80,18 +80,11 @@ pub fn check(
 /// Refuses by name what filtered splats cannot draw.
 ///
 /// # Errors
-/// For point clouds, models without moments, normals as output, one-sided light, and thresholds above
+/// For points without a tree, normals as output, one-sided light, and thresholds above
 /// `max_size_px`.
-fn check_filtered(
-    model: &Model,
-    settings: &Settings,
-    outputs: Outputs,
-    max_size_px: f32,
-) -> Result<(), Error> {
+fn check_filtered(settings: &Settings, outputs: Outputs, max_size_px: f32) -> Result<(), Error> {
     let why = if settings.method == Method::Points {
         "points have no areas without a tree; use --method pop or splats"
-    } else if model.tree.moments.len() != model.tree.nodes.len() {
-        "the tree was built without moments; build it again with them (surfel build --moments)"
     } else if outputs.normal {
         "they are sums over a pixel and have no normal; leave --normals out"
     } else if !settings.two_sided {

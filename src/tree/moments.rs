@@ -1,4 +1,4 @@
-//! Sums for filtered splats.
+//! Means for filtered splats.
 
 use super::{Model, Moments, Node, summary};
 use glam::DVec3;
@@ -72,46 +72,61 @@ impl Exact {
         ])
     }
 
-    fn from_moments(moments: &Moments) -> Self {
-        let mut values = [0.0; 13];
-        let words: &[f32; 13] = bytemuck::cast_ref(moments);
-        for (value, &word) in values.iter_mut().zip(words) {
-            *value = f64::from(word);
+    fn pack(&self, node: &Node) -> Moments {
+        let [area, cx, cy, cz, rest @ ..] = self.0;
+        if !(area > 0.0 && area.is_finite()) {
+            return Moments::default();
         }
-        Self(values)
-    }
-
-    fn to_moments(self) -> Moments {
-        bytemuck::cast(self.0.map(|value| value as f32))
+        // Out of range by rounding at most; the cast saturates.
+        let unit = |value: f64| (value * f64::from(Moments::UNIT)).round() as i16;
+        let center = node.center.as_dvec3().to_array();
+        let radius = f64::from(node.radius);
+        let offset = |sum: f64, center: f64| {
+            if radius > 0.0 {
+                unit((sum / area - center) / radius)
+            } else {
+                0
+            }
+        };
+        let [vx, vy, vz, second @ ..] = rest.map(|sum| unit(sum / area));
+        Moments {
+            centroid: [
+                offset(cx, center[0]),
+                offset(cy, center[1]),
+                offset(cz, center[2]),
+            ],
+            vector_area: [vx, vy, vz],
+            second_moment: second,
+        }
     }
 }
 
-/// The sums of `node`, from its leaves or from its children's sums; `children` is the array from `first` on.
-pub(super) fn of_node(model: &Model, node: &Node, children: &[Moments], first: usize) -> Moments {
-    let mut sum = Exact::default();
-    let range =
-        node.first_child as usize..node.first_child as usize + usize::from(node.child_count);
-    for child in range {
-        if node.has_leaves() {
-            sum.add(&Exact::of_leaf(model, child));
-        } else {
-            sum.add(&Exact::from_moments(&children[child - first]));
-        }
-    }
-    sum.to_moments()
-}
-
-/// Sums of all nodes, level by level upward.
+/// Means of all nodes, level by level upward; the sums are kept in full for one level at a time.
 pub(super) fn compute(model: &Model) -> Vec<Moments> {
     let tree = &model.tree;
     let mut moments = vec![Moments::default(); tree.nodes.len()];
+    let mut below: Vec<Exact> = Vec::new();
     for level in tree.level_starts.windows(2).rev() {
         let (start, end) = (level[0] as usize, level[1] as usize);
-        let (own, below) = moments[start..].split_at_mut(end - start);
-        own.par_iter_mut()
+        let of_node = |(moments, node): (&mut Moments, &Node)| {
+            let mut sum = Exact::default();
+            let first = node.first_child as usize;
+            for child in first..first + usize::from(node.child_count) {
+                if node.has_leaves() {
+                    sum.add(&Exact::of_leaf(model, child));
+                } else {
+                    sum.add(&below[child - end]);
+                }
+            }
+            *moments = sum.pack(node);
+            sum
+        };
+        below = moments[start..end]
+            .par_iter_mut()
             .zip(&tree.nodes[start..end])
             .with_min_len(256)
-            .for_each(|(moments, node)| *moments = of_node(model, node, below, end));
+            .map(of_node)
+            .collect();
     }
     moments
 }
