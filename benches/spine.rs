@@ -55,10 +55,6 @@ fn mesh(shape: Shape, triangles: u64) -> Mesh {
     generate::mesh(&Spec::with_triangles(shape, triangles).expect("a valid size"))
 }
 
-fn build_with_moments(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions { moments: true }, &Silent).expect("the tree builds")
-}
-
 fn build(mesh: Mesh) -> Model {
     tree::build(mesh, &BuildOptions::default(), &Silent).expect("the tree builds")
 }
@@ -425,7 +421,7 @@ fn main() {
         (Shape::Statue, 8_000_000, 8.0),
         (Shape::Torus, 4_000_000, 4.0),
     ] {
-        let model = build_with_moments(mesh(shape, triangles / scale));
+        let model = build(mesh(shape, triangles / scale));
         cutting(&model, shape.name());
         drawing(&gpu, &model, shape.name(), Some(target));
         filtering(&gpu, &model, shape.name());

@@ -42,7 +42,7 @@ pub struct WeightedSplat {
     pub area: f32,
 }
 
-/// One filtered splat to draw, 32 bytes: a patch of surface by its integral over the pixel.
+/// One filtered splat to draw, 44 bytes: a patch of surface by its integral over the pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FilteredSplat {
@@ -55,6 +55,9 @@ pub struct FilteredSplat {
     pub color: [f32; 3],
     /// Projected area of what faces the viewer, square pixels.
     pub area_px: f32,
+    /// Width and height of the rectangle over which that area is spread, above 0, and side of the square that hides what
+    /// is behind, at least 1 when drawn; pixels.
+    pub extent_and_side_px: [f32; 3],
 }
 
 /// What every pass of a frame knows, 208 bytes: the uniform block of `shaders/common/frame.glsl`.

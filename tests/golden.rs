@@ -107,7 +107,7 @@ fn cases() -> Vec<Case> {
 fn models() -> Vec<(&'static str, Model)> {
     let build = |spec: Spec| {
         let mesh = surfel::generate::mesh(&spec);
-        tree::build(mesh, &BuildOptions { moments: true }, &Silent).unwrap()
+        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
     };
     vec![
         (

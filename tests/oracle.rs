@@ -198,13 +198,26 @@ fn filtered_splats() {
             ]
         })
         .collect();
+    let mut cloud = colored.clone();
+    cloud.triangles.clear();
+    let mut bare = cloud.clone();
+    bare.normals.clear();
     cases.push(("colors".into(), colored));
+    cases.push(("cloud".into(), cloud));
+    cases.push(("bare cloud".into(), bare));
+    cases.push(("splats only".into(), cases[1].1.clone()));
     for (name, mesh) in cases {
-        let model = tree::build(mesh, &BuildOptions { moments: true }, &Silent).unwrap();
+        let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+        let method = if name == "splats only" {
+            Method::Splats
+        } else {
+            Method::Pop
+        };
         for (fill, threshold_px) in [(1.0, 1.0), (0.3, 1.0), (0.3, 2.5), (3.0, 4.0)] {
             for culling in [Culling::Auto, Culling::Off] {
                 let view = orbit(&model, (160, 140), 40.0, 25.0, fill);
                 let settings = Settings {
+                    method,
                     splat: SplatKind::Filtered,
                     threshold_px,
                     culling,
@@ -273,27 +286,17 @@ fn what_filtered_splats_cannot_draw_is_refused_by_name() {
                 .unwrap_err()
                 .to_string()
         };
-        assert!(refusal(&statue, Outputs::default(), &settings).contains("without moments"));
-        let with = tree::build(
-            surfel::generate::mesh(
-                &surfel::generate::Spec::with_triangles(Shape::Statue, 5_000).unwrap(),
-            ),
-            &BuildOptions { moments: true },
-            &Silent,
-        )
-        .unwrap();
-        assert!(refusal(&with, OUTPUTS, &settings).contains("--normals"));
+        assert!(refusal(&statue, OUTPUTS, &settings).contains("--normals"));
         let one_sided = Settings {
             two_sided: false,
             ..settings
         };
-        assert!(refusal(&with, Outputs::default(), &one_sided).contains("--one-sided"));
-        let mut cloud = surfel::generate::mesh(
-            &surfel::generate::Spec::with_triangles(Shape::Sphere, 500).unwrap(),
-        );
-        cloud.triangles.clear();
-        let cloud = tree::build(cloud, &BuildOptions::default(), &Silent).unwrap();
-        assert!(refusal(&cloud, Outputs::default(), &settings).contains("point cloud"));
+        assert!(refusal(&statue, Outputs::default(), &one_sided).contains("--one-sided"));
+        let points = Settings {
+            method: Method::Points,
+            ..settings
+        };
+        assert!(refusal(&statue, Outputs::default(), &points).contains("--method pop"));
     }
 }
 

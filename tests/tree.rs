@@ -20,7 +20,7 @@ use surfel::progress::{Progress, Silent};
 use surfel::tree::{self, BuildOptions, Cone, Error, Model, Node, Strip, build, check};
 
 fn tree_of(mesh: &Mesh) -> Model {
-    build(mesh.clone(), &BuildOptions { moments: true }, &Silent).unwrap()
+    build(mesh.clone(), &BuildOptions::default(), &Silent).unwrap()
 }
 
 /// Corner positions of every triangle as bits, sorted; those of points likewise.
@@ -253,7 +253,7 @@ fn damage_of_every_kind_is_found() {
         m.tree.attributes[middle].area *= 1.01
     });
     finds("a wrong moment", "moments", &|m| {
-        m.tree.moments[middle].second_moment[1] += 0.01
+        m.tree.moments[middle].second_moment[1] += 1
     });
     finds("a large splat", "splat", &|m| {
         m.tree.attributes[middle].splat_radius = 9.0
@@ -395,10 +395,10 @@ fn attributes_are_area_weighted_means() {
     );
     let moments = model.tree.moments[0];
     assert!(
-        (moments.vector_area[2] - 1.0).abs() < 1e-5
-            && (moments.second_moment[2] - 1.0).abs() < 1e-5
+        moments.vector_area == [0, 0, 32767] && moments.second_moment == [0, 0, 32767, 0, 0, 0]
     );
-    assert!(moments.area_centroid.iter().all(|c| c.abs() < 1e-5));
+    let centroid = Vec3::from(moments.centroid.map(f32::from)) / 32767.0 * node.radius;
+    assert!((node.center + centroid).length() < 1e-4);
     // A flat node's cone is as narrow as the packing allows.
     assert!(
         model
@@ -413,9 +413,9 @@ fn attributes_are_area_weighted_means() {
     assert!(
         m.second_moment[..3]
             .iter()
-            .all(|q| (q / m.area - 1.0 / 3.0).abs() < 1e-3)
+            .all(|&q| (f32::from(q) / 32767.0 - 1.0 / 3.0).abs() < 1e-3)
     );
-    assert!(m.vector_area.iter().all(|v| v.abs() < 1e-4 * m.area));
+    assert!(m.vector_area.iter().all(|v| v.abs() < 4));
     assert_eq!(ball.tree.nodes[0].cone, Cone::ALL);
     // Unknown normals are computed where there is a surface, and stay unknown, above as well, where there is none.
     let mut unknown = square(4);

@@ -1,19 +1,24 @@
 #version 460
-// Pass filtered.blend: squares that deposit their projected area, spread over their pixels.
+// Pass filtered.blend: rectangles that deposit their projected area, spread over the pixels that they overlap.
 #include "common/frame.glsl"
 
 layout(location = 0) in vec3 center;
 layout(location = 1) in vec3 color;
 layout(location = 2) in float area_px;
+layout(location = 3) in vec3 extent_and_side_px;
 
 layout(location = 0) flat out vec4 deposit;
+layout(location = 1) flat out vec3 extent_and_size_px;
 
 invariant gl_Position;
 
 void main() {
+    vec2 extent_px = extent_and_side_px.xy;
     gl_Position = frame.clip_from_view * (frame.view_from_model * vec4(center, 1.0));
-    float side = max(frame.splat_size_px, 1.0);
-    gl_PointSize = side;
-    float weight = area_px / (side * side);
+    // A whole number, so that a device whose point sizes are coarse draws what the fragment shader measures.
+    float size = ceil(max(extent_px.x, extent_px.y) + 1.0);
+    gl_PointSize = size;
+    float weight = area_px / (extent_px.x * extent_px.y);
     deposit = vec4(color * weight, weight);
+    extent_and_size_px = vec3(extent_px, size);
 }

@@ -4,6 +4,7 @@
 
 layout(location = 0) in vec3 center;
 layout(location = 1) in float offset;
+layout(location = 2) in vec3 extent_and_side_px;
 
 invariant gl_Position;
 
@@ -15,5 +16,5 @@ void main() {
     if (unpushed.z > unpushed.w || unpushed.z < 0.0) {
         gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
     }
-    gl_PointSize = max(frame.splat_size_px, 1.0);
+    gl_PointSize = max(extent_and_side_px.z, 1.0);
 }

@@ -1,13 +1,24 @@
 #version 460
-// Pass filtered.normalize: the mean color of what was deposited. Where the surface ends, the deposited area is the
-// covered fraction of the pixel; inside, where its noise would only hurt, the pixel is covered.
+// Pass filtered.normalize: the mean color of what was deposited. Where the surface ends, before the background or before
+// a farther part, the deposited area is the covered fraction of the pixel; inside, where its noise would only hurt, the
+// pixel is covered.
 #include "common/frame.glsl"
 
 layout(set = 0, binding = 1) uniform sampler2D sums;
+layout(set = 0, binding = 2) uniform sampler2D front;
 
 layout(location = 0) out vec4 color;
 
 const float LEAST_WEIGHT = 1e-6;
+// A neighbor is another part when its front lies farther by this many pixels' (or splats') width.
+const float JUMP = 3.0;
+
+// Distance along the view direction of a depth, which is not 0.
+float distance_of(float depth) {
+    float p22 = frame.clip_from_view[2][2];
+    float p32 = frame.clip_from_view[3][2];
+    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? (p32 - depth) / p22 : p32 / (depth + p22);
+}
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -16,18 +27,40 @@ void main() {
         color = vec4(frame.background.rgb, 0.0);
         return;
     }
+    float own = texelFetch(front, pixel, 0).r;
+    // Beyond the squares of the first pass nothing is in front of anything.
+    bool is_rim = !(own > 0.0);
+    float limit = 0.0;
+    if (!is_rim) {
+        float distance = distance_of(own);
+        float width = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : distance;
+        limit = distance + JUMP * max(frame.splat_size_px, 1.0) * width / frame.focal_px;
+    }
     ivec2 last = textureSize(sums, 0) - 1;
-    bool is_rim = false;
+    float empty = 0.0;
+    vec4 behind = vec4(0.0);
     for (int y = -1; y <= 1; ++y) {
         for (int x = -1; x <= 1; ++x) {
             ivec2 neighbor = pixel + ivec2(x, y);
-            if (all(greaterThanEqual(neighbor, ivec2(0))) && all(lessThanEqual(neighbor, last))) {
-                is_rim = is_rim || !(texelFetch(sums, neighbor, 0).a > LEAST_WEIGHT);
+            if (any(lessThan(neighbor, ivec2(0))) || any(greaterThan(neighbor, last)) || (x == 0 && y == 0)) {
+                continue;
+            }
+            float depth = texelFetch(front, neighbor, 0).r;
+            if (!(depth > 0.0)) {
+                empty += 1.0;
+            } else if (limit > 0.0 && distance_of(depth) > limit) {
+                vec4 there = texelFetch(sums, neighbor, 0);
+                if (there.a > LEAST_WEIGHT) {
+                    behind += vec4(there.rgb / there.a, 1.0);
+                }
             }
         }
     }
-    float covered = is_rim ? min(sum.a, 1.0) : 1.0;
-    vec3 mean = sum.rgb / sum.a;
+    float around = empty + behind.a;
+    float covered = is_rim || around > 0.0 ? min(sum.a, 1.0) : 1.0;
+    float filled = around > 0.0 ? behind.a / around : 0.0;
+    vec3 beyond = around > 0.0 ? (behind.rgb + empty * frame.background.rgb) / around : frame.background.rgb;
+    float alpha = covered + (1.0 - covered) * filled;
     // At least one level of coverage where anything is.
-    color = vec4(mix(frame.background.rgb, mean, covered), max(covered, 1.0 / 255.0));
+    color = vec4(mix(beyond, sum.rgb / sum.a, covered), max(alpha, 1.0 / 255.0));
 }

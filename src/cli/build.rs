@@ -17,9 +17,6 @@ pub(crate) struct Args {
     /// Tree file to write; the model's name with .surfel if not given
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Keep the sums that filtered splats need: 52 bytes more a node
-    #[arg(long)]
-    moments: bool,
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
@@ -42,11 +39,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         )));
     }
     super::require_folder(&output)?;
-    let source = Source {
-        moments: args.moments,
-        ..args.source
-    };
-    let ready = source.ready(quiet)?;
+    let ready = args.source.ready(quiet)?;
     let start = Instant::now();
     // The model was good; only the file can fail here, and that is no bad input.
     tree::file::write(&ready.model, &output).map_err(|e| {

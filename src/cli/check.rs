@@ -34,7 +34,6 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         let source = Source {
             model: path.clone(),
             weld: args.weld,
-            moments: false,
         };
         let ready = match source.ready(quiet) {
             Ok(ready) => ready,

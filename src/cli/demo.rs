@@ -130,7 +130,6 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let source = Source {
         model: args.model.clone(),
         weld: false,
-        moments: true,
     };
     let ready = source.ready(quiet)?;
     let model = &ready.model;

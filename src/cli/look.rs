@@ -193,7 +193,7 @@ pub(crate) struct LookArgs {
     /// How visibility splats are reconstructed
     #[arg(long, value_enum, default_value = "gaussian")]
     reconstruct: ReconstructionName,
-    /// Where splats are blended: how far behind the front a surface still counts as one with it, in radii of a splat [default: 3 for filtered, else 1]
+    /// Where splats are blended: how far behind the front a surface still counts as one with it, in radii of a splat [default: 3 for filtered, 2 of these where nothing is culled; else 1]
     #[arg(long, value_name = "FACTOR")]
     depth_offset: Option<f32>,
     /// What draws splats and triangles of a few pixels on a device; the picture is the same

@@ -352,11 +352,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     let settings = args.look.settings()?;
     let read = args.camera.as_deref().map(read_camera).transpose()?;
     let camera = read.or(camera);
-    let source = Source {
-        moments: settings.draws_filtered(),
-        ..args.source.clone()
-    };
-    let ready = source.ready(quiet)?;
+    let ready = args.source.ready(quiet)?;
     let cameras = match camera {
         Some(camera) => vec![resized(camera, args.size)?],
         None => orbit_cameras(&ready, args.size, args.orbit, args.frames),

@@ -20,9 +20,6 @@ pub(crate) struct Source {
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
     pub(crate) weld: bool,
-    /// Sum up what filtered splats need; set by commands that draw them.
-    #[arg(skip)]
-    pub(crate) moments: bool,
 }
 
 /// A model with what it took to have it.
@@ -148,10 +145,7 @@ impl Source {
     ) -> Result<Ready, Failure> {
         let load_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
-        let options = BuildOptions {
-            moments: self.moments,
-        };
-        let model = tree::build(mesh, &options, bar)?;
+        let model = tree::build(mesh, &BuildOptions::default(), bar)?;
         Ok(Ready {
             model,
             name,

@@ -179,13 +179,10 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     }
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
     let weld = args.weld;
-    let moments = Arc::new(AtomicBool::new(settings.draws_filtered()));
-    let wanted = moments.clone();
     let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress| {
         let source = Source {
             model: path.to_owned(),
             weld,
-            moments: wanted.load(Ordering::Relaxed),
         };
         match source.ready_with(progress) {
             Ok(ready) => Ok(ready.model),

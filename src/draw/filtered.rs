@@ -1,13 +1,13 @@
 //! From a cut to filtered splats: each patch of surface by its integrals, as the eye sees them.
 //!
-//! A node carries, over its triangles t of area A_t and unit normal n_t, the sums A = Σ A_t, c = Σ A_t p_t / A,
-//! N = Σ A_t n_t and Q = Σ A_t n_t n_tᵀ ([`crate::tree::Moments`]). From an eye at e, with w = e - c, v = w / |w|, the
-//! depth z along the view direction and the focal length f in pixels:
+//! A node carries, over its triangles t of area A_t, unit normal n_t and shading normal s_t, the sums A = Σ A_t,
+//! c = Σ A_t p_t / A, N = Σ A_t n_t and Q = Σ A_t (n_t s_tᵀ + s_t n_tᵀ) / 2 ([`crate::tree::Moments`]). From an eye at e,
+//! with w = e - c, v = w / |w|, the depth z along the view direction and the focal length f in pixels:
 //!
 //! * an area element dA of normal n covers f² dA (n·w) / z³ of the picture plane, so a patch that faces the eye
 //!   covers exactly a = f² (N·w) / z³ (up to its depth range); orthographic f² (N·v);
-//! * with light from the direction l, each element has the Lambert value |n·l| and the weight (n·v) that a pixel gives
-//!   it. For light in the eye their mean is (vᵀ Q v) / (N·v); for parallel headlight |vᵀ Q l| / (N·v);
+//! * with light from the direction l, each element has the Lambert value |s·l| and the weight (n·v) that a pixel gives
+//!   it. For light in the eye their mean is (vᵀ Q v) / (N·v); for a parallel headlight about |vᵀ Q l| / (N·v);
 //! * a lamp anywhere else lights only what faces it: max(0, vᵀ Q l) / S, l taken at the centroid, with
 //!   S = max(N·v, vᵀ Q v). The exact mean where all of the patch is seen and lit (then S = N·v, as n·v <= 1). What turns
 //!   away from the lamp counts as negative: too dark. S > N·v tells that the patch has backs, which count as lit from
@@ -16,7 +16,12 @@
 //!   Journal of Graphics Tools 10(3), 2005): with L = |N| / A and k = L / (L + s (1 - L)) the exponent s becomes k s and
 //!   the value is multiplied by (1 + k s) / (1 + s).
 //!
-//! Where a patch mixes front and back, N·v counts what faces away as negative: too little area, never too much.
+//! Where a patch mixes front and back, N·v counts what faces away as negative: too little area, never too much. A patch
+//! without normals counts as if it faced the eye and the light.
+//!
+//! The area is spread over a rectangle, parallel to the picture: a square patch of area A with the mean normal's tilt
+//! would be √(A (1 - x²)) wide, x the normal's component to the right, and so high likewise. Each pixel gets the part of
+//! the rectangle that lies in it.
 
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
@@ -27,11 +32,29 @@ use crate::math::octahedral;
 use crate::tree::{Model, Moments};
 use glam::{Mat3, Vec3};
 
+/// Triangles of at most this diameter are drawn as splats, in pieces, where few are larger. One sample a pixel says
+/// little of the area of such a triangle.
+const LARGEST_PX: f32 = 3.0;
+/// Pieces of triangles have at most this diameter.
+const PIECE_PX: f32 = 1.5;
+/// Pieces of a triangle: halved edges make four.
+const PIECES: usize = 4;
+/// The share of a cut's triangles that must be small for that. A pixel of both kinds is less exact than one of either.
+const LEAST_SMALL: f32 = 0.9;
+/// The least width of a splat's rectangle.
+const LEAST_EXTENT_PX: f32 = 1.0 / 16.0;
+/// Largest point size that is spent on the spread of a rectangle's edges over pixels.
+const MARGIN_PX: f32 = 2.0;
+
 /// What the weights of a frame depend on besides the model.
 #[derive(Debug, Clone, Copy)]
 pub struct Shade {
-    /// Side of a splat's square, pixels.
+    /// Side of the square of a node, pixels.
     pub side_px: f32,
+    /// Largest point that the device draws, pixels.
+    pub max_size_px: f32,
+    /// Draw every triangle as a splat.
+    pub splats_only: bool,
     /// Factor of the depth offset, see [`crate::method::Settings::depth_offset`].
     pub depth_offset: f32,
     /// What faces away is dropped; else both sides count.
@@ -44,10 +67,46 @@ pub struct Shade {
     pub light: Lighting,
 }
 
+/// Leaves from this place of [`Cut::leaves`] on are larger than a node that is drawn whole.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FirstLarge(usize);
+
+/// Projected diameter of a leaf, pixels; infinite where it reaches the eye.
+fn diameter_px(model: &Model, leaf: u32, view: &View) -> f32 {
+    let sphere = &model.tree.leaves[leaf as usize];
+    let diameter = 2.0 * view.focal_px() * sphere.radius * view.model_scale;
+    if view.is_perspective {
+        diameter / view.distance(sphere.center).max(0.0)
+    } else {
+        diameter
+    }
+}
+
+/// Moves the triangles of a cut that are to be drawn as splats to its leaves: all of them where `splats_only` says so;
+/// else those that are small, if nearly all are.
+pub fn take_triangles(model: &Model, view: &View, shade: &Shade, cut: &mut Cut) -> FirstLarge {
+    let first = FirstLarge(cut.leaves.len());
+    if shade.splats_only {
+        cut.leaves.append(&mut cut.triangles);
+        return first;
+    }
+    let is_small = |&leaf: &u32| diameter_px(model, leaf, view) <= LARGEST_PX;
+    let small = cut.triangles.iter().filter(|leaf| is_small(leaf)).count();
+    if small as f32 >= LEAST_SMALL * cut.triangles.len() as f32 {
+        let Cut {
+            leaves, triangles, ..
+        } = cut;
+        leaves.extend(triangles.iter().filter(|leaf| is_small(leaf)));
+        triangles.retain(|leaf| !is_small(leaf));
+    }
+    first
+}
+
 /// Number of splats that [`splats`] writes at most.
-pub fn splat_count(cut: &Cut) -> usize {
+pub fn splat_count(cut: &Cut, first_large: FirstLarge) -> usize {
     let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
-    cut.nodes.len() + strips + cut.leaves.len()
+    let large = cut.leaves.len() - first_large.0;
+    cut.nodes.len() + strips + first_large.0 + PIECES * large
 }
 
 /// A patch as the sums have it.
@@ -61,43 +120,80 @@ struct Patch {
     is_triangle: bool,
     second_moment: Mat3,
     color: [u8; 4],
+    /// Nothing is known of its normals.
+    is_bare: bool,
+}
+
+/// Mean of three colors.
+fn mean_color(corners: &[Vertex; 3]) -> [u8; 4] {
+    let channel =
+        |i: usize| ((corners.iter().map(|v| u32::from(v.color[i])).sum::<u32>() + 1) / 3) as u8;
+    [channel(0), channel(1), channel(2), 255]
+}
+
+/// Corner of a triangle: position and shading normal, zero where unknown.
+type Corner = (Vec3, Vec3);
+
+fn middle(a: Corner, b: Corner) -> Corner {
+    ((a.0 + b.0) * 0.5, a.1 + b.1)
 }
 
 impl Patch {
-    fn of_node(moments: &Moments, color: [u8; 4]) -> Self {
-        let [xx, yy, zz, xy, xz, yz] = moments.second_moment;
+    fn of_node(model: &Model, id: u32) -> Self {
+        let node = &model.tree.nodes[id as usize];
+        let attributes = &model.tree.attributes[id as usize];
+        let moments = &model.tree.moments[id as usize];
+        let unit = |code: i16| f32::from(code) * (1.0 / Moments::UNIT);
+        let area = attributes.area;
+        let [xx, yy, zz, xy, xz, yz] = moments.second_moment.map(|code| unit(code) * area);
         Self {
-            center: Vec3::from(moments.area_centroid) / moments.area,
-            area: moments.area,
-            vector_area: Vec3::from(moments.vector_area),
-            normals: Vec3::from(moments.vector_area),
+            center: node.center + Vec3::from(moments.centroid.map(unit)) * node.radius,
+            area,
+            vector_area: Vec3::from(moments.vector_area.map(unit)) * area,
+            normals: Vec3::from(moments.vector_area.map(unit)) * area,
             is_triangle: false,
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
-            color,
+            color: attributes.color,
+            is_bare: !attributes.has_normal(),
         }
     }
 
     /// A triangle. Its shading normal is the mean of its corners', as a picture of triangles interpolates it.
-    fn of_triangle(corners: [Vertex; 3]) -> Self {
-        let [a, b, c] = corners.map(|v| v.position);
+    fn of_triangle(corners: [Corner; 3], color: [u8; 4]) -> Self {
+        let [a, b, c] = corners.map(|corner| corner.0);
         let vector_area = 0.5 * (b - a).cross(c - a);
-        let area = vector_area.length();
-        let shading: Vec3 = corners
-            .iter()
-            .filter(|v| v.color[3] != 0)
-            .map(|v| octahedral::decode(v.normal))
-            .sum();
-        let n = shading.normalize_or(vector_area.normalize_or_zero());
-        let channel =
-            |i: usize| ((corners.iter().map(|v| u32::from(v.color[i])).sum::<u32>() + 1) / 3) as u8;
+        let shading: Vec3 = corners.iter().map(|c| c.1.normalize_or_zero()).sum();
+        let s = shading.normalize_or(vector_area.normalize_or_zero());
         Self {
             center: (a + b + c) / 3.0,
-            area,
+            area: vector_area.length(),
             vector_area,
+            normals: s * vector_area.length(),
+            is_triangle: true,
+            second_moment: Mat3::from_cols(vector_area * s.x, vector_area * s.y, vector_area * s.z),
+            color,
+            is_bare: false,
+        }
+    }
+
+    /// A point of a cloud with the distance to its neighbors.
+    fn of_point(point: &Vertex, spacing: f32) -> Self {
+        let area = crate::tree::area_of_point(spacing);
+        let is_bare = point.color[3] == 0;
+        let n = if is_bare {
+            Vec3::ZERO
+        } else {
+            octahedral::decode(point.normal)
+        };
+        Self {
+            center: point.position,
+            area,
+            vector_area: n * area,
             normals: n * area,
             is_triangle: true,
             second_moment: Mat3::from_cols(n * n.x, n * n.y, n * n.z) * area,
-            color: [channel(0), channel(1), channel(2), 255],
+            color: point.color,
+            is_bare,
         }
     }
 }
@@ -106,16 +202,30 @@ impl Patch {
 struct Eye<'a> {
     view: &'a View,
     shade: Shade,
-    /// Square of the focal length in pixels, times the square of the view's scale.
-    focal_squared: f32,
-    /// Model-space length of half a splat's side at distance 1, times the offset factor.
-    half_side: f32,
+    /// Pixels of a model unit at distance 1 (perspective), or everywhere.
+    focal_px: f32,
+    /// Depth offset in half sides.
+    offset_px: f32,
+    /// To the right and up in the picture, unit vectors in model space.
+    right: Vec3,
+    up: Vec3,
     /// What surfaces make of the lamp, and the lamp; none with the headlight.
     lamp: Option<(Phong, Source)>,
 }
 
+/// How large a splat is drawn.
+#[derive(Clone, Copy)]
+struct Size {
+    /// Share of its patch.
+    share: f32,
+    /// Diameter in pixels; the rectangle is not larger.
+    diameter_px: f32,
+    /// The rectangle is as large as the diameter, tilted: for patches that are not dense.
+    is_own: bool,
+}
+
 impl Eye<'_> {
-    fn splat(&self, patch: &Patch, share: f32, center: Vec3) -> Option<FilteredSplat> {
+    fn splat(&self, patch: &Patch, size: Size, center: Vec3) -> Option<FilteredSplat> {
         let view = self.view;
         let (w, z) = if view.is_perspective {
             // Both in model units: the scale of the view cancels in the projected area.
@@ -128,43 +238,69 @@ impl Eye<'_> {
             return None;
         }
         let v = w / distance;
-        let mut toward = patch.vector_area.dot(v);
-        if !self.shade.cull_back {
-            toward = toward.abs();
-        }
-        // Seen edge-on or from behind: covers nothing.
-        if toward <= 1e-4 * patch.area {
-            return None;
-        }
-        let area_px = if view.is_perspective {
-            self.focal_squared * toward * distance / (z * z * z)
-        } else {
-            self.focal_squared * toward
+        let light = match view.light {
+            Light::Point if view.is_perspective => v,
+            _ => view.backward,
         };
-        let (lambert, highlight) = match &self.lamp {
-            None => {
-                let light = match view.light {
-                    Light::Point if view.is_perspective => v,
-                    _ => view.backward,
-                };
-                let lambert = (v.dot(patch.second_moment * light).abs() / toward).min(1.0);
-                (lambert, 0.0)
+        let (toward, (lambert, highlight), facing, unit, flat) = if patch.is_bare {
+            (patch.area, (1.0, 0.0), 1.0, Vec3::ZERO, 0.0)
+        } else {
+            let mut toward = patch.vector_area.dot(v);
+            if !self.shade.cull_back {
+                toward = toward.abs();
             }
-            Some((phong, source)) => self.in_lamp(phong, *source, patch, center, v, toward),
+            // Seen edge-on or from behind: covers nothing.
+            if toward <= 1e-4 * patch.area {
+                return None;
+            }
+            let lit = match &self.lamp {
+                None => {
+                    let lambert = v.dot(patch.second_moment * light).abs() / toward;
+                    (lambert.min(1.0), 0.0)
+                }
+                Some((phong, source)) => self.in_lamp(phong, *source, patch, center, v, toward),
+            };
+            let length = patch.vector_area.length();
+            (
+                toward,
+                lit,
+                (toward / length).clamp(0.1, 1.0),
+                patch.vector_area / length,
+                (length / patch.area).min(1.0),
+            )
+        };
+        let area_px = if view.is_perspective {
+            self.focal_px * self.focal_px * toward * distance / (z * z * z)
+        } else {
+            self.focal_px * self.focal_px * toward
         };
         let base = match self.shade.color_by {
             ColorBy::Primitive => [1.0, 0.2, 0.2],
-            ColorBy::Shading if self.shade.use_colors => {
+            ColorBy::Shading | ColorBy::Classification if self.shade.use_colors => {
                 [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0)
             }
             ColorBy::Shading | ColorBy::Classification => [1.0; 3],
         };
-        let facing = (toward / patch.vector_area.length()).clamp(0.1, 1.0);
+        let limit = (self.shade.max_size_px - MARGIN_PX).max(1.0);
+        let diameter = size.diameter_px.min(limit);
+        let full = if size.is_own {
+            diameter
+        } else {
+            (patch.area * size.share).sqrt() * self.focal_px / z
+        };
+        let extent = |axis: Vec3| {
+            let across = unit.dot(axis);
+            (full * (1.0 - across * across * flat).max(0.0).sqrt())
+                .min(diameter)
+                .max(LEAST_EXTENT_PX)
+        };
+        let side = diameter.max(self.shade.side_px);
         Some(FilteredSplat {
             center,
-            offset: self.half_side * z / facing,
+            offset: self.offset_px * side * z / (2.0 * self.focal_px) / facing,
             color: base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0)),
-            area_px: share * area_px,
+            area_px: size.share * area_px,
+            extent_and_side_px: [extent(self.right), extent(self.up), side],
         })
     }
 
@@ -212,34 +348,31 @@ impl Eye<'_> {
     }
 }
 
-/// Writes the splats of a cut and returns how many they are. The model must have its moments.
+/// Writes the splats of a cut and returns how many they are.
 ///
 /// # Panics
-/// When `out` is shorter than [`splat_count`], or the model has no moments.
+/// When `out` is shorter than [`splat_count`].
 pub fn splats(
     model: &Model,
     cut: &Cut,
+    first_large: FirstLarge,
     view: &View,
     shade: Shade,
     out: &mut [FilteredSplat],
 ) -> usize {
     let tree = &model.tree;
-    let focal = view.focal_px();
+    let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
     let eye = Eye {
         view,
         shade,
-        focal_squared: if view.is_perspective {
-            focal * focal
+        focal_px: if view.is_perspective {
+            view.focal_px()
         } else {
-            focal * focal * view.model_scale * view.model_scale
+            view.focal_px() * view.model_scale
         },
-        half_side: shade.depth_offset * shade.side_px
-            / (2.0 * focal)
-            / if view.is_perspective {
-                1.0
-            } else {
-                view.model_scale
-            },
+        offset_px: shade.depth_offset,
+        right: axis(0),
+        up: axis(1),
         lamp: match shade.light {
             Lighting::Headlight => None,
             Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
@@ -252,27 +385,80 @@ pub fn splats(
             len += 1;
         }
     };
+    let dense = Size {
+        share: 1.0,
+        diameter_px: shade.side_px,
+        is_own: false,
+    };
     for &id in &cut.nodes {
-        let patch = Patch::of_node(
-            &tree.moments[id as usize],
-            tree.attributes[id as usize].color,
-        );
-        write(eye.splat(&patch, 1.0, patch.center));
+        let patch = Patch::of_node(model, id);
+        write(eye.splat(&patch, dense, patch.center));
     }
     for &StripRun { node: id, count } in &cut.strips {
-        let patch = Patch::of_node(
-            &tree.moments[id as usize],
-            tree.attributes[id as usize].color,
-        );
+        let patch = Patch::of_node(model, id);
         let node = &tree.nodes[id as usize];
+        let size = Size {
+            share: 1.0 / count as f32,
+            ..dense
+        };
         for i in 0..count {
-            write(eye.splat(&patch, 1.0 / count as f32, strip_center(node, count, i)));
+            write(eye.splat(&patch, size, strip_center(node, count, i)));
         }
     }
-    for &leaf in &cut.leaves {
-        let corners = model.triangles[leaf as usize].map(|i| model.vertices[i as usize]);
-        let patch = Patch::of_triangle(corners);
-        write(eye.splat(&patch, 1.0, patch.center));
+    for (index, &leaf) in cut.leaves.iter().enumerate() {
+        let Some(triangle) = model.triangles.get(leaf as usize) else {
+            let patch = Patch::of_point(
+                &model.vertices[leaf as usize],
+                tree.leaves[leaf as usize].radius,
+            );
+            let diameter_px = diameter_px(model, leaf, view);
+            let is_own = diameter_px > shade.side_px;
+            let size = Size {
+                diameter_px: diameter_px.max(shade.side_px),
+                is_own,
+                ..dense
+            };
+            write(eye.splat(&patch, size, patch.center));
+            continue;
+        };
+        let corners = triangle.map(|i| &model.vertices[i as usize]);
+        let color = mean_color(&corners.map(|v| *v));
+        let [a, b, c] = corners.map(|v| {
+            let is_known = v.color[3] != 0;
+            (
+                v.position,
+                if is_known {
+                    octahedral::decode(v.normal)
+                } else {
+                    Vec3::ZERO
+                },
+            )
+        });
+        let diameter_px = if index < first_large.0 {
+            shade.side_px
+        } else {
+            diameter_px(model, leaf, view)
+        };
+        let is_own = diameter_px > LARGEST_PX.max(shade.side_px);
+        let size = Size {
+            diameter_px,
+            is_own,
+            ..dense
+        };
+        if is_own || diameter_px <= PIECE_PX.max(shade.side_px) {
+            let patch = Patch::of_triangle([a, b, c], color);
+            write(eye.splat(&patch, size, patch.center));
+            continue;
+        }
+        let (d, e, f) = (middle(a, b), middle(b, c), middle(c, a));
+        for piece in [[a, d, f], [d, b, e], [f, e, c], [d, e, f]] {
+            let patch = Patch::of_triangle(piece, color);
+            let size = Size {
+                diameter_px: 0.5 * diameter_px,
+                ..size
+            };
+            write(eye.splat(&patch, size, patch.center));
+        }
     }
     len
 }

@@ -24,19 +24,19 @@ pub struct DrawList<'a> {
 
 /// Everything one frame with filtered splats draws, in three passes:
 ///
-/// 1. `filtered.depth`: triangles and splats into depth only, pushed away from the eye by their offset.
+/// 1. `filtered.depth`: triangles and splats into depth only, splats pushed away from the eye by their offset.
 /// 2. `filtered.blend`: both again, unpushed, tested against that depth (not farther passes) without writing it,
-///    summed into (color * weight, weight). A splat of side s px has the weight area_px / s² in every pixel of its
-///    square; a triangle has the weight 1.
+///    summed into (color * weight, weight). A splat spreads its area evenly over its rectangle: a pixel gets the part
+///    that lies in it. A triangle has the weight 1.
 /// 3. `filtered.normalize`: sum of color * weight over sum of weight; the weight itself is the covered fraction
-///    where the surface ends (a neighboring pixel has no weight), and 1 elsewhere.
+///    where the surface ends (before nothing, or before a farther part), and 1 elsewhere.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FilteredList<'a> {
     /// The model's vertices.
     pub vertices: &'a [Vertex],
     /// Corner indices into `vertices`.
     pub triangles: &'a [[u32; 3]],
-    /// Square splats of [`Style::splat_size_px`], facing the viewer, of the center's depth.
+    /// Patches of surface, of the center's depth.
     pub splats: &'a [FilteredSplat],
 }
 

@@ -207,10 +207,13 @@ impl MirrorEngine {
                         weighted.truncate(packed.points);
                     }
                     Drawing::Filtered => {
-                        let most = draw::filtered::splat_count(cut);
+                        let shade = filtered_shade(settings, model, f32::INFINITY);
+                        let cut = &mut self.cut;
+                        let large = draw::filtered::take_triangles(model, view, &shade, cut);
+                        let most = draw::filtered::splat_count(cut, large);
                         filtered.resize(most, FilteredSplat::zeroed());
-                        let shade = filtered_shade(settings, model);
-                        let count = draw::filtered::splats(model, cut, view, shade, &mut filtered);
+                        let out = &mut filtered;
+                        let count = draw::filtered::splats(model, cut, large, view, shade, out);
                         filtered.truncate(count);
                     }
                     Drawing::Nothing => {}

@@ -72,11 +72,21 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> draw::splats::Plan 
 }
 
 /// What the packing of filtered splats needs of the settings.
-pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Shade {
+pub fn filtered_shade(
+    settings: &Settings,
+    model: &Model,
+    max_size_px: f32,
+) -> draw::filtered::Shade {
+    let cull_back = cut_settings(settings, model).cull_back;
     draw::filtered::Shade {
         side_px: settings.threshold_px.max(1.0),
-        depth_offset: settings.depth_offset(),
-        cull_back: settings.culls_back(model.is_closed),
+        max_size_px,
+        splats_only: settings.method == Method::Splats,
+        // Both sides of a part are near the front at its rim: a smaller offset keeps the far one out.
+        depth_offset: settings
+            .depth_offset
+            .unwrap_or(if cull_back { 3.0 } else { 2.0 }),
+        cull_back,
         use_colors: settings.use_colors,
         color_by: settings.color_by,
         light: settings.light.in_model(model.origin),
@@ -89,7 +99,7 @@ pub fn filtered_shade(settings: &Settings, model: &Model) -> draw::filtered::Sha
 /// # Errors
 /// [`Error::Unsupported`] with the reason and what to do, or [`Error::Limit`] for a threshold that is too large.
 pub fn check(
-    model: &Model,
+    _model: &Model,
     settings: &Settings,
     outputs: Outputs,
     max_size_px: f32,
@@ -105,7 +115,7 @@ pub fn check(
         check_blend(settings, outputs, is_device)?;
     }
     if settings.draws_filtered() {
-        check_filtered(model, settings, outputs, max_size_px)?;
+        check_filtered(settings, outputs, max_size_px)?;
     }
     Ok(())
 }
@@ -161,20 +171,11 @@ fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result
 /// Refuses by name what filtered splats cannot draw.
 ///
 /// # Errors
-/// For point clouds, models without moments, normals as output, one-sided light, and thresholds above
+/// For points without a tree, normals as output, one-sided light, and thresholds above
 /// `max_size_px`.
-fn check_filtered(
-    model: &Model,
-    settings: &Settings,
-    outputs: Outputs,
-    max_size_px: f32,
-) -> Result<(), Error> {
+fn check_filtered(settings: &Settings, outputs: Outputs, max_size_px: f32) -> Result<(), Error> {
     let why = if settings.method == Method::Points {
-        "points have no areas without a tree; use --method pop"
-    } else if model.triangles.is_empty() {
-        "a point cloud has no areas; use --splat square"
-    } else if model.tree.moments.len() != model.tree.nodes.len() {
-        "the tree was built without moments; build it again with them (surfel build --moments)"
+        "points have no areas without a tree; use --method pop or splats"
     } else if outputs.normal {
         "they are sums over a pixel and have no normal; leave --normals out"
     } else if !settings.two_sided {

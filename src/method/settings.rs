@@ -33,7 +33,7 @@ pub enum SplatKind {
     Gauss,
     /// One pixel at the center where it is visible; what lies between is reconstructed on the picture.
     Visibility,
-    /// A square that deposits the area its patch of surface covers; the sums are coverage and mean color.
+    /// A rectangle that deposits the area its patch of surface covers; the sums are coverage and mean color.
     Filtered,
 }
 
@@ -244,7 +244,8 @@ impl Settings {
     /// Factor of the depth offset. A filtered splat is pushed away by half its side over the cosine of the viewing
     /// angle (at least 0.1), any other by its radius over that cosine, times this. What lies behind the front by
     /// less is mixed into it. 1 is enough for a smooth surface seen from the front; at a rim the surface turns away
-    /// under the splat, where 1 loses area that filtered splats need, hence 3 for them. Larger lets what is near
+    /// under the splat, where 1 loses area that filtered splats need, hence 3 for them (2 on what is not culled, see
+    /// [`crate::method::plan::filtered_shade`]). Larger lets what is near
     /// behind thin parts shine through.
     pub fn depth_offset(&self) -> f32 {
         self.depth_offset.unwrap_or(match self.splat {

@@ -18,12 +18,10 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
-/// What a tree holds beside what every view needs.
+/// Choices of the build. There are none at present.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct BuildOptions {
-    /// Keep [`super::Moments`] (52 bytes a node) for filtered splats.
-    pub moments: bool,
-}
+#[non_exhaustive]
+pub struct BuildOptions {}
 
 /// Builds the tree. Colors and normals of nodes are means weighted by area; colors are averaged as the values they are
 /// (value / 255, no decoding), as pictures are. Vertex normals that are missing or zero are computed (area-weighted) if the mesh has triangles; a cloud
@@ -38,7 +36,7 @@ pub struct BuildOptions {
 ///
 /// Too many leaves or vertices for 32-bit indices; a position that is not finite or a corner that names no vertex;
 /// cancelled.
-pub fn build(mesh: Mesh, options: &BuildOptions, progress: &dyn Progress) -> Result<Model, Error> {
+pub fn build(mesh: Mesh, _options: &BuildOptions, progress: &dyn Progress) -> Result<Model, Error> {
     let is_cloud = mesh.is_cloud();
     let (what, count) = if is_cloud {
         ("points", mesh.positions.len())
@@ -160,9 +158,7 @@ pub fn build(mesh: Mesh, options: &BuildOptions, progress: &dyn Progress) -> Res
         leaves,
         moments: Vec::new(),
     };
-    if options.moments {
-        model.tree.moments = moments::compute(&model);
-    }
+    model.tree.moments = moments::compute(&model);
     Ok(model)
 }
 

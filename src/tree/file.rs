@@ -402,7 +402,7 @@ mod tests {
             triangles: (0..12).map(|i| [i, i + 1, i + 2]).collect(),
             ..Mesh::default()
         };
-        let model = build(mesh, &BuildOptions { moments: true }, &Silent).unwrap();
+        let model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.surfel");
         write(&model, &path).unwrap();

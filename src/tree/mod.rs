@@ -23,6 +23,7 @@ mod thickness;
 pub use access::MemoryBytes;
 pub use build::{BuildOptions, build};
 pub use check::{Report, check};
+pub use moments::area_of_point;
 pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
 
 use crate::abi::Vertex;
@@ -79,23 +80,27 @@ pub struct Tree {
     pub level_starts: Vec<u32>,
     /// Bounding spheres of the leaves.
     pub leaves: Vec<Leaf>,
-    /// Additive sums for filtered splats, one per interior node; empty unless asked for at build time.
+    /// Means for filtered splats; same order as `nodes`.
     pub moments: Vec<Moments>,
 }
 
-/// Sums over the triangles below a node, for splats that are filtered rather than sampled.
-/// All are additive: a parent's are the sums of its children's.
-#[derive(Debug, Clone, Copy, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+/// Means over the triangles (or points) below a node, for splats that are filtered rather than sampled, 24 bytes. With A_t
+/// the area of triangle t, n_t its unit normal, s_t its shading normal (the mean of its corners'), p_t its centroid and A
+/// the sum of areas ([`NodeAttributes::area`]), in units of 1/32767, rounded to the nearest; zeros where A is 0.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 pub struct Moments {
-    /// Sum of areas A, model units squared.
-    pub area: f32,
-    /// Sum of A times centroid, model units cubed.
-    pub area_centroid: [f32; 3],
-    /// Sum of A times unit normal (the vector area).
-    pub vector_area: [f32; 3],
-    /// Sum of A n nᵀ: xx, yy, zz, xy, xz, yz.
-    pub second_moment: [f32; 6],
+    /// Sum of A_t p_t over A, less the center of the bounding sphere, over its radius.
+    pub centroid: [i16; 3],
+    /// Sum of A_t n_t over A: the vector area. 0 for what has no normal.
+    pub vector_area: [i16; 3],
+    /// Sum of A_t (n_t s_tᵀ + s_t n_tᵀ) / 2 over A: xx, yy, zz, xy, xz, yz.
+    pub second_moment: [i16; 6],
+}
+
+impl Moments {
+    /// Values of 1 are stored as this.
+    pub const UNIT: f32 = 32767.0;
 }
 
 /// Why a tree could not be built or read.

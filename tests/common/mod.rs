@@ -93,7 +93,7 @@ pub(crate) fn generated(shape: Shape, triangles: u64) -> Model {
     let spec = Spec::with_triangles(shape, triangles).unwrap();
     tree::build(
         surfel::generate::mesh(&spec),
-        &BuildOptions { moments: true },
+        &BuildOptions::default(),
         &Silent,
     )
     .unwrap()

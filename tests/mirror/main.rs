@@ -5,5 +5,6 @@
 mod averages;
 mod closed_forms;
 mod coverage;
+mod packing;
 mod scene;
 mod surface;

@@ -44,6 +44,11 @@ const RECORD: Record = Record {
             format: AttributeFormat::Float,
             offset: std::mem::offset_of!(FilteredSplat, area_px) as u32,
         },
+        Attribute {
+            name: "extent_and_side_px",
+            format: AttributeFormat::Float3,
+            offset: std::mem::offset_of!(FilteredSplat, extent_and_side_px) as u32,
+        },
     ],
 };
 
@@ -114,7 +119,8 @@ impl Filtered {
                 gpu,
                 &Description {
                     name: "filtered.depth triangles",
-                    vertex: &shaders::FILTERED_DEPTH_TRIANGLES_VERT,
+                    // The blend pass has the same, so that a triangle is never behind itself.
+                    vertex: &shaders::TRIANGLES_DRAW_VERT,
                     record: VERTEX,
                     topology: Topology::Triangles,
                     ..base
@@ -213,11 +219,16 @@ impl Filtered {
             .pass("filtered.normalize")
             .color(targets.color(), Load::Clear([r, g, b, 0.0]))
             .sampled(&self.sums)
+            .sampled(targets.depth())
             .draw(
                 [0.0, 0.0, context.width as f32, context.height as f32],
                 |draw| {
                     draw.cull_back_faces(false, false);
-                    draw.bind(&self.normalize, &[constants], &[&self.sums]);
+                    draw.bind(
+                        &self.normalize,
+                        &[constants],
+                        &[&self.sums, targets.depth()],
+                    );
                     draw.draw(0, 3);
                 },
             );

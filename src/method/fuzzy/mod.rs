@@ -238,7 +238,7 @@ impl Fuzzy {
                 gpu,
                 &Description {
                     name: "fuzzy.depth triangles",
-                    vertex: &shaders::FILTERED_DEPTH_TRIANGLES_VERT,
+                    vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
                     ..base
                 },
             )?,

@@ -8,12 +8,11 @@
 use super::shade::Kind;
 use super::square::{self, Footprint};
 use super::triangle::{self, Triangle};
-use super::{CHUNK, Frame, Outputs, Placed, draw, gather};
-use crate::abi::{FilteredSplat, Vertex};
+use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, snap};
+use crate::abi::FilteredSplat;
 use crate::draw::{FilteredList, Style};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
-use crate::math::octahedral;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -21,9 +20,8 @@ use std::ops::Range;
 /// A pixel is covered when the sum of its weights is above this.
 const LEAST_WEIGHT: f32 = 1e-6;
 
-/// The least |cosine| between normal and view direction that a triangle's depth offset is divided by: offsets
-/// grow to 10 times that of a surface that faces the eye, and no farther.
-const LEAST_COSINE: f32 = 0.1;
+/// A neighbor is another part when its front lies farther by this many pixels' (or splats') width.
+const JUMP: f64 = 3.0;
 
 /// What [`render_filtered`] draws: the picture, and the attachments it comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,22 +41,23 @@ pub struct Filtered {
 
 /// Draws `list` as `view` sees it, in the three passes of [`FilteredList`].
 ///
-/// **Depth.** A splat is the square of `s = max(1, splat_size_px)` pixels around its projected center, with the
-/// constant depth of its center pushed away from the eye, along the ray, by [`FilteredSplat::offset`] (parallel
-/// to the view direction in an orthographic view). The vertices of triangles are pushed likewise by
-/// `m s d / (2 f)` over the cosine between normal and view ray (at least 0.1; 1 without a normal), where d is the
-/// distance along the view direction (0 behind the eye) and f the focal length in pixels (orthographic: `m s / (2 f)`): by m times the radius
-/// of a splat at that distance. The nearest depth stays. A splat that is pushed to the far plane or behind has
-/// the depth 0 and hides nothing.
+/// **Depth.** A splat is a square of its own side (at least 1 pixel) around its projected center, with the constant
+/// depth of its center pushed away from the eye, along the ray, by [`FilteredSplat::offset`] (parallel to the view
+/// direction in an orthographic view). Triangles are where they are. The nearest depth stays. A splat that is pushed to
+/// the far plane or behind has the depth 0 and hides nothing.
 ///
 /// **Blend.** Both kinds again, not pushed; a fragment counts unless it is farther than the depth of the first
-/// pass, so that surfaces are blended up to a distance of exactly the front surface's offset, that distance
-/// included. A splat adds its color with the weight `area_px / s²` in every pixel it covers, a triangle its
-/// shaded color with the weight 1, in single precision, triangles first, in the order of the list.
+/// pass, so that surfaces are blended up to a distance of exactly the front splat's offset, that distance
+/// included. A splat adds its color with the weight `area_px / (w h) · o` in every pixel, w and h the extents of its
+/// rectangle around the projected center and o the area in which pixel and rectangle overlap; a triangle its
+/// shaded color with the weight 1; in single precision, triangles first, in the order of the list.
 ///
 /// **Normalize.** With W the sum of weights, a pixel shows the background with alpha 0 unless W > 1e-6; else the
-/// mean color. Its alpha is 1, except at the rim, where a neighbor in the picture (of 8) is not covered: min(W, 1).
-/// The color is blended with the background by alpha. The alpha byte of a covered pixel is at least 1.
+/// mean color. A neighbor in the picture (of 8) without depth is empty; one whose depth is farther than the pixel's
+/// by more than 3 pixels' (or [`Style::splat_size_px`], if that is more) width there, and which has weight, is another
+/// part. Beside either, and where the pixel has no depth, the pixel is covered by min(W, 1) only; behind it lie the mean
+/// colors of the other parts and the background, each neighbor with the same weight. Else it is covered whole. Alpha is
+/// what is not background; the alpha byte of a pixel with weight is at least 1.
 ///
 /// Splats are dropped from both passes when their center, not pushed, lies nearer than the near or farther than
 /// the far plane. [`Style::color_by`], [`Style::two_sided`] and [`Style::use_colors`] decide the color of
@@ -82,8 +81,7 @@ pub fn render_filtered(
 
         for chunk in list.triangles.chunks(CHUNK) {
             let set_up = gather(chunk, |corners, out| {
-                let place = |vertex: &Vertex| pushed_vertex(&frame, vertex);
-                triangle::set_up_placed(&frame, list.vertices, *corners, place, out);
+                triangle::set_up(&frame, list.vertices, *corners, out);
             });
             draw(&mut bands, &set_up, |band, t: &Triangle| {
                 let rows = band.rows(&t.rows);
@@ -93,9 +91,11 @@ pub fn render_filtered(
         for chunk in list.splats.chunks(CHUNK) {
             let set_up = gather(chunk, |splat, out| out.extend(patch(&frame, splat)));
             draw(&mut bands, &set_up, |band, patch: &Patch| {
-                patch.for_each_pixel(band.rows(&patch.footprint.rows), |x, y| {
-                    band.nearest(x, y, patch.pushed_depth);
-                });
+                for y in band.rows(&patch.hidden.rows) {
+                    for x in patch.hidden.columns.clone() {
+                        band.nearest(x, y, patch.pushed_depth);
+                    }
+                }
             });
         }
 
@@ -122,9 +122,11 @@ pub fn render_filtered(
         for chunk in list.splats.chunks(CHUNK) {
             let set_up = gather(chunk, |splat, out| out.extend(patch(&frame, splat)));
             draw(&mut bands, &set_up, |band, patch: &Patch| {
-                patch.for_each_pixel(band.rows(&patch.footprint.rows), |x, y| {
-                    band.blend(x, y, patch.footprint.depth, || patch.deposit);
-                });
+                for y in band.rows(&patch.rows) {
+                    for x in patch.columns.clone() {
+                        band.blend(x, y, patch.hidden.depth, || patch.deposit(x, y));
+                    }
+                }
             });
         }
     }
@@ -133,11 +135,6 @@ pub fn render_filtered(
         front,
         sums,
     }
-}
-
-/// Side of every splat, pixels.
-fn side_px(style: &Style) -> f32 {
-    style.splat_size_px.max(1.0)
 }
 
 /// A view-space point, pushed away from the eye by a view-space length; a point in the eye itself stays.
@@ -154,47 +151,54 @@ pub(super) fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
     }
 }
 
-/// The vertex shader of the first pass. `None` when the result is not finite.
-pub(super) fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
-    let view = frame.view;
-    let in_view = view.view_from_model.transform_point3(vertex.position);
-    let cosine = if vertex.color[3] == 0 {
-        1.0
-    } else {
-        let normal = view
-            .view_from_model
-            .transform_vector3(octahedral::decode(vertex.normal))
-            .normalize_or_zero();
-        let to_eye = if view.is_perspective {
-            (-in_view).normalize_or_zero()
-        } else {
-            Vec3::Z
-        };
-        normal.dot(to_eye).abs()
-    };
-    let distance = if view.is_perspective {
-        // What lies behind the eye stays: large splats would pull it through the eye.
-        (-in_view.z).max(0.0)
-    } else {
-        1.0
-    };
-    let radius =
-        frame.style.depth_offset * side_px(frame.style) * distance / (2.0 * view.focal_px());
-    frame.project(pushed(frame, in_view, radius / cosine.max(LEAST_COSINE)))
-}
-
 /// A splat ready to be drawn in both passes.
 struct Patch {
-    footprint: Footprint,
+    /// The square of the first pass, and the depth of the center.
+    hidden: Footprint,
     /// Reversed depth in the first pass.
     pushed_depth: f32,
-    /// What it adds to a pixel: red, green and blue times weight, and weight.
-    deposit: [f32; 4],
+    /// Pixels that the rectangle overlaps.
+    columns: Range<u32>,
+    rows: Range<u32>,
+    /// Center and extents of the rectangle, pixels.
+    center: [f64; 2],
+    extent: [f64; 2],
+    /// Red, green and blue times weight, and weight, where a pixel lies in the rectangle.
+    density: [f32; 4],
 }
 
 fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
-    let side_px = side_px(frame.style);
-    let footprint = square::footprint(frame, splat.center, |_| side_px)?;
+    let [width, height, side] = splat.extent_and_side_px;
+    // The shader takes nothing less, and what is no number draws nothing.
+    if !(width > 0.0 && height > 0.0 && side.is_finite()) {
+        return None;
+    }
+    // A square that covers no pixel of the picture may still spread into it: as on the device, whose guard band keeps
+    // it, the rectangle is looked at for itself.
+    let placed = frame.place(splat.center)?;
+    if !(placed.distance >= frame.view.near && placed.distance <= frame.view.far) {
+        return None;
+    }
+    let w = f64::from(placed.clip.w);
+    // To the same fraction of a pixel as the square.
+    let center = frame
+        .window(f64::from(placed.clip.x) / w, f64::from(placed.clip.y) / w)
+        .map(|c| snap(c) as f64 / SUBPIXELS as f64);
+    let extent = [f64::from(width), f64::from(height)];
+    let pixels = |axis: usize, size: u32| {
+        let (low, high) = (
+            center[axis] - extent[axis] / 2.0,
+            center[axis] + extent[axis] / 2.0,
+        );
+        let clamp = |edge: f64| edge.clamp(0.0, f64::from(size)) as u32;
+        clamp(low.floor())..clamp(high.ceil())
+    };
+    let hidden = square::footprint(frame, splat.center, |_| side).unwrap_or(Footprint {
+        columns: 0..0,
+        rows: 0..0,
+        depth: (placed.clip.z / placed.clip.w).clamp(0.0, 1.0),
+        distance: placed.distance,
+    });
     let in_view = frame.view.view_from_model.transform_point3(splat.center);
     let offset = splat.offset * frame.view.model_scale;
     // What cannot be pushed (an infinite offset) hides nothing; it is drawn still.
@@ -203,22 +207,28 @@ fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
         .map_or(0.0, |placed| {
             (placed.clip.z / placed.clip.w).clamp(0.0, 1.0)
         });
-    let weight = splat.area_px / (side_px * side_px);
+    let weight = splat.area_px / (width * height);
     let [r, g, b] = splat.color;
     Some(Patch {
-        footprint,
+        hidden,
         pushed_depth,
-        deposit: [r * weight, g * weight, b * weight, weight],
+        columns: pixels(0, frame.view.width),
+        rows: pixels(1, frame.view.height),
+        center,
+        extent,
+        density: [r * weight, g * weight, b * weight, weight],
     })
 }
 
 impl Patch {
-    fn for_each_pixel(&self, rows: Range<u32>, mut visit: impl FnMut(u32, u32)) {
-        for y in rows {
-            for x in self.footprint.columns.clone() {
-                visit(x, y);
-            }
-        }
+    /// What it adds to a pixel.
+    fn deposit(&self, x: u32, y: u32) -> [f32; 4] {
+        let overlap = |axis: usize, pixel: u32| {
+            let distance = (f64::from(pixel) + 0.5 - self.center[axis]).abs();
+            (0.5 * (self.extent[axis] + 1.0) - distance).clamp(0.0, self.extent[axis].min(1.0))
+        };
+        let part = (overlap(0, x) * overlap(1, y)) as f32;
+        self.density.map(|sum| sum * part)
     }
 }
 
@@ -290,31 +300,58 @@ fn normalize(
 ) -> Image {
     let (width, height) = (view.width as usize, view.height as usize);
     let is_covered = |i: usize| sums[i][3] > LEAST_WEIGHT;
-    let is_rim = |x: usize, y: usize| {
-        let columns = x.saturating_sub(1)..(x + 2).min(width);
-        let mut rows = y.saturating_sub(1)..(y + 2).min(height);
-        // The pixel itself is covered, so it does not matter that it is among them.
-        rows.any(|y| columns.clone().any(|x| !is_covered(y * width + x)))
+    let mean = |i: usize| {
+        let [r, g, b, weight] = sums[i].map(f64::from);
+        [r / weight, g / weight, b / weight]
     };
     let background = style.background.map(f64::from);
+    let pixel_at_1 = JUMP * f64::from(style.splat_size_px.max(1.0)) / f64::from(view.focal_px());
+    let limit_at = |i: usize| {
+        let distance = f64::from(view.distance_of_depth(front[i]));
+        distance + pixel_at_1 * if view.is_perspective { distance } else { 1.0 }
+    };
     let color_at = |i: usize| {
         if !is_covered(i) {
             let [r, g, b] = background.map(unorm8);
             return [r, g, b, 0];
         }
-        let [r, g, b, weight] = sums[i].map(f64::from);
-        let alpha = if is_rim(i % width, i / width) {
-            weight.min(1.0)
+        let (x, y) = (i % width, i / width);
+        let has_front = front[i] > 0.0;
+        let limit = if has_front {
+            limit_at(i)
+        } else {
+            f64::INFINITY
+        };
+        let (mut empty, mut parts, mut behind) = (0.0, 0.0, [0.0; 3]);
+        for y in y.saturating_sub(1)..(y + 2).min(height) {
+            for j in (x.saturating_sub(1)..(x + 2).min(width)).map(|x| y * width + x) {
+                // The pixel itself: not farther, and empty only where that is said already.
+                if j == i {
+                } else if front[j] <= 0.0 || front[j].is_nan() {
+                    empty += 1.0;
+                } else if is_covered(j) && f64::from(view.distance_of_depth(front[j])) > limit {
+                    parts += 1.0;
+                    let color = mean(j);
+                    behind = [0, 1, 2].map(|c| behind[c] + color[c]);
+                }
+            }
+        }
+        let around: f64 = empty + parts;
+        let covered = if around > 0.0 || !has_front {
+            f64::from(sums[i][3]).min(1.0)
         } else {
             1.0
         };
-        let shown = |sum: f64, behind: f64| unorm8(sum / weight * alpha + behind * (1.0 - alpha));
-        [
-            shown(r, background[0]),
-            shown(g, background[1]),
-            shown(b, background[2]),
-            unorm8(alpha).max(1),
-        ]
+        let (filled, beyond) = if around > 0.0 {
+            let beyond = [0, 1, 2].map(|c| (behind[c] + empty * background[c]) / around);
+            (parts / around, beyond)
+        } else {
+            (0.0, background)
+        };
+        let alpha = covered + (1.0 - covered) * filled;
+        let own = mean(i);
+        let [r, g, b] = [0, 1, 2].map(|c| unorm8(own[c] * covered + beyond[c] * (1.0 - covered)));
+        [r, g, b, unorm8(alpha).max(1)]
     };
     let distance_at = |i: usize| {
         if is_covered(i) {

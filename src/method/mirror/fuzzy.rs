@@ -101,7 +101,7 @@ pub fn render_fuzzy(
         if two {
             for chunk in list.triangles.chunks(CHUNK) {
                 let set_up = gather(chunk, |corners, out| {
-                    let place = |vertex: &Vertex| filtered::pushed_vertex(&frame, vertex);
+                    let place = |vertex: &Vertex| pushed_vertex(&frame, vertex);
                     triangle::set_up_placed(&frame, list.vertices, *corners, place, out);
                 });
                 draw(&mut bands, &set_up, |band, t: &Triangle| {
@@ -558,4 +558,33 @@ fn light(
     let on_ray = super::disc::through(frame, x as u32, y as u32);
     let position = to_model.transform_point3(on_ray);
     shading.value(Kind::Splat, position, normal, base)
+}
+
+/// The vertex shader of the first pass. `None` when the result is not finite.
+fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
+    let view = frame.view;
+    let in_view = view.view_from_model.transform_point3(vertex.position);
+    let cosine = if vertex.color[3] == 0 {
+        1.0
+    } else {
+        let normal = view
+            .view_from_model
+            .transform_vector3(octahedral::decode(vertex.normal))
+            .normalize_or_zero();
+        let to_eye = if view.is_perspective {
+            (-in_view).normalize_or_zero()
+        } else {
+            Vec3::Z
+        };
+        normal.dot(to_eye).abs()
+    };
+    let distance = if view.is_perspective {
+        // What lies behind the eye stays: large splats would pull it through the eye.
+        (-in_view.z).max(0.0)
+    } else {
+        1.0
+    };
+    let radius =
+        frame.style.depth_offset * frame.style.splat_size_px.max(1.0) * distance / (2.0 * view.focal_px());
+    frame.project(filtered::pushed(frame, in_view, radius / cosine.max(LEAST_COSINE)))
 }

@@ -24,7 +24,7 @@ pub(super) struct Footprint {
     /// Reversed depth of the center.
     pub(super) depth: f32,
     /// View-space distance of the center.
-    distance: f32,
+    pub(super) distance: f32,
 }
 
 /// A splat: the side is that of the frame for radius 0, else the projected diameter; at least 1 pixel.

@@ -37,7 +37,8 @@ impl Renderer {
         };
         let is_whole = settings.method == Method::Splats;
         let largest = match Drawing::of(settings) {
-            Drawing::Filtered => settings.threshold_px.clamp(1.0, max_point),
+            Drawing::Filtered if is_whole || model.triangles.is_empty() => max_point,
+            Drawing::Filtered => (settings.threshold_px.max(3.0) + 2.0).min(max_point),
             _ => splat_plan(settings, max_point).largest_point_px(model),
         };
         let context = self.context(view, settings, model, largest);
@@ -55,7 +56,7 @@ impl Renderer {
             &self.gpu,
             &mut lists.splats,
             model,
-            &self.cut,
+            &mut self.cut,
             view,
             (settings, max_point),
         )?;
@@ -172,7 +173,7 @@ fn pack_splats(
     gpu: &Arc<Gpu>,
     list: &mut Upload,
     model: &Model,
-    cut: &Cut,
+    cut: &mut Cut,
     view: &View,
     (settings, max_point): (&Settings, f32),
 ) -> Result<(Packed, usize, u64), Error> {
@@ -192,10 +193,11 @@ fn pack_splats(
             (packed, count, size_of::<WeightedSplat>())
         }
         Drawing::Filtered => {
-            let most = draw::filtered::splat_count(cut);
+            let shade = filtered_shade(settings, model, max_point);
+            let large = draw::filtered::take_triangles(model, view, &shade, cut);
+            let most = draw::filtered::splat_count(cut, large);
             let out = records(gpu, list, most)?;
-            let shade = filtered_shade(settings, model);
-            let count = draw::filtered::splats(model, cut, view, shade, out);
+            let count = draw::filtered::splats(model, cut, large, view, shade, out);
             let packed = Packed {
                 points: count,
                 quads: 0,

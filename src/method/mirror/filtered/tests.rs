@@ -1,5 +1,7 @@
 use super::*;
+use crate::abi::Vertex;
 use crate::math::camera::{Camera, Light};
+use crate::math::octahedral;
 use glam::{DMat4, DVec3, DVec4};
 
 mod rim;
@@ -67,6 +69,15 @@ fn splat(center: [f32; 3], color: [f32; 3], area_px: f32) -> FilteredSplat {
         offset: 0.5,
         color,
         area_px,
+        extent_and_side_px: [1.0; 3],
+    }
+}
+
+/// The same over a square of `side` pixels.
+fn wide(side: f32, splat: FilteredSplat) -> FilteredSplat {
+    FilteredSplat {
+        extent_and_side_px: [side; 3],
+        ..splat
     }
 }
 
@@ -115,28 +126,44 @@ const RED: [f32; 3] = [1.0, 0.0, 0.0];
 const GREEN: [f32; 3] = [0.0, 1.0, 0.0];
 
 #[test]
-fn a_splat_deposits_its_area_evenly_over_its_square() {
-    for (side, center, pixels) in [(3.0, 10.5, 9..12), (4.0, 10.0, 8..12), (0.25, 10.5, 10..11)] {
-        let drawn_side = f32::max(side, 1.0);
-        let area = 0.5 * drawn_side * drawn_side;
-        let one = splat([center, center, 8.0], [0.25, 0.5, 1.0], area);
-        let got = draw_splats(&flat(), &[one], &style(side));
+fn a_splat_deposits_its_area_where_its_rectangle_overlaps_pixels() {
+    for (width, height, side, center) in [
+        (3.0, 3.0, 3.0, [10.5, 10.5]),
+        (4.0, 2.0, 4.0, [10.0, 10.0]),
+        (1.0, 1.0, 1.0, [10.25, 12.75]),
+        (0.25, 3.5, 1.0, [20.125, 17.875]),
+        (6.5, 0.5, 2.0, [20.0, 17.5]),
+    ] {
+        let area = 0.5;
+        let one = FilteredSplat {
+            extent_and_side_px: [width, height, side],
+            ..splat([center[0], center[1], 8.0], [0.25, 0.5, 1.0], area)
+        };
+        let got = draw_splats(&flat(), &[one], &style(1.0));
+        let overlap = |pixel: usize, center: f32, extent: f32| {
+            let (low, high) = (center - extent / 2.0, center + extent / 2.0);
+            (high.min(pixel as f32 + 1.0) - low.max(pixel as f32)).max(0.0)
+        };
         for y in 0..40 {
             for x in 0..48 {
-                let inside = pixels.contains(&x) && pixels.contains(&y);
-                let i = at(x, y);
-                let sum = if inside {
-                    [0.125, 0.25, 0.5, 0.5]
-                } else {
-                    [0.0; 4]
-                };
-                assert_eq!(got.sums[i], sum, "{x} {y}");
-                let front = if inside { 1.0 - 8.5 / 256.0 } else { 0.0 };
-                assert_eq!(got.front[i], front, "{x} {y}");
+                let part = overlap(x, center[0], width) * overlap(y, center[1], height);
+                let weight = area / (width * height) * part;
+                let sum = got.sums[at(x, y)];
+                for (got, expected) in sum.iter().zip([0.25, 0.5, 1.0, 1.0]) {
+                    assert_near(*got, expected * weight, 1e-6);
+                }
+                // The depth is that of a square of its own side.
+                let is_in = |p: usize, c: f32| (p as f32 + 0.5 - c).abs() < side / 2.0;
+                let on_edge = |p: usize, c: f32| (p as f32 + 0.5 - c).abs() == side / 2.0;
+                if !on_edge(x, center[0]) && !on_edge(y, center[1]) {
+                    let inside = is_in(x, center[0]) && is_in(y, center[1]);
+                    let front = if inside { 1.0 - 8.5 / 256.0 } else { 0.0 };
+                    assert_eq!(got.front[at(x, y)], front, "{x} {y}");
+                }
             }
         }
         let total: f32 = got.sums.iter().map(|s| s[3]).sum();
-        assert_eq!(total, area);
+        assert_near(total, area, 1e-5);
     }
 }
 
@@ -144,15 +171,24 @@ fn a_splat_deposits_its_area_evenly_over_its_square() {
 fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
     let style = Style {
         background: [0.0, 1.0, 0.0],
-        ..style(3.0)
+        ..style(1.0)
     };
-    let one = splat([10.5, 10.5, 8.0], [0.2, 0.4, 1.0], 4.5);
+    let one = wide(3.0, splat([10.5, 10.5, 8.0], [0.2, 0.4, 1.0], 4.5));
     let got = draw_splats(&flat(), &[one], &style);
     assert_eq!(got.image.color[at(10, 10)], [51, 102, 255, 255]);
     for (x, y) in [(9, 9), (10, 9), (11, 10), (9, 11)] {
         assert_eq!(got.image.color[at(x, y)], [26, 179, 128, 128], "{x} {y}");
     }
     assert_eq!(got.image.color[at(8, 9)], [0, 255, 0, 0]);
+    // What is spread beyond the square of the first pass is rim, whatever its neighbors are.
+    let spread = FilteredSplat {
+        extent_and_side_px: [5.0, 5.0, 3.0],
+        area_px: 12.5,
+        ..one
+    };
+    let got = draw_splats(&flat(), &[spread], &style);
+    assert_eq!(got.image.color[at(8, 10)], [26, 179, 128, 128]);
+    assert_eq!(got.front[at(8, 10)], 0.0);
     // A rim pixel with more weight than a pixel has area is covered, not brighter.
     let twice = FilteredSplat {
         area_px: 18.0,
@@ -177,24 +213,27 @@ fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
     assert_eq!(got.image.color[at(10, 10)], [0, 255, 0, 0]);
     assert!(got.front[at(10, 10)] > 0.0);
     // The edge of the picture is no rim.
-    let corner = splat([0.5, 0.5, 8.0], RED, 4.5);
-    let got = draw_splats(&flat(), &[corner], &style);
+    let got = draw_splats(
+        &flat(),
+        &[wide(3.0, splat([0.5, 0.5, 8.0], RED, 4.5))],
+        &style,
+    );
     assert_eq!(got.image.color[at(0, 0)][3], 255);
     assert_eq!(got.image.color[at(1, 1)][3], 128);
 }
 
 #[test]
 fn layers_blend_by_area_up_to_the_offset_of_the_nearer_and_no_farther() {
-    let near = splat([10.5, 10.5, 8.0], RED, 1.0);
+    let near = wide(2.0, splat([10.0, 10.0, 8.0], RED, 1.0));
     let shown = |z: f32, offset: f32| {
         let far = FilteredSplat {
             offset,
-            ..splat([10.5, 10.5, z], GREEN, 3.0)
+            ..wide(2.0, splat([10.0, 10.0, z], GREEN, 3.0))
         };
         let there = draw_splats(&flat(), &[near, far], &style(2.0));
         let back = draw_splats(&flat(), &[far, near], &style(2.0));
         assert!(there == back, "the order matters");
-        there.sums[at(10, 10)]
+        there.sums[at(9, 9)]
     };
     let (alone, both) = ([0.25, 0.0, 0.0, 0.25], [0.25, 0.75, 0.0, 1.0]);
     assert_eq!(shown(8.25, 0.5), both);
@@ -207,9 +246,9 @@ fn layers_blend_by_area_up_to_the_offset_of_the_nearer_and_no_farther() {
     assert_eq!(shown(8.25, 0.0), [0.25, 0.75, 0.0, 1.0]);
     assert_eq!(shown(8.5 + 1.0 / 4096.0, 100.0), alone);
     // The mean is by area: (1 red + 3 green) / 4.
-    let far = splat([10.5, 10.5, 8.25], GREEN, 3.0);
+    let far = wide(2.0, splat([10.0, 10.0, 8.25], GREEN, 3.0));
     let picture = draw_splats(&flat(), &[near, far], &style(2.0)).image;
-    assert_eq!(picture.color[at(10, 10)], [64, 191, 0, 255]);
+    assert_eq!(picture.color[at(9, 9)], [64, 191, 0, 255]);
 }
 
 #[test]
@@ -231,6 +270,8 @@ fn a_perspective_pushes_along_the_ray_by_model_units() {
             offset,
             color: RED,
             area_px: 1.0,
+            // As good as a point, in one pixel.
+            extent_and_side_px: [1e-3, 1e-3, 1.0],
         };
         let (x, y, _) = view.project(center);
         let i = at(x as usize, y as usize);
@@ -244,15 +285,14 @@ fn a_perspective_pushes_along_the_ray_by_model_units() {
                 ..near
             };
             let got = draw_splats(&view, &[near, far], &style(1.0)).sums[i];
-            assert_eq!(
-                got,
-                [
-                    1.0,
-                    if blends { 1.0 } else { 0.0 },
-                    0.0,
-                    if blends { 2.0 } else { 1.0 }
-                ]
-            );
+            let expected = if blends {
+                [1.0, 1.0, 0.0, 2.0]
+            } else {
+                [1.0, 0.0, 0.0, 1.0]
+            };
+            for (got, expected) in got.iter().zip(expected) {
+                assert_near(*got, expected, 1e-4);
+            }
         }
     }
 }
@@ -272,9 +312,10 @@ fn an_offset_of_zero_draws_the_nearest_splat_everywhere() {
             offset: 0.0,
             color: RED,
             area_px: 1.0,
+            extent_and_side_px: [1.0; 3],
         };
         let got = draw_splats(&view, &[one], &style(1.0));
-        assert_eq!(got.sums.iter().map(|s| s[3]).sum::<f32>(), 1.0, "{one:?}");
+        assert_near(got.sums.iter().map(|s| s[3]).sum::<f32>(), 1.0, 1e-5);
     }
 }
 
@@ -307,7 +348,7 @@ fn the_far_plane_drops_centers_and_forgives_pushes() {
     }
 }
 
-fn cloud(view: &View, count: usize) -> Vec<FilteredSplat> {
+fn cloud(view: &View, count: usize, side: f32) -> Vec<FilteredSplat> {
     let mut numbers = Numbers(11);
     (0..count)
         .map(|_| {
@@ -327,6 +368,7 @@ fn cloud(view: &View, count: usize) -> Vec<FilteredSplat> {
                     numbers.between(0.0, 1.0),
                 ],
                 area_px: numbers.between(0.01, 2.0),
+                extent_and_side_px: [side; 3],
             }
         })
         .collect()
@@ -335,7 +377,7 @@ fn cloud(view: &View, count: usize) -> Vec<FilteredSplat> {
 #[test]
 fn the_order_of_splats_matters_to_rounding_only() {
     for view in [flat(), perspective()] {
-        let mut splats = cloud(&view, 4000);
+        let mut splats = cloud(&view, 4000, 2.5);
         let first = draw_splats(&view, &splats, &style(2.5));
         assert!(first.sums.iter().filter(|s| s[3] > 0.0).count() > 1000);
         let mut numbers = Numbers(5);
@@ -357,19 +399,18 @@ fn the_order_of_splats_matters_to_rounding_only() {
 #[test]
 fn the_sums_are_those_of_a_list_of_fragments_at_each_pixel() {
     for view in [flat(), perspective()] {
-        let splats = cloud(&view, 600);
+        let splats = cloud(&view, 600, 3.0);
         let got = draw_splats(&view, &splats, &style(3.0));
         let mut rejected = 0;
         for y in 0..40 {
             for x in 0..48 {
-                // (distance, distance once pushed, splat)
-                let fragments: Vec<(f64, f64, &FilteredSplat)> = splats
+                let away = |s: &FilteredSplat| {
+                    let (px, py, _) = view.project(s.center);
+                    [(px - (x as f32 + 0.5)).abs(), (py - (y as f32 + 0.5)).abs()]
+                };
+                // (distance, distance once pushed, part of the pixel, whether the square hides it)
+                let fragments: Vec<(f64, f64, f64, bool)> = splats
                     .iter()
-                    .filter(|s| {
-                        let (px, py, _) = view.project(s.center);
-                        let inside = |p: f32, i: usize| (p - (i as f32 + 0.5)).abs() < 1.5;
-                        inside(px, x) && inside(py, y)
-                    })
                     .map(|s| {
                         let z = f64::from(view.distance(s.center));
                         let stretch = if view.is_perspective {
@@ -377,28 +418,35 @@ fn the_sums_are_those_of_a_list_of_fragments_at_each_pixel() {
                         } else {
                             1.0
                         };
-                        (z, z + f64::from(s.offset) * stretch, s)
+                        let [dx, dy] = away(s);
+                        let part = |d: f32| (2.0 - d).clamp(0.0, 1.0);
+                        let weight = s.area_px / 9.0 * part(dx) * part(dy);
+                        let hides = dx < 1.5 && dy < 1.5;
+                        (
+                            z,
+                            z + f64::from(s.offset) * stretch,
+                            f64::from(weight),
+                            hides,
+                        )
                     })
                     .collect();
-                let front = fragments.iter().map(|f| f.1).fold(f64::INFINITY, f64::min);
+                let hiding = fragments.iter().filter(|f| f.3);
+                let front = hiding.map(|f| f.1).fold(f64::INFINITY, f64::min);
                 // Pixel centers close to the side of a square, or splats close to the limit, may fall either way.
                 let is_doubtful = fragments.iter().any(|f| (f.0 - front).abs() < 1e-4)
-                    || splats.iter().any(|s| {
-                        let (px, py, _) = view.project(s.center);
-                        let close =
-                            |p: f32, i: usize| ((p - (i as f32 + 0.5)).abs() - 1.5).abs() < 0.005;
-                        close(px, x) || close(py, y)
-                    });
+                    || splats
+                        .iter()
+                        .any(|s| away(s).iter().any(|d| (d - 1.5).abs() < 0.005));
                 if is_doubtful {
                     continue;
                 }
-                let sum: f64 = fragments
+                let sum: f64 = fragments.iter().filter(|f| f.0 <= front).map(|f| f.2).sum();
+                rejected += fragments
                     .iter()
-                    .filter(|f| f.0 <= front)
-                    .map(|f| f64::from(f.2.area_px) / 9.0)
-                    .sum();
-                rejected += fragments.iter().filter(|f| f.0 > front).count();
-                assert_near(got.sums[at(x, y)][3], sum as f32, 1e-5);
+                    .filter(|f| f.0 > front && f.2 > 0.0)
+                    .count();
+                // Centers are snapped to 1/256 pixel: so much of several parts.
+                assert_near(got.sums[at(x, y)][3], sum as f32, 3e-3);
             }
         }
         assert!(rejected > 100, "{rejected}");
@@ -409,7 +457,7 @@ fn the_sums_are_those_of_a_list_of_fragments_at_each_pixel() {
 fn a_constant_color_stays_constant() {
     let color = [0.3, 0.6, 0.9];
     for view in [flat(), perspective()] {
-        let splats: Vec<FilteredSplat> = cloud(&view, 3000)
+        let splats: Vec<FilteredSplat> = cloud(&view, 3000, 1.7)
             .into_iter()
             .map(|s| FilteredSplat { color, ..s })
             .collect();

@@ -48,7 +48,12 @@ fn the_rim_of_a_tilted_half_plane_is_covered_as_the_half_plane_covers_it() {
                 if area > 1e-9 {
                     // The half plane is tilted in depth, too.
                     let z = 8.0 + 0.2 * x;
-                    splats.push(splat([x as f32, y as f32, z as f32], RED, area as f32));
+                    let one = splat([x as f32, y as f32, z as f32], RED, area as f32);
+                    let side = area.sqrt() as f32;
+                    splats.push(FilteredSplat {
+                        extent_and_side_px: [side, side, 1.0],
+                        ..one
+                    });
                 }
             }
         }
@@ -62,7 +67,8 @@ fn the_rim_of_a_tilted_half_plane_is_covered_as_the_half_plane_covers_it() {
                     count += 1.0;
                     off += (alpha - exact).abs();
                     bias += alpha - exact;
-                } else if exact < 0.5 {
+                } else if inside([x as f64 + 0.5, y as f64 + 0.5]) < -1.0 {
+                    // Cells that the edge cuts reach beyond it by less than a cell.
                     assert_eq!(alpha, 0.0, "{angle} {x} {y}");
                 } else if inside([x as f64 + 0.5, y as f64 + 0.5]) > 2.0 {
                     assert_eq!(alpha, 1.0, "{angle} {x} {y}");
@@ -77,4 +83,45 @@ fn the_rim_of_a_tilted_half_plane_is_covered_as_the_half_plane_covers_it() {
             bias / count
         );
     }
+}
+
+#[test]
+fn before_a_farther_part_the_rim_shows_that_part() {
+    // A near square of half the weight before a far wall; both one pixel a splat.
+    let mut splats = Vec::new();
+    for y in 0..40 {
+        for x in 0..48 {
+            let center = [x as f32 + 0.5, y as f32 + 0.5, 50.0];
+            splats.push(splat(center, GREEN, 1.0));
+            if (10..15).contains(&x) && (10..15).contains(&y) {
+                splats.push(splat([center[0], center[1], 8.0], RED, 0.5));
+            }
+        }
+    }
+    let got = draw_splats(&flat(), &splats, &style(1.0));
+    assert_eq!(got.image.color[at(12, 12)], [255, 0, 0, 255]);
+    for (x, y) in [(10, 10), (12, 10), (14, 13)] {
+        assert_eq!(got.image.color[at(x, y)], [128, 128, 0, 255], "{x} {y}");
+    }
+    assert_eq!(got.image.color[at(9, 12)], [0, 255, 0, 255]);
+    // Not farther by more than the jump: no rim.
+    for splat in splats.iter_mut().filter(|s| s.color == GREEN) {
+        splat.center.z = 8.0 + JUMP as f32;
+    }
+    let near = draw_splats(&flat(), &splats, &style(1.0));
+    assert_eq!(near.image.color[at(12, 10)], [255, 0, 0, 255]);
+    // Half of the neighbors empty, half the far part: both show, and only the part counts as covered.
+    let splats = [
+        splat([10.5, 10.5, 8.0], RED, 0.5),
+        splat([9.5, 9.5, 50.0], GREEN, 1.0),
+        splat([9.5, 10.5, 50.0], GREEN, 1.0),
+        splat([9.5, 11.5, 50.0], GREEN, 1.0),
+        splat([10.5, 9.5, 50.0], GREEN, 1.0),
+    ];
+    let style = Style {
+        background: [0.0, 0.0, 1.0],
+        ..style(1.0)
+    };
+    let got = draw_splats(&flat(), &splats, &style);
+    assert_eq!(got.image.color[at(10, 10)], [128, 64, 64, 191]);
 }

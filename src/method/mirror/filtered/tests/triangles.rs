@@ -37,7 +37,7 @@ fn sheet(distance: f32, wave: f32, extent: f32) -> Surface {
 }
 
 #[test]
-fn triangles_alone_look_as_in_one_pass_unless_a_second_layer_is_near() {
+fn triangles_alone_look_as_in_one_pass() {
     let view = perspective();
     let near = sheet(10.0, 0.4, 4.0);
     // The farther sheet waves more than the nearer, which it comes close to here and there.
@@ -45,147 +45,41 @@ fn triangles_alone_look_as_in_one_pass_unless_a_second_layer_is_near() {
     let mut vertices = near.vertices.clone();
     vertices.extend(&behind.vertices);
     let shift = near.vertices.len() as u32;
-    let shifted: Vec<[u32; 3]> = behind
-        .triangles
-        .iter()
-        .map(|t| t.map(|i| i + shift))
-        .collect();
-    let triangles = [near.triangles.clone(), shifted.clone()].concat();
+    let shifted = behind.triangles.iter().map(|t| t.map(|i| i + shift));
+    let triangles: Vec<[u32; 3]> = near.triangles.iter().copied().chain(shifted).collect();
     let style = Style {
         background: [0.1, 0.2, 0.3],
         ..style(2.0)
     };
     let outputs = Outputs {
         depth: true,
-        normal: false,
+        normal: true,
     };
-    let plain = |triangles: &[[u32; 3]]| {
-        let list = DrawList {
-            vertices: &vertices,
-            triangles,
-            ..DrawList::default()
-        };
-        render(&view, &list, &style, outputs)
+    let list = DrawList {
+        vertices: &vertices,
+        triangles: &triangles,
+        ..DrawList::default()
     };
-    let expected = plain(&triangles);
-    let (first, second) = (plain(&near.triangles), plain(&shifted));
+    let expected = render(&view, &list, &style, outputs);
     let list = FilteredList {
         vertices: &vertices,
         triangles: &triangles,
         splats: &[],
     };
     let got = render_filtered(&view, &list, &style, outputs);
-
-    let (mut apart, mut blended, mut one_layer) = (0, 0, 0);
-    for i in 0..expected.color.len() {
-        let sum = got.sums[i][3];
-        assert_eq!(got.image.color[i][3], expected.color[i][3]);
-        let (a, b) = (first.depth[i], second.depth[i]);
-        let gap = (a - b).abs();
-        // The radius of a splat of side 2 at that distance. Distances grow by it times the cosine between
-        // ray and view direction (down to 0.68 here) over that between ray and normal.
-        let radius = a.min(b) / view.focal_px();
-        if gap > 2.2 * radius {
-            let is_single = !a.is_finite() || !b.is_finite();
-            *(if is_single {
-                &mut one_layer
-            } else {
-                &mut apart
-            }) += usize::from(sum > 0.0);
-            assert_eq!(
-                sum,
-                if expected.color[i][3] == 0 { 0.0 } else { 1.0 },
-                "{i}"
-            );
-            for c in 0..3 {
-                assert!(
-                    got.image.color[i][c].abs_diff(expected.color[i][c]) <= 1,
-                    "{i}"
-                );
-            }
-        } else if gap < 0.6 * radius {
-            blended += 1;
-            assert_eq!(sum, 2.0, "{i}");
-            for c in 0..3 {
-                let mean = (f32::from(first.color[i][c]) + f32::from(second.color[i][c])) / 2.0;
-                assert_near(f32::from(got.image.color[i][c]), mean, 1.5);
-            }
-        }
-    }
-    assert!(
-        apart > 200 && blended > 20 && one_layer > 300,
-        "{apart} {blended} {one_layer}"
-    );
-}
-
-#[test]
-fn a_triangle_is_pushed_by_a_splat_radius_over_the_cosine() {
-    let pushed_by = |view: &View, vertices: &[Vertex], side: f32, i: usize| {
-        let list = FilteredList {
-            vertices,
-            triangles: &[[0, 1, 2]],
-            splats: &[],
-        };
-        let outputs = Outputs {
-            depth: true,
-            normal: true,
-        };
-        let got = render_filtered(view, &list, &style(side), outputs);
-        assert_eq!(got.sums[i][3], 1.0);
-        assert!(got.image.normal.iter().all(|n| *n == [0.0; 3]));
-        got.image.depth[i]
-    };
-    // One pixel a unit: a splat of side 4 has the radius 2. Toward the eye is -z in that model.
-    let i = at(10, 10);
-    for (normal, by) in [
-        (Vec3::NEG_Z, 2.0),
-        (Vec3::Z, 2.0),
-        (Vec3::new(0.0, 0.75f32.sqrt(), -0.5), 4.0),
-        (Vec3::new(0.0, 0.9375f32.sqrt(), -0.25), 8.0),
-        (Vec3::Y, 20.0),
-    ] {
-        assert_near(
-            pushed_by(&flat(), &wall(100.0, normal), 4.0, i),
-            100.0 + by,
-            0.02,
+    assert!(got.image.normal.iter().all(|n| *n == [0.0; 3]));
+    let mut covered = 0;
+    for (i, (a, b)) in expected.color.iter().zip(&got.image.color).enumerate() {
+        assert_eq!(got.sums[i][3], f32::from(a[3]) / 255.0);
+        assert!((0..4).all(|c| a[c].abs_diff(b[c]) <= 1), "{i}: {a:?} {b:?}");
+        let (one, two) = (expected.depth[i], got.image.depth[i]);
+        assert!(
+            one == two || (one - two).abs() < 1e-5 * one,
+            "{i}: {one} {two}"
         );
+        covered += usize::from(a[3] > 0);
     }
-    assert_near(
-        pushed_by(&flat(), &wall(100.0, Vec3::NEG_Z), 0.1, i),
-        100.5,
-        1e-4,
-    );
-    let mut without = wall(100.0, Vec3::Y);
-    without.iter_mut().for_each(|v| v.color[3] = 0);
-    assert_near(pushed_by(&flat(), &without, 4.0, i), 102.0, 1e-3);
-
-    // Perspective: every vertex along its own ray, by the radius at its distance over the cosine of its ray.
-    let view = perspective();
-    let vertices: Vec<Vertex> = [[-30.0, -30.0], [30.0, -30.0], [0.0, 30.0]]
-        .map(|[x, y]| vertex(Vec3::new(x, y, -20.0), Vec3::Z, [255; 3]))
-        .to_vec();
-    let places: Vec<DVec3> = vertices
-        .iter()
-        .map(|v| {
-            let q = v.position.as_dvec3();
-            let radius = 4.0 * 20.0 / (2.0 * f64::from(view.focal_px()));
-            q * (1.0 + radius / (20.0 / q.length()) / q.length())
-        })
-        .collect();
-    // Where the ray through the pixel's center meets the plane of the three.
-    let normal = (places[1] - places[0]).cross(places[2] - places[0]);
-    let ray = DVec3::new(
-        ((10.5 / 24.0) - 1.0) / f64::from(view.scale[0]),
-        (1.0 - 25.5 / 20.0) / f64::from(view.scale[1]),
-        -1.0,
-    );
-    let expected = normal.dot(places[0]) / normal.dot(ray);
-    assert!(expected > 20.5);
-    assert_near(
-        pushed_by(&view, &vertices, 4.0, at(10, 25)),
-        expected as f32,
-        0.002,
-    );
+    assert!((500..48 * 40).contains(&covered), "{covered}");
 }
 
 #[test]
@@ -221,11 +115,11 @@ fn a_floor_from_behind_the_eye_to_behind_the_far_plane_has_no_holes() {
 }
 
 #[test]
-fn splats_blend_with_triangles_within_the_offset_of_either() {
+fn splats_blend_with_triangles_behind_them_by_their_offset() {
     let vertices = wall(100.0, Vec3::NEG_Z);
     let i = at(10, 10);
     let sum = |z: f32| {
-        let splats = [splat([10.5, 10.5, z], GREEN, 8.0)];
+        let splats = [wide(4.0, splat([10.5, 10.5, z], GREEN, 8.0))];
         let list = FilteredList {
             vertices: &vertices,
             triangles: &[[0, 1, 2]],
@@ -233,12 +127,12 @@ fn splats_blend_with_triangles_within_the_offset_of_either() {
         };
         render_filtered(&flat(), &list, &style(4.0), Outputs::default()).sums[i]
     };
-    // The wall in headlight is 0.8 and 2 deep; the splat has half the weight and is 0.5 deep.
+    // The wall in headlight is 0.8; the splat has half the weight and is 0.5 deep.
     for (z, weight, green) in [
         (99.0, 0.5, 0.5),
         (99.6, 1.5, 1.3),
-        (101.9, 1.5, 1.3),
-        (102.1, 1.0, 0.8),
+        (100.0, 1.5, 1.3),
+        (100.1, 1.0, 0.8),
     ] {
         let got = sum(z);
         assert_near(got[3], weight, 1e-6);
@@ -299,7 +193,7 @@ fn a_mirrored_view_gives_the_mirrored_picture() {
         let view = camera.view(DVec3::ZERO).unwrap();
         camera.proj.x_axis.x = -camera.proj.x_axis.x;
         let mirrored = camera.view(DVec3::ZERO).unwrap();
-        let splats = cloud(&view, 300);
+        let splats = cloud(&view, 300, 2.5);
         let surface = if is_perspective {
             sheet(8.0, 0.4, 3.0)
         } else {

@@ -1,5 +1,5 @@
 #version 460
-// Pass filtered.depth: triangles into depth only, pushed away by the offset that the largest splat at that depth
+// Pass fuzzy.depth: triangles into depth only, pushed away by the offset that the largest splat at that depth
 // would have, so that neither kind cuts the other where they meet.
 #include "common/push.glsl"
 #include "common/octahedral.glsl"
