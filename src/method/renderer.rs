@@ -14,7 +14,7 @@ use super::lists::Lists;
 pub use super::mirror::Outputs;
 use super::plan::{Drawing, check};
 use super::scene::Scene;
-use super::splats::{Source, Splats};
+use super::splats::Splats;
 use super::targets::{Context, Targets};
 use super::triangles::{self, Variant};
 use super::{Method, Settings};
@@ -88,7 +88,8 @@ pub struct Renderer {
     cut: Cut,
     selector: cut::Selector,
     triangles: Option<(Variant, Pipeline)>,
-    splats: Option<Splats>,
+    /// One for each variant that was drawn, six at most.
+    splats: Vec<Splats>,
     filtered: Option<Filtered>,
     fuzzy: Option<Fuzzy>,
     readback: Option<[Option<Readback>; 3]>,
@@ -139,7 +140,7 @@ impl Renderer {
             cut: Cut::default(),
             selector: cut::Selector::default(),
             triangles: None,
-            splats: None,
+            splats: Vec::new(),
             filtered: None,
             fuzzy: None,
             readback: None,
@@ -272,14 +273,9 @@ impl Renderer {
         match Drawing::of(settings) {
             Drawing::Nothing => {}
             Drawing::Opaque => {
-                let source = if settings.method == Method::Points {
-                    Source::Vertices
-                } else {
-                    Source::List
-                };
-                let variant = (settings.footprint(), source);
-                if self.splats.as_ref().is_none_or(|s| s.variant != variant) {
-                    self.splats = Some(Splats::new(&self.gpu, variant, normals)?);
+                let variant = Splats::variant_of(settings);
+                if self.splats.iter().all(|s| s.variant != variant) {
+                    self.splats.push(Splats::new(&self.gpu, variant, normals)?);
                 }
             }
             Drawing::Fuzzy => {

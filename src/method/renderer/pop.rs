@@ -12,6 +12,7 @@ use crate::math::camera::View;
 use crate::method::lists::{pack_triangles, records, reserve};
 use crate::method::plan::{Drawing, cut_settings, filtered_shade, frame_constants, splat_plan};
 use crate::method::scene::Scene;
+use crate::method::splats::Splats;
 use crate::method::{Method, Settings, filtered, fuzzy, hybrid};
 use crate::tree::Model;
 use std::sync::Arc;
@@ -60,10 +61,12 @@ impl Renderer {
         let submit_start = Instant::now();
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        let variant = Splats::variant_of(settings);
+        let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
             Drawing::of(settings),
             &self.triangles,
-            &self.splats,
+            opaque,
             &self.filtered,
         ) {
             (Drawing::Opaque, Some((_, pipeline)), Some(splats), _) => {
