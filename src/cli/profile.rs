@@ -108,11 +108,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
     let camera = args.camera.as_deref().map(read_camera).transpose()?;
-    let source = Source {
-        moments: settings.draws_filtered(),
-        ..args.source.clone()
-    };
-    let ready = source.ready(quiet)?;
+    let ready = args.source.ready(quiet)?;
     let cameras = match camera {
         Some(camera) => vec![resized(camera, args.size)?; args.frames as usize],
         None => orbit_cameras(&ready, args.size, args.orbit, args.frames),

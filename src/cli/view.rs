@@ -8,7 +8,6 @@ use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use surfel::method::engine::Backend;
 use surfel::progress::Progress;
 use surfel::viewer::loader::Open;
@@ -199,7 +198,6 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         orbit: (azimuth.to_radians(), elevation.to_radians(), fill),
         camera,
         settings,
-        moments,
         frame_ms: args.frame_ms,
         vsync: args.vsync != Some(Switch::Off),
         gpu,

@@ -192,7 +192,8 @@ impl MirrorEngine {
                     .select(model, view, &cut_settings(settings, model), &mut self.cut);
                 cut.end(&mut times);
                 let packing = Stage::Pack.begin();
-                let (cut, is_whole) = (&self.cut, settings.method == Method::Splats);
+                let is_whole = settings.method == Method::Splats;
+                let cut = &mut self.cut;
                 match Drawing::of(settings) {
                     Drawing::Opaque | Drawing::Visibility => {
                         let plan = splat_plan(settings, f32::INFINITY);
@@ -208,7 +209,6 @@ impl MirrorEngine {
                     }
                     Drawing::Filtered => {
                         let shade = filtered_shade(settings, model, f32::INFINITY);
-                        let cut = &mut self.cut;
                         let large = draw::filtered::take_triangles(model, view, &shade, cut);
                         let most = draw::filtered::splat_count(cut, large);
                         filtered.resize(most, FilteredSplat::zeroed());

@@ -73,7 +73,8 @@ pub struct Renderer {
     cut: Cut,
     selector: cut::Selector,
     triangles: Option<(Variant, Pipeline)>,
-    splats: Option<Splats>,
+    /// One for each variant that was drawn, six at most.
+    splats: Vec<Splats>,
     small: Option<Small>,
     filtered: Option<Filtered>,
     visibility: Option<Visibility>,
@@ -132,7 +133,7 @@ impl Renderer {
             cut: Cut::default(),
             selector: cut::Selector::default(),
             triangles: None,
-            splats: None,
+            splats: Vec::new(),
             small: None,
             filtered: None,
             visibility: None,
@@ -299,9 +300,9 @@ impl Renderer {
                 visibility.ensure(source, settings.reconstruction)?;
             }
             Drawing::Opaque => {
-                let variant = (settings.footprint(), source);
-                if self.splats.as_ref().is_none_or(|s| s.variant != variant) {
-                    self.splats = Some(Splats::new(&self.gpu, variant, normals)?);
+                let variant = Splats::variant_of(settings);
+                if self.splats.iter().all(|s| s.variant != variant) {
+                    self.splats.push(Splats::new(&self.gpu, variant, normals)?);
                 }
             }
             Drawing::Fuzzy => {

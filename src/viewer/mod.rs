@@ -36,7 +36,6 @@ pub use screen::Faults;
 use screen::Screen;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
 use window::Window;
 
 /// Why the window closed early.
@@ -91,8 +90,6 @@ pub struct Options {
     pub camera: Option<Camera>,
     /// How the model is drawn at first.
     pub settings: Settings,
-    /// Whether models are loaded with the sums that filtered splats need; set once these are asked for.
-    pub moments: Arc<AtomicBool>,
     /// Wanted time of a frame while the camera moves, milliseconds.
     pub frame_ms: Option<f64>,
     /// Wait for the screen, so that nothing tears.

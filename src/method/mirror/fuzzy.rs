@@ -10,11 +10,12 @@ use super::round::{patch, radius_px};
 use super::shade::{Kind, Shading, color_of, normal_of};
 use super::square::{self, Footprint as Square};
 use super::triangle::{self, Triangle};
-use super::{CHUNK, Frame, Outputs, draw, filtered, gather};
+use super::{CHUNK, Frame, Outputs, Placed, draw, gather};
 use crate::abi::{Splat, Vertex, WeightedSplat, constants};
 use crate::draw::{ColorBy, Footprint, FuzzyList, Style};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
+use crate::math::octahedral;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::ops::Range;
@@ -584,7 +585,11 @@ fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
     } else {
         1.0
     };
-    let radius =
-        frame.style.depth_offset * frame.style.splat_size_px.max(1.0) * distance / (2.0 * view.focal_px());
-    frame.project(filtered::pushed(frame, in_view, radius / cosine.max(LEAST_COSINE)))
+    let radius = frame.style.depth_offset * frame.style.splat_size_px.max(1.0) * distance
+        / (2.0 * view.focal_px());
+    frame.project(pushed(
+        frame,
+        in_view,
+        radius / cosine.max(LEAST_COSINE as f32),
+    ))
 }

@@ -4,7 +4,7 @@
 use super::clip::{Corner, clip};
 use super::shade::{Kind, color_of, normal_of};
 use super::target::{Band, Fragment};
-use super::{Frame, SUBPIXELS, pixels_between, snap};
+use super::{Frame, Placed, SUBPIXELS, pixels_between, snap};
 use crate::abi::Vertex;
 use glam::DVec3;
 use std::ops::Range;
@@ -83,9 +83,27 @@ pub(super) fn set_up(
     corners: [u32; 3],
     out: &mut Vec<Triangle>,
 ) {
+    set_up_placed(
+        frame,
+        vertices,
+        corners,
+        |vertex| frame.place(vertex.position),
+        out,
+    );
+}
+
+/// [`set_up`] with a vertex shader of its own: `place` gives the place of a vertex, `None` when it is not
+/// finite.
+pub(super) fn set_up_placed(
+    frame: &Frame,
+    vertices: &[Vertex],
+    corners: [u32; 3],
+    place: impl Fn(&Vertex) -> Option<Placed>,
+    out: &mut Vec<Triangle>,
+) {
     let corner = |i: u32| {
         let vertex = vertices.get(i as usize)?;
-        let placed = frame.place(vertex.position)?;
+        let placed = place(vertex)?;
         Some(Corner {
             clip: placed.clip.as_dvec4(),
             distance: f64::from(placed.distance),

@@ -15,6 +15,7 @@ use crate::method::plan::{
     Drawing, cut_settings, filtered_shade, frame_constants, largest_splat_px, splat_plan,
 };
 use crate::method::scene::Scene;
+use crate::method::splats::Splats;
 use crate::method::times::Stage;
 use crate::method::{Method, Settings, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
@@ -89,10 +90,12 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
         };
+        let variant = Splats::variant_of(settings);
+        let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
             Drawing::of(settings),
             &self.triangles,
-            &self.splats,
+            opaque,
             &self.filtered,
         ) {
             (Drawing::Opaque, Some((_, pipeline)), Some(splats), _) => {

@@ -7,6 +7,7 @@ use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
 use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
+use crate::method::splats::Splats;
 use crate::method::targets::Targets;
 use crate::method::times::Stage;
 use crate::method::{Settings, fuzzy, triangles, visibility};
@@ -63,6 +64,8 @@ impl Renderer {
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
+        let variant = Splats::variant_of(settings);
+        let opaque = self.splats.iter().find(|s| s.variant == variant);
         // Declared by the pass, not read.
         let indices = &self.lists[0].indices;
         submit_whole(
@@ -71,7 +74,7 @@ impl Renderer {
             &constants,
             counts,
             end,
-            |frame, c| match (Drawing::of(settings), &self.splats, &self.fuzzy) {
+            |frame, c| match (Drawing::of(settings), opaque, &self.fuzzy) {
                 (Drawing::Opaque, Some(splats), _) => {
                     splats.record_vertices(frame, targets, scene, as_quads, &context, c);
                 }

@@ -5,7 +5,7 @@
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
-use super::{SPLAT, VERTEX};
+use super::{SPLAT, Settings, VERTEX};
 use crate::abi::{Shader, shaders};
 use crate::draw::Footprint;
 use crate::draw::splats::Packed;
@@ -34,6 +34,16 @@ pub(crate) struct Splats {
 }
 
 impl Splats {
+    /// What `settings` need.
+    pub(crate) fn variant_of(settings: &Settings) -> (Footprint, Source) {
+        let source = if settings.has_cut() {
+            Source::List
+        } else {
+            Source::Vertices
+        };
+        (settings.footprint(), source)
+    }
+
     /// # Errors
     /// When a Vulkan call fails.
     pub(crate) fn new(

@@ -13,7 +13,6 @@ use crate::viewer::{Error, text};
 use std::f64::consts::TAU;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 
 /// Largest threshold that the keys set, pixels.
 const LARGEST_THRESHOLD_PX: f32 = 4096.0;
@@ -225,30 +224,9 @@ impl App {
         })
     }
 
-    /// Whether the model must be loaded once more for these settings: filtered splats need sums that it has not, and
-    /// that were never asked for. What came by a pipe is gone.
-    fn needs_load(&self, settings: &Settings) -> bool {
-        let Some(model) = self.screen.model() else {
-            return false;
-        };
-        settings.draws_filtered()
-            && settings.has_cut()
-            && !model.triangles.is_empty()
-            && model.tree.moments.len() != model.tree.nodes.len()
-            && self.path != Path::new("-")
-            && !self.options.moments.load(Ordering::Relaxed)
-    }
-
     /// Draws in another way from now on, unless that is refused: then the window says why and nothing changes.
     pub(super) fn wish(&mut self, settings: Settings) {
         if settings == self.settings {
-            return;
-        }
-        if self.needs_load(&settings) {
-            self.options.moments.store(true, Ordering::Relaxed);
-            self.after_load = Some(settings);
-            self.asks.push(Ask::Open(self.path.clone()));
-            self.inform("loading again, with the sums that filtered splats need");
             return;
         }
         if let Some(why) = self.refusal(&settings) {
@@ -281,8 +259,7 @@ impl App {
         let mut passed: Vec<String> = Vec::new();
         for value in others(list, now, backward) {
             let settings = with(value);
-            let refusal = self.refusal(&settings);
-            match refusal.filter(|_| !self.needs_load(&settings)) {
+            match self.refusal(&settings) {
                 None => {
                     self.wish(settings);
                     break;

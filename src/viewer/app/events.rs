@@ -105,7 +105,6 @@ impl App {
                     }
                 } else {
                     self.notices.clear();
-                    self.after_load = None;
                     self.asks.push(Ask::Open(path.clone()));
                 }
             }

@@ -85,8 +85,6 @@ pub(super) struct App {
     facts: Option<Facts>,
     /// Where the model came from.
     path: PathBuf,
-    /// Settings for the model that is being loaded, which is the same with more to it.
-    after_load: Option<Settings>,
     /// What the window does besides, such as `scan.ply - building nodes 43%`.
     pub(super) status: Option<String>,
     pub(super) name: String,
@@ -144,7 +142,6 @@ impl App {
             history: History::default(),
             facts: None,
             path: PathBuf::new(),
-            after_load: None,
             status: None,
             name: text::name(&options.model),
             has_panel: options.window.panel,
@@ -223,7 +220,6 @@ impl App {
     ) -> Result<(), Error> {
         self.status = None;
         self.is_cover_dirty = true;
-        let after_load = self.after_load.take().filter(|_| path == self.path);
         let outcome = match result {
             Ok(model) => self
                 .screen
@@ -250,10 +246,6 @@ impl App {
                     is_closed: model.is_closed,
                 });
                 self.is_dirty = true;
-                if let Some(settings) = after_load {
-                    self.wish(settings);
-                    return Ok(());
-                }
                 let center = model.origin + model.orbit_center.as_dvec3();
                 let radius = f64::from(model.orbit_radius);
                 self.orbit = Some(Orbit::new(center, radius, self.size, orbit));
