@@ -152,7 +152,7 @@ impl Level {
             let Some(level) = levels.last_mut() else {
                 break;
             };
-            let filled = level.from_coarse(&coarse);
+            let filled = level.filled_from(&coarse);
             for (pixel, color) in level.pixels.iter_mut().zip(filled) {
                 if let Some(color) = color {
                     *pixel = Pixel {
@@ -164,7 +164,7 @@ impl Level {
             }
         }
         match &levels[..] {
-            [finest, coarse] => finest.from_coarse(coarse),
+            [finest, coarse] => finest.filled_from(coarse),
             _ => Vec::new(),
         }
     }
@@ -217,7 +217,7 @@ impl Level {
     }
 
     /// For every hole the bilinear mean of the four nearest pixels of the next level, of those of its surface.
-    fn from_coarse(&self, coarse: &Self) -> Vec<Option<[u8; 3]>> {
+    fn filled_from(&self, coarse: &Self) -> Vec<Option<[u8; 3]>> {
         let fill = |i: usize| {
             let pixel = &self.pixels[i];
             if pixel.class != Class::Hole {
