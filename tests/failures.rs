@@ -334,7 +334,7 @@ fn cases() -> &'static [Case] {
                     ..
                 } = entry.make();
                 let has_triangles = !mesh.triangles.is_empty();
-                let model = tree::build(mesh, &BuildOptions { moments: true }, &Silent).unwrap();
+                let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
                 let view = camera.view(model.origin).unwrap();
                 let reference = has_triangles.then(|| {
                     let settings = Settings {

@@ -135,7 +135,7 @@ fn sphere(triangles: u64, [r, g, b]: [u8; 3]) -> Model {
 }
 
 fn build(mesh: Mesh) -> Model {
-    tree::build(mesh, &BuildOptions { moments: true }, &Silent).unwrap()
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
 }
 
 const LAMPS: [Lamp; 4] = [

@@ -48,6 +48,7 @@ const SHADE: Shade = Shade {
     cull_back: false,
     use_colors: true,
     color_by: ColorBy::Shading,
+    light: surfel::draw::Lighting::Headlight,
 };
 
 /// The splats of a model, and how many triangles are left.
