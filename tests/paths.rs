@@ -39,7 +39,7 @@ fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, 
     let differ = |a: &[f32], b: &[f32], tolerance: f32| {
         a.iter()
             .zip(b)
-            .filter(|(a, b)| a != b && !((*a - *b).abs() <= tolerance))
+            .filter(|(a, b)| a != b && !(*a - *b).abs().le(&tolerance))
             .count() as f64
     };
     // A hundredth of a pixel's footprint: rasterizers interpolate the depth of a tiny triangle from where the picture

@@ -283,16 +283,14 @@ impl Eye<'_> {
         };
         let limit = (self.shade.max_size_px - MARGIN_PX).max(1.0);
         let diameter = size.diameter_px.min(limit);
-        let full = if size.is_own {
-            diameter
-        } else {
-            (patch.area * size.share).sqrt() * self.focal_px / z
-        };
         let extent = |axis: Vec3| {
+            // Patches are no squares: narrower than its node, a rectangle would leave gaps to its neighbors'.
+            if !size.is_own {
+                return diameter.max(1.0);
+            }
             let across = unit.dot(axis);
-            (full * (1.0 - across * across * flat).max(0.0).sqrt())
-                .min(diameter)
-                .max(LEAST_EXTENT_PX)
+            let tilted = diameter * (1.0 - across * across * flat).max(0.0).sqrt();
+            tilted.max(LEAST_EXTENT_PX)
         };
         let side = diameter.max(self.shade.side_px);
         Some(FilteredSplat {

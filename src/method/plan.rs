@@ -134,9 +134,6 @@ fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result
         _ => None,
     };
     if let Some(name) = own {
-        if settings.splat == SplatKind::Filtered && settings.method == Method::Splats {
-            return refuse(name, "they belong to --method pop");
-        }
         if settings.blend.is_some_and(|blend| blend != Blend::Opaque)
             || settings.shading != Shading::PerSplat
         {

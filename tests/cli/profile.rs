@@ -188,7 +188,10 @@ fn all_files_agree_and_every_field_can_be_true() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     for (options, passes) in [
-        ("--threshold 2", &["hybrid.triangles", "hybrid.splats"][..]),
+        (
+            "--threshold 2 --path raster",
+            &["hybrid.triangles", "hybrid.splats"][..],
+        ),
         (
             "--splat filtered",
             &["filtered.depth", "filtered.blend", "filtered.normalize"][..],

@@ -14,7 +14,7 @@ pub(crate) use list::List;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
-use super::{Blend, Path, Settings, SplatKind};
+use super::{Blend, Method, Path, Settings, SplatKind};
 use crate::abi::shaders;
 use crate::draw::Lighting;
 use crate::gpu::bind::Slice;
@@ -60,11 +60,11 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     let info = gpu.info();
     let why = if settings.path == Path::Raster {
         return Ok(false);
-    } else if !settings.has_cut()
+    } else if settings.method != Method::Pop
         || settings.splat != SplatKind::Square
         || settings.blend() != Blend::Opaque
     {
-        "it draws the squares of pop and splats that are not blended"
+        "it draws the squares of pop that are not blended"
     } else if settings.light != Lighting::Headlight {
         "it knows the headlight only"
     } else if settings.threshold_px > LARGEST_SQUARE_PX {
