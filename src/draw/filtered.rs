@@ -19,9 +19,10 @@
 //! Where a patch mixes front and back, N·v counts what faces away as negative: too little area, never too much. A patch
 //! without normals counts as if it faced the eye and the light.
 //!
-//! The area is spread over a rectangle, parallel to the picture: a square patch of area A with the mean normal's tilt
-//! would be √(A (1 - x²)) wide, x the normal's component to the right, and so high likewise. Each pixel gets the part of
-//! the rectangle that lies in it.
+//! The area is spread over a square of the threshold's side, parallel to the picture, and each pixel gets the part of it
+//! that lies in it: as wide as a node may be, so that patches leave no gaps. A leaf larger than the threshold has a
+//! rectangle of its own diameter, narrower where the mean normal is tilted: √(1 - x²) wide, x the normal's component to
+//! the right, and so high likewise.
 
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};

@@ -63,7 +63,9 @@ impl Renderer {
         )?;
         let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
-        let takes_triangles = by_compute && Small::takes_triangles(&self.gpu, scene);
+        let takes_triangles = by_compute
+            && compute::pays(triangles.len(), 1.0, view, settings)
+            && Small::takes_triangles(&self.gpu, scene);
         if takes_triangles {
             reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
         }
@@ -109,7 +111,8 @@ impl Renderer {
                     constants,
                 );
                 let mut packed_left = packed;
-                if let (true, Some(small)) = (by_compute, &self.small) {
+                let pays = takes_triangles || compute::pays(packed.points, 0.125, view, settings);
+                if let (true, Some(small)) = (by_compute && pays, &self.small) {
                     small.record(&mut frame, &self.targets, small_list, &context, constants)?;
                     packed_left.points = 0;
                 }
