@@ -124,6 +124,8 @@ fn culling_changes_nothing_on_a_closed_surface() {
         let view = orbit(&model, (200, 200), 60.0 * f64::from(k), 20.0, 1.2);
         for (method, threshold) in [(Method::Triangles, 1.0), (Method::Pop, 0.0)] {
             let on = Settings {
+                // Which path draws is decided by how much there is to draw.
+                path: Path::Raster,
                 culling: Culling::On,
                 ..settings(method, threshold)
             };

@@ -9,6 +9,8 @@ layout(location = 0) out vec4 sums;
 layout(location = 1) out vec4 normals;
 
 layout(constant_id = 4) const bool IS_DEFERRED = false;
+// The frame has a lamp instead of the headlight.
+layout(constant_id = 6) const bool HAS_LAMP = false;
 
 void main() {
     float squared = dot(normal_in_view, normal_in_view);
@@ -23,7 +25,6 @@ void main() {
         bool is_turned = (frame.flags & FLAG_TWO_SIDED) != 0u && dot(n, to_eye) < 0.0;
         normals = vec4(is_turned ? -n : n, 0.0);
     } else {
-        vec3 l = (frame.flags & FLAG_PARALLEL_LIGHT) != 0u ? vec3(0.0, 0.0, 1.0) : to_eye;
-        sums = vec4(headlight(n, l, vertex_color, tint), 1.0);
+        sums = vec4(shade_pixel(HAS_LAMP, gl_FragCoord, n, vertex_color, tint), 1.0);
     }
 }

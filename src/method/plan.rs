@@ -157,6 +157,12 @@ fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result
             refuse("deferred shading", "use --blend two-pass")
         }
         Blend::Opaque => Ok(()),
+        _ if settings.shading == Shading::Deferred && settings.light != Lighting::Headlight => {
+            refuse(
+                "deferred shading",
+                "it knows the headlight only; leave --light out, or --shading deferred",
+            )
+        }
         _ if outputs.normal => refuse(
             "normals of blended splats",
             "a mean over splats has none; leave --normals out or use --blend opaque",

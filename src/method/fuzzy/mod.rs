@@ -11,8 +11,8 @@ use super::targets::{Context, Targets};
 use super::triangles::targets;
 use super::{Settings, Shading, SplatKind, SumFormat, VERTEX};
 use crate::abi::{Shader, Splat, WeightedSplat, shaders};
-use crate::draw::Footprint;
 use crate::draw::splats::Packed;
+use crate::draw::{Footprint, Lighting};
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
@@ -72,6 +72,8 @@ pub(crate) struct Variant {
     has_coverage: bool,
     /// From the vertices of the mesh instead of a draw list.
     from_vertices: bool,
+    /// Triangles are lit by the lamp.
+    has_lamp: bool,
     sums: Format,
 }
 
@@ -102,12 +104,13 @@ impl Variant {
             is_deferred: settings.shading == Shading::Deferred,
             has_coverage: settings.sums_coverage(has_triangles),
             from_vertices: !settings.has_cut(),
+            has_lamp: settings.light != Lighting::Headlight,
             sums,
         })
     }
 
     /// The specialization constants of all shaders of fuzzy splats.
-    fn constants(&self, topology: Topology) -> [bool; 6] {
+    fn constants(&self, topology: Topology) -> [bool; 7] {
         [
             self.is_gauss,
             self.footprint == Footprint::Oriented,
@@ -115,6 +118,7 @@ impl Variant {
             self.footprint == Footprint::Square,
             self.is_deferred,
             self.has_coverage,
+            self.has_lamp,
         ]
     }
 }
