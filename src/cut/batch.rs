@@ -185,22 +185,24 @@ impl Batch {
         cut: &mut Cut,
         open: &mut Vec<Group>,
     ) {
-        let nodes = model.tree.nodes.as_slice();
-        // Four nodes lie on two or three lines.
-        let ahead = |node: usize| {
-            let mut ahead = ahead.iter();
-            move || {
-                if let Some(group) = ahead.next() {
-                    prefetch_index(nodes, group.first as usize + node);
-                }
+        let nodes: &[Node] = &model.tree.nodes;
+        // Four nodes lie on two lines (see `tree::Nodes`). Only so many requests may be on their way at once, and one more
+        // waits for its place; so they are made a few at a time wherever there is work between them.
+        let mut lines = ahead
+            .iter()
+            .take(SIZE)
+            .flat_map(|group| [0, 2].map(|node| group.first as usize + node));
+        let mut prefetch = || {
+            if let Some(node) = lines.next() {
+                prefetch_index(nodes, node);
             }
         };
-        self.gather_nodes(nodes, tester, groups, ahead(0), cut);
-        self.sizes(tester, groups.len(), ahead(1));
+        self.gather_nodes(nodes, tester, groups, &mut prefetch, cut);
+        self.sizes(tester, groups.len());
         self.volumes(tester, groups, cut);
-        self.cones(tester, groups, cut);
-        self.rows(tester, groups, cut);
-        self.emit_nodes(groups, ahead(3), cut, open);
+        self.cones(tester, groups, &mut prefetch, cut);
+        self.rows(tester, groups, &mut prefetch, cut);
+        self.emit_nodes(groups, &mut prefetch, cut, open);
     }
 
     #[inline]
@@ -244,9 +246,8 @@ impl Batch {
     }
 
     #[inline]
-    fn sizes(&mut self, tester: &Tester, count: usize, mut prefetch: impl FnMut()) {
+    fn sizes(&mut self, tester: &Tester, count: usize) {
         for (balls, small) in self.balls.iter().zip(&mut self.small).take(count) {
-            prefetch();
             *small = tester.small(balls) as u8;
         }
     }
@@ -266,7 +267,13 @@ impl Batch {
     }
 
     #[inline]
-    fn cones(&mut self, tester: &Tester, groups: &[Group], cut: &mut Cut) {
+    fn cones(
+        &mut self,
+        tester: &Tester,
+        groups: &[Group],
+        mut prefetch: impl FnMut(),
+        cut: &mut Cut,
+    ) {
         self.listed.clear();
         for (((group, words), &kept), index) in
             groups.iter().zip(&self.words).zip(&self.kept).zip(0..)
@@ -279,6 +286,7 @@ impl Batch {
         for &index in self.listed.as_slice() {
             let i = index as usize % SIZE;
             let words = &self.words[i];
+            prefetch();
             let (away, front) = tester.cones(&self.balls[i], words.axis(), words.sine());
             dropped += bits(away as u8 & self.kept[i]);
             self.kept[i] &= !away as u8;
@@ -288,7 +296,13 @@ impl Batch {
     }
 
     #[inline]
-    fn rows(&mut self, tester: &Tester, groups: &[Group], cut: &mut Cut) {
+    fn rows(
+        &mut self,
+        tester: &Tester,
+        groups: &[Group],
+        mut prefetch: impl FnMut(),
+        cut: &mut Cut,
+    ) {
         self.listed.clear();
         let masks = self.kept.iter().zip(&self.small);
         for ((&kept, &small), index) in masks.zip(0..).take(groups.len()) {
@@ -301,6 +315,7 @@ impl Batch {
             else {
                 continue;
             };
+            prefetch();
             let most = tester.most_in_row(group.first, words);
             let likely = tester.may_be_rows(balls, words, most) as u8;
             self.rows[i] = likely & self.kept[i] & !self.small[i];
@@ -312,6 +327,7 @@ impl Batch {
             else {
                 continue;
             };
+            prefetch();
             let most = tester.most_in_row(group.first, words);
             let (counts, fits) = tester.rows(balls, words, most);
             self.rows[i] &= fits as u8;
@@ -345,6 +361,7 @@ impl Batch {
         for &index in self.listed.as_slice() {
             let i = index as usize % SIZE;
             let Some(group) = groups.get(i) else { continue };
+            prefetch();
             let mut mask = self.kept[i] & !self.small[i] & !self.rows[i];
             let (mut inside, mut front) = (u32::from(self.inside[i]), u32::from(self.front[i]));
             let inherited = group.word & !0xff;

@@ -334,11 +334,12 @@ mod tests {
         };
         Model {
             tree: Tree {
-                nodes: vec![
+                nodes: [
                     node(0.0, 2.0, 1, 0),
                     node(-1.0, 0.6, 0, Node::LEAF_CHILDREN),
                     node(1.0, 0.6, 2, Node::LEAF_CHILDREN),
-                ],
+                ][..]
+                    .into(),
                 parents: vec![0; 3],
                 first_leaf: vec![0, 0, 2],
                 level_starts: vec![0, 1, 3],

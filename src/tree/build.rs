@@ -8,7 +8,7 @@
 use super::blocks::{self, Source};
 use super::partition::{Item, Partition};
 use super::shape::Shape;
-use super::{Cone, Error, Leaf, Model, Node, NodeAttributes, Tree, moments, order, spacing};
+use super::{Cone, Error, Leaf, Model, Node, NodeAttributes, Nodes, Tree, moments, order, spacing};
 use crate::math::sphere;
 use crate::mesh::Mesh;
 use crate::mesh::normals::{self, Weighting};
@@ -120,7 +120,7 @@ pub fn build(mesh: Mesh, _options: &BuildOptions, progress: &dyn Progress) -> Re
     for level in &shape.levels {
         level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
     }
-    let mut nodes = vec![Node::zeroed(); node_count];
+    let mut nodes = Nodes::zeroed(node_count);
     let mut attributes = vec![NodeAttributes::zeroed(); node_count];
     let source = Source {
         shape: &shape,

@@ -5,13 +5,14 @@
 //! word changes for certain and any other damage with a probability of all but 2^-64. A reader believes nothing: lengths
 //! are compared with the file before memory is asked for, and all links are tested before the model is handed out.
 
-use super::{Error, Leaf, Model, Moments, Node, NodeAttributes, Tree, check};
+use super::{Error, Leaf, Model, Moments, NodeAttributes, Nodes, Tree, check};
 use crate::abi::Vertex;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::fs::File;
 use std::io::{BufWriter, Read, Write};
+use std::ops::DerefMut;
 use std::path::Path;
 
 /// Ending of tree files, without the dot.
@@ -221,7 +222,7 @@ fn read_from(file: &mut dyn Read, length: u64, path: &Path) -> Result<Model, Err
         vertices: reader.section::<Vertex>()?,
         triangles: reader.section::<[u32; 3]>()?,
         tree: Tree {
-            nodes: reader.section::<Node>()?,
+            nodes: reader.section_in(Nodes::zeroed)?,
             attributes: reader.section::<NodeAttributes>()?,
             parents: reader.section::<u32>()?,
             first_leaf: reader.section::<u32>()?,
@@ -268,6 +269,14 @@ struct Reader<'a> {
 
 impl Reader<'_> {
     fn section<T: Pod>(&mut self) -> Result<Vec<T>, Error> {
+        self.section_in(|count| vec![T::zeroed(); count])
+    }
+
+    /// The next section, in memory made for its number of elements.
+    fn section_in<T: Pod, V: DerefMut<Target = [T]>>(
+        &mut self,
+        zeroed: impl FnOnce(usize) -> V,
+    ) -> Result<V, Error> {
         let (section, name) = (self.sections[self.next], NAMES[self.next]);
         self.next += 1;
         let damaged = |offset: u64, cause: String| Error::File {
@@ -305,11 +314,11 @@ impl Reader<'_> {
             ));
         }
         // Not more than the file has.
-        let mut values = vec![T::zeroed(); section.count as usize];
+        let mut values = zeroed(section.count as usize);
         self.file
-            .read_exact(bytemuck::cast_slice_mut(&mut values))
+            .read_exact(bytemuck::cast_slice_mut(&mut *values))
             .map_err(io)?;
-        if checksum(bytemuck::cast_slice(&values)) != section.checksum {
+        if checksum(bytemuck::cast_slice(&*values)) != section.checksum {
             return Err(damaged(section.offset, "the checksum is wrong".to_owned()));
         }
         self.at = section.offset + size.unwrap_or(0);

@@ -11,6 +11,7 @@ mod closed;
 pub mod file;
 mod moments;
 mod node;
+mod nodes;
 mod order;
 mod partition;
 mod select;
@@ -25,6 +26,7 @@ pub use build::{BuildOptions, build};
 pub use check::{Report, check};
 pub use moments::area_of_point;
 pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
+pub use nodes::Nodes;
 
 use crate::abi::Vertex;
 use glam::{DVec3, Vec3};
@@ -68,7 +70,7 @@ pub struct Model {
 #[derive(Debug, Clone, Default)]
 pub struct Tree {
     /// What the cut tests, 32 bytes a node.
-    pub nodes: Vec<Node>,
+    pub nodes: Nodes,
     /// What only drawn nodes need; same order as `nodes`.
     pub attributes: Vec<NodeAttributes>,
     /// Parent of each node; the root is its own parent.

@@ -357,6 +357,7 @@ fn tree<C: Iterator<Item = DVec3> + Clone>(
         ..Tree::default()
     };
     let depth = levels.len() - 1;
+    let mut nodes = vec![];
     let mut start = 0;
     for level in (1..=depth).rev() {
         tree.level_starts.push(start);
@@ -367,7 +368,7 @@ fn tree<C: Iterator<Item = DVec3> + Clone>(
                 .get(i + 1)
                 .map_or(leaves.len(), |n| n.2 as usize);
             let (cone, corners, strips) = below(first_leaf as usize..end);
-            tree.nodes.push(Node {
+            nodes.push(Node {
                 center,
                 radius,
                 first_child: a as u32 + if level > 1 { next_start } else { 0 },
@@ -390,6 +391,7 @@ fn tree<C: Iterator<Item = DVec3> + Clone>(
         start = next_start;
     }
     tree.level_starts.push(start);
+    tree.nodes = nodes.as_slice().into();
     tree.parents = vec![0; tree.nodes.len()];
     for (id, node) in tree
         .nodes
