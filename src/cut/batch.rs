@@ -99,6 +99,21 @@ impl<const N: usize> List<u32, N> {
     }
 }
 
+impl<const N: usize> List<StripRun, N> {
+    /// Appends node `first + i` with its count for the bits i of `mask` (4 of them), lowest first.
+    #[inline]
+    fn push_lanes(&mut self, first: u32, counts: [u32; 4], mask: u8) {
+        let (lanes, count) = LANES[(mask & 15) as usize];
+        if let Some(place) = self.items.get_mut(self.len..self.len + 4) {
+            place.copy_from_slice(&lanes.map(|lane| StripRun {
+                node: first.wrapping_add(lane),
+                count: counts[(lane & 3) as usize],
+            }));
+        }
+        self.len += count as usize;
+    }
+}
+
 /// The set bits of a mask of four, lowest first, and how many they are.
 const LANES: [([u32; 4], u32); 16] = {
     let mut table = [([0; 4], 0); 16];
@@ -331,11 +346,7 @@ impl Batch {
             let most = tester.most_in_row(group.first, words);
             let (counts, fits) = tester.rows(balls, words, most);
             self.rows[i] &= fits as u8;
-            let mut mask = self.rows[i];
-            for (count, node) in counts.into_iter().zip(group.first..) {
-                self.runs.push_if(mask & 1 != 0, StripRun { node, count });
-                mask >>= 1;
-            }
+            self.runs.push_lanes(group.first, counts, self.rows[i]);
         }
         self.runs.flush(&mut cut.strips);
     }
