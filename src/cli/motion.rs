@@ -22,8 +22,8 @@ const EXAMPLES: &str = "\
 Examples:
   surfel motion dragon.ply.gz --threshold 3
   surfel motion dragon.ply.gz --threshold 3 --with \"--splat gauss\" --with \"--splat filtered --threshold 1\" -o motion
-  surfel motion scan.ply --path dolly --steps 60 --csv scan.csv
-  surfel motion scan.ply --path refine --coarsest 16 --json - | jq '.subjects[].figures'
+  surfel motion scan.ply --along dolly --steps 60 --csv scan.csv
+  surfel motion scan.ply --along refine --coarsest 16 --json - | jq '.subjects[].figures'
 
 Each frame is compared with the last, less what changes in the reference: triangles (of a cloud: every point) in
 --samples samples a pixel. One exact sample of it is measured beside the others. docs/MEASURING.md says what each figure
@@ -57,7 +57,7 @@ pub(crate) struct Args {
     source: Source,
     /// What moves
     #[arg(long, value_enum, default_value = "orbit")]
-    path: PathName,
+    along: PathName,
     /// Steps from frame to frame; there is one frame more
     #[arg(long, value_name = "N", default_value_t = 24, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     steps: u32,
@@ -217,7 +217,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         None => orbit_cameras(&ready, args.size, args.orbit, 1).remove(0),
     };
     let steps = Steps {
-        path: args.path.into(),
+        path: args.along.into(),
         count: args.steps,
         angle: args.degrees_per_step.to_radians(),
         coarsest: args.coarsest,
@@ -268,7 +268,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         write_text(path, &rows(&subjects, &found))?;
     }
     if !args.takes_output() {
-        let moves = match args.path {
+        let moves = match args.along {
             PathName::Orbit => format!("orbit, {} degrees a step", args.degrees_per_step),
             PathName::Dolly => format!("dolly, {} degrees' way a step", args.degrees_per_step),
             PathName::Refine => format!("refine, from {} times the threshold", args.coarsest),
