@@ -250,8 +250,9 @@ fn drawn(cut: &Cut) -> impl Iterator<Item = (u8, u32, u32)> + '_ {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
     use super::*;
     use glam::Vec3;
 

@@ -210,8 +210,9 @@ impl Sequence {
         0.0
     }
 
-    /// The step that flickers most: both pictures and references, where and by how much they disagree (`gain` times,
-    /// against gray), and the worst tile enlarged. `None` before there are two frames.
+    /// The step that flickers most: both pictures and both references, what changes in each beside the other's (the
+    /// excess) and in the reference (`gain` times, against gray), and the worst tile with what is around it, enlarged.
+    /// `None` before there are two frames.
     pub fn worst_picture(&self, gain: f64) -> Option<Image> {
         let Worst {
             step,
@@ -219,11 +220,19 @@ impl Sequence {
             after,
         } = self.worst.as_ref()?;
         let [width, height] = before[0].size();
-        let mut excess = Image::filled(width, height, [0; 4]);
-        for (i, pixel) in excess.color.iter_mut().enumerate() {
-            let e = excess_of(before, after, i).map(|e| unorm8(0.5 + gain * e));
-            *pixel = [e[0], e[1], e[2], 255];
-        }
+        let paint = |change: &dyn Fn(usize) -> [f64; 3]| {
+            let mut image = Image::filled(width, height, [0; 4]);
+            for (i, pixel) in image.color.iter_mut().enumerate() {
+                let [r, g, b] = change(i).map(|e| unorm8(0.5 + gain * e));
+                *pixel = [r, g, b, 255];
+            }
+            image
+        };
+        let excess = paint(&|i| excess_of(before, after, i));
+        let change = paint(&|i| {
+            let (from, to) = (before[0].value(i), after[0].value(i));
+            [0, 1, 2].map(|c| to[c] - from[c])
+        });
         // A tile alone is too small to know where one is.
         let tile = &step.worst_tile;
         let around = Tile {
@@ -234,26 +243,27 @@ impl Sequence {
             ..*tile
         };
         let enlarge = (width.min(height) / (5 * TILE)).clamp(1, 12);
-        let names = [step.frame - 1, step.frame].map(|frame| format!("frame {frame}"));
-        let mut cells = Vec::new();
-        for (at, what) in [(1, "picture"), (0, "reference")] {
-            for (name, shown) in names.iter().zip([before, after]) {
-                cells.push((format!("{what}, {name}"), shown[at].to_image()));
-            }
-            let (label, shown) = match at {
-                1 => (format!("excess x {gain}"), excess.clone()),
-                _ => (
-                    format!("excess at {},{}", tile.x, tile.y),
+        let part = |picture: &FloatImage| super::crop(picture, &around, enlarge);
+        let [first, second] = [step.frame - 1, step.frame].map(|frame| format!("frame {frame}"));
+        let at = format!("at {},{}", tile.x, tile.y);
+        let [[r0, p0], [r1, p1]] = [before, after].map(|[r, p]| [&**r, &**p]);
+        Some(contact_sheet(
+            &[
+                (format!("picture, {first}"), p0.to_image()),
+                (format!("picture, {second}"), p1.to_image()),
+                (format!("excess x {gain}"), excess.clone()),
+                (format!("reference, {first}"), r0.to_image()),
+                (format!("reference, {second}"), r1.to_image()),
+                (format!("its change x {gain}"), change),
+                (format!("{first} {at}"), part(p0)),
+                (format!("{second} {at}"), part(p1)),
+                (
+                    format!("excess {at}"),
                     super::crop(&excess, &around, enlarge),
                 ),
-            };
-            cells.push((label, shown));
-        }
-        for (name, shown) in names.iter().zip([before, after]) {
-            let part = super::crop(&*shown[1], &around, enlarge);
-            cells.push((format!("{name} at {},{}", tile.x, tile.y), part));
-        }
-        Some(contact_sheet(&cells, 3))
+            ],
+            3,
+        ))
     }
 }
 

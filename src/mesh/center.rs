@@ -9,11 +9,12 @@ use rayon::prelude::*;
 /// in a hundred show another splat.
 const FARTHEST: f64 = 8.0;
 
-/// Moves the model-space zero to the middle of positions that lie far from it (8 times the longest side of their box):
-/// spheres and cameras are relative to it in single precision. World positions stay, up to 2⁻²³ of that side; they stay
-/// exactly where all coordinates of an axis are far from zero, because the new zero lies on a power of two below the side.
+/// Moves the model-space zero to positions that lie far from it, in each axis in which they reach further than 8 times the
+/// longest side of their box: spheres and cameras are relative to it in single precision.
 ///
-/// Others are left alone, as are positions that are all the same or not all finite.
+/// World positions stay exactly: the new zero is a multiple of a power of two below that side, and seven sides away the
+/// steps of single precision are so large that every difference to it has at most 24 bits. Positions that are near, all
+/// the same or not all finite are left alone.
 pub fn recenter(mesh: &mut Mesh) {
     let (min, max, is_finite) = mesh
         .positions
@@ -26,12 +27,19 @@ pub fn recenter(mesh: &mut Mesh) {
         );
     let (min, max) = (min.as_dvec3(), max.as_dvec3());
     let side = (max - min).max_element();
-    let farthest = min.abs().max(max.abs()).max_element();
-    if !(is_finite && side > 0.0 && farthest > FARTHEST * side) {
+    if !(is_finite && side > 0.0 && side.is_finite()) {
         return;
     }
+    let is_far = min
+        .abs()
+        .max(max.abs())
+        .cmpgt(DVec3::splat(FARTHEST * side));
     let step = side.log2().floor().exp2();
-    let zero: DVec3 = ((min + max) * (0.5 / step)).round() * step;
+    let middle = ((min + max) * (0.5 / step)).round() * step;
+    let zero = DVec3::select(is_far, middle, DVec3::ZERO);
+    if zero == DVec3::ZERO {
+        return;
+    }
     mesh.origin += zero;
     mesh.positions
         .par_iter_mut()
@@ -43,10 +51,12 @@ pub fn recenter(mesh: &mut Mesh) {
 mod tests {
     use super::*;
 
+    const START: DVec3 = DVec3::new(0.5, 0.25, 0.125);
+
     fn moved(positions: &[Vec3]) -> Mesh {
         let mut mesh = Mesh {
             positions: positions.to_vec(),
-            origin: DVec3::new(0.1, 0.2, 0.3),
+            origin: START,
             ..Mesh::default()
         };
         recenter(&mut mesh);
@@ -55,25 +65,33 @@ mod tests {
 
     #[test]
     fn far_positions_come_near_and_stay_in_the_world() {
-        // A step of single precision is 1/16 up here.
-        let far = Vec3::new(1e6, -1e6, 2e6);
+        // A step of single precision is 1/16 up there; z is near, with a value that is not a multiple of anything.
         let parts = [
-            Vec3::ZERO,
-            Vec3::new(70.0, 3.125, -0.5),
-            Vec3::new(-20.5, 0.0625, 9.0),
+            Vec3::new(0.0, 0.0, 0.1),
+            Vec3::new(70.0, 3.125, -1e-9),
+            Vec3::new(-20.5, 0.0625, 9.3),
         ];
-        let given = parts.map(|p| far + p);
+        let given = parts.map(|p| Vec3::new(1e6, -2e6, 0.0) + p);
         let mesh = moved(&given);
+        let by = mesh.origin - START;
+        assert!(by.x > 9e5 && by.y < -1.9e6 && by.z == 0.0, "{by}");
         for (p, given) in mesh.positions.iter().zip(given) {
             assert!(p.abs().max_element() < 100.0, "{p}");
-            let world = mesh.origin - DVec3::new(0.1, 0.2, 0.3) + p.as_dvec3();
-            assert!((world - given.as_dvec3()).abs().max_element() < 1e-8);
+            let world = by + p.as_dvec3();
+            assert_eq!(world, given.as_dvec3());
         }
-        assert_eq!(
-            mesh.positions[1] - mesh.positions[0],
-            parts[1],
-            "differences are exact"
-        );
+    }
+
+    #[test]
+    fn a_step_from_zero_is_far_for_what_is_small() {
+        // Thirty steps of single precision wide.
+        let step = f32::EPSILON;
+        let given = [0.0, 7.0, 11.0, 30.0].map(|i| Vec3::new(1.0 + i * step, 0.0, i * 1e-9));
+        let mesh = moved(&given);
+        for (p, given) in mesh.positions.iter().zip(given) {
+            assert!(p.x.abs() <= 31.0 * step && p.z == given.z, "{p}");
+        }
+        assert_eq!(mesh.positions[2].x - mesh.positions[0].x, 11.0 * step);
     }
 
     #[test]
@@ -87,7 +105,7 @@ mod tests {
             vec![],
         ] {
             let mesh = moved(&positions);
-            assert_eq!(mesh.origin, DVec3::new(0.1, 0.2, 0.3), "{positions:?}");
+            assert_eq!(mesh.origin, START, "{positions:?}");
             assert!(format!("{:?}", mesh.positions) == format!("{positions:?}"));
         }
     }
