@@ -2,7 +2,8 @@
 
 use super::light::LightArgs;
 use super::{Failure, usage};
-use clap::{Args as ClapArgs, ValueEnum};
+use clap::builder::Resettable;
+use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
 use surfel::method::{
@@ -227,6 +228,29 @@ impl LookArgs {
         self.threshold.get_or_insert(pixels);
     }
 
+    /// This look with the options in `text` (separated by blanks) instead of what they say otherwise.
+    pub(crate) fn varied(&self, text: &str) -> Result<Self, Failure> {
+        // Without default values only what is written comes out; flags can be added and not taken back.
+        let mut command =
+            Self::augment_args_for_update(Command::new("--with").no_binary_name(true))
+                .disable_help_flag(true)
+                .mut_args(|arg| arg.default_value(Resettable::Reset));
+        let mut look = self.clone();
+        let parsed = command.try_get_matches_from_mut(text.split_whitespace());
+        parsed
+            .and_then(|mut matches| look.update_from_arg_matches_mut(&mut matches))
+            .map_err(|error| {
+                let error = error.render().to_string();
+                // What follows the first paragraph speaks of a command of its own.
+                let what = error.split("\n\n").next().unwrap_or_default();
+                let what = what.trim_start_matches("error: ").replace('\n', " ");
+                usage(format!("--with {text:?}: {what}"))
+            })?;
+        look.one_sided |= self.one_sided;
+        look.no_colors |= self.no_colors;
+        Ok(look)
+    }
+
     pub(crate) fn settings(&self) -> Result<Settings, Failure> {
         let threshold = self.threshold.unwrap_or(1.0);
         if !(0.0..=4096.0).contains(&threshold) {
@@ -318,8 +342,56 @@ pub(crate) fn parse_color(text: &str) -> Result<[f32; 3], String> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
     use super::*;
+
+    #[derive(Debug, clap::Parser)]
+    struct Line {
+        #[command(flatten)]
+        look: LookArgs,
+    }
+
+    fn look(line: &[&str]) -> LookArgs {
+        let words = std::iter::once(&"test").chain(line);
+        <Line as clap::Parser>::parse_from(words).look
+    }
+
+    #[test]
+    fn a_varied_look_keeps_what_is_not_said() {
+        let base = look(&["--threshold", "3", "--no-colors", "--light", "phong"]);
+        let varied = base.varied(" --splat  gauss --specular 0.5 ").unwrap();
+        let expected = [
+            "--threshold",
+            "3",
+            "--no-colors",
+            "--light",
+            "phong",
+            "--splat",
+            "gauss",
+            "--specular",
+            "0.5",
+        ];
+        assert_eq!(
+            varied.settings().unwrap(),
+            look(&expected).settings().unwrap()
+        );
+        assert_eq!(
+            base.varied("").unwrap().settings().unwrap(),
+            base.settings().unwrap()
+        );
+        let other = look(&["-m", "splats", "--splat", "disc"]);
+        let other = other
+            .varied("-t 2 --one-sided")
+            .unwrap()
+            .settings()
+            .unwrap();
+        let expected = look(&["-m", "splats", "--splat", "disc", "-t", "2", "--one-sided"]);
+        assert_eq!(other, expected.settings().unwrap());
+        for wrong in ["--splat rhombus", "gauss", "--steps 3", "--help"] {
+            assert!(base.varied(wrong).is_err(), "{wrong}");
+        }
+    }
 
     #[test]
     fn colors_are_read_as_documented() {

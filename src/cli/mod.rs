@@ -10,6 +10,7 @@ mod generate;
 mod info;
 mod light;
 mod look;
+mod motion;
 mod profile;
 mod progress;
 mod render;
@@ -103,6 +104,7 @@ Examples:
   surfel compare reference.png picture.png           how far one picture is from another
   surfel scenes                                      small scenes that methods fail at
   surfel profile scan.ply --frames 120               what each pass and stage of a frame costs
+  surfel motion scan.ply --threshold 3               how much flickers and pops when the camera moves
   surfel devices                                     what can draw here
 
 A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
@@ -159,6 +161,8 @@ enum Command {
     Scenes(scenes::Args),
     /// Measure what each pass and each stage of a frame costs
     Profile(Box<profile::Args>),
+    /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
+    Motion(Box<motion::Args>),
     /// List the devices of this machine and the limits that matter
     Devices(devices::Args),
     /// Draw the built-in statue with every method
@@ -238,6 +242,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Compare(args)) => compare::run(*args),
         Some(Command::Scenes(args)) => scenes::run(args),
         Some(Command::Profile(args)) => profile::run(*args, quiet),
+        Some(Command::Motion(args)) => motion::run(*args, quiet),
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),
         Some(Command::Completions { shell }) => {

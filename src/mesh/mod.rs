@@ -1,7 +1,10 @@
 //! The triangle mesh or point cloud as loaded: plain arrays, in file order.
 
+mod center;
 pub mod normals;
 pub mod weld;
+
+pub use center::recenter;
 
 use glam::{DVec3, Vec3};
 

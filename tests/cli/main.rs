@@ -6,6 +6,7 @@ mod compare;
 mod damage;
 mod harness;
 mod models;
+mod motion;
 mod pictures;
 mod profile;
 mod stats;

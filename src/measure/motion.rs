@@ -1,0 +1,371 @@
+//! Drives a model along a path of the camera or of the threshold, and measures how steady each way to draw it is.
+
+use super::profile::Error;
+use super::temporal::{Rules, Sequence, churn};
+use crate::cut::{Cut, Selector};
+use crate::image::FloatImage;
+use crate::math::camera::{self, Camera, View};
+use crate::method::engine::Engine;
+use crate::method::{Blend, Method, Settings, Shading, SplatKind, plan};
+use crate::progress::Progress;
+use crate::tree::Model;
+use glam::{DMat4, DVec3};
+use std::sync::Arc;
+
+/// How things move from frame to frame.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Path {
+    /// The camera turns about the vertical axis through the model's middle.
+    Orbit,
+    /// The camera goes straight ahead.
+    Dolly,
+    /// The camera rests and the threshold falls.
+    Refine,
+}
+
+/// One frame of a path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// What is seen.
+    pub view: View,
+    /// The threshold over the one asked for: 1 but for [`Path::Refine`].
+    pub threshold_factor: f32,
+}
+
+/// What is looked at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// World position of the model-space zero.
+    pub origin: DVec3,
+    /// Middle, world space.
+    pub center: DVec3,
+    /// Largest distance of a vertex from it, above 0.
+    pub radius: f64,
+}
+
+/// A path in even steps.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Steps {
+    /// Which.
+    pub path: Path,
+    /// Number of steps; frames are one more.
+    pub count: u32,
+    /// Orbit: radians a step. Dolly: the share of its distance from the target that the camera advances, so that it
+    /// moves as far as an orbit does in a step.
+    pub angle: f64,
+    /// Refine: the first threshold over the last.
+    pub coarsest: f32,
+}
+
+impl Target {
+    /// The model's middle and radius, those of the standard orbit.
+    pub fn of(model: &Model) -> Self {
+        Self {
+            origin: model.origin,
+            center: model.origin + model.orbit_center.as_dvec3(),
+            radius: f64::from(model.orbit_radius).max(f64::MIN_POSITIVE),
+        }
+    }
+}
+
+/// The frames of a path that begins at `start`, one more than there are steps.
+///
+/// Orbits keep the distance and so the near and far planes. Going ahead moves the planes with the camera where
+/// `fits_planes`, so that they enclose the target's sphere as those of [`Camera::orbit`] do; else they stay. An
+/// orthographic camera that goes ahead sees the same. Thresholds fall by the same factor in each step.
+///
+/// # Errors
+/// As [`Camera::view`].
+pub fn frames(
+    start: &Camera,
+    target: &Target,
+    steps: &Steps,
+    fits_planes: bool,
+) -> Result<Vec<Frame>, camera::Error> {
+    let Target { center, radius, .. } = *target;
+    let mut distance = -start.view.transform_point3(center).z;
+    let mut camera = start.clone();
+    let mut frames = Vec::with_capacity(steps.count as usize + 1);
+    for step in 0..=steps.count {
+        let mut threshold_factor = 1.0;
+        match steps.path {
+            Path::Orbit => {
+                let turn = DMat4::from_translation(center)
+                    * DMat4::from_rotation_y(-f64::from(step) * steps.angle)
+                    * DMat4::from_translation(-center);
+                camera.view = start.view * turn;
+            }
+            Path::Dolly if step > 0 => {
+                let ahead = distance * steps.angle;
+                distance -= ahead;
+                camera.view = DMat4::from_translation(DVec3::Z * ahead) * camera.view;
+                if fits_planes {
+                    let near = (distance - 1.05 * radius).max(0.01 * radius);
+                    let far = distance + 1.05 * radius;
+                    camera.proj.z_axis.z = far / (near - far);
+                    camera.proj.w_axis.z = near * far / (near - far);
+                }
+            }
+            Path::Dolly => {}
+            Path::Refine => {
+                let left = 1.0 - step as f32 / steps.count.max(1) as f32;
+                threshold_factor = steps.coarsest.powf(left);
+            }
+        }
+        frames.push(Frame {
+            view: camera.view(target.origin)?,
+            threshold_factor,
+        });
+    }
+    Ok(frames)
+}
+
+/// One way to draw.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Subject {
+    /// Name for people.
+    pub label: String,
+    /// How it is drawn; on a path that refines the threshold is the last one.
+    pub settings: Settings,
+}
+
+/// What is to be measured.
+#[derive(Debug, Clone, Copy)]
+pub struct Plan<'a> {
+    /// The frames in order, all of the size that the engine was made for.
+    pub frames: &'a [Frame],
+    /// What is compared.
+    pub subjects: &'a [Subject],
+    /// The reference has this many samples a pixel, squared; 0 counts as 1.
+    pub samples_side: u32,
+    /// What counts as a pop.
+    pub rules: Rules,
+}
+
+/// What stands for the truth where a model is drawn with `settings`: its triangles in the same light, or of a point cloud
+/// all points as splats of their own size.
+pub fn reference_settings(model: &Model, settings: &Settings) -> Settings {
+    let is_cloud = model.triangles.is_empty();
+    Settings {
+        method: if is_cloud {
+            Method::Splats
+        } else {
+            Method::Triangles
+        },
+        splat: SplatKind::Square,
+        blend: Some(Blend::Opaque),
+        shading: Shading::PerSplat,
+        low_pass_px: None,
+        threshold_px: 0.0,
+        depth_offset: None,
+        ..*settings
+    }
+}
+
+/// One way to draw while it is measured.
+struct Run {
+    settings: Settings,
+    reference: Settings,
+    sequence: Sequence,
+    cut: Cut,
+}
+
+/// The references of one frame, those of equal settings once.
+type References = Vec<(Settings, Arc<FloatImage>)>;
+
+/// Draws the frames with every subject and measures each; the sequences are in the order of the subjects. `engine` draws
+/// `model`.
+///
+/// # Errors
+/// When a frame cannot be drawn, or `progress` is cancelled.
+pub fn measure(
+    engine: &mut Engine<'_>,
+    model: &Model,
+    plan: &Plan<'_>,
+    progress: &dyn Progress,
+) -> Result<Vec<Sequence>, Error> {
+    let side = plan.samples_side.max(1);
+    let mut runs: Vec<Run> = plan
+        .subjects
+        .iter()
+        .map(|subject| Run {
+            settings: subject.settings,
+            reference: reference_settings(model, &subject.settings),
+            sequence: Sequence::new(plan.rules),
+            cut: Cut::default(),
+        })
+        .collect();
+    let (mut selector, mut spare) = (Selector::default(), Cut::default());
+    let mut references: References = Vec::new();
+    let mut last: Option<View> = None;
+    progress.stage("draw", plan.frames.len() as u64);
+    for (index, frame) in plan.frames.iter().enumerate() {
+        let view = frame.view;
+        // A camera at rest sees the same reference.
+        if last != Some(view) {
+            references.clear();
+            last = Some(view);
+        }
+        for run in &mut runs {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled(index));
+            }
+            let reference = match references.iter().find(|(s, _)| *s == run.reference) {
+                Some((_, reference)) => reference.clone(),
+                None => {
+                    let mean = Arc::new(engine.supersample(&view, &run.reference, side)?);
+                    references.push((run.reference, mean.clone()));
+                    mean
+                }
+            };
+            let mut settings = run.settings;
+            settings.threshold_px *= frame.threshold_factor;
+            let picture = engine.render(&view, &settings)?.to_float();
+            let mut share = None;
+            if settings.has_cut() {
+                // The frame's own cut is not kept by all that draws.
+                let cut_settings = plan::cut_settings(&settings, model);
+                selector.select(model, &view, &cut_settings, &mut spare);
+                share = (index > 0).then(|| churn(drawn(&run.cut), drawn(&spare)));
+                std::mem::swap(&mut run.cut, &mut spare);
+            }
+            // All pictures have the size of the engine, which is all that can go wrong.
+            if let Err(error) = run.sequence.push(reference, Arc::new(picture), share) {
+                unreachable!("pictures of one size: {error}");
+            }
+        }
+        progress.advance(1);
+    }
+    Ok(runs.into_iter().map(|run| run.sequence).collect())
+}
+
+/// What a cut draws, in ascending order: its list, its id, and of a row how many splats it has.
+fn drawn(cut: &Cut) -> impl Iterator<Item = (u8, u32, u32)> + '_ {
+    let nodes = cut.nodes.iter().map(|&id| (0, id, 1));
+    let strips = cut.strips.iter().map(|row| (1, row.node, row.count));
+    let leaves = cut.leaves.iter().map(|&id| (2, id, 1));
+    let triangles = cut.triangles.iter().map(|&id| (3, id, 1));
+    nodes.chain(strips).chain(leaves).chain(triangles)
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
+    use super::*;
+    use glam::Vec3;
+
+    const TARGET: Target = Target {
+        origin: DVec3::new(100.0, 0.0, 0.0),
+        center: DVec3::new(101.0, 2.0, 3.0),
+        radius: 2.0,
+    };
+
+    fn start() -> Camera {
+        Camera::orbit((200, 100), TARGET.center, TARGET.radius, 0.4, 0.3, 0.8)
+    }
+
+    fn path(path: Path, fits_planes: bool) -> Vec<Frame> {
+        let steps = Steps {
+            path,
+            count: 8,
+            angle: 0.01,
+            coarsest: 16.0,
+        };
+        frames(&start(), &TARGET, &steps, fits_planes).unwrap()
+    }
+
+    #[test]
+    fn an_orbit_is_the_standard_one() {
+        for (i, frame) in path(Path::Orbit, true).iter().enumerate() {
+            let azimuth = 0.4 + 0.01 * i as f64;
+            let camera = Camera::orbit((200, 100), TARGET.center, TARGET.radius, azimuth, 0.3, 0.8);
+            let expected = camera.view(TARGET.origin).unwrap();
+            assert!(frame.view.eye.distance(expected.eye) < 1e-5);
+            assert!(frame.view.backward.distance(expected.backward) < 1e-6);
+            assert_eq!(
+                (frame.view.near, frame.threshold_factor),
+                (expected.near, 1.0)
+            );
+        }
+    }
+
+    #[test]
+    fn going_ahead_shortens_the_distance_by_a_share() {
+        let center = (TARGET.center - TARGET.origin).as_vec3();
+        let far = path(Path::Dolly, true)[0].view.distance(center);
+        for (i, frame) in path(Path::Dolly, true).iter().enumerate() {
+            let distance = frame.view.distance(center);
+            assert!((distance - far * 0.99f32.powi(i as i32)).abs() < 1e-4 * far);
+            assert!((frame.view.near - (distance - 2.1)).abs() < 1e-4);
+            assert!((frame.view.far - (distance + 2.1)).abs() < 1e-4);
+            // Straight ahead: what is in the middle stays there.
+            let (x, y, _) = frame.view.project(center);
+            assert!((x - 100.0).abs() < 1e-2 && (y - 50.0).abs() < 1e-2);
+        }
+        let fixed = path(Path::Dolly, false);
+        assert_eq!(fixed[0].view.near, fixed[8].view.near);
+    }
+
+    #[test]
+    fn refining_ends_at_the_threshold_asked_for() {
+        let frames = path(Path::Refine, true);
+        assert!(frames.iter().all(|f| f.view == frames[0].view));
+        let factors: Vec<f32> = frames.iter().map(|f| f.threshold_factor).collect();
+        assert_eq!((factors[0], factors[4], factors[8]), (16.0, 4.0, 1.0));
+        assert!(factors.windows(2).all(|w| w[1] < w[0]));
+    }
+
+    /// The mirror draws a triangle; against one sample a pixel its own picture does not flicker, and no cut changes.
+    #[test]
+    fn one_exact_sample_does_not_flicker_against_itself() {
+        use crate::mesh::Mesh;
+        use crate::method::engine::Backend;
+        use crate::method::renderer::Outputs;
+        use crate::progress::Silent;
+        let mesh = Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        };
+        let model =
+            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
+        let target = Target::of(&model);
+        let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
+        let steps = Steps {
+            path: Path::Orbit,
+            count: 3,
+            angle: 0.05,
+            coarsest: 1.0,
+        };
+        let frames = frames(&camera, &target, &steps, true).unwrap();
+        let subjects = [Method::Triangles, Method::Pop].map(|method| Subject {
+            label: String::new(),
+            settings: Settings {
+                method,
+                ..Settings::default()
+            },
+        });
+        let mut engine =
+            Engine::new(&Backend::Mirror, &model, (40, 40), Outputs::default()).unwrap();
+        let mut plan = Plan {
+            frames: &frames,
+            subjects: &subjects,
+            samples_side: 1,
+            rules: Rules::default(),
+        };
+        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        for sequence in &found {
+            let figures = sequence.figures();
+            assert!(figures.reference_level > 1.0, "{figures:?}");
+            assert_eq!((figures.mean_level, figures.max_level), (0.0, 0.0));
+        }
+        assert_eq!(found[0].figures().mean_churn, None);
+        assert_eq!(found[1].figures().mean_churn, Some(0.0));
+        // Against more samples its rim does.
+        plan.samples_side = 4;
+        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        assert!(found[0].figures().mean_level > 0.1);
+    }
+}
