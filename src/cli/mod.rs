@@ -15,6 +15,7 @@ mod progress;
 mod render;
 mod scenes;
 mod source;
+mod stability;
 mod stats;
 #[cfg(feature = "viewer")]
 mod view;
@@ -83,7 +84,8 @@ failure_from!(
     surfel::image::Error,
     surfel::gpu::Error,
     surfel::generate::Error,
-    surfel::measure::profile::Error
+    surfel::measure::profile::Error,
+    surfel::failures::Error
 );
 
 /// A usage error with the given text.
@@ -103,6 +105,7 @@ Examples:
   surfel compare reference.png picture.png           how far one picture is from another
   surfel scenes                                      small scenes that methods fail at
   surfel profile scan.ply --frames 120               what each pass and stage of a frame costs
+  surfel stability -o failures                       where the methods fail, measured: a table with pictures
   surfel devices                                     what can draw here
 
 A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
@@ -159,6 +162,8 @@ enum Command {
     Scenes(scenes::Args),
     /// Measure what each pass and each stage of a frame costs
     Profile(Box<profile::Args>),
+    /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
+    Stability(stability::Args),
     /// List the devices of this machine and the limits that matter
     Devices(devices::Args),
     /// Draw the built-in statue with every method
@@ -238,6 +243,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Compare(args)) => compare::run(*args),
         Some(Command::Scenes(args)) => scenes::run(args),
         Some(Command::Profile(args)) => profile::run(*args, quiet),
+        Some(Command::Stability(args)) => stability::run(args, quiet),
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),
         Some(Command::Completions { shell }) => {

@@ -8,6 +8,7 @@ mod harness;
 mod models;
 mod pictures;
 mod profile;
+mod stability;
 mod stats;
 mod streams;
 mod usage;
