@@ -1,7 +1,13 @@
 //! The figures of round and fuzzy splats: error against supersampled triangles, holes, and the cost of the three passes.
 //!
-//! `cargo bench --bench splats` runs all; `-- errors`, `-- lowpass`, `-- holes`, `-- cost` one part. Real models
-//! are looked for in `SURFEL_MODELS` (a word after the part names those to take). Times depend on the machine.
+//! `cargo bench --bench splats -- targets` prints every figure that splats must reach, with met or MISSED. Without
+//! arguments everything else runs; `-- errors`, `-- lowpass`, `-- holes`, `-- cost` are its parts. Real models are looked
+//! for in `SURFEL_MODELS` (a word after the part names those to take). Times depend on the machine.
+
+#[path = "shared/passes.rs"]
+mod passes;
+#[path = "splats/targets.rs"]
+mod targets;
 
 use std::path::PathBuf;
 use surfel::generate::{self, Shape, Spec};
@@ -11,7 +17,7 @@ use surfel::input;
 use surfel::math::camera::{Camera, View};
 use surfel::measure::Distribution;
 use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
+use surfel::method::renderer::{FrameTimes, Outputs};
 use surfel::method::{Blend, Method, Settings, SplatKind};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
@@ -201,6 +207,28 @@ fn holes(backend: &Backend, only: Option<&str>) {
     }
 }
 
+/// The times of nine frames, after two more.
+fn frames(engine: &mut Engine<'_>, view: &View, settings: &Settings) -> Vec<FrameTimes> {
+    for _ in 0..2 {
+        engine.draw(view, settings).expect("a frame");
+    }
+    (0..9)
+        .map(|_| engine.draw(view, settings).expect("a frame"))
+        .collect()
+}
+
+/// Vertices in footprints of `threshold_px` pixels, without a low pass.
+fn vertices(kind: SplatKind, blend: Blend, threshold_px: f32) -> Settings {
+    Settings {
+        method: Method::Points,
+        low_pass_px: (kind == SplatKind::Gauss).then_some(0.0),
+        ..splats(kind, blend, threshold_px)
+    }
+}
+
+/// Most that a fuzzy splat of four pixels may take in all three passes, nanoseconds, on two cores and a software device.
+const FUZZY_TARGET_NS: f64 = 420.0;
+
 /// Nanoseconds a splat: 500,000 vertices in a few pixels each.
 fn cost(backend: &Backend) {
     // One vertex for two triangles.
@@ -221,7 +249,13 @@ fn cost(backend: &Backend) {
             2.26,
             None,
         ),
-        ("gauss", SplatKind::Gauss, Blend::TwoPass, 2.26, Some(420.0)),
+        (
+            "gauss",
+            SplatKind::Gauss,
+            Blend::TwoPass,
+            2.26,
+            Some(FUZZY_TARGET_NS),
+        ),
         (
             "gauss, 4 pixels wide",
             SplatKind::Gauss,
@@ -230,17 +264,8 @@ fn cost(backend: &Backend) {
             None,
         ),
     ] {
-        let settings = Settings {
-            method: Method::Points,
-            low_pass_px: (kind == SplatKind::Gauss).then_some(0.0),
-            ..splats(kind, blend, threshold)
-        };
-        for _ in 0..2 {
-            engine.draw(&view, &settings).expect("a frame");
-        }
-        let runs: Vec<_> = (0..9)
-            .map(|_| engine.draw(&view, &settings).expect("a frame"))
-            .collect();
+        let settings = vertices(kind, blend, threshold);
+        let runs = frames(&mut engine, &view, &settings);
         let of = |ms: &dyn Fn(usize) -> f64| {
             let times: Vec<f64> = (0..runs.len()).map(ms).collect();
             (
@@ -285,6 +310,10 @@ fn main() {
         }
     };
     println!("on {}", backend.name());
+    if part.as_deref() == Some("targets") {
+        targets::all(&backend);
+        return;
+    }
     if runs("errors") {
         errors(&backend, only.as_deref());
     }

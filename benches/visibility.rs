@@ -3,7 +3,11 @@
 //! `cargo bench --bench visibility` prints both; `-- quick` takes smaller models and fewer thresholds, to see that it
 //! runs, and `-- times` and `-- errors` one of the two. Real models are looked for in `SURFEL_MODELS`.
 
+#[path = "shared/passes.rs"]
+mod passes;
+
 use bytemuck::Zeroable;
+use passes::{PULL_PUSH_TARGET_MS, least, settings};
 use std::path::PathBuf;
 use surfel::abi::Splat;
 use surfel::cut::{Cut, Selector};
@@ -26,9 +30,6 @@ const RECONSTRUCTIONS: [(Reconstruction, &str); 3] = [
     (Reconstruction::Density, "density"),
     (Reconstruction::PullPush, "pull-push"),
 ];
-
-/// Most that the passes of pull-push may take at 1024 x 768, milliseconds, on two cores and a software device.
-const PULL_PUSH_TARGET_MS: f64 = 21.0;
 
 fn statue(triangles: u64) -> Model {
     let spec = Spec::with_triangles(Shape::Statue, triangles).expect("a valid size");
@@ -58,45 +59,14 @@ fn orbit(model: &Model, size: (u32, u32)) -> View {
         .expect("a valid camera")
 }
 
-fn settings(threshold_px: f32, reconstruction: Reconstruction) -> Settings {
-    Settings {
-        splat: SplatKind::Visibility,
-        reconstruction,
-        threshold_px,
-        ..Settings::default()
-    }
-}
-
 /// Time of the passes whose names begin so, milliseconds, in each of a number of frames of all reconstructions in turn.
 fn times(backend: &Backend, model: &Model, name: &str, frames: usize) {
     let size = (1024, 768);
     let view = orbit(model, size);
     let mut engine = Engine::new(backend, model, size, Outputs::default()).expect("it fits");
     for threshold in [1.0, 3.0, 8.0] {
-        let mut found = vec![[const { Vec::new() }; 3]; RECONSTRUCTIONS.len()];
-        for frame in 0..frames + 2 {
-            for ((how, _), found) in RECONSTRUCTIONS.iter().zip(&mut found) {
-                let times = engine
-                    .draw(&view, &settings(threshold, *how))
-                    .expect("it draws");
-                // Shaders are compiled at the first draw.
-                if frame < 2 {
-                    continue;
-                }
-                let mut sums = [0.0; 3];
-                for pass in &times.passes {
-                    let row = match pass.name {
-                        "visibility.depth" => 0,
-                        "visibility.centers" => 1,
-                        _ => 2,
-                    };
-                    sums[row] += pass.ms;
-                }
-                for (found, sum) in found.iter_mut().zip(sums) {
-                    found.push(sum);
-                }
-            }
-        }
+        let all = RECONSTRUCTIONS.map(|(how, _)| how);
+        let found = passes::times(&mut engine, &view, threshold, &all, frames);
         for ((_, how), found) in RECONSTRUCTIONS.iter().zip(&found) {
             let [depth, centers, filling] =
                 [0, 1, 2].map(|i| (Distribution::of(&found[i]).median, least(&found[i])));
@@ -113,18 +83,14 @@ fn times(backend: &Backend, model: &Model, name: &str, frames: usize) {
     }
 }
 
-/// The least of several times: what the work takes on a machine that does something else now and then.
-fn least(times: &[f64]) -> f64 {
-    times.iter().copied().fold(f64::INFINITY, f64::min)
-}
-
 /// Percent of the centers that are truly to be seen, by the depth of the triangles, whose pixel shows no center.
 fn lost(model: &Model, view: &View, settings: &Settings, depth: &[f32], class: &Image) -> f64 {
     let (mut selector, mut cut) = (Selector::default(), Cut::default());
     selector.select(model, view, &cut_settings(settings, model), &mut cut);
     let plan = splat_plan(settings, f32::INFINITY);
     let mut list = vec![Splat::zeroed(); splats::count(&cut, &plan)];
-    splats::pack(model, &cut, view, &plan, &mut list);
+    let packed = splats::pack(model, &cut, view, &plan, &mut list);
+    list.truncate(packed.points);
     let (mut seen, mut missing) = (0u64, 0u64);
     for splat in &list {
         let (x, y, distance) = view.project(splat.center);

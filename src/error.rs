@@ -25,4 +25,7 @@ pub enum Error {
     /// A profile could not be made.
     #[error(transparent)]
     Profile(#[from] crate::measure::profile::Error),
+    /// Failures could not be measured.
+    #[error(transparent)]
+    Failures(#[from] crate::failures::Error),
 }

@@ -44,7 +44,7 @@ enum CullingName {
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum SplatName {
+pub(crate) enum SplatName {
     /// Squares that face the viewer
     Square,
     /// Discs that face the viewer

@@ -16,6 +16,7 @@ mod progress;
 mod render;
 mod scenes;
 mod source;
+mod stability;
 mod stats;
 #[cfg(feature = "viewer")]
 mod view;
@@ -84,7 +85,8 @@ failure_from!(
     surfel::image::Error,
     surfel::gpu::Error,
     surfel::generate::Error,
-    surfel::measure::profile::Error
+    surfel::measure::profile::Error,
+    surfel::failures::Error
 );
 
 /// A usage error with the given text.
@@ -105,6 +107,7 @@ Examples:
   surfel scenes                                      small scenes that methods fail at
   surfel profile scan.ply --frames 120               what each pass and stage of a frame costs
   surfel motion scan.ply --threshold 3               how much flickers and pops when the camera moves
+  surfel stability -o failures                       where the methods fail, measured: a table with pictures
   surfel devices                                     what can draw here
 
 A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
@@ -163,6 +166,8 @@ enum Command {
     Profile(Box<profile::Args>),
     /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
     Motion(Box<motion::Args>),
+    /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
+    Stability(stability::Args),
     /// List the devices of this machine and the limits that matter
     Devices(devices::Args),
     /// Draw the built-in statue with every method
@@ -243,6 +248,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Scenes(args)) => scenes::run(args),
         Some(Command::Profile(args)) => profile::run(*args, quiet),
         Some(Command::Motion(args)) => motion::run(*args, quiet),
+        Some(Command::Stability(args)) => stability::run(args, quiet),
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),
         Some(Command::Completions { shell }) => {

@@ -37,24 +37,17 @@ pub struct Packed {
 
 /// A record of a draw list of splats.
 pub trait Record {
-    /// Whether splats that stand for no area at all are left out.
-    const HAS_AREA: bool;
-
     /// The record of a splat that stands for `area` of surface (model units squared; negative where it is unknown).
     fn new(splat: Splat, area: f32) -> Self;
 }
 
 impl Record for Splat {
-    const HAS_AREA: bool = false;
-
     fn new(splat: Splat, _area: f32) -> Self {
         splat
     }
 }
 
 impl Record for WeightedSplat {
-    const HAS_AREA: bool = true;
-
     fn new(splat: Splat, area: f32) -> Self {
         Self { splat, area }
     }
@@ -135,7 +128,8 @@ pub fn count(cut: &Cut, plan: &Plan) -> usize {
 ///
 /// Squares and circles have the frame's constant size (radius 0), but for leaves that are larger. Oriented discs have a
 /// radius in which all of their patch lies: of a node the largest distance of a corner, of a row of splats that of its
-/// balls, of a leaf that of its sphere. Where records have areas, patches without any are left out.
+/// balls, of a leaf that of its sphere. Patches of triangles without any area are left out: as triangles they would cover
+/// nothing. Points stay, whatever their spacing.
 ///
 /// # Panics
 /// When `out` is shorter than [`count`].
@@ -155,15 +149,10 @@ pub fn pack<R: Record>(
         view,
         plan,
         is_checked: !plan.fits_always(model),
+        has_triangles: !model.triangles.is_empty(),
     };
-    // A radius of 0 would ask for the constant size.
-    let own = |radius: f32| {
-        if is_oriented {
-            radius.max(f32::MIN_POSITIVE)
-        } else {
-            0.0
-        }
-    };
+    // A radius of 0 asks for the constant size: right for points in one place, and what has an area has a radius.
+    let own = |radius: f32| if is_oriented { radius } else { 0.0 };
     for &id in &cut.nodes {
         let node = &tree.nodes[id as usize];
         let a = &tree.attributes[id as usize];
@@ -237,7 +226,12 @@ pub fn pack<R: Record>(
             writer.write(splat, area);
         }
     }
-    writer.packed
+    let Writer {
+        out, end, packed, ..
+    } = writer;
+    // They were written from the end: of equals the first drawn wins, so their order matters.
+    out[end - packed.quads..end].reverse();
+    packed
 }
 
 /// A triangle as a patch of surface: its mean color, and the mean normal of its corners with a thickness that reaches
@@ -292,12 +286,14 @@ struct Writer<'a, R> {
     plan: &'a Plan,
     /// Whether a splat may be too large for a point.
     is_checked: bool,
+    /// Whether splats stand for triangles rather than points.
+    has_triangles: bool,
 }
 
 impl<R: Record> Writer<'_, R> {
     #[inline]
     fn write(&mut self, splat: Splat, area: f32) {
-        if R::HAS_AREA && area == 0.0 {
+        if area == 0.0 && self.has_triangles {
             return;
         }
         let at = if self.is_checked && !self.fits(&splat) {

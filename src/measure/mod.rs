@@ -21,6 +21,7 @@ pub mod trace;
 pub use coverage::{Coverage, Mask, coverage};
 pub use perceived::{Flip, PIXELS_PER_DEGREE, flip, ssim};
 pub use silhouette::silhouette;
+pub(crate) use silhouette::squared_distances;
 pub use spread::Spread;
 pub use surface::{depth_error, normal_error};
 pub use tile::{Tile, crop, worst_tile};

@@ -43,7 +43,7 @@ fn outline(mask: &Mask) -> Vec<bool> {
 }
 
 /// Squared distance of each pixel's center from that of the nearest marked pixel; infinite where none is marked.
-pub(super) fn squared_distances(is_marked: &[bool], width: usize, height: usize) -> Vec<f64> {
+pub(crate) fn squared_distances(is_marked: &[bool], width: usize, height: usize) -> Vec<f64> {
     let mut field: Vec<f64> = is_marked
         .iter()
         .map(|marked| if *marked { 0.0 } else { f64::INFINITY })

@@ -1,7 +1,9 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{Drawing, check, cut_settings, filtered_shade, largest_splat_px, splat_plan};
+use super::plan::{
+    Drawing, check, cut_settings, filtered_shade, for_view, largest_splat_px, splat_plan,
+};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::times::Stage;
@@ -109,7 +111,8 @@ impl<'m> Engine<'m> {
             Kind::Device { renderer, scene } => renderer.draw(self.model, scene, view, settings),
             Kind::Mirror(mirror) => {
                 check(self.model, settings, mirror.outputs, f32::INFINITY)?;
-                Ok(mirror.draw(self.model, view, settings))
+                let settings = for_view(settings, self.model, view);
+                Ok(mirror.draw(self.model, view, &settings))
             }
         }
     }
@@ -198,7 +201,8 @@ impl MirrorEngine {
                     Drawing::Opaque | Drawing::Visibility => {
                         let plan = splat_plan(settings, f32::INFINITY);
                         splats.resize(draw::splats::count(cut, &plan), Splat::zeroed());
-                        draw::splats::pack(model, cut, view, &plan, &mut splats);
+                        let packed = draw::splats::pack(model, cut, view, &plan, &mut splats);
+                        splats.truncate(packed.points);
                     }
                     Drawing::Fuzzy => {
                         let plan = splat_plan(settings, f32::INFINITY);

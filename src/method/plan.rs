@@ -3,7 +3,7 @@
 
 use super::mirror::Outputs;
 use super::targets::Context;
-use super::{Blend, Method, Settings, Shading, SplatKind};
+use super::{Blend, Culling, Method, Settings, Shading, SplatKind};
 use crate::abi::{FrameConstants, constants};
 use crate::cut;
 use crate::draw::{self, ColorBy, Lighting, Phong, Source};
@@ -11,6 +11,23 @@ use crate::gpu::Error;
 use crate::math::camera::{Light, View};
 use crate::tree::Model;
 use glam::{Mat4, Vec3, Vec4};
+
+/// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
+/// what is seen from there is what faces away.
+pub fn for_view(settings: &Settings, model: &Model, view: &View) -> Settings {
+    let is_inside = settings.culling == Culling::Auto
+        && model.is_closed
+        && view.is_perspective
+        && model.surrounds(view.eye);
+    Settings {
+        culling: if is_inside {
+            Culling::Off
+        } else {
+            settings.culling
+        },
+        ..*settings
+    }
+}
 
 /// The cut settings of a frame.
 pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {

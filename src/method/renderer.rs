@@ -13,7 +13,7 @@ use super::filtered::Filtered;
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{Drawing, check};
+use super::plan::{Drawing, check, for_view};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
@@ -245,6 +245,7 @@ impl Renderer {
         }
         let max_point = self.gpu.info().max_point_size_px;
         check(model, settings, self.outputs, max_point)?;
+        let settings = &for_view(settings, model, view);
         self.prepare(scene, model, settings)?;
         let start = Instant::now();
         let (ticket, times) = match settings.method {

@@ -101,7 +101,7 @@ pub enum Path {
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
-    /// Where it cannot be seen: on surfaces that are closed and oriented outward.
+    /// Where it cannot be seen: on surfaces that are closed and oriented outward, unless they surround the eye.
     #[default]
     Auto,
     /// Always. On an open surface its back disappears.
@@ -177,7 +177,7 @@ impl Default for Settings {
 }
 
 impl Settings {
-    /// Whether what faces away is dropped for a model that is closed or not.
+    /// Whether what faces away is dropped for a model that is closed or not, seen from outside.
     pub fn culls_back(&self, is_closed: bool) -> bool {
         match self.culling {
             Culling::Auto => is_closed,

@@ -9,6 +9,7 @@ mod build;
 mod check;
 mod closed;
 pub mod file;
+mod inside;
 mod moments;
 mod node;
 mod nodes;

@@ -9,6 +9,7 @@ mod models;
 mod motion;
 mod pictures;
 mod profile;
+mod stability;
 mod stats;
 mod streams;
 mod usage;

@@ -1,0 +1,455 @@
+//! A scene made ready, and what is measured of its pictures.
+
+use super::Error;
+use crate::cut::{Cut, Selector};
+use crate::image::{FloatImage, Image, compare};
+use crate::math::camera::View;
+use crate::measure::{self, squared_distances};
+use crate::method::engine::{Backend, Engine};
+use crate::method::plan::{cut_settings, for_view};
+use crate::method::renderer::Outputs;
+use crate::method::{Culling, Method, Settings};
+use crate::progress::Silent;
+use crate::scenes::{Entry, Expected, Scene};
+use crate::tree::{self, BuildOptions, Model};
+
+/// A figure of a picture. Colors are in levels of 255; a pixel is covered that is so at least by half.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Figure {
+    /// Covered pixels.
+    Covered,
+    /// Sum of the covered fractions, pixels.
+    Area,
+    /// Pixels covered in the truth only.
+    Missing,
+    /// Pixels covered in the picture only.
+    Extra,
+    /// Holes inside of the truth's silhouette.
+    Holes,
+    /// Pixels in them.
+    HolePixels,
+    /// Pixels of which the truth covers at least a quarter, with nothing in the picture within a pixel around.
+    Lost,
+    /// Largest distance of a pixel that something is shown in from one that the surface touches, pixels.
+    Reach,
+    /// Mean over covered pixels of how far a color lies outside of the range of the truth's colors within
+    /// [`super::reach_px`].
+    Stray,
+    /// Percentage of covered pixels that lie more than 32 levels outside of that range.
+    Astray,
+    /// Mean difference of a color over object pixels.
+    Level,
+    /// Root of the mean squared difference over object pixels.
+    Rmse,
+    /// Mean distance of the outlines of picture and truth, pixels.
+    Silhouette,
+    /// Mean FLIP difference, 0 to 1; measured on request ([`Case::flip`]).
+    Flip,
+    /// Red, green or blue of the surface (without the black background) right of and above the center.
+    Center(usize),
+}
+
+impl Figure {
+    /// The figures of tables, in their order.
+    pub const ALL: [Self; 17] = [
+        Self::Covered,
+        Self::Area,
+        Self::Missing,
+        Self::Extra,
+        Self::Holes,
+        Self::HolePixels,
+        Self::Lost,
+        Self::Reach,
+        Self::Stray,
+        Self::Astray,
+        Self::Level,
+        Self::Rmse,
+        Self::Silhouette,
+        Self::Flip,
+        Self::Center(0),
+        Self::Center(1),
+        Self::Center(2),
+    ];
+
+    /// Name in tables, with the unit where it is not pixels or levels.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Covered => "covered_px",
+            Self::Area => "area_px",
+            Self::Missing => "missing_px",
+            Self::Extra => "extra_px",
+            Self::Holes => "holes",
+            Self::HolePixels => "hole_px",
+            Self::Lost => "lost_px",
+            Self::Reach => "reach_px",
+            Self::Stray => "stray_levels",
+            Self::Astray => "astray_percent",
+            Self::Level => "mean_levels",
+            Self::Rmse => "rmse_levels",
+            Self::Silhouette => "silhouette_px",
+            Self::Flip => "flip",
+            Self::Center(0) => "center_red",
+            Self::Center(1) => "center_green",
+            Self::Center(_) => "center_blue",
+        }
+    }
+}
+
+/// A scene made ready, with the truth.
+#[derive(Debug)]
+pub struct Case {
+    /// The scene.
+    pub entry: &'static Entry,
+    /// Its threshold, pixels.
+    pub threshold_px: f32,
+    /// Its tree.
+    pub model: Model,
+    /// Its camera.
+    pub view: View,
+    /// Its closed forms.
+    pub expected: Expected,
+    /// The truth: triangles, nothing culled, 16 samples a pixel; none for clouds.
+    pub truth: Option<FloatImage>,
+    /// Pixels that an outline of the truth cuts.
+    pub(super) cut_px: f64,
+    /// Pixels that the truth covers and that have a neighbor at a side that it does not.
+    pub(super) outline_px: f64,
+    /// Pixels that the truth covers.
+    pub(super) covered_px: f64,
+    /// Whether the truth covers the pixel right of and above the center, or there is none.
+    pub(super) has_center: bool,
+    /// Whether a triangle in view is larger than the threshold.
+    pub(super) has_large_leaves: bool,
+    /// Diameter of the largest leaf on the picture, pixels; infinite where one reaches the near plane.
+    pub(super) largest_px: f64,
+    /// Distance of each pixel from the nearest that the surface touches, pixels.
+    distance_px: Vec<f64>,
+}
+
+/// Around the picture, pixels: how far outside of it a surface is looked for.
+const MARGIN: usize = 96;
+/// A color this far outside of its range is astray, levels.
+const ASTRAY: f64 = 32.0;
+/// Colors are looked for no farther, pixels.
+pub(super) const FARTHEST_PX: f64 = 64.0;
+
+impl Case {
+    /// Builds the scene's tree and draws its truth on `backend`.
+    ///
+    /// # Errors
+    /// When the device cannot draw.
+    pub fn new(entry: &'static Entry, backend: &Backend) -> Result<Self, Error> {
+        let Scene {
+            mesh,
+            camera,
+            threshold_px,
+            expected,
+        } = entry.make();
+        let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
+        let view = camera.view(model.origin)?;
+        let truth = if model.triangles.is_empty() && !model.tree.leaves.is_empty() {
+            None
+        } else {
+            let settings = Settings {
+                method: Method::Triangles,
+                culling: Culling::Off,
+                ..Settings::default()
+            };
+            let size = (view.width, view.height);
+            let mut engine = Engine::new(backend, &model, size, Outputs::default())?;
+            Some(engine.supersample(&view, &settings, 4)?)
+        };
+        let cut = |truth: &FloatImage| {
+            let is_cut = |c: &&[f32; 4]| c[3] > 0.0 && c[3] < 1.0;
+            truth.color.iter().filter(is_cut).count() as f64
+        };
+        Ok(Self {
+            entry,
+            threshold_px,
+            expected,
+            cut_px: truth.as_ref().map_or(0.0, cut),
+            covered_px: truth
+                .as_ref()
+                .map_or(0.0, |t| measure::Mask::of(t).count() as f64),
+            outline_px: truth.as_ref().map_or(0.0, outline_px),
+            has_center: truth
+                .as_ref()
+                .is_none_or(|t| t.color[center_of(&view)][3] >= 0.25),
+            has_large_leaves: has_large_leaves(&model, &view, threshold_px),
+            largest_px: largest_leaf_px(&model, &view),
+            distance_px: distances(&model, &view, truth.as_ref()),
+            model,
+            view,
+            truth,
+        })
+    }
+
+    /// Every figure that a picture has, but for FLIP. `reach_px` is how far colors may come from.
+    pub(super) fn measure(
+        &self,
+        picture: &Image,
+        reach_px: f64,
+    ) -> Result<Vec<(Figure, f64)>, Error> {
+        let center = picture.color[center_of(&self.view)];
+        let alpha = f64::from(center[3].max(1)) / 255.0;
+        let area: f64 = picture.color.iter().map(|c| f64::from(c[3]) / 255.0).sum();
+        let covered = picture.color.iter().filter(|c| c[3] >= 128).count();
+        let reach = picture
+            .color
+            .iter()
+            .zip(&self.distance_px)
+            .filter(|(c, d)| c[3] >= 128 && d.is_finite())
+            .map(|(_, d)| *d)
+            .fold(0.0, f64::max);
+        let mut found = vec![
+            (Figure::Covered, covered as f64),
+            (Figure::Area, area),
+            (Figure::Reach, reach),
+        ];
+        found.extend((0..3).map(|c| (Figure::Center(c), f64::from(center[c]) / alpha)));
+        if let Some(truth) = &self.truth {
+            let shape = measure::coverage(truth, picture)?;
+            let difference = compare(truth, picture, 8.0)?;
+            let (stray, astray) = strays(truth, picture, reach_px);
+            found.extend([
+                (Figure::Missing, shape.missing as f64),
+                (Figure::Extra, shape.extra as f64),
+                (Figure::Holes, shape.holes as f64),
+                (Figure::HolePixels, shape.hole_pixels as f64),
+                (Figure::Lost, lost(truth, picture) as f64),
+                (Figure::Stray, stray),
+                (Figure::Astray, astray),
+                (Figure::Level, 255.0 * difference.object.mean_abs),
+                (Figure::Rmse, 255.0 * difference.object.rmse),
+                (
+                    Figure::Silhouette,
+                    measure::silhouette(truth, picture)?.mean,
+                ),
+            ]);
+        }
+        Ok(found)
+    }
+
+    /// Mean FLIP difference of a picture from the truth; none for clouds.
+    ///
+    /// # Errors
+    /// When the picture has another size.
+    pub fn flip(&self, picture: &Image) -> Result<Option<f64>, Error> {
+        let Some(truth) = &self.truth else {
+            return Ok(None);
+        };
+        let map = measure::flip(truth, picture, measure::PIXELS_PER_DEGREE)?;
+        Ok(Some(map.mean))
+    }
+}
+
+/// The pixel right of and above the center.
+fn center_of(view: &View) -> usize {
+    ((view.height / 2 - 1) * view.width + view.width / 2) as usize
+}
+
+fn outline_px(truth: &FloatImage) -> f64 {
+    let width = truth.width as usize;
+    let is_covered = |i: usize| truth.color.get(i).is_none_or(|c| c[3] >= 0.5);
+    let is_outline = |i: &usize| {
+        is_covered(*i)
+            && !(is_covered(i + 1)
+                && is_covered(i.wrapping_sub(1))
+                && is_covered(i + width)
+                && is_covered(i.wrapping_sub(width)))
+    };
+    (0..truth.color.len()).filter(is_outline).count() as f64
+}
+
+fn has_large_leaves(model: &Model, view: &View, threshold_px: f32) -> bool {
+    let settings = Settings {
+        threshold_px,
+        ..Settings::default()
+    };
+    let settings = cut_settings(&for_view(&settings, model, view), model);
+    let mut cut = Cut::default();
+    Selector::default().select(model, view, &settings, &mut cut);
+    !cut.triangles.is_empty()
+}
+
+/// Twice the radius of the largest leaf over its distance, in pixels of the picture; 0 for none.
+fn largest_leaf_px(model: &Model, view: &View) -> f64 {
+    let mut largest: f64 = 0.0;
+    for leaf in &model.tree.leaves {
+        let radius = f64::from(leaf.radius * view.model_scale);
+        let z = f64::from(view.distance(leaf.center));
+        if z < -radius {
+            continue;
+        }
+        let nearest = z - radius;
+        largest = largest.max(if nearest > f64::from(view.near) {
+            2.0 * f64::from(view.focal_px()) * radius / nearest
+        } else {
+            f64::INFINITY
+        });
+    }
+    largest
+}
+
+/// Distance of each pixel of the picture from the nearest pixel that the truth touches, or that a corner of a triangle
+/// with an area (of a cloud: a point) projects to, be it in the picture or beside it.
+fn distances(model: &Model, view: &View, truth: Option<&FloatImage>) -> Vec<f64> {
+    let (width, height) = (view.width as usize, view.height as usize);
+    let wide = width + 2 * MARGIN;
+    let mut is_touched = vec![false; wide * (height + 2 * MARGIN)];
+    for (i, color) in truth.iter().flat_map(|t| t.color.iter().enumerate()) {
+        is_touched[(i / width + MARGIN) * wide + i % width + MARGIN] |= color[3] > 0.0;
+    }
+    let mut touch = |corner: u32| {
+        let (x, y, z) = view.project(model.vertices[corner as usize].position);
+        let (x, y) = (
+            f64::from(x).floor() + MARGIN as f64,
+            f64::from(y).floor() + MARGIN as f64,
+        );
+        let is_inside = (0.0..wide as f64).contains(&x)
+            && (0.0..(height + 2 * MARGIN) as f64).contains(&y)
+            && z > 0.0;
+        if is_inside {
+            is_touched[y as usize * wide + x as usize] = true;
+        }
+    };
+    for corners in &model.triangles {
+        let [a, b, c] = corners.map(|i| model.vertices[i as usize].position.as_dvec3());
+        if (b - a).cross(c - a).length_squared() > 0.0 {
+            corners.iter().for_each(|i| touch(*i));
+        }
+    }
+    if model.is_cloud() {
+        (0..model.tree.leaf_count()).for_each(&mut touch);
+    }
+    let squared = squared_distances(&is_touched, wide, height + 2 * MARGIN);
+    (0..width * height)
+        .map(|i| squared[(i / width + MARGIN) * wide + i % width + MARGIN].sqrt())
+        .collect()
+}
+
+/// Pixels of which the truth covers a quarter while nothing is shown within a pixel around.
+fn lost(truth: &FloatImage, picture: &Image) -> usize {
+    let (width, height) = (truth.width as usize, truth.height as usize);
+    let is_shown = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        (y.saturating_sub(1)..(y + 2).min(height)).any(|v| {
+            (x.saturating_sub(1)..(x + 2).min(width)).any(|u| picture.color[v * width + u][3] >= 16)
+        })
+    };
+    let colors = truth.color.iter().enumerate();
+    colors
+        .filter(|(i, c)| c[3] >= 0.25 && !is_shown(*i))
+        .count()
+}
+
+/// [`Figure::Stray`] and [`Figure::Astray`]; zeros where nothing is covered or the truth is nowhere near.
+fn strays(truth: &FloatImage, picture: &Image, reach_px: f64) -> (f64, f64) {
+    let (width, height) = (truth.width as usize, truth.height as usize);
+    let reach = reach_px.min(FARTHEST_PX).ceil() as usize;
+    // Least and largest of the surface's own color, without the black background.
+    let nothing = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+    let mut ranges: Vec<[[f32; 3]; 2]> = truth
+        .color
+        .iter()
+        .map(|&[r, g, b, a]| {
+            if a > 0.0 {
+                [[r / a, g / a, b / a]; 2]
+            } else {
+                nothing
+            }
+        })
+        .collect();
+    // Along rows, then along columns.
+    for (step, length, lines, line_step) in [(1, width, height, width), (width, height, width, 1)] {
+        let before = ranges.clone();
+        for line in 0..lines {
+            for i in 0..length {
+                let mut range = nothing;
+                for k in i.saturating_sub(reach)..(i + reach + 1).min(length) {
+                    let [least, most] = before[line * line_step + k * step];
+                    for c in 0..3 {
+                        range[0][c] = range[0][c].min(least[c]);
+                        range[1][c] = range[1][c].max(most[c]);
+                    }
+                }
+                ranges[line * line_step + i * step] = range;
+            }
+        }
+    }
+    let (mut sum, mut astray, mut count) = (0.0, 0u64, 0u64);
+    for ([r, g, b, a], [least, most]) in picture.color.iter().zip(&ranges) {
+        if *a < 128 || least[0] > most[0] {
+            continue;
+        }
+        let alpha = f64::from(*a);
+        let mut off: f64 = 0.0;
+        for (c, value) in [r, g, b].into_iter().enumerate() {
+            let value = 255.0 * f64::from(*value) / alpha;
+            let (least, most) = (255.0 * f64::from(least[c]), 255.0 * f64::from(most[c]));
+            off = off.max(least - value).max(value - most);
+        }
+        sum += off;
+        astray += u64::from(off > ASTRAY);
+        count += 1;
+    }
+    let count = count.max(1) as f64;
+    (sum / count, 100.0 * astray as f64 / count)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn truth(width: u32, height: u32, color: impl Fn(u32, u32) -> [f32; 4]) -> FloatImage {
+        FloatImage {
+            width,
+            height,
+            color: (0..width * height)
+                .map(|i| color(i % width, i / width))
+                .collect(),
+            ..FloatImage::default()
+        }
+    }
+
+    #[test]
+    fn a_color_that_is_near_in_the_truth_is_not_astray() {
+        // Black on the left, white on the right, half covered between.
+        let truth = truth(20, 5, |x, _| match x {
+            0..=8 => [0.0, 0.0, 0.0, 1.0],
+            9 => [0.5, 0.5, 0.5, 0.5],
+            _ => [1.0; 4],
+        });
+        let mut picture = Image::filled(20, 5, [0, 0, 0, 255]);
+        for (i, pixel) in picture.color.iter_mut().enumerate() {
+            if i % 20 > 11 {
+                *pixel = [255; 4];
+            }
+        }
+        // The step is shown 3 pixels too far right: what is 2 away is within a reach of 3.
+        assert_eq!(strays(&truth, &picture, 3.0), (0.0, 0.0));
+        // Within a pixel it is not: columns 10 and 11 are black where the truth is white, 9 knows column 8.
+        let (stray, astray) = strays(&truth, &picture, 1.0);
+        assert_eq!((stray, astray), (255.0 * 2.0 / 20.0, 10.0));
+        // Colors of partly covered pixels are those of the surface.
+        picture.color[9] = [128, 128, 128, 128];
+        assert_eq!(strays(&truth, &picture, 3.0).1, 0.0);
+        assert_eq!(
+            strays(&truth, &Image::filled(20, 5, [9, 9, 9, 0]), 3.0),
+            (0.0, 0.0)
+        );
+    }
+
+    #[test]
+    fn what_shows_nowhere_is_lost() {
+        let truth = truth(9, 3, |x, _| if x == 4 { [0.3; 4] } else { [0.0; 4] });
+        let empty = Image::filled(9, 3, [0; 4]);
+        assert_eq!(lost(&truth, &empty), 3);
+        let mut shown = empty;
+        shown.color[9 + 5] = [20; 4];
+        assert_eq!(lost(&truth, &shown), 0);
+        shown.color[9 + 5] = [0; 4];
+        shown.color[9 + 6] = [255; 4];
+        assert_eq!(lost(&truth, &shown), 3);
+    }
+}
