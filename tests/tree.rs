@@ -1,6 +1,8 @@
 //! Trees over whole models: every promise, on shapes that are easy, awkward and broken.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "tree/gaps.rs"]
+mod gaps;
 #[path = "tree/models.rs"]
 mod models;
 #[path = "tree/shapes.rs"]

@@ -491,11 +491,11 @@ impl Source<'_> {
                 (node.strip, splat_radius) =
                     corners.fit(leaves.start * 3, leaves.end * 3, node, direction);
             } else {
-                let mut ends = [(Vec3::ZERO, 0f32); 8];
-                for (pair, child) in ends.chunks_exact_mut(2).zip(nodes) {
-                    pair.copy_from_slice(&strip::ends(child));
-                }
-                node.strip = strip::around_balls(&ends[..2 * nodes.len()], node, direction);
+                let descent = strip::Descent {
+                    nodes: below.nodes,
+                    base: self.level_starts[level + 1] as usize,
+                };
+                node.strip = strip::around(nodes, descent, node, direction);
                 // A ball around the node's center that holds the children's splats.
                 let reach = |(child, attributes): (&Node, &NodeAttributes)| {
                     (node.center.distance(child.center) + attributes.splat_radius) * (1.0 + 1e-6)

@@ -7,6 +7,63 @@ use glam::{Vec3, Vec4};
 /// A capsule wider than this share of the sphere's radius is not worth keeping.
 const WIDEST: f32 = 0.7;
 
+/// A capsule in which a stretch longer than this share of its half length, and longer than it is wide, stands empty
+/// bridges a gap. The cut makes no shorter pieces of a capsule and no narrower splats: what is shorter is within a splat.
+const WIDEST_GAP: f32 = 0.125;
+
+/// How far below a node whose corners are not at hand gaps in its capsule are looked for: up to 256 nodes.
+const GAP_LEVELS: u32 = 4;
+
+/// Which of 64 equal parts of a capsule something lies in.
+struct Occupancy {
+    bits: u64,
+    /// Half the length of the capsule with its ends; parts of a unit.
+    half_length: f32,
+    scale: f32,
+    /// Most empty parts in a row.
+    most: u32,
+}
+
+impl Occupancy {
+    /// Of a capsule as the node has it, model units.
+    fn of(node: &Node, strip: Strip) -> Self {
+        let unit = node.radius * (1.0 / 255.0);
+        let sum = u16::from(strip.half_length) + u16::from(strip.width);
+        let half_length = f32::from(sum.min(255)) * unit;
+        let widest = (2.0 * f32::from(strip.width) * unit).max(WIDEST_GAP * half_length);
+        let scale = 32.0 / half_length;
+        Self {
+            bits: 0,
+            half_length,
+            scale,
+            most: (widest * scale) as u32,
+        }
+    }
+
+    /// Something from `low` to `high` along the axis, from the middle.
+    #[inline]
+    fn add(&mut self, low: f32, high: f32) {
+        // The casts saturate: below 0 is 0.
+        let part = |along: f32| (((along + self.half_length) * self.scale) as u32).min(63);
+        self.bits |= (u64::MAX << part(low)) & (u64::MAX >> (63 - part(high)));
+    }
+
+    /// Whether so many parts in a row are empty, also at the ends, that splats along the capsule would show what is not
+    /// there.
+    fn has_gap(&self) -> bool {
+        let mut empty = !self.bits;
+        // A step shortens every run of ones by as many, up to its length so far.
+        let (mut length, mut rest) = (1, self.most);
+        while rest > 0 && empty != 0 {
+            let step = length.min(rest);
+            empty &= empty << step;
+            length += step;
+            rest -= step;
+        }
+        empty != 0
+    }
+}
+
 /// Corners of triangles as three lists of coordinates, so that four are worked on at once.
 #[derive(Default)]
 pub(super) struct Corners {
@@ -14,8 +71,8 @@ pub(super) struct Corners {
     y: Vec<f32>,
     z: Vec<f32>,
     /// Of the range at hand: distance along the direction, and squared distance from its line.
-    along: Vec<Vec4>,
-    across: Vec<Vec4>,
+    along: Vec<f32>,
+    across: Vec<f32>,
 }
 
 impl Corners {
@@ -101,8 +158,8 @@ impl Corners {
             Vec4::splat(unit.y),
             Vec4::splat(unit.z),
         );
-        self.along.clear();
-        self.across.clear();
+        self.along.resize(end - first, 0.0);
+        self.across.resize(end - first, 0.0);
         let (mut farthest, mut widest) = (Vec4::ZERO, Vec4::ZERO);
         let mut at = first;
         loop {
@@ -117,8 +174,8 @@ impl Corners {
             let across = rx * rx + ry * ry + rz * rz;
             farthest = farthest.max(x * x + y * y + z * z);
             widest = widest.max(across);
-            self.along.push(along.abs());
-            self.across.push(across);
+            along.write_to_slice(&mut self.along[start - first..]);
+            across.write_to_slice(&mut self.across[start - first..]);
             at += 4;
             if at >= end {
                 break;
@@ -133,43 +190,98 @@ impl Corners {
         // corners fail once the first ones have set the length.
         let room = room(width, radius);
         let mut half_length = 0f32;
-        for (along, across) in self.along.iter().zip(&self.across) {
-            let beyond = (*along - half_length).max(Vec4::ZERO);
-            let free = Vec4::splat(room) - *across;
-            if (beyond * beyond).cmpgt(free).any() {
+        let mut at = 0;
+        while at < end - first {
+            let start = at.min(end - first - 4);
+            let along = Vec4::from_slice(&self.along[start..]).abs();
+            let across = Vec4::from_slice(&self.across[start..]);
+            let beyond = (along - half_length).max(Vec4::ZERO);
+            if (beyond * beyond).cmpgt(Vec4::splat(room) - across).any() {
                 for (along, across) in along.to_array().into_iter().zip(across.to_array()) {
                     half_length = half_length.max(along - (room - across).max(0.0).sqrt());
                 }
             }
+            at += 4;
         }
-        (pack(code, half_length, width, radius), farthest)
+        let strip = pack(code, half_length, width, radius);
+        let mut occupancy = Occupancy::of(node, strip);
+        // Neighbors follow one another: every eighth of them leaves no gap already, where there is none.
+        let stride = 3 * 8;
+        for first in (0..stride).step_by(3) {
+            for at in (first..self.along.len()).step_by(stride) {
+                let [a, b, c] = [0, 1, 2].map(|corner| self.along[at + corner]);
+                occupancy.add(a.min(b).min(c), a.max(b).max(c));
+            }
+            if !occupancy.has_gap() {
+                return (strip, farthest);
+            }
+        }
+        (Strip::SPHERE, farthest)
     }
 }
 
-/// The capsule along `direction` around balls (center, radius), for the sphere of `node`.
-pub(super) fn around_balls(balls: &[(Vec3, f32)], node: &Node, direction: Vec3) -> Strip {
+/// The nodes on the way down from a node.
+#[derive(Clone, Copy)]
+pub(super) struct Descent<'a> {
+    /// The levels below the node.
+    pub(super) nodes: &'a [Node],
+    /// Number of the first of them.
+    pub(super) base: usize,
+}
+
+impl Descent<'_> {
+    /// Visits the nodes `levels` below `nodes`, or the last above the leaves.
+    fn visit(self, nodes: &[Node], levels: u32, visit: &mut impl FnMut(&Node)) {
+        for node in nodes {
+            if levels == 0 || node.has_leaves() {
+                visit(node);
+            } else {
+                let first = node.first_child as usize - self.base;
+                let end = first + usize::from(node.child_count);
+                self.visit(&self.nodes[first..end], levels - 1, visit);
+            }
+        }
+    }
+}
+
+/// The capsule along `direction` around nodes, for the sphere of their parent `node`.
+pub(super) fn around(children: &[Node], descent: Descent, node: &Node, direction: Vec3) -> Strip {
     let code = encode(direction);
     let unit = decode(code);
     let split = |center: Vec3| {
         let offset = center - node.center;
         let along = offset.dot(unit);
-        (along.abs(), (offset - unit * along).length())
+        (along, (offset - unit * along).length())
     };
-    let widest = balls
-        .iter()
-        .map(|&(center, radius)| split(center).1 + radius)
+    let balls = || children.iter().flat_map(ends);
+    let widest = balls()
+        .map(|(center, radius)| split(center).1 + radius)
         .fold(0.0, f32::max);
     let Some(width) = width_code(widest, node.radius) else {
         return Strip::SPHERE;
     };
     let wide = room(width, node.radius).max(0.0).sqrt();
     let mut half_length = 0f32;
-    for &(center, radius) in balls {
+    for (center, radius) in balls() {
         let (along, across) = split(center);
         let free = wide - radius;
-        half_length = half_length.max(along - (free * free - across * across).max(0.0).sqrt());
+        half_length =
+            half_length.max(along.abs() - (free * free - across * across).max(0.0).sqrt());
     }
-    pack(code, half_length, width, node.radius)
+    let strip = pack(code, half_length, width, node.radius);
+    let mut occupancy = Occupancy::of(node, strip);
+    descent.visit(children, GAP_LEVELS - 1, &mut |part| {
+        let [one, two] = ends(part).map(|(center, radius)| {
+            let along = split(center).0;
+            (along - radius, along + radius)
+        });
+        occupancy.add(one.0.min(two.0), one.1.max(two.1));
+    });
+    if occupancy.has_gap() {
+        Strip::SPHERE
+    } else {
+        strip
+    }
 }
 
 /// The two balls at the ends of a node's capsule, whose hull it is; or its sphere.
