@@ -1,7 +1,7 @@
 //! The figures of the spine: reading, tree build, cut, and the hybrid against plain triangles.
 //!
-//! `cargo bench` (or `make bench`) runs all; `cargo bench -- quick` takes models of a tenth of the size, to see
-//! that it runs. Every figure is a median; compared candidates run in turn in one process. Absolute times depend
+//! `cargo bench --bench spine` (or `make bench`) runs all; `-- read`, `-- build`, `-- cut`, `-- draw`, `-- filter` (and
+//! any of them together) a part; `-- quick` takes models of a tenth of the size, to see that it runs. Every figure is a median; compared candidates run in turn in one process. Absolute times depend
 //! on the machine, ratios less so. Targets are for two CPU cores and a software device.
 
 use std::path::Path;
@@ -403,8 +403,19 @@ fn main() {
         SIZE.0,
         SIZE.1
     );
-    reading(scale);
-    building(scale);
+    let asked: Vec<String> = std::env::args().skip(1).collect();
+    let parts = ["read", "build", "cut", "draw", "filter"];
+    let is_all = !asked.iter().any(|word| parts.contains(&word.as_str()));
+    let wants = |part: &str| is_all || asked.iter().any(|word| word == part);
+    if wants("read") {
+        reading(scale);
+    }
+    if wants("build") {
+        building(scale);
+    }
+    if !(wants("cut") || wants("draw") || wants("filter")) {
+        return;
+    }
     let gpu = match Gpu::open(&Options::default()) {
         Ok(gpu) => gpu,
         Err(error) => {
@@ -412,19 +423,27 @@ fn main() {
             return;
         }
     };
-    cutting(
-        &build(mesh(Shape::Sphere, 1_000_000 / scale)),
-        Shape::Sphere.name(),
-    );
+    if wants("cut") {
+        cutting(
+            &build(mesh(Shape::Sphere, 1_000_000 / scale)),
+            Shape::Sphere.name(),
+        );
+    }
     println!("drawing on {}", gpu.info().name);
     for (shape, triangles, target) in [
         (Shape::Statue, 8_000_000, 8.0),
         (Shape::Torus, 4_000_000, 4.0),
     ] {
         let model = build(mesh(shape, triangles / scale));
-        cutting(&model, shape.name());
-        drawing(&gpu, &model, shape.name(), Some(target));
-        filtering(&gpu, &model, shape.name());
-        offsets(&gpu, &model, shape.name());
+        if wants("cut") {
+            cutting(&model, shape.name());
+        }
+        if wants("draw") {
+            drawing(&gpu, &model, shape.name(), Some(target));
+        }
+        if wants("filter") {
+            filtering(&gpu, &model, shape.name());
+            offsets(&gpu, &model, shape.name());
+        }
     }
 }
