@@ -201,7 +201,7 @@ impl Batch {
         open: &mut Vec<Group>,
     ) {
         let nodes: &[Node] = &model.tree.nodes;
-        // Four nodes lie on two lines (see `tree::Nodes`). Only so many requests may be on their way at once, and one more
+        // Four nodes lie on two lines (see `tree::Records`). Only so many requests may be on their way at once, and one more
         // waits for its place; so they are made a few at a time wherever there is work between them.
         let mut lines = ahead
             .iter()

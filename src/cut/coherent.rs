@@ -348,7 +348,8 @@ mod tests {
                         center: Vec3::X * x,
                         radius: 0.1,
                     })
-                    .into(),
+                    .into_iter()
+                    .collect(),
                 ..Tree::default()
             },
             ..Model::default()

@@ -6,7 +6,7 @@ use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center};
 use crate::draw::Footprint;
 use crate::math::camera::View;
 use crate::math::octahedral;
-use crate::tree::Model;
+use crate::tree::{Leaf, Model, Node};
 use glam::Vec3;
 
 /// What the packing depends on besides model, cut and view.
@@ -141,6 +141,7 @@ pub fn pack<R: Record>(
     out: &mut [R],
 ) -> Packed {
     let tree = &model.tree;
+    let (nodes, leaves): (&[Node], &[Leaf]) = (&tree.nodes, &tree.leaves);
     let is_oriented = plan.footprint == Footprint::Oriented;
     let mut writer = Writer {
         end: count(cut, plan),
@@ -154,7 +155,7 @@ pub fn pack<R: Record>(
     // A radius of 0 asks for the constant size: right for points in one place, and what has an area has a radius.
     let own = |radius: f32| if is_oriented { radius } else { 0.0 };
     for &id in &cut.nodes {
-        let node = &tree.nodes[id as usize];
+        let node = &nodes[id as usize];
         let a = &tree.attributes[id as usize];
         let splat = Splat {
             center: node.center,
@@ -165,7 +166,7 @@ pub fn pack<R: Record>(
         writer.write(splat, a.area);
     }
     for &StripRun { node: id, count } in &cut.strips {
-        let node = &tree.nodes[id as usize];
+        let node = &nodes[id as usize];
         let a = &tree.attributes[id as usize];
         let ball = strip_ball_radius(node, count);
         let normal = octahedral::decode(a.normal);
@@ -192,7 +193,7 @@ pub fn pack<R: Record>(
     };
     for (ids, is_large) in [(cut.leaves.as_slice(), false), (large, true)] {
         for &leaf in ids {
-            let sphere = &tree.leaves[leaf as usize];
+            let sphere = &leaves[leaf as usize];
             let (mut splat, area) = match model.triangles.get(leaf as usize) {
                 Some(corners) => {
                     let corners = corners.map(|i| model.vertices[i as usize]);

@@ -8,7 +8,9 @@
 use super::blocks::{self, Source};
 use super::partition::{Item, Partition};
 use super::shape::Shape;
-use super::{Cone, Error, Leaf, Model, Node, NodeAttributes, Nodes, Tree, moments, order, spacing};
+use super::{
+    Cone, Error, Leaf, Model, Node, NodeAttributes, Records, Tree, moments, order, spacing,
+};
 use crate::math::sphere;
 use crate::mesh::normals::{self, Weighting};
 use crate::mesh::{self, Mesh};
@@ -88,7 +90,7 @@ pub fn build(
     // The leaves travel in the memory in which they will stay.
     progress.stage("bounding triangles", count as u64);
     mesh::recenter(&mut mesh);
-    let mut leaves = vec![Leaf::zeroed(); count];
+    let mut leaves = Records::<Leaf>::zeroed(count);
     leaf_centers(&mesh, bytemuck::cast_slice_mut(&mut leaves))?;
     progress.advance(count as u64);
     check_stop()?;
@@ -127,7 +129,7 @@ pub fn build(
     for level in &shape.levels {
         level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
     }
-    let mut nodes = Nodes::zeroed(node_count);
+    let mut nodes = Records::of_tree(node_count);
     let mut attributes = vec![NodeAttributes::zeroed(); node_count];
     let source = Source {
         shape: &shape,

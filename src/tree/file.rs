@@ -5,7 +5,7 @@
 //! word changes for certain and any other damage with a probability of all but 2^-64. A reader believes nothing: lengths
 //! are compared with the file before memory is asked for, and all links are tested before the model is handed out.
 
-use super::{Error, Leaf, Model, Moments, NodeAttributes, Nodes, Tree, check};
+use super::{Error, Leaf, Model, Moments, NodeAttributes, Records, Tree, check};
 use crate::abi::Vertex;
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
@@ -222,12 +222,12 @@ fn read_from(file: &mut dyn Read, length: u64, path: &Path) -> Result<Model, Err
         vertices: reader.section::<Vertex>()?,
         triangles: reader.section::<[u32; 3]>()?,
         tree: Tree {
-            nodes: reader.section_in(Nodes::zeroed)?,
+            nodes: reader.section_in(Records::of_tree)?,
             attributes: reader.section::<NodeAttributes>()?,
             parents: reader.section::<u32>()?,
             first_leaf: reader.section::<u32>()?,
             level_starts: reader.section::<u32>()?,
-            leaves: reader.section::<Leaf>()?,
+            leaves: reader.section_in(Records::<Leaf>::zeroed)?,
             moments: reader.section::<Moments>()?,
         },
         used_vertices: header.used_vertices,

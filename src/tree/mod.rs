@@ -12,9 +12,9 @@ pub mod file;
 mod inside;
 mod moments;
 mod node;
-mod nodes;
 mod order;
 mod partition;
+mod records;
 mod select;
 mod shape;
 mod spacing;
@@ -27,7 +27,7 @@ pub use build::{BuildOptions, build};
 pub use check::{Report, check};
 pub use moments::area_of_point;
 pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
-pub use nodes::Nodes;
+pub use records::Records;
 
 use crate::abi::Vertex;
 use glam::{DVec3, Vec3};
@@ -71,7 +71,7 @@ pub struct Model {
 #[derive(Debug, Clone, Default)]
 pub struct Tree {
     /// What the cut tests, 32 bytes a node.
-    pub nodes: Nodes,
+    pub nodes: Records<Node>,
     /// What only drawn nodes need; same order as `nodes`.
     pub attributes: Vec<NodeAttributes>,
     /// Parent of each node; the root is its own parent.
@@ -82,7 +82,7 @@ pub struct Tree {
     /// Index of the first node of each level, root level first, then `nodes.len()`.
     pub level_starts: Vec<u32>,
     /// Bounding spheres of the leaves.
-    pub leaves: Vec<Leaf>,
+    pub leaves: Records<Leaf>,
     /// Means for filtered splats; same order as `nodes`.
     pub moments: Vec<Moments>,
 }
