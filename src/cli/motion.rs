@@ -270,7 +270,9 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     if !args.takes_output() {
         let moves = match args.along {
             PathName::Orbit => format!("orbit, {} degrees a step", args.degrees_per_step),
-            PathName::Dolly => format!("dolly, {:.2} % of the distance a step", 100.0 * steps.angle),
+            PathName::Dolly => {
+                format!("dolly, {:.2} % of the distance a step", 100.0 * steps.angle)
+            }
             PathName::Refine => format!("refine, from {} times the threshold", args.coarsest),
         };
         let head = format!(
