@@ -148,6 +148,13 @@ impl Args {
         if self.json.is_some() && self.json == self.csv {
             return Err(usage("--json and --csv name one file"));
         }
+        if let Some(folder) = &self.output {
+            // Now, and not after minutes of work.
+            std::fs::create_dir_all(folder).map_err(|e| {
+                let what = format!("cannot make the folder {}", folder.display());
+                Failure::Run(anyhow::Error::new(e).context(what))
+            })?;
+        }
         Ok(())
     }
 
@@ -286,9 +293,6 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
 
 /// `worst-0.png` is of the first row of the table.
 fn write_pictures(folder: &Path, found: &[Sequence]) -> Outcome {
-    std::fs::create_dir_all(folder).map_err(|e| {
-        Failure::Run(anyhow::Error::new(e).context(format!("cannot make {}", folder.display())))
-    })?;
     for (i, sequence) in found.iter().enumerate() {
         if let Some(picture) = sequence.worst_picture(2.0) {
             picture.save_png(&folder.join(format!("worst-{i}.png")))?;
