@@ -405,7 +405,7 @@ fn what_equals_its_reference_does_not_flicker() {
 fn sums_flicker_less_than_squares_and_small_steps_churn_less() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Statue, 500_000);
+    let model = generated(Shape::Statue, 200_000);
     let steps = |angle: f64| Steps {
         path: Path::Orbit,
         count: 5,
@@ -415,7 +415,7 @@ fn sums_flicker_less_than_squares_and_small_steps_churn_less() {
     let looks = [SplatKind::Square, SplatKind::Gauss, SplatKind::Filtered]
         .map(|splat| settings(Method::Pop, splat, 3.0));
     let [square, gauss, filtered] =
-        <[Sequence; 3]>::try_from(along(&backend, &model, &steps(0.25), &looks, 4))
+        <[Sequence; 3]>::try_from(along(&backend, &model, &steps(0.25), &looks, 3))
             .unwrap()
             .map(|s| s.figures());
     println!("square {square:?}\ngauss {gauss:?}\nfiltered {filtered:?}");
