@@ -25,11 +25,11 @@ fn tree_of(mesh: &Mesh) -> Model {
     build(mesh.clone(), &BuildOptions::default(), &Silent).unwrap()
 }
 
-/// Corner positions of every triangle as bits, sorted; those of points likewise.
+/// Corner positions of every triangle as bits (those of -0 as of 0), sorted; those of points likewise.
 fn content(positions: impl Fn(u32) -> Vec3, triangles: &[[u32; 3]]) -> Vec<[[u32; 3]; 3]> {
     let mut list: Vec<_> = triangles
         .iter()
-        .map(|t| t.map(|c| positions(c).to_array().map(f32::to_bits)))
+        .map(|t| t.map(|c| positions(c).to_array().map(|x| (x + 0.0).to_bits())))
         .collect();
     list.sort_unstable();
     list

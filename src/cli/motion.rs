@@ -148,6 +148,13 @@ impl Args {
         if self.json.is_some() && self.json == self.csv {
             return Err(usage("--json and --csv name one file"));
         }
+        if let Some(folder) = &self.output {
+            // Now, and not after minutes of work.
+            std::fs::create_dir_all(folder).map_err(|e| {
+                let what = format!("cannot make the folder {}", folder.display());
+                Failure::Run(anyhow::Error::new(e).context(what))
+            })?;
+        }
         Ok(())
     }
 
@@ -270,7 +277,9 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     if !args.takes_output() {
         let moves = match args.along {
             PathName::Orbit => format!("orbit, {} degrees a step", args.degrees_per_step),
-            PathName::Dolly => format!("dolly, {} degrees' way a step", args.degrees_per_step),
+            PathName::Dolly => {
+                format!("dolly, {:.2} % of the distance a step", 100.0 * steps.angle)
+            }
             PathName::Refine => format!("refine, from {} times the threshold", args.coarsest),
         };
         let head = format!(
@@ -284,9 +293,6 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
 
 /// `worst-0.png` is of the first row of the table.
 fn write_pictures(folder: &Path, found: &[Sequence]) -> Outcome {
-    std::fs::create_dir_all(folder).map_err(|e| {
-        Failure::Run(anyhow::Error::new(e).context(format!("cannot make {}", folder.display())))
-    })?;
     for (i, sequence) in found.iter().enumerate() {
         if let Some(picture) = sequence.worst_picture(2.0) {
             picture.save_png(&folder.join(format!("worst-{i}.png")))?;

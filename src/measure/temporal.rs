@@ -18,8 +18,8 @@ use super::Tile;
 use crate::image::{Error, FloatImage, Image, Picture, contact_sheet, unorm8};
 use std::sync::Arc;
 
-/// Side of the tiles that can pop, pixels: about 7 minutes of arc on a screen of 67 pixels a degree, where the eye is
-/// most sensitive to a change of contrast.
+/// Side of the tiles that can pop, pixels: 7 minutes of arc on a screen of 67 pixels a degree, half a period of the four
+/// or so in a degree that the eye sees best.
 pub const TILE: u32 = 8;
 
 /// What counts as a pop.

@@ -100,6 +100,7 @@ mod tests {
             vec![Vec3::splat(7.0), Vec3::splat(8.0)],
             vec![Vec3::splat(1e6); 3],
             vec![Vec3::splat(1e6), Vec3::splat(1e6 + 1.0), Vec3::NAN],
+            vec![Vec3::NAN, Vec3::splat(1e6), Vec3::splat(1e6 + 1.0)],
             vec![Vec3::splat(1e6), Vec3::splat(1e6 + 1.0), Vec3::INFINITY],
             vec![Vec3::splat(f32::MAX), Vec3::splat(f32::MIN)],
             vec![],
