@@ -87,8 +87,9 @@ fn crossing(ray: DVec3, [a, b, c]: [DVec3; 3]) -> i64 {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
     use super::*;
     use crate::generate::{self, Shape, Spec};
     use crate::progress::Silent;

@@ -11,6 +11,7 @@ const COMMANDS: &[&str] = &[
     "compare",
     "scenes",
     "profile",
+    "stability",
     "devices",
     "demo",
     "completions",
