@@ -1,6 +1,7 @@
 //! The figures of round and fuzzy splats: error against supersampled triangles, holes, and the cost of the three passes.
 //!
-//! `cargo bench --bench splats -- targets` prints every figure that splats must reach, with met or MISSED. Without
+//! `cargo bench --bench splats -- targets` prints every figure that splats must reach, with met or MISSED (`-- targets cost`
+//! those of the parts with that word in their name). Without
 //! arguments everything else runs; `-- errors`, `-- lowpass`, `-- holes`, `-- cost` are its parts. Real models are looked
 //! for in `SURFEL_MODELS` (a word after the part names those to take). Times depend on the machine.
 
@@ -311,7 +312,7 @@ fn main() {
     };
     println!("on {}", backend.name());
     if part.as_deref() == Some("targets") {
-        targets::all(&backend);
+        targets::all(&backend, only.as_deref());
         return;
     }
     if runs("errors") {

@@ -21,7 +21,7 @@ use surfel::measure::Distribution;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::plan::{cut_settings, splat_plan};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Reconstruction, Settings, SplatKind};
+use surfel::method::{Method, Reconstruction, Settings};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 

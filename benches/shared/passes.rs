@@ -5,10 +5,10 @@ use surfel::method::engine::Engine;
 use surfel::method::{Reconstruction, Settings, SplatKind};
 
 /// Most that the passes of pull-push may take at 1024 x 768, milliseconds, on two cores and a software device.
-pub const PULL_PUSH_TARGET_MS: f64 = 21.0;
+pub(crate) const PULL_PUSH_TARGET_MS: f64 = 21.0;
 
 /// Visibility splats with a reconstruction.
-pub fn settings(threshold_px: f32, reconstruction: Reconstruction) -> Settings {
+pub(crate) fn settings(threshold_px: f32, reconstruction: Reconstruction) -> Settings {
     Settings {
         splat: SplatKind::Visibility,
         reconstruction,
@@ -18,13 +18,13 @@ pub fn settings(threshold_px: f32, reconstruction: Reconstruction) -> Settings {
 }
 
 /// The least of several times: what the work takes on a machine that does something else now and then.
-pub fn least(times: &[f64]) -> f64 {
+pub(crate) fn least(times: &[f64]) -> f64 {
     times.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
 /// Milliseconds of visibility.depth, of visibility.centers and of the reconstruction, in each of `frames` frames of all
 /// `reconstructions` in turn; two frames more go before.
-pub fn times(
+pub(crate) fn times(
     engine: &mut Engine<'_>,
     view: &View,
     threshold_px: f32,

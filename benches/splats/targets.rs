@@ -54,8 +54,8 @@ impl Tally {
     }
 }
 
-/// Prints every figure with its target, and which were missed.
-pub(super) fn all(backend: &Backend) {
+/// Prints every figure with its target, and which were missed; of the parts whose names contain `only`.
+pub(super) fn all(backend: &Backend, only: Option<&str>) {
     let start = Instant::now();
     let mut tally = Tally::default();
     type Part = fn(&Backend, &mut Tally);
@@ -68,6 +68,9 @@ pub(super) fn all(backend: &Backend) {
         ("the same picture again", identity),
     ];
     for (name, part) in parts {
+        if only.is_some_and(|only| !name.contains(only)) {
+            continue;
+        }
         println!("\n{name}");
         let begun = Instant::now();
         part(backend, &mut tally);

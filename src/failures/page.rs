@@ -368,8 +368,9 @@ fn push_base64(text: &mut String, bytes: &[u8]) {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
     use super::*;
     use crate::failures::Bound;
     use crate::scenes;

@@ -87,8 +87,9 @@ fn crossing(ray: DVec3, [a, b, c]: [DVec3; 3]) -> i64 {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
     use super::*;
     use crate::generate::{self, Shape, Spec};
     use crate::progress::Silent;
@@ -130,8 +131,12 @@ mod tests {
         let mut seen = [0; 2];
         for p in lattice() {
             // The generator's torus: around the axis of the rows, radii 1 and 0.4.
-            let ring = p.x.hypot(p.z);
-            let is_inside = (ring - 1.0).hypot(p.y) < 0.4;
+            let from_ring = (p.x.hypot(p.z) - 1.0).hypot(p.y);
+            // The polyhedron is a little thinner than the torus.
+            if (0.35..0.41).contains(&from_ring) {
+                continue;
+            }
+            let is_inside = from_ring < 0.4;
             assert_eq!(torus.surrounds(p), is_inside, "{p}");
             seen[usize::from(is_inside)] += 1;
         }
