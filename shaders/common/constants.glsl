@@ -22,3 +22,7 @@ const uint FLAG_COLOR_BY_CLASSIFICATION = 128u;
 const float ALBEDO = 0.8;
 // A pixel of fuzzy splats shows something when the sum of its weights is at least this.
 const float LEAST_FUZZY_WEIGHT = 1e-4;
+// Weight of a filtered splat in each pixel of its square, beside that of its area.
+const float FILTERED_SKIRT = 1e-5;
+// A pixel at a rim shows what is behind when filtered splats cover less of it than this: half a level.
+const float LEAST_FILTERED_COVERAGE = 0.002;

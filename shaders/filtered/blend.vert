@@ -1,5 +1,6 @@
 #version 460
-// Pass filtered.blend: rectangles that deposit their projected area, spread over the pixels that they overlap.
+// Pass filtered.blend: rectangles that deposit their projected area, spread over the pixels that they overlap, in squares
+// that deposit next to nothing, so that what lies between rectangles has a color too.
 #include "common/frame.glsl"
 
 layout(location = 0) in vec3 center;
@@ -7,18 +8,18 @@ layout(location = 1) in vec3 color;
 layout(location = 2) in float area_px;
 layout(location = 3) in vec3 extent_and_side_px;
 
-layout(location = 0) flat out vec4 deposit;
-layout(location = 1) flat out vec3 extent_and_size_px;
+layout(location = 0) flat out vec4 color_and_weight;
+layout(location = 1) flat out vec4 extent_side_and_size_px;
 
 invariant gl_Position;
 
 void main() {
     vec2 extent_px = extent_and_side_px.xy;
+    float side_px = extent_and_side_px.z;
     gl_Position = frame.clip_from_view * (frame.view_from_model * vec4(center, 1.0));
     // A whole number, so that a device whose point sizes are coarse draws what the fragment shader measures.
-    float size = ceil(max(extent_px.x, extent_px.y) + 1.0);
+    float size = ceil(max(max(extent_px.x, extent_px.y), side_px) + 1.0);
     gl_PointSize = size;
-    float weight = area_px / (extent_px.x * extent_px.y);
-    deposit = vec4(color * weight, weight);
-    extent_and_size_px = vec3(extent_px, size);
+    color_and_weight = vec4(color, area_px / (extent_px.x * extent_px.y));
+    extent_side_and_size_px = vec4(extent_px, side_px, size);
 }

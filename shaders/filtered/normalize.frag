@@ -20,6 +20,22 @@ float distance_of(float depth) {
     return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? (p32 - depth) / p22 : p32 / (depth + p22);
 }
 
+// Covered fraction of a pixel that another part lies before: whole, but where that part ends too.
+float coverage_of_part(ivec2 pixel, float sum, ivec2 last) {
+    for (int y = -1; y <= 1; ++y) {
+        for (int x = -1; x <= 1; ++x) {
+            ivec2 neighbor = pixel + ivec2(x, y);
+            if (any(lessThan(neighbor, ivec2(0))) || any(greaterThan(neighbor, last))) {
+                continue;
+            }
+            if (!(texelFetch(front, neighbor, 0).r > 0.0)) {
+                return min(2.0 * sum, 1.0);
+            }
+        }
+    }
+    return 1.0;
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 sum = texelFetch(sums, pixel, 0);
@@ -37,7 +53,7 @@ void main() {
         limit = distance + JUMP * max(frame.splat_size_px, 1.0) * width / frame.focal_px;
     }
     ivec2 last = textureSize(sums, 0) - 1;
-    float empty = 0.0;
+    float around = 0.0;
     vec4 behind = vec4(0.0);
     for (int y = -1; y <= 1; ++y) {
         for (int x = -1; x <= 1; ++x) {
@@ -47,20 +63,25 @@ void main() {
             }
             float depth = texelFetch(front, neighbor, 0).r;
             if (!(depth > 0.0)) {
-                empty += 1.0;
+                around += 1.0;
             } else if (limit > 0.0 && distance_of(depth) > limit) {
                 vec4 there = texelFetch(sums, neighbor, 0);
+                around += 1.0;
                 if (there.a > LEAST_WEIGHT) {
-                    behind += vec4(there.rgb / there.a, 1.0);
+                    behind += vec4(there.rgb / there.a, 1.0) * coverage_of_part(neighbor, there.a, last);
                 }
             }
         }
     }
-    float around = empty + behind.a;
-    float covered = is_rim || around > 0.0 ? min(sum.a, 1.0) : 1.0;
-    float filled = around > 0.0 ? behind.a / around : 0.0;
-    vec3 beyond = around > 0.0 ? (behind.rgb + empty * frame.background.rgb) / around : frame.background.rgb;
-    float alpha = covered + (1.0 - covered) * filled;
+    is_rim = is_rim || around > 0.0;
+    if (is_rim && sum.a < LEAST_FILTERED_COVERAGE && behind.a == 0.0) {
+        color = vec4(frame.background.rgb, 0.0);
+        return;
+    }
+    float covered = is_rim ? min(sum.a, 1.0) : 1.0;
+    vec4 beyond = behind / max(around, 1.0);
+    beyond.rgb += (1.0 - beyond.a) * frame.background.rgb;
+    float alpha = covered + (1.0 - covered) * beyond.a;
     // At least one level of coverage where anything is.
-    color = vec4(mix(beyond, sum.rgb / sum.a, covered), max(alpha, 1.0 / 255.0));
+    color = vec4(mix(beyond.rgb, sum.rgb / sum.a, covered), max(alpha, 1.0 / 255.0));
 }

@@ -8,22 +8,28 @@
 //!   covers exactly a = f² (N·w) / z³ (up to its depth range); orthographic f² (N·v);
 //! * with light from the direction l, each element has the Lambert value |s·l| and the weight (n·v) that a pixel gives
 //!   it. For light in the eye their mean is (vᵀ Q v) / (N·v); for a parallel headlight about |vᵀ Q l| / (N·v);
-//! * a lamp anywhere else lights only what faces it: max(0, vᵀ Q l) / S, l taken at the centroid, with
-//!   S = max(N·v, vᵀ Q v). The exact mean where all of the patch is seen and lit (then S = N·v, as n·v <= 1). What turns
-//!   away from the lamp counts as negative: too dark. S > N·v tells that the patch has backs, which count as lit from
-//!   the side that is seen. A triangle has max(0, n·l) of its shading normal;
+//! * a lamp anywhere else lights only what faces it: max(0, vᵀ Q l) / E, l taken at the centroid, with E from below. The
+//!   mean where all of the patch is seen and lit (then E = N·v). What turns away from the lamp counts as negative: too
+//!   dark. Backs count as lit from the side that is seen. A triangle has max(0, n·l) of its shading normal;
 //! * its highlight is that of the mean normal N, wider and weaker the shorter N is (Toksvig, "Mipmapping Normal Maps",
 //!   Journal of Graphics Tools 10(3), 2005): with L = |N| / A and k = L / (L + s (1 - L)) the exponent s becomes k s and
 //!   the value is multiplied by (1 + k s) / (1 + s).
 //!
-//! Where a patch mixes front and back, N·v counts what faces away as negative: too little area, never too much. A patch
-//! without normals counts as if it faced the eye and the light.
+//! **Fronts and backs.** In a patch of both, N·v counts what faces away as negative. The projection of all of it, fronts
+//! and backs, is E = Σ A_t |n_t·v|, and that of the fronts F = (E + N·v) / 2. E is not among the sums; it lies between
+//! vᵀ Q v (as |n·v| <= 1) and √(A vᵀ Q v) (Cauchy and Schwarz), and their mean stands for it, at least |N·v|. F takes the
+//! place of N·v as area, and E as what shades are divided by. A flat patch that faces the eye has F = E = N·v. A patch without normals counts as if it faced the eye
+//! and the light.
 //!
-//! The area is spread over a square of the threshold's side, parallel to the picture, and each pixel gets the part of it
-//! that lies in it: as wide as a node may be, so that patches leave no gaps. A leaf larger than the threshold has a
-//! rectangle of its own diameter, narrower where the mean normal is tilted: √(1 - x²) wide, x the normal's component to
-//! the right, and so high likewise.
+//! **Kernel.** The area is spread over a rectangle as large as the patch, parallel to the picture: that of a square of the
+//! patch's area in its mean plane, √(1 - x²) of its side wide, x the mean normal's component to the right, and so high
+//! likewise; of a piece of a row that of a rectangle as long as the piece. Each pixel gets the part of it that lies in
+//! it. Patches are no squares, and such rectangles leave gaps. So all of the square of the threshold's side around the
+//! center, as wide as a node may be, gets a weight as well, too small to count where any area is ([`FILTERED_SKIRT`]).
+//! A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
 
+#[cfg(doc)]
+use crate::abi::constants::FILTERED_SKIRT;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_center};
@@ -33,13 +39,13 @@ use crate::math::octahedral;
 use crate::tree::{Model, Moments};
 use glam::{Mat3, Vec3};
 
-/// Triangles of at most this diameter are drawn as splats, in pieces, where few are larger. One sample a pixel says
-/// little of the area of such a triangle.
-const LARGEST_PX: f32 = 3.0;
-/// Pieces of triangles have at most this diameter.
+/// Where most triangles have at most this diameter, triangles are drawn as splats: one sample a pixel says little of the
+/// area of such a triangle.
+const SMALL_PX: f32 = 3.0;
+/// The largest triangles that are, then. Single larger ones would leave pixels of both kinds.
+const LARGEST_PX: f32 = 4.0 * PIECE_PX;
+/// Pieces of triangles have at most this diameter: edges are halved until they do, which makes four of each.
 const PIECE_PX: f32 = 1.5;
-/// Pieces of a triangle: halved edges make four.
-const PIECES: usize = 4;
 /// The share of a cut's triangles that must be small for that. A pixel of both kinds is less exact than one of either.
 const LEAST_SMALL: f32 = 0.9;
 /// The least width of a splat's rectangle.
@@ -68,9 +74,22 @@ pub struct Shade {
     pub light: Lighting,
 }
 
-/// Leaves from this place of [`Cut::leaves`] on are larger than a node that is drawn whole.
+/// Leaves from a place of [`Cut::leaves`] on are larger than a node that is drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FirstLarge(usize);
+pub struct FirstLarge {
+    index: usize,
+    /// Number of splats that they are.
+    splats: usize,
+}
+
+/// How often a triangle is cut into four; the pieces of one that is too large are itself.
+fn cuts(diameter_px: f32, shade: &Shade) -> u32 {
+    if diameter_px > LARGEST_PX {
+        return 0;
+    }
+    let piece = PIECE_PX.max(shade.side_px);
+    u32::from(diameter_px > piece) + u32::from(diameter_px > 2.0 * piece)
+}
 
 /// Projected diameter of a leaf, pixels; infinite where it reaches the eye.
 fn diameter_px(model: &Model, leaf: u32, view: &View) -> f32 {
@@ -86,28 +105,34 @@ fn diameter_px(model: &Model, leaf: u32, view: &View) -> f32 {
 /// Moves the triangles of a cut that are to be drawn as splats to its leaves: all of them where `splats_only` says so;
 /// else those that are small, if nearly all are.
 pub fn take_triangles(model: &Model, view: &View, shade: &Shade, cut: &mut Cut) -> FirstLarge {
-    let first = FirstLarge(cut.leaves.len());
+    let index = cut.leaves.len();
+    let at_most = |leaf: u32, limit: f32| diameter_px(model, leaf, view) <= limit;
     if shade.splats_only {
         cut.leaves.append(&mut cut.triangles);
-        return first;
+    } else {
+        let small = cut
+            .triangles
+            .iter()
+            .filter(|&&leaf| at_most(leaf, SMALL_PX));
+        if small.count() as f32 >= LEAST_SMALL * cut.triangles.len() as f32 {
+            let Cut {
+                leaves, triangles, ..
+            } = cut;
+            leaves.extend(triangles.iter().filter(|&&leaf| at_most(leaf, LARGEST_PX)));
+            triangles.retain(|&leaf| !at_most(leaf, LARGEST_PX));
+        }
     }
-    let is_small = |&leaf: &u32| diameter_px(model, leaf, view) <= LARGEST_PX;
-    let small = cut.triangles.iter().filter(|leaf| is_small(leaf)).count();
-    if small as f32 >= LEAST_SMALL * cut.triangles.len() as f32 {
-        let Cut {
-            leaves, triangles, ..
-        } = cut;
-        leaves.extend(triangles.iter().filter(|leaf| is_small(leaf)));
-        triangles.retain(|leaf| !is_small(leaf));
+    let pieces = |&leaf: &u32| 1 << (2 * cuts(diameter_px(model, leaf, view), shade));
+    FirstLarge {
+        index,
+        splats: cut.leaves[index..].iter().map(pieces).sum(),
     }
-    first
 }
 
 /// Number of splats that [`splats`] writes at most.
 pub fn splat_count(cut: &Cut, first_large: FirstLarge) -> usize {
     let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
-    let large = cut.leaves.len() - first_large.0;
-    cut.nodes.len() + strips + first_large.0 + PIECES * large
+    cut.nodes.len() + strips + first_large.index + first_large.splats
 }
 
 /// A patch as the sums have it.
@@ -136,7 +161,18 @@ fn mean_color(corners: &[Vertex; 3]) -> [u8; 4] {
 type Corner = (Vec3, Vec3);
 
 fn middle(a: Corner, b: Corner) -> Corner {
-    ((a.0 + b.0) * 0.5, a.1 + b.1)
+    ((a.0 + b.0) * 0.5, (a.1 + b.1) * 0.5)
+}
+
+/// Calls `visit` with the pieces of a triangle whose edges are halved `cuts` times.
+fn in_pieces([a, b, c]: [Corner; 3], cuts: u32, visit: &mut impl FnMut([Corner; 3])) {
+    if cuts == 0 {
+        return visit([a, b, c]);
+    }
+    let (d, e, f) = (middle(a, b), middle(b, c), middle(c, a));
+    for piece in [[a, d, f], [d, b, e], [f, e, c], [d, e, f]] {
+        in_pieces(piece, cuts - 1, visit);
+    }
 }
 
 impl Patch {
@@ -175,6 +211,15 @@ impl Patch {
             color,
             is_bare: false,
         }
+    }
+
+    /// The projected area of its fronts and backs together, as its sums bound it.
+    fn projection(&self, v: Vec3) -> f32 {
+        if self.is_triangle {
+            return 0.0;
+        }
+        let least = v.dot(self.second_moment * v).max(0.0);
+        0.5 * (least + (least * self.area).sqrt())
     }
 
     /// A point of a cloud with the distance to its neighbors.
@@ -219,6 +264,8 @@ struct Eye<'a> {
 struct Size {
     /// Share of its patch.
     share: f32,
+    /// The way from one splat of a row to the next, model space; zero for a splat alone.
+    step: Vec3,
     /// Diameter in pixels; the rectangle is not larger.
     diameter_px: f32,
     /// The rectangle is as large as the diameter, tilted: for patches that are not dense.
@@ -243,37 +290,40 @@ impl Eye<'_> {
             Light::Point if view.is_perspective => v,
             _ => view.backward,
         };
-        let (toward, (lambert, highlight), facing, unit, flat) = if patch.is_bare {
+        let (front, (lambert, highlight), facing, unit, flat) = if patch.is_bare {
             (patch.area, (1.0, 0.0), 1.0, Vec3::ZERO, 0.0)
         } else {
             let mut toward = patch.vector_area.dot(v);
             if !self.shade.cull_back {
                 toward = toward.abs();
             }
+            let both = patch.projection(v).max(toward.abs());
+            let front = 0.5 * (both + toward);
             // Seen edge-on or from behind: covers nothing.
-            if toward <= 1e-4 * patch.area {
+            if front <= 1e-4 * patch.area {
                 return None;
             }
             let lit = match &self.lamp {
                 None => {
-                    let lambert = v.dot(patch.second_moment * light).abs() / toward;
+                    let lambert = v.dot(patch.second_moment * light).abs() / both;
                     (lambert.min(1.0), 0.0)
                 }
-                Some((phong, source)) => self.in_lamp(phong, *source, patch, center, v, toward),
+                Some((phong, source)) => self.in_lamp(phong, *source, patch, center, v, both),
             };
             let length = patch.vector_area.length();
+            let cosine = if length > 0.0 { toward / length } else { 0.0 };
             (
-                toward,
+                front,
                 lit,
-                (toward / length).clamp(0.1, 1.0),
-                patch.vector_area / length,
+                cosine.clamp(0.1, 1.0),
+                patch.vector_area.normalize_or_zero(),
                 (length / patch.area).min(1.0),
             )
         };
         let area_px = if view.is_perspective {
-            self.focal_px * self.focal_px * toward * distance / (z * z * z)
+            self.focal_px * self.focal_px * front * distance / (z * z * z)
         } else {
-            self.focal_px * self.focal_px * toward
+            self.focal_px * self.focal_px * front
         };
         let base = match self.shade.color_by {
             ColorBy::Primitive => [1.0, 0.2, 0.2],
@@ -284,14 +334,23 @@ impl Eye<'_> {
         };
         let limit = (self.shade.max_size_px - MARGIN_PX).max(1.0);
         let diameter = size.diameter_px.min(limit);
+        // Area in the mean plane, and pixels of a model unit there.
+        let area = size.share * patch.vector_area.length().max(front);
+        let scale = self.focal_px / z;
         let extent = |axis: Vec3| {
-            // Patches are no squares: narrower than its node, a rectangle would leave gaps to its neighbors'.
-            if !size.is_own {
-                return diameter.max(1.0);
-            }
             let across = unit.dot(axis);
-            let tilted = diameter * (1.0 - across * across * flat).max(0.0).sqrt();
-            tilted.max(LEAST_EXTENT_PX)
+            let wide = if size.is_own {
+                diameter * (1.0 - across * across * flat).max(0.0).sqrt()
+            } else if patch.is_bare {
+                diameter.max(1.0)
+            } else if size.step == Vec3::ZERO {
+                scale * (area * (1.0 - across * across).max(0.0)).sqrt()
+            } else {
+                let length = size.step.length();
+                let beside = unit.cross(size.step / length).dot(axis);
+                scale * (size.step.dot(axis).abs() + area / length * beside.abs())
+            };
+            wide.clamp(LEAST_EXTENT_PX, diameter.max(1.0))
         };
         let side = diameter.max(self.shade.side_px);
         Some(FilteredSplat {
@@ -303,7 +362,7 @@ impl Eye<'_> {
         })
     }
 
-    /// The factor of the albedo and the highlight of a patch that covers `toward` as seen along `v`.
+    /// The factor of the albedo and the highlight of a patch whose fronts and backs cover `both` as seen along `v`.
     fn in_lamp(
         &self,
         phong: &Phong,
@@ -311,7 +370,7 @@ impl Eye<'_> {
         patch: &Patch,
         center: Vec3,
         v: Vec3,
-        toward: f32,
+        both: f32,
     ) -> (f32, f32) {
         let l = match source {
             Source::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
@@ -319,7 +378,6 @@ impl Eye<'_> {
         };
         // Two-sided as it stands: an element of either side is lit when lamp and eye are on the same side of it.
         let of_second = v.dot(patch.second_moment * l);
-        let seen = toward.max(v.dot(patch.second_moment * v));
         let length = (patch.normals.length() / patch.area).min(1.0);
         let mean = patch.normals.normalize_or_zero();
         let mean = if !self.shade.cull_back && mean.dot(v) < -LEAST_BACK {
@@ -331,7 +389,7 @@ impl Eye<'_> {
         let lambert = if patch.is_triangle {
             mean.dot(l).max(0.0)
         } else {
-            (of_second / seen).max(0.0)
+            (of_second / both).max(0.0)
         };
         let cosine = mean.dot((l + v).normalize_or_zero()).clamp(0.0, 1.0);
         let rise = (mean.dot(l) / FULL_HIGHLIGHT).clamp(0.0, 1.0);
@@ -386,6 +444,7 @@ pub fn splats(
     };
     let dense = Size {
         share: 1.0,
+        step: Vec3::ZERO,
         diameter_px: shade.side_px,
         is_own: false,
     };
@@ -398,6 +457,7 @@ pub fn splats(
         let node = &tree.nodes[id as usize];
         let size = Size {
             share: 1.0 / count as f32,
+            step: strip_center(node, count, 1) - strip_center(node, count, 0),
             ..dense
         };
         for i in 0..count {
@@ -433,31 +493,22 @@ pub fn splats(
                 },
             )
         });
-        let diameter_px = if index < first_large.0 {
+        let diameter_px = if index < first_large.index {
             shade.side_px
         } else {
             diameter_px(model, leaf, view)
         };
         let is_own = diameter_px > LARGEST_PX.max(shade.side_px);
+        let cuts = cuts(diameter_px, &shade);
         let size = Size {
-            diameter_px,
+            diameter_px: diameter_px / (1 << cuts) as f32,
             is_own,
             ..dense
         };
-        if is_own || diameter_px <= PIECE_PX.max(shade.side_px) {
-            let patch = Patch::of_triangle([a, b, c], color);
-            write(eye.splat(&patch, size, patch.center));
-            continue;
-        }
-        let (d, e, f) = (middle(a, b), middle(b, c), middle(c, a));
-        for piece in [[a, d, f], [d, b, e], [f, e, c], [d, e, f]] {
+        in_pieces([a, b, c], cuts, &mut |piece| {
             let patch = Patch::of_triangle(piece, color);
-            let size = Size {
-                diameter_px: 0.5 * diameter_px,
-                ..size
-            };
             write(eye.splat(&patch, size, patch.center));
-        }
+        });
     }
     len
 }

@@ -10,6 +10,7 @@ use super::square::{self, Footprint};
 use super::triangle::{self, Triangle};
 use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, snap};
 use crate::abi::FilteredSplat;
+use crate::abi::constants::{FILTERED_SKIRT, LEAST_FILTERED_COVERAGE};
 use crate::draw::{FilteredList, Style};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
@@ -48,16 +49,18 @@ pub struct Filtered {
 ///
 /// **Blend.** Both kinds again, not pushed; a fragment counts unless it is farther than the depth of the first
 /// pass, so that surfaces are blended up to a distance of exactly the front splat's offset, that distance
-/// included. A splat adds its color with the weight `area_px / (w h) · o` in every pixel, w and h the extents of its
-/// rectangle around the projected center and o the area in which pixel and rectangle overlap; a triangle its
-/// shaded color with the weight 1; in single precision, triangles first, in the order of the list.
+/// included. A splat adds its color with the weight `area_px / (w h) · o + k q` in every pixel, w and h the extents of its
+/// rectangle around the projected center, o and q the areas in which the pixel overlaps the rectangle and the square, and
+/// k = 1e-5 ([`FILTERED_SKIRT`]), 0 without area; a triangle its shaded color with the weight 1; in single precision, triangles first, in
+/// the order of the list.
 ///
 /// **Normalize.** With W the sum of weights, a pixel shows the background with alpha 0 unless W > 1e-6; else the
 /// mean color. A neighbor in the picture (of 8) without depth is empty; one whose depth is farther than the pixel's
-/// by more than 3 pixels' (or [`Style::splat_size_px`], if that is more) width there, and which has weight, is another
-/// part. Beside either, and where the pixel has no depth, the pixel is covered by min(W, 1) only; behind it lie the mean
-/// colors of the other parts and the background, each neighbor with the same weight. Else it is covered whole. Alpha is
-/// what is not background; the alpha byte of a pixel with weight is at least 1.
+/// by more than 3 pixels' (or [`Style::splat_size_px`], if that is more) width there is another part. Beside either, and
+/// where the pixel has no depth, the pixel is covered by min(W, 1) only; behind it lies the mean of what these neighbors
+/// show: a part its mean color over the background, with the coverage 1, but min(2 W, 1) where it has an empty neighbor
+/// itself. Elsewhere the pixel is covered whole. Alpha is what is not background; the alpha byte of a pixel that shows
+/// anything is at least 1. A rim pixel with W < 0.002 and no part behind it shows the background.
 ///
 /// Splats are dropped from both passes when their center, not pushed, lies nearer than the near or farther than
 /// the far plane. [`Style::color_by`], [`Style::two_sided`] and [`Style::use_colors`] decide the color of
@@ -157,14 +160,17 @@ struct Patch {
     hidden: Footprint,
     /// Reversed depth in the first pass.
     pushed_depth: f32,
-    /// Pixels that the rectangle overlaps.
+    /// Pixels that the rectangle or the square overlaps.
     columns: Range<u32>,
     rows: Range<u32>,
     /// Center and extents of the rectangle, pixels.
     center: [f64; 2],
     extent: [f64; 2],
-    /// Red, green and blue times weight, and weight, where a pixel lies in the rectangle.
-    density: [f32; 4],
+    /// Side of the square.
+    side: f64,
+    color: [f32; 3],
+    /// Weight of a pixel that lies in the rectangle.
+    density: f32,
 }
 
 fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
@@ -186,10 +192,8 @@ fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
         .map(|c| snap(c) as f64 / SUBPIXELS as f64);
     let extent = [f64::from(width), f64::from(height)];
     let pixels = |axis: usize, size: u32| {
-        let (low, high) = (
-            center[axis] - extent[axis] / 2.0,
-            center[axis] + extent[axis] / 2.0,
-        );
+        let half = extent[axis].max(f64::from(side)) / 2.0;
+        let (low, high) = (center[axis] - half, center[axis] + half);
         let clamp = |edge: f64| edge.clamp(0.0, f64::from(size)) as u32;
         clamp(low.floor())..clamp(high.ceil())
     };
@@ -207,8 +211,6 @@ fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
         .map_or(0.0, |placed| {
             (placed.clip.z / placed.clip.w).clamp(0.0, 1.0)
         });
-    let weight = splat.area_px / (width * height);
-    let [r, g, b] = splat.color;
     Some(Patch {
         hidden,
         pushed_depth,
@@ -216,19 +218,30 @@ fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
         rows: pixels(1, frame.view.height),
         center,
         extent,
-        density: [r * weight, g * weight, b * weight, weight],
+        side: f64::from(side),
+        color: splat.color,
+        density: splat.area_px / (width * height),
     })
 }
 
 impl Patch {
     /// What it adds to a pixel.
     fn deposit(&self, x: u32, y: u32) -> [f32; 4] {
-        let overlap = |axis: usize, pixel: u32| {
+        let overlap = |axis: usize, pixel: u32, extent: f64| {
             let distance = (f64::from(pixel) + 0.5 - self.center[axis]).abs();
-            (0.5 * (self.extent[axis] + 1.0) - distance).clamp(0.0, self.extent[axis].min(1.0))
+            (0.5 * (extent + 1.0) - distance).clamp(0.0, extent.min(1.0))
         };
-        let part = (overlap(0, x) * overlap(1, y)) as f32;
-        self.density.map(|sum| sum * part)
+        let own = overlap(0, x, self.extent[0]) * overlap(1, y, self.extent[1]);
+        let square = overlap(0, x, self.side) * overlap(1, y, self.side);
+        // No area, no skirt.
+        let skirt = if self.density > 0.0 {
+            FILTERED_SKIRT
+        } else {
+            0.0
+        };
+        let weight = self.density * own as f32 + skirt * square as f32;
+        let [r, g, b] = self.color;
+        [r * weight, g * weight, b * weight, weight]
     }
 }
 
@@ -304,6 +317,14 @@ fn normalize(
         let [r, g, b, weight] = sums[i].map(f64::from);
         [r / weight, g / weight, b / weight]
     };
+    let is_empty = |i: usize| front[i] <= 0.0 || front[i].is_nan();
+    // The pixel and its neighbors in the picture.
+    let near = |i: usize| {
+        let (x, y) = (i % width, i / width);
+        (y.saturating_sub(1)..(y + 2).min(height)).flat_map(move |y| {
+            (x.saturating_sub(1)..(x + 2).min(width)).map(move |x| y * width + x)
+        })
+    };
     let background = style.background.map(f64::from);
     let pixel_at_1 = JUMP * f64::from(style.splat_size_px.max(1.0)) / f64::from(view.focal_px());
     let limit_at = |i: usize| {
@@ -315,39 +336,46 @@ fn normalize(
             let [r, g, b] = background.map(unorm8);
             return [r, g, b, 0];
         }
-        let (x, y) = (i % width, i / width);
         let has_front = front[i] > 0.0;
         let limit = if has_front {
             limit_at(i)
         } else {
             f64::INFINITY
         };
-        let (mut empty, mut parts, mut behind) = (0.0, 0.0, [0.0; 3]);
-        for y in y.saturating_sub(1)..(y + 2).min(height) {
-            for j in (x.saturating_sub(1)..(x + 2).min(width)).map(|x| y * width + x) {
-                // The pixel itself: not farther, and empty only where that is said already.
-                if j == i {
-                } else if front[j] <= 0.0 || front[j].is_nan() {
-                    empty += 1.0;
-                } else if is_covered(j) && f64::from(view.distance_of_depth(front[j])) > limit {
-                    parts += 1.0;
+        let (mut around, mut filled, mut behind) = (0.0, 0.0, [0.0; 3]);
+        for j in near(i) {
+            // The pixel itself: not farther, and empty only where that is said already.
+            if j == i {
+            } else if is_empty(j) {
+                around += 1.0;
+            } else if f64::from(view.distance_of_depth(front[j])) > limit {
+                around += 1.0;
+                if is_covered(j) {
+                    // Whole, but where the part behind ends too.
+                    let part = if near(j).any(is_empty) {
+                        (2.0 * f64::from(sums[j][3])).min(1.0)
+                    } else {
+                        1.0
+                    };
                     let color = mean(j);
-                    behind = [0, 1, 2].map(|c| behind[c] + color[c]);
+                    filled += part;
+                    behind = [0, 1, 2].map(|c| behind[c] + part * color[c]);
                 }
             }
         }
-        let around: f64 = empty + parts;
-        let covered = if around > 0.0 || !has_front {
+        let is_rim = around > 0.0 || !has_front;
+        if is_rim && sums[i][3] < LEAST_FILTERED_COVERAGE && filled == 0.0 {
+            let [r, g, b] = background.map(unorm8);
+            return [r, g, b, 0];
+        }
+        let covered = if is_rim {
             f64::from(sums[i][3]).min(1.0)
         } else {
             1.0
         };
-        let (filled, beyond) = if around > 0.0 {
-            let beyond = [0, 1, 2].map(|c| (behind[c] + empty * background[c]) / around);
-            (parts / around, beyond)
-        } else {
-            (0.0, background)
-        };
+        let around = f64::max(around, 1.0);
+        let filled = filled / around;
+        let beyond = [0, 1, 2].map(|c| behind[c] / around + (1.0 - filled) * background[c]);
         let alpha = covered + (1.0 - covered) * filled;
         let own = mean(i);
         let [r, g, b] = [0, 1, 2].map(|c| unorm8(own[c] * covered + beyond[c] * (1.0 - covered)));

@@ -85,6 +85,15 @@ fn the_rim_of_a_tilted_half_plane_is_covered_as_the_half_plane_covers_it() {
     }
 }
 
+/// Within a level: squares add a little to a weight of a half.
+#[track_caller]
+fn assert_is(found: [u8; 4], expected: [u8; 4]) {
+    assert!(
+        (0..4).all(|c| found[c].abs_diff(expected[c]) <= 1),
+        "{found:?} is not {expected:?}"
+    );
+}
+
 #[test]
 fn before_a_farther_part_the_rim_shows_that_part() {
     // A near square of half the weight before a far wall; both one pixel a splat.
@@ -101,7 +110,7 @@ fn before_a_farther_part_the_rim_shows_that_part() {
     let got = draw_splats(&flat(), &splats, &style(1.0));
     assert_eq!(got.image.color[at(12, 12)], [255, 0, 0, 255]);
     for (x, y) in [(10, 10), (12, 10), (14, 13)] {
-        assert_eq!(got.image.color[at(x, y)], [128, 128, 0, 255], "{x} {y}");
+        assert_is(got.image.color[at(x, y)], [128, 128, 0, 255]);
     }
     assert_eq!(got.image.color[at(9, 12)], [0, 255, 0, 255]);
     // Not farther by more than the jump: no rim.
@@ -123,5 +132,5 @@ fn before_a_farther_part_the_rim_shows_that_part() {
         ..style(1.0)
     };
     let got = draw_splats(&flat(), &splats, &style);
-    assert_eq!(got.image.color[at(10, 10)], [128, 64, 64, 191]);
+    assert_is(got.image.color[at(10, 10)], [128, 64, 64, 191]);
 }
