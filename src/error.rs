@@ -25,4 +25,7 @@ pub enum Error {
     /// A profile could not be made.
     #[error(transparent)]
     Profile(#[from] crate::measure::profile::Error),
+    /// A chart could not be made.
+    #[error(transparent)]
+    Chart(#[from] crate::chart::Error),
 }

@@ -48,11 +48,18 @@ const LAYERS: &[Layer] = &[
             "progress", "math", "abi", "tree", "cut", "draw", "image", "gpu", "method",
         ],
     ),
+    // Lays what `measure` finds side by side.
+    layer(
+        "chart",
+        &[
+            "progress", "math", "tree", "image", "gpu", "method", "measure",
+        ],
+    ),
     // Wraps the error of every layer; no layer may use it.
     layer(
         "error",
         &[
-            "math", "input", "generate", "tree", "image", "gpu", "measure",
+            "math", "input", "generate", "tree", "image", "gpu", "measure", "chart",
         ],
     ),
     layer(
@@ -66,7 +73,7 @@ const LAYERS: &[Layer] = &[
         "cli",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
-            "draw", "image", "gpu", "method", "measure", "error", "viewer",
+            "draw", "image", "gpu", "method", "measure", "chart", "error", "viewer",
         ],
     ),
 ];

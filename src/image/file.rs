@@ -172,7 +172,7 @@ impl FloatImage {
 /// Writes a file through a temporary one in the same folder, which takes its place when it is complete; what
 /// was there before stays when anything fails. A link is followed, and what is no regular file (a device, a
 /// pipe) is written in place instead of being replaced.
-fn write(
+pub(crate) fn write(
     path: &Path,
     contents: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
 ) -> Result<(), Error> {
@@ -248,6 +248,34 @@ fn write_png(
                 other => io::Error::other(other),
             })
     })
+}
+
+/// The color as an opaque RGB PNG in memory, as [`Image::save_png`] writes it.
+///
+/// # Errors
+/// [`Error::Missing`] for a picture without pixels.
+pub(crate) fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
+    use ::image::ImageEncoder;
+    let rgb: Vec<u8> = image
+        .color
+        .iter()
+        .flat_map(|&[r, g, b, _]| [r, g, b])
+        .collect();
+    let mut bytes = Vec::new();
+    ::image::codecs::png::PngEncoder::new_with_quality(
+        &mut bytes,
+        ::image::codecs::png::CompressionType::Best,
+        ::image::codecs::png::FilterType::Adaptive,
+    )
+    .write_image(
+        &rgb,
+        image.width,
+        image.height,
+        ::image::ExtendedColorType::Rgb8,
+    )
+    // Memory takes whatever is written; only a picture without pixels is refused.
+    .map_err(|_| Error::Missing { what: "pixels" })?;
+    Ok(bytes)
 }
 
 fn write_exr(

@@ -2,12 +2,15 @@
 
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod auto;
+mod chart;
 mod compare;
 mod damage;
 mod harness;
 mod models;
 mod pictures;
 mod profile;
+mod reproduce;
 mod stats;
 mod streams;
 mod usage;
