@@ -52,7 +52,7 @@ const LAYERS: &[Layer] = &[
     layer(
         "chart",
         &[
-            "progress", "math", "tree", "image", "gpu", "method", "measure",
+            "progress", "math", "tree", "cut", "image", "gpu", "method", "measure",
         ],
     ),
     // Wraps the error of every layer; no layer may use it.

@@ -270,6 +270,10 @@ impl Calibration {
         let mut fills: Vec<f64> = self.entries.iter().map(|e| e.fill).collect();
         fills.sort_by(f64::total_cmp);
         fills.dedup();
+        // What is within a hundredth of one is that one.
+        if let Some(same) = fills.iter().find(|f| (fill / **f - 1.0).abs() < 0.01) {
+            return vec![*same];
+        }
         let below = fills.iter().copied().rfind(|f| *f <= fill);
         let above = fills.iter().copied().find(|f| *f >= fill);
         let mut around: Vec<f64> = below.into_iter().chain(above).collect();
@@ -366,8 +370,8 @@ pub fn fill_of(model: &Model, view: &View) -> f64 {
     (radius / distance).asin().tan() / side
 }
 
-#[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
+#[cfg(test)]
 mod tests {
     use super::*;
     use crate::generate::{Shape, Spec};
@@ -436,6 +440,7 @@ mod tests {
         // Farther away less will do; beyond all distances the nearest counts.
         assert_eq!(choose(Some(0.01), None, 0.01).choice, few[3]);
         assert_eq!(choose(Some(0.01), None, f64::INFINITY).choice, few[2]);
+        assert_eq!(choose(Some(0.01), None, 0.9999).fills, [1.0]);
         // Between two both count, the worse of each.
         let found = choose(Some(0.01), None, 0.7);
         assert_eq!((found.choice, found.misses), (few[2], Some([2, 4])));

@@ -4,7 +4,7 @@ use super::Error;
 use super::errors::{TILE_PX, object_box};
 use super::plot::{METRICS, escaped, svg};
 use super::summary::{Panel, Point};
-use crate::image::{FloatImage, Image, difference_picture, png_bytes};
+use crate::image::{FloatImage, Image, difference_picture};
 use crate::measure::{Tile, crop, worst_tile};
 use base64::Engine;
 use serde_json::{Value, json};
@@ -85,6 +85,23 @@ pub fn panel_facts(panel: &Panel) -> Value {
         "points": points,
         "refused": refused,
     })
+}
+
+/// The color as an opaque RGB PNG in memory, as small as the format makes it.
+fn png_bytes(picture: &Image) -> Result<Vec<u8>, Error> {
+    use ::image::codecs::png::{CompressionType, FilterType, PngEncoder};
+    use ::image::{ExtendedColorType, ImageEncoder};
+    let rgb: Vec<u8> = picture
+        .color
+        .iter()
+        .flat_map(|&[r, g, b, _]| [r, g, b])
+        .collect();
+    let mut bytes = Vec::new();
+    PngEncoder::new_with_quality(&mut bytes, CompressionType::Best, FilterType::Adaptive)
+        .write_image(&rgb, picture.width, picture.height, ExtendedColorType::Rgb8)
+        // Memory takes whatever is written; only a picture without pixels is refused.
+        .map_err(|_| crate::image::Error::Missing { what: "pixels" })?;
+    Ok(bytes)
 }
 
 fn data_url(image: &Image) -> Result<String, Error> {

@@ -82,8 +82,11 @@ pub const METRICS: [Metric; 8] = [
 
 /// A number without needless digits.
 fn plain(value: f64) -> String {
+    if value == 0.0 {
+        return "0".into();
+    }
     let magnitude = value.abs().log10().floor();
-    if value != 0.0 && magnitude < -5.0 {
+    if magnitude < -5.0 {
         return format!("{value:.0e}");
     }
     let digits = (-magnitude).clamp(0.0, 6.0) as usize;
@@ -420,7 +423,10 @@ fn panel_svg(
         drawn.push(name);
     }
     let mut placer = Placer::new([left, top, left + width, top + height]);
-    for (i, point) in panel.points.iter().enumerate() {
+    // What is on the frontier lies on top.
+    let others = (0..panel.points.len()).filter(|i| !on_frontier(*i));
+    for i in others.chain(panel.frontier.iter().copied()) {
+        let point = &panel.points[i];
         let Some([x, y]) = at(point) else { continue };
         let [from, to] = [point.frame.p5, point.frame.p95].map(|ms| left + width * time.place(ms));
         placer.avoid([x, y], if on_frontier(i) { 8.0 } else { 3.5 });

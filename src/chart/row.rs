@@ -139,7 +139,13 @@ pub fn read_rows(path: &Path) -> Result<Vec<Row>, Error> {
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(Vec::new()),
         Err(error) => return Err(fail(0, error.to_string())),
     };
-    csv::Reader::from_reader(std::io::BufReader::new(file))
+    let mut reader = csv::Reader::from_reader(std::io::BufReader::new(file));
+    let headers = reader.headers().map_err(|e| fail(0, e.to_string()))?;
+    // An empty file has none.
+    if !headers.is_empty() && !headers.iter().take(2).eq(["version", "commit"]) {
+        return Err(fail(1, "these are no rows of a chart".into()));
+    }
+    reader
         .into_deserialize()
         .map(|row: Result<Row, csv::Error>| {
             let row = row.map_err(|error| {

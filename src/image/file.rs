@@ -250,34 +250,6 @@ fn write_png(
     })
 }
 
-/// The color as an opaque RGB PNG in memory, as [`Image::save_png`] writes it.
-///
-/// # Errors
-/// [`Error::Missing`] for a picture without pixels.
-pub(crate) fn png_bytes(image: &Image) -> Result<Vec<u8>, Error> {
-    use ::image::ImageEncoder;
-    let rgb: Vec<u8> = image
-        .color
-        .iter()
-        .flat_map(|&[r, g, b, _]| [r, g, b])
-        .collect();
-    let mut bytes = Vec::new();
-    ::image::codecs::png::PngEncoder::new_with_quality(
-        &mut bytes,
-        ::image::codecs::png::CompressionType::Best,
-        ::image::codecs::png::FilterType::Adaptive,
-    )
-    .write_image(
-        &rgb,
-        image.width,
-        image.height,
-        ::image::ExtendedColorType::Rgb8,
-    )
-    // Memory takes whatever is written; only a picture without pixels is refused.
-    .map_err(|_| Error::Missing { what: "pixels" })?;
-    Ok(bytes)
-}
-
 fn write_exr(
     path: &Path,
     (width, height): (u32, u32),

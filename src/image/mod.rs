@@ -10,7 +10,7 @@ mod sheet;
 
 pub use accumulate::{Accumulator, jittered, stratified};
 pub use compare::{Difference, Figures, compare, difference_picture};
-pub(crate) use file::{png_bytes, write};
+pub(crate) use file::write;
 pub use sheet::contact_sheet;
 
 use std::path::PathBuf;

@@ -88,7 +88,7 @@ fn bounds_and_what_they_choose_do_not_go_with_everything() {
         ("--max-error 0.01", "--method auto"),
         ("--method auto --max-error 0", "--max-error 0"),
         ("--method auto --max-error nan", "--max-error"),
-        ("--method auto --frame-ms -1", "--frame-ms"),
+        ("--method auto --frame-ms=-1", "--frame-ms"),
         (
             "--method auto --frame-ms 9 --threshold 2",
             "leave these options out",

@@ -203,7 +203,7 @@ fn charts_refuse_what_they_cannot_measure() {
         "chart generate:square:8 -o out --quick --device mirror".split(' '),
     );
     assert_eq!(run.code, 2);
-    assert!(run.err.contains("rows.csv, line 2"), "{}", run.err);
+    assert!(run.err.contains("rows.csv, line 1"), "{}", run.err);
     assert_eq!(
         std::fs::read_to_string(path.join("out/rows.csv")).unwrap(),
         "a,b\n1,2\n"
