@@ -258,10 +258,14 @@ pub fn svg(title: &str, subtitle: &str, panels: &[Panel], metric: &Metric) -> St
     let i = lines.len();
     let x = 20.0 + LEGEND_COLUMN * (i % per_row) as f64;
     let y = head + 14.0 + LEGEND_ROW * (i / per_row) as f64;
+    let meaning = if metric.key == METRICS[0].key {
+        "frontier: none is faster and better"
+    } else {
+        "named: on the frontier of FLIP"
+    };
     let _ = writeln!(
         out,
-        "<line x1=\"{x}\" y1=\"{y}\" x2=\"{:.1}\" y2=\"{y}\" {FRONTIER}/><text x=\"{:.1}\" y=\"{:.1}\">frontier: none is \
-         faster and better</text>",
+        "<line x1=\"{x}\" y1=\"{y}\" x2=\"{:.1}\" y2=\"{y}\" {FRONTIER}/><text x=\"{:.1}\" y=\"{:.1}\">{meaning}</text>",
         x + 28.0,
         x + 36.0,
         y + 4.5

@@ -11,6 +11,8 @@ const COMMANDS: &[&str] = &[
     "compare",
     "scenes",
     "profile",
+    "chart",
+    "reproduce",
     "devices",
     "demo",
     "completions",
