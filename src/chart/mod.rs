@@ -50,6 +50,6 @@ pub enum Error {
     #[error("cannot draw the chart: {0}")]
     Draw(String),
     /// The user asked for the end.
-    #[error("cancelled; the same command goes on from here")]
+    #[error("cancelled")]
     Cancelled,
 }

@@ -274,7 +274,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
                 })
             }
         };
-        run.model(&ready, &bar)?;
+        run.model(&ready, &bar).map_err(with_hint)?;
     }
     let Some(run) = run else { return Ok(()) };
     bar.stage("chart", 0);
@@ -304,6 +304,24 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         print(&table(&panels, &args.output))?;
     }
     validated(&backend)
+}
+
+/// Tells a user who cancelled what is left.
+fn with_hint(failure: Failure) -> Failure {
+    use surfel::{Error, chart};
+    match failure {
+        Failure::Run(error)
+            if matches!(
+                error.downcast_ref(),
+                Some(Error::Chart(chart::Error::Cancelled))
+            ) =>
+        {
+            Failure::Run(anyhow::anyhow!(
+                "cancelled; the same command goes on from the last whole view"
+            ))
+        }
+        other => other,
+    }
 }
 
 /// Title and subtitle of the chart.

@@ -209,3 +209,49 @@ fn charts_refuse_what_they_cannot_measure() {
         "a,b\n1,2\n"
     );
 }
+
+#[test]
+#[cfg(unix)]
+fn interrupting_a_chart_leaves_whole_views() {
+    use std::io::Read;
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = super::harness::command();
+    command
+        .args(
+            "chart generate:statue:500 -o out --device mirror --size 32x32 --fills 1 --quick --views 360 --repeats 1 --quiet"
+                .split_whitespace(),
+        )
+        .current_dir(folder.path())
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let path = folder.path().join("out/rows.csv");
+    let start = std::time::Instant::now();
+    while !path.exists() {
+        assert!(start.elapsed().as_secs() < 100, "no view within 100 s");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let killed = std::process::Command::new("kill")
+        .args(["-INT", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(killed.success());
+    let code = super::harness::wait(&mut child);
+    let mut err = String::new();
+    child
+        .stderr
+        .take()
+        .unwrap()
+        .read_to_string(&mut err)
+        .unwrap();
+    assert_eq!(code, Some(1), "{err}");
+    assert!(err.contains("goes on"), "{err}");
+    assert_eq!(names(&folder.path().join("out")), ["rows.csv"]);
+    let rows = rows(&path);
+    let of_first = rows.iter().filter(|r| r["view"] == "0").count();
+    assert!(
+        of_first > 10 && rows.len().is_multiple_of(of_first),
+        "{}",
+        rows.len()
+    );
+}
