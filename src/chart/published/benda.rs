@@ -153,7 +153,7 @@ pub const MODELS: [Published; 5] = [
         ],
         distance: 2,
         elevation: 60.0,
-        remark: "camera fitted to these counts",
+        remark: "camera fitted to these counts; our spheres are tighter, so a splat is drawn earlier",
     },
     Published {
         name: "torus",
@@ -180,7 +180,7 @@ pub const MODELS: [Published; 5] = [
         ],
         distance: 3,
         elevation: 60.0,
-        remark: "radii unknown; ours are 1 and 0.4, needles of 20,000 x 100 cells stay triangles",
+        remark: "his radii are unknown (ours 1 and 0.4), so his counts cannot be met",
     },
 ];
 

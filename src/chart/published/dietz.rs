@@ -41,9 +41,7 @@ pub fn tables(
     let model = subject.model;
     let view = orbit(model, (500, 500), 1.0, 0, 4)?;
     let (points, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
-    let his = MODELS
-        .iter()
-        .find(|m| m.2.abs_diff(triangles) * 100 <= m.2 && m.1.abs_diff(points) * 20 <= m.1);
+    let his = MODELS.iter().find(|m| m.2.abs_diff(triangles) * 100 <= m.2);
     let cell = |method, threshold_px| Cell {
         view,
         settings: Settings {
