@@ -28,4 +28,7 @@ pub enum Error {
     /// Failures could not be measured.
     #[error(transparent)]
     Failures(#[from] crate::failures::Error),
+    /// A chart could not be made.
+    #[error(transparent)]
+    Chart(#[from] crate::chart::Error),
 }

@@ -8,8 +8,9 @@
 //! The folders follow the data: [`input`] reads a file into a [`mesh::Mesh`] (and [`generate`] makes one), [`tree`]
 //! orders it into a bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`draw`] packs them into
 //! lists of plain records, [`method`] turns the lists into a picture on the device (or, as its mirror, on the CPU),
-//! [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors. [`scenes`] are models that methods
-//! fail at, [`failures`] says how far and why. [`gpu`] is the only place with Vulkan.
+//! [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors, [`chart`] lays times and errors side
+//! by side. [`scenes`] are models that methods fail at, [`failures`] says how far and why. [`gpu`] is the only place with
+//! Vulkan.
 //!
 //! # From a file to a picture, without a window
 //!
@@ -49,6 +50,7 @@
 //! rustc and a C++ compiler alone.
 
 pub mod abi;
+pub mod chart;
 pub mod cut;
 pub mod draw;
 pub mod error;

@@ -55,11 +55,18 @@ const LAYERS: &[Layer] = &[
             "progress", "math", "scenes", "tree", "cut", "image", "gpu", "method", "measure",
         ],
     ),
+    // Lays what `measure` finds side by side.
+    layer(
+        "chart",
+        &[
+            "progress", "math", "tree", "cut", "image", "gpu", "method", "measure",
+        ],
+    ),
     // Wraps the error of every layer; no layer may use it.
     layer(
         "error",
         &[
-            "math", "input", "generate", "tree", "image", "gpu", "measure", "failures",
+            "math", "input", "generate", "tree", "image", "gpu", "measure", "failures", "chart",
         ],
     ),
     layer(
@@ -73,7 +80,7 @@ const LAYERS: &[Layer] = &[
         "cli",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
-            "draw", "image", "gpu", "method", "measure", "failures", "error", "viewer",
+            "draw", "image", "gpu", "method", "measure", "failures", "chart", "error", "viewer",
         ],
     ),
 ];

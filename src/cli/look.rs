@@ -10,7 +10,7 @@ use surfel::method::{
     Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,
 };
 
-#[derive(Debug, Clone, Copy, ValueEnum)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(crate) enum MethodName {
     /// Every triangle: the reference
     Triangles,
@@ -20,6 +20,8 @@ pub(crate) enum MethodName {
     Splats,
     /// Triangles where large on screen, splats where small
     Pop,
+    /// In surfel render: what keeps --max-error or --frame-ms, by a calibration of this device
+    Auto,
 }
 
 impl From<MethodName> for Method {
@@ -28,7 +30,8 @@ impl From<MethodName> for Method {
             MethodName::Triangles => Self::Triangles,
             MethodName::Points => Self::Points,
             MethodName::Splats => Self::Splats,
-            MethodName::Pop => Self::Pop,
+            // What is chosen takes its place.
+            MethodName::Pop | MethodName::Auto => Self::Pop,
         }
     }
 }
@@ -251,7 +254,37 @@ impl LookArgs {
         Ok(look)
     }
 
+    /// Whether the method follows from a bound.
+    pub(crate) fn is_auto(&self) -> bool {
+        self.method == MethodName::Auto
+    }
+
+    /// The settings; of [`Self::is_auto`] only for a command that then chooses.
+    pub(crate) fn settings_to_choose(&self) -> Result<Settings, Failure> {
+        let settings = self.all_settings()?;
+        let usual = Settings::default();
+        if self.is_auto()
+            && (self.threshold.is_some()
+                || settings.splat != usual.splat
+                || settings.path != usual.path
+                || settings.blend.is_some()
+                || settings.shading != usual.shading)
+        {
+            return Err(usage(
+                "--method auto chooses threshold, splat, path, blend and shading; leave these options out",
+            ));
+        }
+        Ok(settings)
+    }
+
     pub(crate) fn settings(&self) -> Result<Settings, Failure> {
+        if self.is_auto() {
+            return Err(usage("--method auto is for surfel render"));
+        }
+        self.all_settings()
+    }
+
+    fn all_settings(&self) -> Result<Settings, Failure> {
         let threshold = self.threshold.unwrap_or(1.0);
         if !(0.0..=4096.0).contains(&threshold) {
             return Err(usage(format!(

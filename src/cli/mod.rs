@@ -1,7 +1,9 @@
 //! The command line: one file per subcommand. A subcommand turns its arguments into a checked plan and runs
 //! it with the library. Data goes to standard output, talk to standard error.
 
+mod auto;
 mod build;
+mod chart;
 mod check;
 mod compare;
 mod demo;
@@ -14,6 +16,7 @@ mod motion;
 mod profile;
 mod progress;
 mod render;
+mod reproduce;
 mod scenes;
 mod source;
 mod stability;
@@ -52,7 +55,10 @@ impl From<surfel::Error> for Failure {
             E::Generate(G::Write { .. } | G::Stream(_) | G::Cancelled) => false,
             E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) => true,
             E::Image(surfel::image::Error::Read { .. }) => true,
-            E::Gpu(g) | E::Profile(surfel::measure::profile::Error::Gpu(g)) => matches!(
+            E::Chart(surfel::chart::Error::Rows { .. } | surfel::chart::Error::Camera(_)) => true,
+            E::Gpu(g)
+            | E::Profile(surfel::measure::profile::Error::Gpu(g))
+            | E::Chart(surfel::chart::Error::Gpu(g)) => matches!(
                 g,
                 surfel::gpu::Error::UnknownDevice { .. }
                     | surfel::gpu::Error::Limit { .. }
@@ -86,7 +92,8 @@ failure_from!(
     surfel::gpu::Error,
     surfel::generate::Error,
     surfel::measure::profile::Error,
-    surfel::failures::Error
+    surfel::failures::Error,
+    surfel::chart::Error
 );
 
 /// A usage error with the given text.
@@ -100,6 +107,7 @@ Examples:
   surfel render horse.ply -o horse.png               one picture, points and triangles by size on screen
   surfel render horse.ply -o horse.png --method triangles --samples 16
   surfel render scan.ply.gz -o scan.png --size 1024x768 --orbit 30,20,0.5 --stats scan.json
+  surfel render scan.ply -o scan.png --method auto --max-error 0.01
   surfel render generate:statue:8000000 --frames 36 --threshold 3 --stats -
   surfel build scan.ply -o scan.surfel               build the tree once, open it at once later
   surfel check scan.ply                              file and tree, every invariant
@@ -108,6 +116,7 @@ Examples:
   surfel profile scan.ply --frames 120               what each pass and stage of a frame costs
   surfel motion scan.ply --threshold 3               how much flickers and pops when the camera moves
   surfel stability -o failures                       where the methods fail, measured: a table with pictures
+  surfel chart scan.ply -o chart --quick             time against error of every method, as a chart and a page
   surfel devices                                     what can draw here
 
 A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
@@ -168,6 +177,10 @@ enum Command {
     Motion(Box<motion::Args>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
     Stability(stability::Args),
+    /// Measure time and error of every method, splat and threshold, and draw them as a chart
+    Chart(Box<chart::Args>),
+    /// Print published tables beside what is measured here
+    Reproduce(reproduce::Args),
     /// List the devices of this machine and the limits that matter
     Devices(devices::Args),
     /// Draw the built-in statue with every method
@@ -249,6 +262,8 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Profile(args)) => profile::run(*args, quiet),
         Some(Command::Motion(args)) => motion::run(*args, quiet),
         Some(Command::Stability(args)) => stability::run(args, quiet),
+        Some(Command::Chart(args)) => chart::run(*args, quiet),
+        Some(Command::Reproduce(args)) => reproduce::run(args, quiet),
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),
         Some(Command::Completions { shell }) => {

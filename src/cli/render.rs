@@ -1,5 +1,6 @@
 //! `surfel render`
 
+use super::auto::AutoArgs;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
 use super::source::{Ready, Source};
@@ -103,6 +104,8 @@ pub(crate) struct Args {
     save_camera: Option<PathBuf>,
     #[command(flatten)]
     look: LookArgs,
+    #[command(flatten)]
+    auto: AutoArgs,
     /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64
     #[arg(long, value_name = "N", default_value_t = 1)]
     samples: u32,
@@ -341,7 +344,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             let entry = super::source::named_scene(name)?;
             args.source.model = PathBuf::from(format!("scene:{name}"));
             let scene = entry.make();
-            args.look.default_threshold(scene.threshold_px);
+            if !args.look.is_auto() {
+                args.look.default_threshold(scene.threshold_px);
+            }
             // Another view of the scene is one of its model.
             let is_its_own = args.camera.is_none() && args.orbit.is_none() && args.frames == 1;
             is_its_own.then_some(scene.camera)
@@ -349,7 +354,8 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         None => None,
     };
     args.check()?;
-    let settings = args.look.settings()?;
+    args.auto.check(args.look.is_auto())?;
+    let mut settings = args.look.settings_to_choose()?;
     let read = args.camera.as_deref().map(read_camera).transpose()?;
     let camera = read.or(camera);
     let ready = args.source.ready(quiet)?;
@@ -368,6 +374,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         .iter()
         .map(|c| c.view(ready.model.origin))
         .collect::<Result<Vec<_>, _>>()?;
+    if args.look.is_auto() {
+        settings = args
+            .auto
+            .choose(settings, &backend, &ready, &views[0], quiet)?;
+    }
     if let Some(path) = &args.save_camera {
         let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;

@@ -70,7 +70,28 @@ impl Accumulator {
 pub fn jittered(view: &View, i: u32, k: u32) -> View {
     let k = k.max(1);
     let at = |n: u32| (f64::from(n) + 0.5) / f64::from(k) - 0.5;
-    let (right_px, down_px) = (at(i % k), at(i / k % k));
+    shifted(view, at(i % k), at(i / k % k))
+}
+
+/// As [`jittered`] with the sample anywhere in its cell of the grid instead of its middle: jittered (stratified) sampling
+/// (Cook, 1986), which turns the aliasing of a regular grid into noise. The places are pseudo-random and the same in
+/// every run.
+pub fn stratified(view: &View, i: u32, k: u32) -> View {
+    let k = k.max(1);
+    let i = i % (k * k);
+    let at = |n: u32, axis: u64| {
+        // The finalizer of splitmix64 (Steele and others, 2014) on the number of the sample.
+        let mut z = (u64::from(i) * 2 + axis + 1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        let random = ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64;
+        (f64::from(n) + random) / f64::from(k) - 0.5
+    };
+    shifted(view, at(i % k, 0), at(i / k, 1))
+}
+
+/// The view whose pixel centers lie `right_px` to the right of and `down_px` below those of `view`.
+fn shifted(view: &View, right_px: f64, down_px: f64) -> View {
     // Samples move right and down when the picture moves left and up: x_ndc by -2 right / W, y_ndc (up) by
     // +2 down / H. A perspective adds offset * z / -z = -offset, so there the signs turn around.
     let sign = if view.is_perspective { -1.0 } else { 1.0 };
@@ -127,6 +148,34 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn stratified_samples_lie_in_their_cells_and_are_not_regular() {
+        let camera = Camera::look_at(
+            (500, 500),
+            DVec3::new(0.0, 0.0, 4.0),
+            DVec3::ZERO,
+            DVec3::Y,
+            0.8,
+            (1.0, 9.0),
+        );
+        let view = camera.view(DVec3::ZERO).unwrap();
+        let k = 8;
+        let (x, y, _) = view.project(Vec3::ZERO);
+        let mut offsets = Vec::new();
+        for i in 0..k * k {
+            let (sx, sy, _) = stratified(&view, i, k).project(Vec3::ZERO);
+            let (right, down) = (x - sx + 0.5, y - sy + 0.5);
+            // A part of a thousandth of a pixel is rounding of the projection.
+            let cell = |n: u32| (n as f32 / 8.0 - 1e-3)..=((n + 1) as f32 / 8.0 + 1e-3);
+            assert!(cell(i % k).contains(&right) && cell(i / k).contains(&down));
+            offsets.push((right * 8.0).fract());
+        }
+        let mean = offsets.iter().sum::<f32>() / 64.0;
+        let spread = offsets.iter().map(|o| (o - mean).powi(2)).sum::<f32>() / 64.0;
+        // Uniform over the cell: a variance of 1/12.
+        assert!((0.04..0.13).contains(&spread), "{spread}");
     }
 
     #[test]

@@ -172,7 +172,7 @@ impl FloatImage {
 /// Writes a file through a temporary one in the same folder, which takes its place when it is complete; what
 /// was there before stays when anything fails. A link is followed, and what is no regular file (a device, a
 /// pipe) is written in place instead of being replaced.
-fn write(
+pub(crate) fn write(
     path: &Path,
     contents: impl FnOnce(&mut BufWriter<&mut File>) -> io::Result<()>,
 ) -> Result<(), Error> {

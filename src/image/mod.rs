@@ -8,8 +8,9 @@ mod compare;
 mod file;
 mod sheet;
 
-pub use accumulate::{Accumulator, jittered};
+pub use accumulate::{Accumulator, jittered, stratified};
 pub use compare::{Difference, Figures, compare, difference_picture};
+pub(crate) use file::write;
 pub use sheet::contact_sheet;
 
 use std::path::PathBuf;

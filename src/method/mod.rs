@@ -22,6 +22,8 @@ pub use settings::{
     Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,
 };
 
+pub use compute::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;
+
 use crate::gpu::image::Format;
 use crate::gpu::pipeline::{Attribute, AttributeFormat, Record};
 

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+mod auto;
+mod chart;
 mod compare;
 mod damage;
 mod harness;
@@ -9,6 +11,7 @@ mod models;
 mod motion;
 mod pictures;
 mod profile;
+mod reproduce;
 mod stability;
 mod stats;
 mod streams;

@@ -13,6 +13,8 @@ const COMMANDS: &[&str] = &[
     "profile",
     "motion",
     "stability",
+    "chart",
+    "reproduce",
     "devices",
     "demo",
     "completions",

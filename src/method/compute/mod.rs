@@ -27,7 +27,7 @@ use list::Items;
 use std::sync::Arc;
 
 /// Largest side of a square that is drawn this way, pixels: above it a rasterizer fills faster than atomics do.
-pub(crate) const LARGEST_SQUARE_PX: f32 = 6.0;
+pub const LARGEST_SQUARE_PX: f32 = 6.0;
 /// Largest bounding circle of a triangle that is drawn this way, pixels.
 pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 

@@ -1,0 +1,127 @@
+//! Places labels where they hide nothing.
+
+/// Rectangle: left, top, right, bottom.
+type Box4 = [f64; 4];
+
+/// A label with its place.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Label {
+    /// What it says.
+    pub(super) text: String,
+    /// Left end of its baseline.
+    pub(super) at: [f64; 2],
+    /// Where a line to its point ends.
+    pub(super) anchor: [f64; 2],
+}
+
+/// Finds places within a field, greedily in the order of asking.
+#[derive(Debug)]
+pub(super) struct Placer {
+    field: Box4,
+    markers: Vec<([f64; 2], f64)>,
+    labels: Vec<Box4>,
+}
+
+/// Width of a character and height of a line at the size of labels, pixels; wide enough for most fonts.
+const CHARACTER: [f64; 2] = [6.6, 13.0];
+
+/// Tried in this order at equal cost: to the upper right and the lower left a frontier leaves room.
+const DIRECTIONS: [[f64; 2]; 8] = [
+    [0.8, -0.6],
+    [-0.8, 0.6],
+    [0.0, -1.0],
+    [1.0, 0.0],
+    [0.6, 0.8],
+    [-0.6, -0.8],
+    [0.0, 1.0],
+    [-1.0, 0.0],
+];
+
+impl Placer {
+    pub(super) fn new(field: Box4) -> Self {
+        Self {
+            field,
+            markers: Vec::new(),
+            labels: Vec::new(),
+        }
+    }
+
+    /// Keeps labels off a marker of radius `r`, as far as there is room elsewhere.
+    pub(super) fn avoid(&mut self, at: [f64; 2], r: f64) {
+        self.markers.push((at, r));
+    }
+
+    /// The best place for a label of a point; `None` where all would lie over other labels.
+    pub(super) fn place(&mut self, point: [f64; 2], text: &str) -> Option<Label> {
+        let size = [CHARACTER[0] * text.chars().count() as f64, CHARACTER[1]];
+        let mut best: Option<(f64, Box4, [f64; 2])> = None;
+        for distance in [11.0, 20.0, 32.0, 46.0, 62.0, 80.0, 100.0] {
+            for [dx, dy] in DIRECTIONS {
+                let anchor = [point[0] + dx * distance, point[1] + dy * distance];
+                // The side that faces the point is at the anchor.
+                let left = anchor[0] - size[0] * (0.5 - 0.5 * (dx * 1.25).clamp(-1.0, 1.0));
+                let top = anchor[1] - size[1] * (0.5 - 0.5 * dy);
+                let rect = [left, top, left + size[0], top + size[1]];
+                let is_inside = rect[0] >= self.field[0] + 2.0
+                    && rect[1] >= self.field[1] + 2.0
+                    && rect[2] <= self.field[2] - 2.0
+                    && rect[3] <= self.field[3] - 2.0;
+                if !is_inside || self.labels.iter().any(|l| overlap(l, &rect)) {
+                    continue;
+                }
+                let hidden: f64 = self
+                    .markers
+                    .iter()
+                    .filter(|(at, r)| overlap(&rect, &[at[0] - r, at[1] - r, at[0] + r, at[1] + r]))
+                    .map(|(_, r)| r * 6.0)
+                    .sum();
+                let cost = hidden + distance;
+                if best.as_ref().is_none_or(|b| cost < b.0) {
+                    best = Some((cost, rect, anchor));
+                }
+            }
+        }
+        let (_, rect, anchor) = best?;
+        self.labels.push(rect);
+        Some(Label {
+            text: text.to_owned(),
+            at: [rect[0], rect[3] - 3.0],
+            anchor,
+        })
+    }
+}
+
+fn overlap(a: &Box4, b: &Box4) -> bool {
+    a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_lie_inside_apart_from_each_other_and_beside_markers() {
+        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
+        let points: Vec<[f64; 2]> = (0..9)
+            .map(|i| [20.0 + 45.0 * f64::from(i), 280.0 - 32.0 * f64::from(i)])
+            .collect();
+        for point in &points {
+            placer.avoid(*point, 8.0);
+        }
+        for point in &points {
+            placer.place(*point, "filtered 2").unwrap();
+        }
+        for (i, a) in placer.labels.iter().enumerate() {
+            assert!(a[0] >= 0.0 && a[1] >= 0.0 && a[2] <= 400.0 && a[3] <= 300.0);
+            assert!(!placer.labels[..i].iter().any(|b| overlap(a, b)));
+            assert!(
+                !points
+                    .iter()
+                    .any(|p| overlap(a, &[p[0] - 5.0, p[1] - 5.0, p[0] + 5.0, p[1] + 5.0]))
+            );
+        }
+        // What has no room gets none.
+        assert_eq!(placer.place([200.0, 150.0], &"x".repeat(100)), None);
+    }
+}

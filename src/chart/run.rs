@@ -1,0 +1,445 @@
+//! Measures choices: each view a block of its own, whose times are taken in turn.
+
+use super::choice::TRIANGLES;
+use super::errors::{Errors, Reference, TILE_PX};
+use super::{Choice, Error, Row};
+use crate::gpu;
+use crate::image::{Accumulator, Image, stratified};
+use crate::math::camera::{Camera, View};
+use crate::measure::{Distribution, frames};
+use crate::method::engine::{Backend, Engine};
+use crate::method::renderer::Outputs;
+use crate::method::times::FrameTimes;
+use crate::method::{Method, Settings, SplatKind};
+use crate::progress::Progress;
+use crate::tree::Model;
+
+/// What is measured, the same for every model.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Width and height of the pictures.
+    pub size: (u32, u32),
+    /// Views of the standard orbit.
+    pub views: u32,
+    /// Distances: projected diameter of the bounding sphere over the shorter side.
+    pub fills: Vec<f64>,
+    /// Samples a pixel of the reference, along one side of its grid.
+    pub grid: u32,
+    /// Timed frames of each choice and view.
+    pub repeats: u32,
+    /// Thresholds of a full chart; `None` for the few choices of a quick one.
+    pub thresholds: Option<Vec<f32>>,
+}
+
+impl Plan {
+    /// Four views at full, half and an eighth of the picture, everything at ten thresholds.
+    pub fn full() -> Self {
+        Self {
+            size: (500, 500),
+            views: 4,
+            fills: vec![1.0, 0.5, 0.125],
+            grid: 8,
+            repeats: 9,
+            thresholds: Some(super::choice::THRESHOLDS.to_vec()),
+        }
+    }
+
+    /// One view of each distance and few choices.
+    pub fn quick() -> Self {
+        Self {
+            views: 1,
+            repeats: 5,
+            thresholds: None,
+            ..Self::full()
+        }
+    }
+
+    /// The choices for a model on a device.
+    pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<Choice> {
+        let has_compute = match backend {
+            Backend::Device(gpu) => gpu.info().has_int64_atomics,
+            Backend::Mirror => false,
+        };
+        match &self.thresholds {
+            Some(thresholds) => Choice::all(thresholds, model.is_cloud(), has_compute),
+            None => Choice::few(model.is_cloud(), has_compute),
+        }
+    }
+
+    /// Frames of one block, for a progress bar.
+    pub fn block_frames(&self, choices: usize) -> u64 {
+        u64::from(self.grid * self.grid) + choices as u64 * (u64::from(self.repeats) + 1)
+    }
+}
+
+/// View `k` of `n` of the standard orbit around a model.
+///
+/// # Errors
+/// When the model has no size that a camera can show.
+pub fn orbit(
+    model: &Model,
+    size: (u32, u32),
+    fill: f64,
+    k: u32,
+    n: u32,
+) -> Result<View, crate::math::camera::Error> {
+    Camera::orbit_view(
+        size,
+        model.origin + model.orbit_center.as_dvec3(),
+        f64::from(model.orbit_radius),
+        fill,
+        k,
+        n,
+    )
+    .view(model.origin)
+}
+
+/// What draws the reference: all triangles; of a cloud the densest cut, every point as the disc that its spacing gives it.
+pub fn reference_settings(is_cloud: bool) -> Settings {
+    if is_cloud {
+        Settings {
+            method: Method::Splats,
+            splat: SplatKind::Ellipse,
+            threshold_px: 0.0,
+            ..Settings::default()
+        }
+    } else {
+        TRIANGLES.settings()
+    }
+}
+
+/// Draws one model for measurements: with depth, and apart from that with normals, which would cost the timed frames.
+#[derive(Debug)]
+pub struct Bench<'m> {
+    model: &'m Model,
+    timed: Engine<'m>,
+    surface: Option<Engine<'m>>,
+}
+
+/// Models above this many triangles are not kept on the device twice, so their normals are not compared.
+const MOST_WITH_NORMALS: usize = 20_000_000;
+
+impl<'m> Bench<'m> {
+    /// Readies a model.
+    ///
+    /// # Errors
+    /// As [`Engine::new`].
+    pub fn new(backend: &Backend, model: &'m Model, size: (u32, u32)) -> Result<Self, gpu::Error> {
+        let outputs = |normal| Outputs {
+            depth: true,
+            normal,
+        };
+        let surface = (model.triangles.len() <= MOST_WITH_NORMALS)
+            .then(|| Engine::new(backend, model, size, outputs(true)))
+            .transpose()?;
+        Ok(Self {
+            model,
+            timed: Engine::new(backend, model, size, outputs(false))?,
+            surface,
+        })
+    }
+
+    /// The supersampled reference: the mean of `grid` x `grid` jittered pictures, with depth and normals of the pixel
+    /// centers.
+    ///
+    /// # Errors
+    /// When a picture cannot be drawn, or `progress` is cancelled.
+    pub fn reference(
+        &mut self,
+        view: &View,
+        grid: u32,
+        progress: &dyn Progress,
+    ) -> Result<Reference, Error> {
+        let settings = reference_settings(self.model.is_cloud());
+        let mut mean = Accumulator::new();
+        for i in 0..grid * grid {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
+            mean.add(&self.timed.render(&stratified(view, i, grid), &settings)?)?;
+            progress.advance(1);
+        }
+        let mut picture = mean.mean();
+        picture.depth = self.timed.render(view, &settings)?.depth;
+        let normal = match &mut self.surface {
+            Some(engine) => engine.render(view, &settings)?.normal,
+            None => Vec::new(),
+        };
+        Ok(Reference { picture, normal })
+    }
+
+    /// The picture of a choice, with depth.
+    ///
+    /// # Errors
+    /// As [`Engine::render`].
+    pub fn picture(&mut self, view: &View, choice: &Choice) -> Result<Image, gpu::Error> {
+        self.timed.render(view, &choice.settings())
+    }
+
+    /// The normals of a choice; `None` where it has none.
+    fn normals(
+        &mut self,
+        view: &View,
+        choice: &Choice,
+    ) -> Result<Option<Vec<[f32; 3]>>, gpu::Error> {
+        let Some(engine) = &mut self.surface else {
+            return Ok(None);
+        };
+        match engine.render(view, &choice.settings()) {
+            Ok(image) => Ok(Some(image.normal)),
+            Err(gpu::Error::Unsupported { .. }) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The errors of a choice; the reason where device or method refuse it.
+    ///
+    /// # Errors
+    /// When a picture cannot be drawn for any other reason.
+    pub fn errors(
+        &mut self,
+        view: &View,
+        choice: &Choice,
+        reference: &Reference,
+    ) -> Result<Result<Errors, String>, Error> {
+        let picture = match self.picture(view, choice) {
+            Ok(picture) => picture,
+            Err(error @ (gpu::Error::Unsupported { .. } | gpu::Error::Limit { .. })) => {
+                return Ok(Err(error.to_string()));
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let normals = self.normals(view, choice)?;
+        Ok(Ok(Errors::of(
+            reference,
+            &picture,
+            normals.as_deref(),
+            view,
+        )?))
+    }
+
+    /// Times `repeats` frames of each choice: all of them once, then again in the opposite order, and so on, so that what
+    /// slows the machine down for a while slows them all. One frame of each goes before that does not count.
+    ///
+    /// # Errors
+    /// When a frame cannot be drawn, or `progress` is cancelled.
+    pub fn times(
+        &mut self,
+        view: &View,
+        choices: &[Choice],
+        repeats: u32,
+        progress: &dyn Progress,
+    ) -> Result<Vec<Vec<FrameTimes>>, Error> {
+        let mut times = vec![Vec::with_capacity(repeats as usize); choices.len()];
+        let mut order: Vec<usize> = (0..choices.len()).collect();
+        for round in 0..=repeats {
+            for &i in &order {
+                if progress.is_cancelled() {
+                    return Err(Error::Cancelled);
+                }
+                let frame = self.timed.draw(view, &choices[i].settings())?;
+                if round > 0 {
+                    times[i].push(frame);
+                    progress.advance(1);
+                }
+            }
+            order.reverse();
+        }
+        Ok(times)
+    }
+}
+
+/// Where a block is measured, for its rows.
+#[derive(Debug, Clone, Copy)]
+pub struct Place<'a> {
+    /// Name of the model.
+    pub model: &'a str,
+    /// Index into [`Plan::fills`].
+    pub fill: usize,
+    /// View of [`Plan::views`].
+    pub view: u32,
+}
+
+/// Measures every choice from one view: errors first, then times. The rows come in the order of [`Plan::choices`]; what
+/// is refused has a row that says why.
+///
+/// # Errors
+/// When a picture cannot be drawn, or `progress` is cancelled; nothing is kept of the block then.
+pub fn block(
+    backend: &Backend,
+    bench: &mut Bench<'_>,
+    plan: &Plan,
+    place: Place<'_>,
+    progress: &dyn Progress,
+) -> Result<(Vec<Row>, Reference), Error> {
+    let model = bench.model;
+    let view = orbit(
+        model,
+        plan.size,
+        plan.fills[place.fill],
+        place.view,
+        plan.views,
+    )?;
+    let choices = plan.choices(model, backend);
+    let reference = bench.reference(&view, plan.grid, progress)?;
+    let mut rows = Vec::with_capacity(choices.len());
+    let mut timed = Vec::new();
+    for choice in &choices {
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        let mut row = empty_row(backend, model, plan, place, choice);
+        match bench.errors(&view, choice, &reference)? {
+            Ok(errors) => {
+                put_errors(&mut row, &errors);
+                timed.push((rows.len(), *choice));
+            }
+            Err(why) => row.refused = why,
+        }
+        rows.push(row);
+        progress.advance(1);
+    }
+    let candidates: Vec<Choice> = timed.iter().map(|t| t.1).collect();
+    let times = bench.times(&view, &candidates, plan.repeats, progress)?;
+    for ((row, _), times) in timed.into_iter().zip(times) {
+        put_times(&mut rows[row], &times);
+    }
+    Ok((rows, reference))
+}
+
+/// The row of a choice before anything is measured: what resumed rows are compared with.
+pub fn empty_row(
+    backend: &Backend,
+    model: &Model,
+    plan: &Plan,
+    place: Place<'_>,
+    choice: &Choice,
+) -> Row {
+    let [method, splat, path] = choice.words();
+    let none = f64::NAN;
+    Row {
+        version: env!("CARGO_PKG_VERSION").into(),
+        commit: option_env!("SURFEL_COMMIT").unwrap_or_default().into(),
+        device: backend.name().into(),
+        driver: match backend {
+            Backend::Device(gpu) => gpu.info().driver.clone(),
+            Backend::Mirror => String::new(),
+        },
+        model: place.model.into(),
+        model_triangles: model.triangles.len() as u64,
+        model_vertices: model.vertices.len() as u64,
+        width: plan.size.0,
+        height: plan.size.1,
+        fill: plan.fills[place.fill],
+        view: place.view,
+        views: plan.views,
+        method,
+        splat,
+        path,
+        threshold_px: choice.threshold_px,
+        samples: plan.grid * plan.grid,
+        repeats: plan.repeats,
+        refused: String::new(),
+        frame_ms: none,
+        frame_p5_ms: none,
+        frame_p95_ms: none,
+        cpu_ms: none,
+        cpu_p5_ms: none,
+        cpu_p95_ms: none,
+        cut_ms: none,
+        pack_ms: none,
+        upload_ms: none,
+        submit_ms: none,
+        wait_ms: none,
+        passes_ms: String::new(),
+        nodes_visited: 0,
+        splats: 0,
+        triangles: 0,
+        points: 0,
+        draw_list_bytes: 0,
+        flip: none,
+        flip_object: none,
+        psnr_db: none,
+        psnr_object_db: none,
+        ssim: none,
+        object_pixels: 0,
+        missing: 0,
+        extra: 0,
+        holes: 0,
+        hole_pixels: 0,
+        silhouette_mean_px: none,
+        silhouette_p99_px: none,
+        depth_mean_footprints: none,
+        depth_p99_footprints: none,
+        normal_mean_degrees: none,
+        normal_p99_degrees: none,
+        worst_x: 0,
+        worst_y: 0,
+        worst_side: 0,
+        worst_levels: none,
+    }
+}
+
+fn put_errors(row: &mut Row, errors: &Errors) {
+    row.flip = errors.flip;
+    row.flip_object = errors.flip_object;
+    row.psnr_db = errors.psnr_db;
+    row.psnr_object_db = errors.psnr_object_db;
+    row.ssim = errors.ssim;
+    row.object_pixels = errors.object_pixels;
+    row.missing = errors.coverage.missing;
+    row.extra = errors.coverage.extra;
+    row.holes = errors.coverage.holes;
+    row.hole_pixels = errors.coverage.hole_pixels;
+    row.silhouette_mean_px = errors.silhouette.mean;
+    row.silhouette_p99_px = errors.silhouette.p99;
+    if errors.depth.count > 0 {
+        row.depth_mean_footprints = errors.depth.mean;
+        row.depth_p99_footprints = errors.depth.p99;
+    }
+    if let Some(normal) = errors.normal.filter(|n| n.count > 0) {
+        row.normal_mean_degrees = normal.mean;
+        row.normal_p99_degrees = normal.p99;
+    }
+    row.worst_x = errors.worst.x;
+    row.worst_y = errors.worst.y;
+    row.worst_side = TILE_PX;
+    row.worst_levels = 255.0 * errors.worst.rmse;
+}
+
+/// Time of a frame that the processor worked on it: all of it but the wait for the device. The mirror has no device.
+fn cpu_ms(times: &FrameTimes) -> f64 {
+    times.cut_ms + times.pack_ms + times.upload_ms + times.submit_ms
+}
+
+fn put_times(row: &mut Row, times: &[FrameTimes]) {
+    let spread = |of: &dyn Fn(&FrameTimes) -> f64| {
+        Distribution::of(&times.iter().map(of).collect::<Vec<_>>())
+    };
+    let frame = spread(&|t| t.frame_ms);
+    (row.frame_ms, row.frame_p5_ms, row.frame_p95_ms) = (frame.median, frame.p5, frame.p95);
+    let cpu = spread(&cpu_ms);
+    (row.cpu_ms, row.cpu_p5_ms, row.cpu_p95_ms) = (cpu.median, cpu.p5, cpu.p95);
+    row.cut_ms = spread(&|t| t.cut_ms).median;
+    row.pack_ms = spread(&|t| t.pack_ms).median;
+    row.upload_ms = spread(&|t| t.upload_ms).median;
+    row.submit_ms = spread(&|t| t.submit_ms).median;
+    row.wait_ms = spread(&|t| t.wait_ms).median;
+    row.passes_ms = frames::passes(times)
+        .iter()
+        .map(|p| {
+            format!(
+                "{}={:.4}/{:.4}/{:.4}",
+                p.name, p.ms.median, p.ms.p5, p.ms.p95
+            )
+        })
+        .collect::<Vec<_>>()
+        .join("; ");
+    if let Some(last) = times.last() {
+        row.nodes_visited = last.counts.nodes_visited;
+        row.splats = last.counts.splats;
+        row.triangles = last.counts.triangles;
+        row.points = last.counts.points;
+        row.draw_list_bytes = last.counts.draw_list_bytes;
+    }
+}
