@@ -8,6 +8,7 @@ use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::Arc;
+use surfel::mesh::Mesh;
 use surfel::method::engine::Backend;
 use surfel::progress::Progress;
 use surfel::viewer::loader::Open;
@@ -178,12 +179,17 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     }
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
     let weld = args.weld;
-    let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress| {
+    let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress, preview| {
         let source = Source {
             model: path.to_owned(),
             weld,
         };
-        match source.ready_with(progress) {
+        let mut early = |mesh: &Mesh| {
+            if let Some(model) = viewer::preview::model(mesh, progress) {
+                preview(model);
+            }
+        };
+        match source.ready_with(progress, &mut early) {
             Ok(ready) => Ok(ready.model),
             Err(Failure::Input(error) | Failure::Run(error)) => Err(format!("{error}").into()),
         }
