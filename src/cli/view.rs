@@ -72,7 +72,7 @@ pub(crate) struct Args {
     /// Write every input event to this file
     #[arg(long, value_name = "FILE", conflicts_with = "replay")]
     record: Option<PathBuf>,
-    /// Take the input from a file that --record wrote, with the same model and options; then close
+    /// Take the input from a file that --record wrote, with the same options; then close. With --frame-ms it says how many frames kept that time
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
     /// Replay without a window
@@ -197,6 +197,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);
     let options = Options {
+        model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,

@@ -450,7 +450,7 @@ mod tests {
                 splats: 2e6,
             };
             let mut control = Control::new(TARGET, 1.0);
-            device.drive(&mut control, 60);
+            device.drive(&mut control, 400);
             let Report::Unreachable(ms) = control.report() else {
                 panic!("{a}: {:?}", control.report())
             };
@@ -461,9 +461,31 @@ mod tests {
                 a: 0.1 * TARGET,
                 ..device
             };
-            cheap.drive(&mut control, 80);
+            cheap.drive(&mut control, 400);
             assert_eq!(control.report(), Report::Held, "{a}");
         }
+    }
+
+    #[test]
+    fn what_a_triangle_takes_is_learned() {
+        let ms = |work: &Work| 1e-4 * work.splats as f64 + 8e-4 * work.triangles as f64;
+        let mut control = Control::new(TARGET, 1.0);
+        for i in 0..40 {
+            let work = Work {
+                splats: 200_000,
+                triangles: 1000 * i,
+                ..Work::default()
+            };
+            control.frame(3.0, &work, ms(&work));
+        }
+        control.moved();
+        let only_triangles = |px: f32| Work {
+            triangles: (4e5 / f64::from(px).powi(2)) as u64,
+            ..Work::default()
+        };
+        let px = control.plan(only_triangles);
+        let foreseen = ms(&only_triangles(px)) / TARGET;
+        assert!((foreseen - 1.0).abs() < 0.25, "{foreseen} at {px}");
     }
 
     #[test]

@@ -80,6 +80,8 @@ pub enum Error {
 pub struct Options {
     /// Model to open, or `generate:SHAPE`.
     pub model: PathBuf,
+    /// Nobody asked for that model: a replay takes the one of its recording.
+    pub model_is_usual: bool,
     /// Size of the window, in the window system's units.
     pub size: (u32, u32),
     /// Nobody asked for that size: it may follow the screen.

@@ -57,7 +57,8 @@ pub(super) fn run(
     let is_timed = |entry: &Entry| matches!(entry.event, Event::Frame { .. });
     let is_live = app.is_paced() && !entries.iter().any(is_timed);
     let mut live = Vec::new();
-    let mut first = Some(app.options.model.clone());
+    let options = &app.options;
+    let mut first = (!options.model_is_usual).then(|| options.model.clone());
     let mut rest = entries;
     for step in 0..=last {
         if app.is_closing || should_stop() {

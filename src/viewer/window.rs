@@ -17,7 +17,7 @@ const IDLE_WAIT_S: f64 = 0.5;
 const TITLE_INTERVAL: Duration = Duration::from_millis(250);
 
 /// How long the window system has to give a window another size.
-const RESIZE_PATIENCE: Duration = Duration::from_secs(1);
+const RESIZE_PATIENCE: Duration = Duration::from_secs(5);
 
 /// A window with its events.
 pub(super) struct Window {

@@ -164,9 +164,12 @@ impl App {
     }
 
     fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<Shown, Error> {
-        let has_cover = self.has_cover();
-        if has_cover {
+        // Where nothing covers the picture there is nothing to paint anew, only to show once more.
+        let was_dirty = self.is_cover_dirty;
+        if self.has_cover() {
             self.paint_cover()?;
+        } else {
+            self.is_cover_dirty = false;
         }
         let is_new_picture = self.is_dirty || !self.screen.has_picture();
         let settings = self.effective_settings(is_new_picture);
@@ -188,6 +191,7 @@ impl App {
             Some(camera_of(orbit.as_ref()?, fixed.as_ref(), light, size))
         })?;
         if shown == Shown::Nothing {
+            self.is_cover_dirty |= was_dirty;
             return Ok(shown);
         }
         if is_new_picture {
