@@ -83,8 +83,9 @@ pub struct Renderer {
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
     probe: Option<Readback>,
-    /// What the present cut was chosen for, if that was before its frame, and what it took, milliseconds.
-    foreseen: Option<(View, cut::Settings, f64)>,
+    /// What the present cut was chosen for, if that was before its frame, what it took, milliseconds, and what it draws:
+    /// splats and triangles.
+    foreseen: Option<(View, cut::Settings, f64, (u64, u64))>,
 }
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.

@@ -79,7 +79,7 @@ struct Pending {
     /// The threshold that it was drawn with; none for one that shows no new picture of the model.
     threshold_px: Option<f32>,
     is_moving: bool,
-    has_cut: bool,
+    work: Option<Work>,
 }
 
 /// A frame of the model that has finished.
@@ -89,8 +89,8 @@ pub(super) struct Finished {
     pub(super) threshold_px: f32,
     /// The camera moved.
     pub(super) is_moving: bool,
-    /// It drew a cut, which follows the threshold.
-    pub(super) has_cut: bool,
+    /// What was foreseen of it; none where no time is wanted, or it drew no cut.
+    pub(super) work: Option<Work>,
 }
 
 /// What the next frame shows.
@@ -107,6 +107,8 @@ pub(super) struct Request<'r> {
     pub(super) has_overlay: bool,
     /// The camera moves.
     pub(super) is_moving: bool,
+    /// What is foreseen of the frame.
+    pub(super) work: Option<Work>,
 }
 
 /// Draws a model onto a window. Must be dropped before the window.
@@ -353,7 +355,7 @@ impl Screen {
                 times,
                 threshold_px,
                 is_moving: pending.is_moving,
-                has_cut: pending.has_cut,
+                work: pending.work,
             });
         }
         self.last_end = end;
@@ -418,7 +420,7 @@ impl Screen {
                     start,
                     threshold_px,
                     is_moving: request.is_moving,
-                    has_cut: settings.has_cut(),
+                    work: request.work,
                 });
                 let is_shown = match (&mut self.surface, onto) {
                     (Some(surface), Some(onto)) => surface.present(onto)?,

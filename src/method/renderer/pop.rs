@@ -47,11 +47,11 @@ impl Renderer {
         let cut = Stage::Cut.begin();
         let cut_settings = cut_settings(settings, model);
         let foreseen_ms = match self.foreseen.take() {
-            Some((of, with, ms)) if of == *view && with == cut_settings => ms,
+            Some((of, with, ms, _)) if of == *view && with == cut_settings => ms,
             other => {
                 self.selector
                     .select(model, view, &cut_settings, &mut self.cut);
-                other.map_or(0.0, |(.., ms)| ms)
+                other.map_or(0.0, |(_, _, ms, _)| ms)
             }
         };
         cut.end(&mut times);

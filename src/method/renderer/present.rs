@@ -24,9 +24,6 @@ const PROBE_RADIUS_PX: u32 = 6;
 /// Most pixels of a probe.
 const PROBE_PIXELS: u64 = (2 * PROBE_RADIUS_PX as u64 + 1).pow(2);
 
-/// The pass of splats that are drawn by compute.
-pub const SMALL_SPLATS: &str = "small.splats";
-
 /// What a frame would draw.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Foreseen {
@@ -101,13 +98,19 @@ impl Renderer {
             return Foreseen::default();
         }
         let start = Instant::now();
-        let before = self.foreseen.take().map_or(0.0, |(.., ms)| ms);
         let with = cut_settings(settings, model);
-        self.selector.select(model, view, &with, &mut self.cut);
-        self.foreseen = Some((*view, with, before + super::ms(start)));
-        let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
-        let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
-        let large = self.cut.triangles.len() as u64;
+        let (splats, large) = match self.foreseen {
+            Some((of, chosen, _, counts)) if of == *view && chosen == with => counts,
+            _ => {
+                let before = self.foreseen.take().map_or(0.0, |(_, _, ms, _)| ms);
+                self.selector.select(model, view, &with, &mut self.cut);
+                let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
+                let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
+                let counts = (splats, self.cut.triangles.len() as u64);
+                self.foreseen = Some((*view, with, before + super::ms(start), counts));
+                counts
+            }
+        };
         let is_whole = settings.method == Method::Splats;
         let splats = if is_whole { splats + large } else { splats };
         let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets).unwrap_or(false);

@@ -4,7 +4,6 @@ use super::{App, MOST_LOSSES};
 use crate::gpu::device::Kind;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
-use crate::method::renderer::present::SMALL_SPLATS;
 use crate::method::{Method, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
@@ -24,11 +23,8 @@ impl App {
         let overlaps = self.screen.gpu().info().kind != Kind::Cpu;
         for frame in self.screen.take_finished() {
             self.history.add(&frame.times);
-            if self.control.is_none() || !frame.has_cut {
-                continue;
-            }
+            let Some(drew) = frame.work else { continue };
             let ms = work_ms(&frame.times, overlaps);
-            let counts = &frame.times.counts;
             tracing::debug!(
                 cut_ms = frame.times.cut_ms,
                 pack_ms = frame.times.pack_ms,
@@ -46,12 +42,7 @@ impl App {
             events.push(Event::Frame {
                 ms,
                 threshold_px: frame.threshold_px,
-                drew: Work {
-                    visited: counts.nodes_visited,
-                    splats: counts.splats,
-                    triangles: counts.triangles,
-                    by_compute: frame.times.passes.iter().any(|p| p.name == SMALL_SPLATS),
-                },
+                drew,
             });
         }
         events
@@ -93,8 +84,9 @@ impl App {
         std::mem::replace(&mut self.shown_figures, now) != now
     }
 
-    /// How the next frame is drawn; a new picture of a moving camera as coarsely as the wanted time asks for.
-    fn effective_settings(&mut self, is_new_picture: bool) -> Settings {
+    /// How the next frame is drawn, a new picture of a moving camera as coarsely as the wanted time asks for; and what it
+    /// will draw, where a time is wanted.
+    fn effective_settings(&mut self, is_new_picture: bool) -> (Settings, Option<Work>) {
         let mut settings = self.settings;
         if self.is_preview {
             // Points are all it has.
@@ -113,7 +105,7 @@ impl App {
                 control.plan(|threshold_px| {
                     let settings = Settings {
                         threshold_px,
-                        ..self.settings
+                        ..settings
                     };
                     screen.foresee(&settings, &camera)
                 })
@@ -121,8 +113,11 @@ impl App {
                 control.threshold_px()
             };
             settings.threshold_px = px.max(settings.threshold_px);
+            // Of the drawn frame only this is comparable with what is foreseen of others.
+            let work = is_new_picture.then(|| self.screen.foresee(&settings, &camera));
+            return (settings, work);
         }
-        settings
+        (settings, None)
     }
 
     /// How well the frames so far kept the wanted time; none where none is wanted.
@@ -172,7 +167,7 @@ impl App {
             self.is_cover_dirty = false;
         }
         let is_new_picture = self.is_dirty || !self.screen.has_picture();
-        let settings = self.effective_settings(is_new_picture);
+        let (settings, work) = self.effective_settings(is_new_picture);
         let is_moving = self.is_moving();
         let orbit_is_there = self.orbit.is_some();
         let request = Request {
@@ -182,6 +177,7 @@ impl App {
             is_new_picture,
             has_overlay: self.has_cover(),
             is_moving,
+            work,
         };
         // The window may have another size already than its events say. That is no input, so the turntable must not
         // learn of it.
