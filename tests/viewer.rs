@@ -10,6 +10,8 @@ mod display;
 mod files;
 #[path = "viewer/panel.rs"]
 mod panel;
+#[path = "viewer/walk.rs"]
+mod walk;
 
 use display::{Display, Window, changed, lit_pixels, load, must_succeed, run, wait_for};
 use std::io::{BufRead, BufReader};

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 use surfel::generate::{Shape, Spec};
 use surfel::input;
+use surfel::mesh::Mesh;
 use surfel::progress::Progress;
 use surfel::scenes::Entry;
 use surfel::tree::{self, BuildOptions, Model};
@@ -92,17 +93,22 @@ fn is_tree_file(path: &Path) -> bool {
 impl Source {
     /// Loads the model and builds its tree, with a progress bar from about a second on.
     pub(crate) fn ready(&self, quiet: bool) -> Result<Ready, Failure> {
-        self.ready_with(&Bar::new(quiet))
+        self.ready_with(&Bar::new(quiet), &mut |_| ())
     }
 
-    /// Loads the model and builds its tree.
-    pub(crate) fn ready_with(&self, bar: &dyn Progress) -> Result<Ready, Failure> {
+    /// Loads the model and builds its tree; `early` sees the mesh in between.
+    pub(crate) fn ready_with(
+        &self,
+        bar: &dyn Progress,
+        early: &mut dyn FnMut(&Mesh),
+    ) -> Result<Ready, Failure> {
         let start = Instant::now();
         let name = self.model.display().to_string();
         if let Some(spec) = generated(&self.model) {
             let spec = spec?;
             bar.stage("generate", 0);
             let mesh = surfel::generate::mesh(&spec);
+            early(&mesh);
             return self.build(mesh, name, "generated".into(), 0, start, bar);
         }
         if let Some(entry) = scene(&self.model) {
@@ -131,12 +137,13 @@ impl Source {
             super::say(&format!("surfel: {name}: warning: {warning}"));
         }
         let format = loaded.format.name().to_owned();
+        early(&loaded.mesh);
         self.build(loaded.mesh, name, format, loaded.file_bytes, start, bar)
     }
 
     fn build(
         &self,
-        mesh: surfel::mesh::Mesh,
+        mesh: Mesh,
         name: String,
         format: String,
         file_bytes: u64,

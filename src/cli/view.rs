@@ -8,6 +8,7 @@ use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::Arc;
+use surfel::mesh::Mesh;
 use surfel::method::engine::Backend;
 use surfel::progress::Progress;
 use surfel::viewer::loader::Open;
@@ -71,7 +72,7 @@ pub(crate) struct Args {
     /// Write every input event to this file
     #[arg(long, value_name = "FILE", conflicts_with = "replay")]
     record: Option<PathBuf>,
-    /// Take the input from a file that --record wrote, with the same model and options; then close
+    /// Take the input from a file that --record wrote, with the same options; then close. With --frame-ms it says how many frames kept that time
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
     /// Replay without a window
@@ -178,12 +179,17 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     }
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
     let weld = args.weld;
-    let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress| {
+    let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress, preview| {
         let source = Source {
             model: path.to_owned(),
             weld,
         };
-        match source.ready_with(progress) {
+        let mut early = |mesh: &Mesh| {
+            if let Some(model) = viewer::preview::model(mesh, progress) {
+                preview(model);
+            }
+        };
+        match source.ready_with(progress, &mut early) {
             Ok(ready) => Ok(ready.model),
             Err(Failure::Input(error) | Failure::Run(error)) => Err(format!("{error}").into()),
         }
@@ -191,6 +197,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);
     let options = Options {
+        model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,

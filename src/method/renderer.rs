@@ -83,6 +83,9 @@ pub struct Renderer {
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
     probe: Option<Readback>,
+    /// What the present cut was chosen for, if that was before its frame, what it took, milliseconds, and what it draws:
+    /// splats and triangles.
+    foreseen: Option<(View, cut::Settings, f64, (u64, u64))>,
 }
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.
@@ -141,6 +144,7 @@ impl Renderer {
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
+            foreseen: None,
         })
     }
 

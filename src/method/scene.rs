@@ -138,6 +138,11 @@ impl Scene {
         })
     }
 
+    /// Whether the copy is on this device, and not on one that was there before it.
+    pub fn is_on(&self, gpu: &Arc<Gpu>) -> bool {
+        Arc::ptr_eq(&self.gpu, gpu)
+    }
+
     /// Makes sure that every page has its index buffer; waits for the copy the first time.
     ///
     /// # Errors

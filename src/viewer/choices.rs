@@ -1,6 +1,7 @@
 //! What can be chosen, with the names of the command line.
 
 use crate::cut::SizeMetric;
+use crate::draw::ColorBy;
 use crate::method::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
 
 /// A value with its name and what it is, in a sentence.
@@ -142,6 +143,21 @@ pub const CULLINGS: &[Choice<Culling>] = &[
     (Culling::Off, "off", "Never"),
 ];
 
+/// What decides the color.
+pub const COLORS_BY: &[Choice<ColorBy>] = &[
+    (ColorBy::Shading, "shading", "Light and vertex colors"),
+    (
+        ColorBy::Primitive,
+        "primitive",
+        "Splats red, triangles blue",
+    ),
+    (
+        ColorBy::Classification,
+        "classification",
+        "Of visibility splats: centers white, holes gray, what stays a hole red",
+    ),
+];
+
 /// The backgrounds that a key goes through.
 pub const BACKGROUNDS: &[Choice<[f32; 3]>] = &[
     ([0.0; 3], "black", "Black"),
@@ -199,6 +215,7 @@ mod tests {
         names(RECONSTRUCTIONS);
         names(METRICS);
         names(CULLINGS);
+        names(COLORS_BY);
         names(BACKGROUNDS);
         assert_eq!(named(SPLATS, "needle"), None);
         assert_eq!(name_of(BACKGROUNDS, [0.1; 3]), "other");

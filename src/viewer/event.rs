@@ -1,6 +1,7 @@
 //! What happens to the window, in words of our own: the window system's events are translated once, and a recording
 //! is a list of these.
 
+use super::control::Work;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -134,16 +135,21 @@ pub enum Event {
     Paste(String),
     /// A file was dropped.
     Drop(PathBuf),
+    /// A coarse preview of a model that is being loaded has come.
+    Preview(PathBuf),
     /// A model has been loaded, or could not be.
     Loaded(PathBuf),
     /// So many seconds passed in which something moves by itself.
     Tick(f64),
-    /// A frame of a moving camera has finished.
+    /// A frame of the model has finished.
     Frame {
         /// Its work, milliseconds.
         ms: f64,
         /// The threshold that it was drawn with, pixels.
         threshold_px: f32,
+        /// What it drew.
+        #[serde(default)]
+        drew: Work,
     },
 }
 

@@ -36,14 +36,19 @@ pub fn parts(times: &FrameTimes) -> Vec<Part> {
     parts
 }
 
-/// Work of a frame, milliseconds: on the host before it was submitted, and on the device.
-pub fn work_ms(times: &FrameTimes) -> f64 {
-    let host = times.cut_ms + times.pack_ms + times.submit_ms;
-    let device: f64 = times.passes.iter().map(|pass| pass.ms).sum();
-    host + if times.passes.is_empty() {
+/// Work of a frame, milliseconds: on the host before it was submitted, and on the device. Where it `overlaps` with that
+/// of the frames before and after, the longer of the two.
+pub fn work_ms(times: &FrameTimes, overlaps: bool) -> f64 {
+    let host = times.cut_ms + times.pack_ms + times.upload_ms + times.submit_ms;
+    let device = if times.passes.is_empty() {
         times.wait_ms
     } else {
-        device
+        times.passes.iter().map(|pass| pass.ms).sum()
+    };
+    if overlaps {
+        host.max(device)
+    } else {
+        host + device
     }
 }
 
@@ -254,8 +259,11 @@ mod tests {
             ("wait", 2.0),
         ];
         assert_eq!(parts(&times), expected);
-        assert_eq!(work_ms(&times), 11.5);
-        assert_eq!(work_ms(&frame(2.0, &[], 10.0)), 13.5, "no timestamps");
+        assert_eq!(work_ms(&times, false), 11.5);
+        assert_eq!(work_ms(&times, true), 8.0, "the device is the slower one");
+        assert_eq!(work_ms(&frame(20.0, &[("a", 3.0)], 10.0), true), 21.5);
+        let untimed = frame(2.0, &[], 10.0);
+        assert_eq!(work_ms(&untimed, false), 13.5, "no timestamps");
         let busy = parts(&frame(2.0, &[("a", 30.0)], 10.0));
         assert_eq!(busy.last(), Some(&("wait", 0.0)), "never below zero");
     }

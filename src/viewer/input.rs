@@ -60,6 +60,7 @@ pub const KEYS: &[KeyGroup] = &[
             ("K", "next way of reconstructing (visibility splats)"),
             ("J", "light once a splat or once a pixel"),
             (", .", "depth offset smaller, larger"),
+            ("O", "depth offset back to the usual one"),
             ("L", "light: a point in the eye, or parallel"),
             ("U", "light both sides, or fronts only"),
             ("V", "vertex colors"),
@@ -123,6 +124,8 @@ pub enum Command {
     Shading,
     /// Multiply the depth offset.
     DepthOffsetBy(f32),
+    /// The usual depth offset of the kind of splat.
+    UsualDepthOffset,
     /// A point light or parallel light.
     Light,
     /// Light both sides, or fronts only.
@@ -225,6 +228,7 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
             'j' => Command::Shading,
             ',' => Command::DepthOffsetBy(1.0 / OFFSET_STEP),
             '.' => Command::DepthOffsetBy(OFFSET_STEP),
+            'o' => Command::UsualDepthOffset,
             'l' => Command::Light,
             'u' => Command::TwoSided,
             'v' => Command::Colors,

@@ -1,5 +1,8 @@
-//! Loads models on a thread of its own, so that the window answers meanwhile.
+//! Loads models on a thread of its own, and copies them to the device there, so that the window answers meanwhile.
+//! Of a large one a coarse preview comes first, as soon as its mesh is known.
 
+use crate::gpu::{self, Gpu, lock};
+use crate::method::scene::Scene;
 use crate::progress::Progress;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
@@ -12,8 +15,24 @@ use std::time::{Duration, Instant};
 /// Why a model could not be opened, in words.
 pub type OpenError = Box<dyn std::error::Error + Send + Sync>;
 
-/// Opens what a path or `generate:SHAPE` names; returns early with an error once cancelled.
-pub type Open = dyn Fn(&Path, &dyn Progress) -> Result<Model, OpenError> + Send + Sync;
+/// Opens what a path or `generate:SHAPE` names; returns early with an error once cancelled. It may hand over a coarse
+/// model of the same sphere before.
+pub type Open =
+    dyn Fn(&Path, &dyn Progress, &mut dyn FnMut(Model)) -> Result<Model, OpenError> + Send + Sync;
+
+/// A model that was loaded.
+#[derive(Debug)]
+pub struct Loaded {
+    /// The model.
+    pub model: Model,
+    /// What of it is on the device already.
+    pub scene: Option<Scene>,
+    /// A coarse one; the model itself is still to come.
+    pub is_preview: bool,
+}
+
+/// Where models are copied to, and with the indices of all triangles or without; none before a device is open.
+type Device = Arc<Mutex<Option<(Arc<Gpu>, bool)>>>;
 
 /// How far a job is, shared with its thread.
 #[derive(Debug, Default)]
@@ -44,7 +63,7 @@ impl Progress for Shared {
 struct Job {
     path: PathBuf,
     shared: Arc<Shared>,
-    result: Receiver<Result<Model, OpenError>>,
+    results: Receiver<Result<Loaded, OpenError>>,
     thread: JoinHandle<()>,
 }
 
@@ -57,6 +76,7 @@ impl Drop for Job {
 /// Loads one model at a time.
 pub struct Loader {
     open: Arc<Open>,
+    device: Device,
     job: Option<Job>,
 }
 
@@ -74,7 +94,16 @@ const FAREWELL: Duration = Duration::from_secs(2);
 impl Loader {
     /// A loader without a job.
     pub fn new(open: Arc<Open>) -> Self {
-        Self { open, job: None }
+        Self {
+            open,
+            device: Device::default(),
+            job: None,
+        }
+    }
+
+    /// Where models are copied to from now on, and whether with the indices of all triangles.
+    pub fn copy_to(&mut self, gpu: &Arc<Gpu>, with_indices: bool) {
+        *lock(&self.device) = Some((gpu.clone(), with_indices));
     }
 
     /// Starts to load `path`; a job that still runs is cancelled and forgotten.
@@ -84,18 +113,29 @@ impl Loader {
     pub fn start(&mut self, path: &Path) -> std::io::Result<()> {
         self.job = None;
         let shared = Arc::new(Shared::default());
-        let (sender, result) = channel();
+        let (sender, results) = channel();
         let (open, progress, target) = (self.open.clone(), shared.clone(), path.to_owned());
+        let device = self.device.clone();
         let thread = std::thread::Builder::new()
             .name("loader".into())
             .spawn(move || {
                 // Nobody listens any more when the job was cancelled.
-                let _ = sender.send(open(&target, progress.as_ref()));
+                let mut preview = |model| {
+                    if let Ok(preview) = copied(&device, model, true) {
+                        let _ = sender.send(Ok(preview));
+                    }
+                };
+                let opened = open(&target, progress.as_ref(), &mut preview);
+                let result = opened.and_then(|model| {
+                    progress.stage("copying to the device", 0);
+                    Ok(copied(&device, model, false)?)
+                });
+                let _ = sender.send(result);
             })?;
         self.job = Some(Job {
             path: path.to_owned(),
             shared,
-            result,
+            results,
             thread,
         });
         Ok(())
@@ -124,21 +164,27 @@ impl Loader {
         })
     }
 
-    /// The result of a job that has ended since the last call.
-    pub fn poll(&mut self) -> Option<(PathBuf, Result<Model, OpenError>)> {
-        let result = match self.job.as_ref()?.result.try_recv() {
+    /// What has come since the last call: a preview, or the result of a job that has ended.
+    pub fn poll(&mut self) -> Option<(PathBuf, Result<Loaded, OpenError>)> {
+        let job = self.job.as_ref()?;
+        let result = match job.results.try_recv() {
             Err(TryRecvError::Empty) => return None,
             Ok(result) => result,
             // The thread panicked; its message is on standard error.
             Err(TryRecvError::Disconnected) => Err("loading stopped unexpectedly".into()),
         };
-        let job = self.job.take()?;
-        Some((job.path.clone(), result))
+        let path = job.path.clone();
+        if !matches!(&result, Ok(loaded) if loaded.is_preview) {
+            self.job = None;
+        }
+        Some((path, result))
     }
 
     /// Cancels the job and gives it a moment to clean up. Work that does not ask whether it was cancelled goes
     /// on until the process ends; it holds nothing but memory.
     pub fn stop(&mut self) {
+        // Whoever copies still holds the device; nobody begins to.
+        *lock(&self.device) = None;
         let Some(job) = self.job.take() else { return };
         job.shared.is_cancelled.store(true, Ordering::Relaxed);
         let start = Instant::now();
@@ -148,13 +194,33 @@ impl Loader {
     }
 }
 
+/// Copies a model to the device that is open, if one is.
+fn copied(device: &Device, model: Model, is_preview: bool) -> Result<Loaded, gpu::Error> {
+    let device = lock(device).clone();
+    let scene = match device {
+        None => None,
+        Some((gpu, with_indices)) => {
+            let mut scene = Scene::new(&gpu, &model)?;
+            if with_indices && !is_preview {
+                scene.ensure_indices(&model)?;
+            }
+            Some(scene)
+        }
+    };
+    Ok(Loaded {
+        model,
+        scene,
+        is_preview,
+    })
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
     use super::*;
 
-    fn wait(loader: &mut Loader) -> (PathBuf, Result<Model, OpenError>) {
+    fn wait(loader: &mut Loader) -> (PathBuf, Result<Loaded, OpenError>) {
         loop {
             if let Some(result) = loader.poll() {
                 return result;
@@ -168,7 +234,7 @@ mod tests {
         let (go, gate) = channel::<()>();
         let (told, at_stage) = channel::<()>();
         let (gate, told) = (Mutex::new(gate), Mutex::new(told));
-        let mut loader = Loader::new(Arc::new(move |path, progress| {
+        let mut loader = Loader::new(Arc::new(move |path, progress, _| {
             assert_eq!(path, Path::new("scan.ply"));
             progress.stage("building nodes", 200);
             progress.advance(86);
@@ -192,7 +258,7 @@ mod tests {
     fn a_new_job_cancels_the_old_one_and_errors_come_through() {
         let (saw, cancelled) = channel::<()>();
         let saw = Mutex::new(saw);
-        let mut loader = Loader::new(Arc::new(move |path, progress| {
+        let mut loader = Loader::new(Arc::new(move |path, progress, _| {
             if path == Path::new("slow") {
                 while !progress.is_cancelled() {
                     std::thread::yield_now();
@@ -214,8 +280,34 @@ mod tests {
     }
 
     #[test]
+    fn a_preview_comes_before_the_model_and_the_job_goes_on() {
+        let (go, gate) = channel::<()>();
+        let gate = Mutex::new(gate);
+        let mut loader = Loader::new(Arc::new(move |_, _, preview| {
+            preview(Model {
+                used_vertices: 1,
+                ..Model::default()
+            });
+            gate.lock().unwrap().recv()?;
+            Ok(Model {
+                used_vertices: 2,
+                ..Model::default()
+            })
+        }));
+        loader.start(Path::new("scan.ply")).unwrap();
+        let first = wait(&mut loader).1.unwrap();
+        assert!(first.is_preview && first.model.used_vertices == 1);
+        assert!(first.scene.is_none(), "no device is open");
+        assert!(loader.path().is_some() && loader.poll().is_none());
+        go.send(()).unwrap();
+        let second = wait(&mut loader).1.unwrap();
+        assert!(!second.is_preview && second.model.used_vertices == 2);
+        assert!(loader.path().is_none() && loader.poll().is_none());
+    }
+
+    #[test]
     fn a_panic_while_loading_is_an_error_not_the_end() {
-        let mut loader = Loader::new(Arc::new(|_, _| panic!("on purpose")));
+        let mut loader = Loader::new(Arc::new(|_, _, _| panic!("on purpose")));
         loader.start(Path::new("bad")).unwrap();
         assert!(wait(&mut loader).1.is_err());
     }

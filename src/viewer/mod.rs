@@ -1,7 +1,7 @@
 //! The window: opens at once, loads on another thread, draws only when something has changed.
 //!
 //! Events of the window system become [`event`]s in `window`; `app` turns them into frames, which `screen` draws
-//! onto the window. [`camera`], [`control`], [`input`], [`loader`], [`notice`], [`record`], [`store`] and [`text`]
+//! onto the window. [`camera`], [`control`], [`input`], [`loader`], [`notice`], [`pace`], [`preview`], [`record`], [`store`] and [`text`]
 //! are pure logic; [`ui`], [`panel`], [`graph`] and [`help`] know egui. None of them knows Vulkan or the window
 //! system. The main thread owns window and device.
 
@@ -15,7 +15,9 @@ pub mod help;
 pub mod input;
 pub mod loader;
 pub mod notice;
+pub mod pace;
 pub mod panel;
+pub mod preview;
 pub mod record;
 mod replay;
 mod screen;
@@ -78,6 +80,8 @@ pub enum Error {
 pub struct Options {
     /// Model to open, or `generate:SHAPE`.
     pub model: PathBuf,
+    /// Nobody asked for that model: a replay takes the one of its recording.
+    pub model_is_usual: bool,
     /// Size of the window, in the window system's units.
     pub size: (u32, u32),
     /// Nobody asked for that size: it may follow the screen.
@@ -257,6 +261,7 @@ fn keep(app: &App, window: &Window) {
             panel: app.has_panel,
             graph: app.has_graph,
             statistics: app.has_statistics,
+            parallel_light: app.has_parallel_light(),
         },
         look: store::Look::of(&app.settings),
     };

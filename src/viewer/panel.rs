@@ -6,7 +6,6 @@ use super::control::Report;
 use super::help::ACCENT;
 use super::input::Command;
 use super::text::count;
-use crate::draw::ColorBy;
 use crate::math::camera::Light;
 use crate::method::renderer::Counts;
 use crate::method::{Blend, Method, Settings, Shading, SplatKind};
@@ -306,7 +305,7 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
                 if settings.depth_offset.is_some()
                     && ui
                         .small_button("usual")
-                        .on_hover_text("Back to the usual one of the kind of splat")
+                        .on_hover_text("Back to the usual one of the kind of splat (O)")
                         .clicked()
                 {
                     settings.depth_offset = None;
@@ -381,6 +380,13 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
             &mut settings.culling,
             "Whether what faces away is dropped (B)",
         );
+        choose(
+            ui,
+            "color by",
+            choices::COLORS_BY,
+            &mut settings.color_by,
+            "What decides the color (C)",
+        );
         let tip = "Color behind the model (I: black, gray, white)";
         ui.label("background").on_hover_text(tip);
         ui.horizontal(|ui| {
@@ -400,20 +406,6 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
         .on_hover_text("Light both sides of a surface, or fronts only (U)");
     ui.checkbox(&mut settings.use_colors, "vertex colors")
         .on_hover_text("Multiply by the colors of the vertices (V)");
-    let mut by_primitive = settings.color_by == ColorBy::Primitive;
-    let toggled = ui
-        .checkbox(&mut by_primitive, "color by primitive")
-        .on_hover_text(
-            "Splats red, triangles blue (C); again (C): the classes of visibility splats",
-        )
-        .changed();
-    if toggled {
-        settings.color_by = if by_primitive {
-            ColorBy::Primitive
-        } else {
-            ColorBy::Shading
-        };
-    }
 }
 
 fn frame(ui: &mut Ui, state: &State<'_>) {

@@ -2,31 +2,37 @@
 
 use super::app::App;
 use super::event::Event;
-use super::loader::{Loader, OpenError};
+use super::loader::{Loaded, Loader, OpenError};
 use super::record::Entry;
 use super::window::Window;
 use super::{Error, Options};
-use crate::tree::Model;
+use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
-/// Loads a model and waits for it.
+/// Waits for a model that is being loaded, or for its preview; previews that nobody waits for are passed over.
 fn load(
     loader: &mut Loader,
     path: &Path,
+    wants_preview: bool,
     should_stop: &dyn Fn() -> bool,
-) -> Result<Result<Model, OpenError>, Error> {
-    if let Err(error) = loader.start(path) {
+) -> Result<Result<Loaded, OpenError>, Error> {
+    if loader.path() != Some(path)
+        && let Err(error) = loader.start(path)
+    {
         return Ok(Err(Box::new(error)));
     }
     loop {
-        if let Some((_, result)) = loader.poll() {
-            return Ok(result);
+        match loader.poll() {
+            Some((_, Ok(loaded))) if loaded.is_preview && !wants_preview => {}
+            Some((_, result)) => return Ok(result),
+            None => {
+                if should_stop() {
+                    return Err(Error::Closed);
+                }
+                std::thread::sleep(Duration::from_millis(2));
+            }
         }
-        if should_stop() {
-            return Err(Error::Closed);
-        }
-        std::thread::sleep(Duration::from_millis(2));
     }
 }
 
@@ -47,6 +53,12 @@ pub(super) fn run(
         })?;
     }
     let last = entries.last().map_or(0, |entry| entry.step);
+    // What frames took is in the recording; where it is not, those of now decide how coarse the next ones are.
+    let is_timed = |entry: &Entry| matches!(entry.event, Event::Frame { .. });
+    let is_live = app.is_paced() && !entries.iter().any(is_timed);
+    let mut live = Vec::new();
+    let options = &app.options;
+    let mut first = (!options.model_is_usual).then(|| options.model.clone());
     let mut rest = entries;
     for step in 0..=last {
         if app.is_closing || should_stop() {
@@ -65,11 +77,25 @@ pub(super) fn run(
             }
         }
         let window = window.as_ref().map(|(window, _)| &*window.window);
+        app.handle(&std::mem::take(&mut live))?;
         app.handle(now)?;
         for entry in now {
-            if let Event::Loaded(path) = &entry.event {
-                let result = load(loader, path, should_stop)?;
-                app.loaded(path, result)?;
+            // The first model is that of the command line, unless another was dropped before it came.
+            match &entry.event {
+                Event::Drop(_) => first = None,
+                Event::Preview(path) => {
+                    let path = first.clone().unwrap_or_else(|| path.clone());
+                    app.tell_device(loader);
+                    let result = load(loader, &path, true, should_stop)?;
+                    app.loaded(&path, result)?;
+                }
+                Event::Loaded(path) => {
+                    let path = first.take().unwrap_or_else(|| path.clone());
+                    app.tell_device(loader);
+                    let result = load(loader, &path, false, should_stop)?;
+                    app.loaded(&path, result)?;
+                }
+                _ => {}
             }
         }
         let frames = app.frames;
@@ -91,11 +117,21 @@ pub(super) fn run(
                 app.save(&path)?;
             }
         }
-        // What the frames took is in the recording; files are opened where it says so.
-        let _ = app.finished();
+        let time = now.last().map_or(0.0, |entry| entry.time);
+        let finished = app.finished().into_iter();
+        if is_live {
+            live.extend(finished.map(|event| Entry { step, time, event }));
+        }
+        // Files are opened where the recording says so.
         app.asks.clear();
     }
-    app.finish(window.as_ref().map(|(window, _)| &*window.window))
+    app.finish(window.as_ref().map(|(window, _)| &*window.window))?;
+    let _ = app.finished();
+    if let Some(summary) = app.pace() {
+        // Nobody may be reading.
+        let _ = writeln!(std::io::stdout(), "{summary}");
+    }
+    Ok(())
 }
 
 /// Size and scale of the first step.

@@ -1,6 +1,7 @@
 //! Frames on the window, or on none: two on their way at a time, rebuilt when the window changes or the device is
 //! lost.
 
+use super::control::Work;
 use super::ui::Painted;
 use crate::gpu::overlay::Overlay;
 use crate::gpu::surface::Surface;
@@ -78,6 +79,7 @@ struct Pending {
     /// The threshold that it was drawn with; none for one that shows no new picture of the model.
     threshold_px: Option<f32>,
     is_moving: bool,
+    work: Option<Work>,
 }
 
 /// A frame of the model that has finished.
@@ -87,6 +89,8 @@ pub(super) struct Finished {
     pub(super) threshold_px: f32,
     /// The camera moved.
     pub(super) is_moving: bool,
+    /// What was foreseen of it; none where no time is wanted, or it drew no cut.
+    pub(super) work: Option<Work>,
 }
 
 /// What the next frame shows.
@@ -103,6 +107,8 @@ pub(super) struct Request<'r> {
     pub(super) has_overlay: bool,
     /// The camera moves.
     pub(super) is_moving: bool,
+    /// What is foreseen of the frame.
+    pub(super) work: Option<Work>,
 }
 
 /// Draws a model onto a window. Must be dropped before the window.
@@ -230,9 +236,14 @@ impl Screen {
         Ok(())
     }
 
-    /// Shows another model from the next frame on. When it does not fit the device the old one stays.
-    pub(super) fn set_model(&mut self, model: Model) -> Result<(), Error> {
-        let scene = Scene::new(&self.gpu, &model)?;
+    /// Shows another model from the next frame on, whose `scene` may be there already. When it does not fit the device
+    /// the old one stays.
+    pub(super) fn set_model(&mut self, model: Model, scene: Option<Scene>) -> Result<(), Error> {
+        let scene = match scene {
+            Some(scene) if scene.is_on(&self.gpu) => scene,
+            // The device was lost meanwhile, or not yet open.
+            _ => Scene::new(&self.gpu, &model)?,
+        };
         self.finish()?;
         self.drop_model();
         self.model = Some(model);
@@ -243,6 +254,7 @@ impl Screen {
     pub(super) fn drop_model(&mut self) {
         self.model = None;
         self.scene = None;
+        self.renderer.forget_foreseen();
         self.drawn = None;
         self.picture = None;
         self.frame_times_ms.clear();
@@ -292,6 +304,23 @@ impl Screen {
         self.picture.is_some()
     }
 
+    /// What would be drawn with these settings.
+    pub(super) fn foresee(&mut self, settings: &Settings, camera: &Camera) -> Work {
+        let Some(model) = &self.model else {
+            return Work::default();
+        };
+        let Ok(view) = camera.view(model.origin) else {
+            return Work::default();
+        };
+        let foreseen = self.renderer.foresee(model, &view, settings);
+        Work {
+            visited: foreseen.counts.nodes_visited,
+            splats: foreseen.counts.splats,
+            triangles: foreseen.counts.triangles,
+            by_compute: foreseen.by_compute,
+        }
+    }
+
     /// What covers the picture from the next frame on.
     pub(super) fn cover(&mut self, painted: Painted) -> Result<(), Error> {
         if self.overlay.is_none() {
@@ -326,6 +355,7 @@ impl Screen {
                 times,
                 threshold_px,
                 is_moving: pending.is_moving,
+                work: pending.work,
             });
         }
         self.last_end = end;
@@ -390,6 +420,7 @@ impl Screen {
                     start,
                     threshold_px,
                     is_moving: request.is_moving,
+                    work: request.work,
                 });
                 let is_shown = match (&mut self.surface, onto) {
                     (Some(surface), Some(onto)) => surface.present(onto)?,

@@ -30,6 +30,8 @@ pub struct Window {
     pub graph: bool,
     /// Statistics are in the title.
     pub statistics: bool,
+    /// The light is parallel, not a point in the eye.
+    pub parallel_light: bool,
 }
 
 /// How models are drawn; names as on the command line.
@@ -48,6 +50,7 @@ pub struct Look {
     culling: String,
     two_sided: bool,
     colors: bool,
+    color_by: String,
     background: [u8; 3],
 }
 
@@ -68,6 +71,7 @@ impl Default for Window {
             panel: true,
             graph: false,
             statistics: true,
+            parallel_light: false,
         }
     }
 }
@@ -93,6 +97,7 @@ impl Look {
             culling: name_of(choices::CULLINGS, settings.culling).into(),
             two_sided: settings.two_sided,
             colors: settings.use_colors,
+            color_by: name_of(choices::COLORS_BY, settings.color_by).into(),
             background: settings.background.map(|c| (c * 255.0).round() as u8),
         }
     }
@@ -137,6 +142,7 @@ impl Look {
             culling: choice("culling", choices::CULLINGS, &self.culling)?,
             two_sided: self.two_sided,
             use_colors: self.colors,
+            color_by: choice("color_by", choices::COLORS_BY, &self.color_by)?,
             background: self.background.map(|c| f32::from(c) / 255.0),
             ..Settings::default()
         })
@@ -222,6 +228,7 @@ mod tests {
 
     use super::*;
     use crate::cut::SizeMetric;
+    use crate::draw::ColorBy;
     use crate::method::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
 
     #[test]
@@ -244,6 +251,7 @@ mod tests {
             culling: Culling::Off,
             two_sided: false,
             use_colors: false,
+            color_by: ColorBy::Primitive,
             background: [1.0, 0.2, 0.0],
             size: SizeMetric::Area,
             ..Settings::default()
@@ -255,6 +263,7 @@ mod tests {
                 panel: false,
                 graph: true,
                 statistics: false,
+                parallel_light: true,
             },
             look: Look::of(&settings),
         };

@@ -17,7 +17,7 @@ const IDLE_WAIT_S: f64 = 0.5;
 const TITLE_INTERVAL: Duration = Duration::from_millis(250);
 
 /// How long the window system has to give a window another size.
-const RESIZE_PATIENCE: Duration = Duration::from_secs(1);
+const RESIZE_PATIENCE: Duration = Duration::from_secs(5);
 
 /// A window with its events.
 pub(super) struct Window {
@@ -200,18 +200,13 @@ impl Window {
         let window = &mut self.window;
         // The monitor that most of the window lies on.
         let is_done = glfw.with_connected_monitors(|_, monitors| {
-            let shared = |monitor: &glfw::Monitor| {
+            let place = |monitor: &glfw::Monitor| {
                 let (left, top) = monitor.get_pos();
                 let mode = monitor.get_video_mode()?;
-                let right = left + mode.width as i32;
-                let bottom = top + mode.height as i32;
-                let across = (x + width).min(right) - x.max(left);
-                let down = (y + height).min(bottom) - y.max(top);
-                Some(i64::from(across.max(0)) * i64::from(down.max(0)))
+                Some((left, top, mode.width as i32, mode.height as i32))
             };
-            let best = monitors
-                .iter()
-                .max_by_key(|monitor| shared(monitor).unwrap_or(-1))?;
+            let places: Vec<_> = monitors.iter().map(|m| place(m)).collect();
+            let best = &monitors[monitor_of((x, y, width, height), &places)?];
             let mode = best.get_video_mode()?;
             window.set_monitor(
                 WindowMode::FullScreen(best),
@@ -323,8 +318,14 @@ impl Window {
             entries.extend(answers.drain(..).map(entry));
             entries.extend(app.finished().into_iter().map(entry));
             let mut result = None;
+            app.tell_device(loader);
             if let Some((path, loaded)) = loader.poll() {
-                entries.push(entry(Event::Loaded(path.clone())));
+                let is_preview = matches!(&loaded, Ok(loaded) if loaded.is_preview);
+                entries.push(entry(if is_preview {
+                    Event::Preview(path.clone())
+                } else {
+                    Event::Loaded(path.clone())
+                }));
                 result = Some((path, loaded));
             }
             if app.next_tick().is_some_and(|at| at <= now) {
@@ -359,6 +360,30 @@ impl Window {
         }
         app.finish(Some(&self.window))
     }
+}
+
+/// Left, top, width and height.
+type Place = (i32, i32, i32, i32);
+
+/// The monitor that most of a window lies on; where it lies on none, the one nearest to its middle. Of those that are
+/// alike the first; monitors without a place are not chosen.
+fn monitor_of(window: Place, monitors: &[Option<Place>]) -> Option<usize> {
+    let (x, y, width, height) = window;
+    let key = |&(left, top, w, h): &Place| {
+        let across = (x + width).min(left + w) - x.max(left);
+        let down = (y + height).min(top + h) - y.max(top);
+        let shared = i64::from(across.max(0)) * i64::from(down.max(0));
+        let middle = (x + width / 2, y + height / 2);
+        let away = |at: i32, from: i32, to: i32| i64::from((from - at).max(at - to).max(0));
+        let apart = away(middle.0, left, left + w).pow(2) + away(middle.1, top, top + h).pow(2);
+        (shared, -apart)
+    };
+    let with_place = monitors.iter().enumerate();
+    with_place
+        .filter_map(|(index, place)| Some((index, key(place.as_ref()?))))
+        .rev()
+        .max_by_key(|(_, key)| *key)
+        .map(|(index, _)| index)
 }
 
 fn flags(modifiers: glfw::Modifiers) -> Modifiers {
@@ -409,6 +434,24 @@ fn key_of(key: glfw::Key, printed: Option<&str>) -> Option<Key> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn full_screen_is_on_the_monitor_that_most_of_the_window_lies_on() {
+        let (left, right) = (Some((0, 0, 1920, 1080)), Some((1920, 0, 2560, 1440)));
+        let both = [left, right];
+        assert_eq!(monitor_of((100, 100, 800, 600), &both), Some(0));
+        assert_eq!(monitor_of((1500, 100, 800, 600), &both), Some(0));
+        assert_eq!(monitor_of((1600, 100, 800, 600), &both), Some(1));
+        // Above the upper one, which has negative coordinates on many desktops.
+        let above = [left, Some((0, -1200, 1920, 1200))];
+        assert_eq!(monitor_of((10, -700, 800, 600), &above), Some(1));
+        // On none: the nearest one.
+        assert_eq!(monitor_of((5000, 200, 100, 100), &both), Some(1));
+        assert_eq!(monitor_of((-5000, 200, 100, 100), &both), Some(0));
+        assert_eq!(monitor_of((100, 100, 800, 600), &[left, left]), Some(0));
+        assert_eq!(monitor_of((100, 100, 800, 600), &[None, right]), Some(1));
+        assert_eq!(monitor_of((100, 100, 800, 600), &[]), None);
+    }
 
     #[test]
     fn letters_go_by_the_layout_and_digits_by_place() {

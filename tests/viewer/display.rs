@@ -341,6 +341,40 @@ impl<'d> Window<'d> {
         self.display.x.sync().unwrap();
     }
 
+    /// Minimises the window as a window manager does, or brings it back: its state is told, and it is unmapped.
+    pub(crate) fn minimise(&self, is_minimised: bool) {
+        let x = &self.display.x;
+        let state = self.display.atom("WM_STATE");
+        // ICCCM 4.1.3.1: 3 is iconic, 1 normal; then the icon window.
+        let value = [if is_minimised { 3 } else { 1 }, 0];
+        x.change_property32(PropMode::REPLACE, self.id, state, state, &value)
+            .unwrap();
+        if is_minimised {
+            x.unmap_window(self.id).unwrap();
+        } else {
+            x.map_window(self.id).unwrap();
+        }
+        x.sync().unwrap();
+        if !is_minimised {
+            wait_for("the window to be seen again", || {
+                let attributes = x.get_window_attributes(self.id).unwrap().reply().unwrap();
+                (attributes.map_state == MapState::VIEWABLE).then_some(())
+            });
+            x.set_input_focus(InputFocus::PARENT, self.id, x11rb::CURRENT_TIME)
+                .unwrap();
+            x.sync().unwrap();
+        }
+    }
+
+    /// Processor time that the program has taken, all threads together; none where the system does not tell.
+    pub(crate) fn processor_time(&self) -> Option<Duration> {
+        let stat = std::fs::read_to_string(format!("/proc/{}/stat", self.process.id())).ok()?;
+        // proc(5): after the name in parentheses utime and stime are fields 12 and 13, in hundredths of a second.
+        let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+        let ticks: u64 = fields[11].parse::<u64>().ok()? + fields[12].parse::<u64>().ok()?;
+        Some(Duration::from_millis(10 * ticks))
+    }
+
     pub(crate) fn size(&self) -> (u32, u32) {
         let cookie = self.display.x.get_geometry(self.id).unwrap();
         let found = cookie.reply().unwrap();

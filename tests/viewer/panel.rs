@@ -320,3 +320,231 @@ fn a_turntable_is_pictures_from_all_around() {
         assert!(is_near(&picture, &drawn), "picture {index}");
     }
 }
+
+#[test]
+fn the_window_shows_what_render_draws_with_every_method_and_splat() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let look = ["generate:statue:30000", "--size", "200x160", "--validate"];
+    let look = [&look[..], &["--threshold", "3"]].concat();
+    let window = Window::open(&display, &[&look[..], &["--panel", "off"]].concat());
+    window.wait_for_title("pop, threshold 3 px");
+    let mut pictures: Vec<image::RgbImage> = Vec::new();
+    // Keys, one after the other in one window, and what makes the same picture on the command line.
+    for (keys, words) in [
+        (&[][..], ""),
+        (&["n"], "--splat disc"),
+        (&["n"], "--splat ellipse"),
+        (&["n"], "--splat gauss"),
+        (&["j"], "--splat gauss --shading deferred"),
+        (
+            &["."],
+            "--splat gauss --shading deferred --depth-offset 1.25",
+        ),
+        (&["o", "j", "n"], "--splat visibility"),
+        (&["k"], "--splat visibility --reconstruct density"),
+        (&["k"], "--splat visibility --reconstruct pull-push"),
+        (
+            &["c", "c"],
+            "--splat visibility --reconstruct pull-push --color-by classification",
+        ),
+        (&["c", "k", "n"], "--splat filtered"),
+        // Around, to squares, whose usual way of blending is told by its name first.
+        (&["n", "m", "m"], "--blend two-pass"),
+        // Two ways are passed over with a message.
+        (&["m", "c"], "--color-by primitive"),
+        (&["c", "b"], "--culling off"),
+        (&["b", "a"], "--method triangles"),
+        (&["u"], "--method triangles --one-sided"),
+        (&["u", "s"], "--method points"),
+        (&["x"], "--method splats"),
+        (&["n"], "--method splats --splat disc"),
+        (&["Shift+n", "d"], ""),
+    ] {
+        for key in keys {
+            window.key(key);
+            // A key that comes again within 20 ms is held, for the window system.
+            std::thread::sleep(Duration::from_millis(40));
+        }
+        let words: Vec<&str> = words.split_whitespace().collect();
+        let drawn = render(
+            &[&look[..], &words].concat(),
+            &folder.path().join("drawn.png"),
+        );
+        wait_for(&format!("the picture of {words:?}"), || {
+            if window.picture() == drawn {
+                return Some(());
+            }
+            // What was passed over or refused is told on top of the picture.
+            window.key("BackSpace");
+            std::thread::sleep(Duration::from_millis(30));
+            None
+        });
+        let last = pictures.last();
+        assert!(
+            last.is_none_or(|last| *last != drawn),
+            "{words:?} is as before"
+        );
+        pictures.push(drawn);
+    }
+    assert!(pictures.last() == pictures.first());
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
+fn a_hidden_panel_has_no_pass() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let passes = |panel: &str| {
+        let arguments = [
+            "generate:statue:2000",
+            "--size",
+            "400x300",
+            "--panel",
+            panel,
+        ];
+        let mut command = display.surfel(&arguments);
+        command.args(["--exit-after-frames", "4", "--log", "surfel=debug"]);
+        let output = run(&mut command);
+        must_succeed(&output);
+        let log = String::from_utf8_lossy(&output.stderr).into_owned();
+        let count = |pass: &str| log.matches(&format!("pass{{name=\"{pass}\"}}")).count();
+        (count("hybrid.triangles"), count("overlay"))
+    };
+    let (drawn, covered) = passes("off");
+    assert!(
+        drawn >= 4 && covered == 0,
+        "{drawn} frames, {covered} covered"
+    );
+    let (drawn, covered) = passes("on");
+    assert!(
+        drawn >= 4 && covered >= 4,
+        "{drawn} frames, {covered} covered"
+    );
+}
+
+#[test]
+fn nothing_is_done_while_nothing_moves_and_a_minimised_window_comes_back() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let look = ["generate:statue:20000", "--size", "300x200", "--validate"];
+    let file = folder.path().join("drawn.png");
+    let expected = render(&look, &file);
+    let window = Window::open(&display, &[&look[..], &["--panel", "off"]].concat());
+    window.wait_for_picture("the first picture", &expected);
+    let rests = |what: &str| {
+        // It may have something left to finish.
+        std::thread::sleep(Duration::from_millis(300));
+        let (Some(before), wait) = (window.processor_time(), Duration::from_millis(1500)) else {
+            eprintln!("no processor times here: rest is not tested");
+            return;
+        };
+        std::thread::sleep(wait);
+        let used = window.processor_time().unwrap() - before;
+        println!("{what}: {used:?} of the processor in {wait:?}");
+        // A window that draws or polls takes all of it, or as much as others leave. Two wake-ups a second take less
+        // than a hundredth.
+        assert!(
+            used <= Duration::from_millis(70),
+            "{what}: {used:?} in {wait:?}"
+        );
+    };
+    rests("at rest");
+    window.minimise(true);
+    rests("minimised");
+    // What comes meanwhile is taken, and shown when the window is.
+    let camera = folder.path().join("camera.json");
+    let words = ["--orbit", "100,50,0.5", "--save-camera"];
+    let other = render(
+        &[&look[..], &words, &[camera.to_str().unwrap()]].concat(),
+        &file,
+    );
+    window.drop_file(&camera);
+    std::thread::sleep(Duration::from_millis(100));
+    window.minimise(false);
+    window.wait_for_picture("the view that was dropped meanwhile", &other);
+    window.minimise(true);
+    window.minimise(false);
+    window.wait_for_picture("the same view", &other);
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
+fn a_large_model_has_a_coarse_picture_first_and_the_view_stays() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("input.jsonl");
+    let look = ["generate:statue:400000", "--size", "300x200", "--validate"];
+    let window = Window::open(
+        &display,
+        &[
+            &look[..],
+            &["--panel", "off", "--threshold", "2", "--record"],
+            &[input.to_str().unwrap()],
+        ]
+        .concat(),
+    );
+    window.wait_for_title("threshold 2 px");
+    let threshold = [&look[..], &["--threshold", "2"]].concat();
+    let whole = render(&threshold, &folder.path().join("drawn.png"));
+    window.wait_for_picture("the whole model", &whole);
+    window.key("q");
+    must_succeed(&window.end());
+    let recorded = std::fs::read_to_string(&input).unwrap();
+    let at = |what: &str| {
+        recorded
+            .find(what)
+            .unwrap_or_else(|| panic!("no {what}: {recorded}"))
+    };
+    assert!(at("\"preview\"") < at("\"loaded\""));
+    // The same with a turn in between: the view of the preview stays when the model comes.
+    let (before, after) = recorded.split_at(recorded[..at("\"loaded\"")].rfind('\n').unwrap() + 1);
+    let step = |text: &str| -> u64 {
+        let start = text.find("\"step\":").unwrap() + 7;
+        let digits = text[start..].split(|c: char| !c.is_ascii_digit()).next();
+        digits.unwrap().parse().unwrap()
+    };
+    let key = r#"{"key":{"key":{"pad":3},"pressed":true}}"#;
+    let turned = format!(
+        "{before}{{\"step\":{},\"time\":1.0,\"event\":{key}}}\n{after}",
+        step(after)
+    );
+    std::fs::write(&input, turned).unwrap();
+    let pictures = folder.path().join("pictures");
+    let mut command = display.surfel(&threshold);
+    command.args(["--replay"]).arg(&input).arg("--headless");
+    must_succeed(&run(command.arg("--pictures").arg(&pictures)));
+    let mut names: Vec<_> = std::fs::read_dir(&pictures)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    names.sort();
+    let side = [&threshold[..], &["--orbit", "90,0,1"]].concat();
+    let side = render(&side, &folder.path().join("drawn.png"));
+    let (coarse, fine) = (load(&names[0]), load(names.last().unwrap()));
+    assert!(
+        changed(&fine, &side) <= 60,
+        "{} pixels",
+        changed(&fine, &side)
+    );
+    // Coarse, but of the same shape: its outline is the model's but for the size of its points.
+    assert!(coarse != whole);
+    let outline = |p: &image::RgbImage, q: &image::RgbImage| {
+        let lit = |p: &image::Rgb<u8>| p.0 != [0; 3];
+        p.pixels()
+            .zip(q.pixels())
+            .filter(|(a, b)| lit(a) != lit(b))
+            .count()
+    };
+    let (apart, lit) = (outline(&coarse, &whole), lit_pixels(&whole));
+    assert!(10 * apart < lit, "{apart} of {lit} pixels");
+}

@@ -46,9 +46,16 @@ impl Renderer {
         let mut times = FrameTimes::default();
         let cut = Stage::Cut.begin();
         let cut_settings = cut_settings(settings, model);
-        self.selector
-            .select(model, view, &cut_settings, &mut self.cut);
+        let foreseen_ms = match self.foreseen.take() {
+            Some((of, with, ms, _)) if of == *view && with == cut_settings => ms,
+            other => {
+                self.selector
+                    .select(model, view, &cut_settings, &mut self.cut);
+                other.map_or(0.0, |(_, _, ms, _)| ms)
+            }
+        };
         cut.end(&mut times);
+        times.cut_ms += foreseen_ms;
 
         let packing = Stage::Pack.begin();
         self.frames.wait_for_next()?;

@@ -1,7 +1,7 @@
 //! What a window asks of the renderer beyond pictures: frames that go to the screen without waiting for each
 //! other, new sizes, and the depth under the cursor.
 
-use super::{FrameTimes, Renderer, Submitted};
+use super::{Counts, FrameTimes, Renderer, Submitted};
 use crate::draw::Lighting;
 use crate::gpu::Error;
 use crate::gpu::buffer::Readback;
@@ -11,9 +11,11 @@ use crate::gpu::overlay::Overlay;
 use crate::gpu::surface::Acquired;
 use crate::image::Image;
 use crate::math::camera::View;
-use crate::method::Settings;
+use crate::method::compute;
+use crate::method::plan::cut_settings;
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
+use crate::method::{Method, Settings};
 use crate::tree::Model;
 use std::time::Instant;
 
@@ -21,6 +23,15 @@ use std::time::Instant;
 const PROBE_RADIUS_PX: u32 = 6;
 /// Most pixels of a probe.
 const PROBE_PIXELS: u64 = (2 * PROBE_RADIUS_PX as u64 + 1).pow(2);
+
+/// What a frame would draw.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Foreseen {
+    /// How much.
+    pub counts: Counts,
+    /// Small splats by compute.
+    pub by_compute: bool,
+}
 
 /// Where a frame goes besides the renderer's own targets.
 #[derive(Debug)]
@@ -72,11 +83,51 @@ impl Renderer {
         if (self.targets.color.width, self.targets.color.height) != (width, height) {
             self.targets = Targets::new(&self.gpu, width, height, self.outputs.normal)?;
             self.readback = None;
+            self.small = None;
             self.filtered = None;
             self.visibility = None;
             self.fuzzy = None;
         }
         Ok(())
+    }
+
+    /// Counts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next
+    /// frame if that has the same view and settings. The time is booked as that frame's. Nothing without a cut.
+    pub fn foresee(&mut self, model: &Model, view: &View, settings: &Settings) -> Foreseen {
+        if !settings.has_cut() {
+            return Foreseen::default();
+        }
+        let start = Instant::now();
+        let with = cut_settings(settings, model);
+        let (splats, large) = match self.foreseen {
+            Some((of, chosen, _, counts)) if of == *view && chosen == with => counts,
+            _ => {
+                let before = self.foreseen.take().map_or(0.0, |(_, _, ms, _)| ms);
+                self.selector.select(model, view, &with, &mut self.cut);
+                let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
+                let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
+                let counts = (splats, self.cut.triangles.len() as u64);
+                self.foreseen = Some((*view, with, before + super::ms(start), counts));
+                counts
+            }
+        };
+        let is_whole = settings.method == Method::Splats;
+        let splats = if is_whole { splats + large } else { splats };
+        let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets).unwrap_or(false);
+        Foreseen {
+            counts: Counts {
+                nodes_visited: self.cut.stats.visited,
+                splats,
+                triangles: if is_whole { 0 } else { large },
+                ..Counts::default()
+            },
+            by_compute: by_compute && compute::pays(splats as usize, 0.125, view, settings),
+        }
+    }
+
+    /// Forgets the cut that was chosen for a frame that is not drawn; to be called when the model changes.
+    pub fn forget_foreseen(&mut self) {
+        self.foreseen = None;
     }
 
     /// Submits one frame that is drawn, covered by the overlay (if any) and put where `shown` says, and does not

@@ -78,6 +78,10 @@ impl App {
                     ..old
                 });
             }
+            Command::UsualDepthOffset => self.wish(Settings {
+                depth_offset: None,
+                ..old
+            }),
             Command::Light => self.set_light(match self.light {
                 Light::Point => Light::Directional,
                 Light::Directional => Light::Point,
@@ -243,6 +247,9 @@ impl App {
         if looks_other {
             // Other passes: their times are not to be mixed.
             self.history.clear();
+            if let Some(control) = &mut self.control {
+                control.forget();
+            }
         }
         self.settings = settings;
         self.is_dirty = true;

@@ -1,13 +1,16 @@
 //! Frames, and the way on after one that failed.
 
 use super::{App, MOST_LOSSES};
+use crate::gpu::device::Kind;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
-use crate::method::Settings;
+use crate::method::{Method, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
+use crate::viewer::control::Work;
 use crate::viewer::event::Event;
 use crate::viewer::graph::work_ms;
+use crate::viewer::pace::{Paced, Summary};
 use crate::viewer::screen::{Request, Shown, Way, way_after};
 use std::sync::Arc;
 
@@ -15,14 +18,32 @@ impl App {
     /// What the frames that have finished cost, as events.
     pub(in crate::viewer) fn finished(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
+        // Frames overlap: on a device of its own the longer of the two decides, on a software device both need the
+        // same processor.
+        let overlaps = self.screen.gpu().info().kind != Kind::Cpu;
         for frame in self.screen.take_finished() {
             self.history.add(&frame.times);
-            if self.control.is_some() && frame.is_moving {
-                events.push(Event::Frame {
-                    ms: work_ms(&frame.times),
+            let Some(drew) = frame.work else { continue };
+            let ms = work_ms(&frame.times, overlaps);
+            tracing::debug!(
+                cut_ms = frame.times.cut_ms,
+                pack_ms = frame.times.pack_ms,
+                submit_ms = frame.times.submit_ms,
+                passes = ?frame.times.passes,
+                "finished"
+            );
+            if frame.is_moving {
+                self.paced.push(Paced {
+                    ms,
                     threshold_px: frame.threshold_px,
+                    is_finest: frame.threshold_px <= self.settings.threshold_px,
                 });
             }
+            events.push(Event::Frame {
+                ms,
+                threshold_px: frame.threshold_px,
+                drew,
+            });
         }
         events
     }
@@ -63,16 +84,51 @@ impl App {
         std::mem::replace(&mut self.shown_figures, now) != now
     }
 
-    /// How the next frame is drawn.
-    fn effective_settings(&self) -> Settings {
+    /// How the next frame is drawn, a new picture of a moving camera as coarsely as the wanted time asks for; and what it
+    /// will draw, where a time is wanted.
+    fn effective_settings(&mut self, is_new_picture: bool) -> (Settings, Option<Work>) {
         let mut settings = self.settings;
-        if let Some(control) = &self.control
+        if self.is_preview {
+            // Points are all it has.
+            settings.method = Method::Pop;
+            settings.splat = SplatKind::Disc;
+            (settings.blend, settings.shading) = (None, Shading::PerSplat);
+        }
+        let is_planned = is_new_picture && self.is_moving();
+        let camera = self.camera();
+        if let (Some(control), Some(camera)) = (&mut self.control, camera)
             && settings.has_cut()
             && self.turntable.is_none()
         {
-            settings.threshold_px = control.threshold_px().max(settings.threshold_px);
+            let px = if is_planned {
+                let screen = &mut self.screen;
+                control.plan(|threshold_px| {
+                    let settings = Settings {
+                        threshold_px,
+                        ..settings
+                    };
+                    screen.foresee(&settings, &camera)
+                })
+            } else {
+                control.threshold_px()
+            };
+            settings.threshold_px = px.max(settings.threshold_px);
+            // Of the drawn frame only this is comparable with what is foreseen of others.
+            let work = is_new_picture.then(|| self.screen.foresee(&settings, &camera));
+            return (settings, work);
         }
-        settings
+        (settings, None)
+    }
+
+    /// How well the frames so far kept the wanted time; none where none is wanted.
+    pub(in crate::viewer) fn pace(&self) -> Option<Summary> {
+        let control = self.control.as_ref()?;
+        Some(Summary::of(&self.paced, control.target_ms()))
+    }
+
+    /// Whether a time of frames is wanted.
+    pub(in crate::viewer) fn is_paced(&self) -> bool {
+        self.control.is_some()
     }
 
     /// Draws and presents a frame. Returns whether the window gave an image.
@@ -103,12 +159,15 @@ impl App {
     }
 
     fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<Shown, Error> {
-        let has_cover = self.has_cover();
-        if has_cover {
+        // Where nothing covers the picture there is nothing to paint anew, only to show once more.
+        let was_dirty = self.is_cover_dirty;
+        if self.has_cover() {
             self.paint_cover()?;
+        } else {
+            self.is_cover_dirty = false;
         }
         let is_new_picture = self.is_dirty || !self.screen.has_picture();
-        let settings = self.effective_settings();
+        let (settings, work) = self.effective_settings(is_new_picture);
         let is_moving = self.is_moving();
         let orbit_is_there = self.orbit.is_some();
         let request = Request {
@@ -118,6 +177,7 @@ impl App {
             is_new_picture,
             has_overlay: self.has_cover(),
             is_moving,
+            work,
         };
         // The window may have another size already than its events say. That is no input, so the turntable must not
         // learn of it.
@@ -127,14 +187,17 @@ impl App {
             Some(camera_of(orbit.as_ref()?, fixed.as_ref(), light, size))
         })?;
         if shown == Shown::Nothing {
+            self.is_cover_dirty |= was_dirty;
             return Ok(shown);
         }
         if is_new_picture {
             self.is_dirty = shown == Shown::Again;
             if orbit_is_there && shown == Shown::Frame {
-                self.good = Some(self.settings);
                 self.frames += 1;
-                self.after_frame()?;
+                if !self.is_preview {
+                    self.good = Some(self.settings);
+                    self.after_frame()?;
+                }
             }
         }
         Ok(shown)
@@ -165,6 +228,7 @@ impl App {
     fn forget_model(&mut self, message: &str) {
         self.screen.drop_model();
         self.orbit = None;
+        self.is_preview = false;
         self.facts = None;
         self.is_dirty = true;
         self.warn(message);

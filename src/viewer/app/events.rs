@@ -109,12 +109,16 @@ impl App {
                 }
             }
             Event::Tick(seconds) => self.tick(*seconds),
-            Event::Frame { ms, threshold_px } => {
+            Event::Frame {
+                ms,
+                threshold_px,
+                drew,
+            } => {
                 if let Some(control) = &mut self.control {
-                    control.frame(*threshold_px, *ms);
+                    control.frame(*threshold_px, drew, *ms);
                 }
             }
-            Event::Text(_) | Event::CursorGone | Event::Loaded(_) => {}
+            Event::Text(_) | Event::CursorGone | Event::Preview(_) | Event::Loaded(_) => {}
         }
         Ok(())
     }

@@ -11,16 +11,16 @@ use super::control::Control;
 use super::event::Key;
 use super::graph::History;
 use super::input::Mouse;
-use super::loader::OpenError;
+use super::loader::{Loaded, Loader, OpenError};
 use super::notice::{Notices, Weight};
+use super::pace::Paced;
 use super::panel::Facts;
 use super::screen::Screen;
 use super::ui::Interface;
 use super::{Error, Options, text};
 use crate::gpu::messages::Messages;
 use crate::math::camera::{Camera, Light};
-use crate::method::Settings;
-use crate::tree::Model;
+use crate::method::{Method, Settings};
 use commands::Turntable;
 use glam::DVec2;
 use std::collections::BTreeSet;
@@ -70,6 +70,8 @@ pub(super) struct App {
     /// Settings that a frame was drawn with.
     good: Option<Settings>,
     control: Option<Control>,
+    /// Frames of a moving camera, where a time is wanted.
+    paced: Vec<Paced>,
     mouse: Mouse,
     /// Distance of what the drag that goes on has hold of.
     drag_distance: f64,
@@ -85,6 +87,8 @@ pub(super) struct App {
     facts: Option<Facts>,
     /// Where the model came from.
     path: PathBuf,
+    /// What is shown is a coarse preview of it.
+    is_preview: bool,
     /// What the window does besides, such as `scan.ply - building nodes 43%`.
     pub(super) status: Option<String>,
     pub(super) name: String,
@@ -127,10 +131,15 @@ impl App {
             interface: Interface::default(),
             orbit: None,
             fixed: options.camera.clone(),
-            light: options.camera.as_ref().map_or(Light::Point, |c| c.light),
+            light: match &options.camera {
+                Some(camera) => camera.light,
+                None if options.window.parallel_light => Light::Directional,
+                None => Light::Point,
+            },
             settings: options.settings,
             good: None,
             control,
+            paced: Vec::new(),
             mouse: Mouse::default(),
             drag_distance: 0.0,
             drag_at: DVec2::ZERO,
@@ -142,6 +151,7 @@ impl App {
             history: History::default(),
             facts: None,
             path: PathBuf::new(),
+            is_preview: false,
             status: None,
             name: text::name(&options.model),
             has_panel: options.window.panel,
@@ -170,6 +180,11 @@ impl App {
         self.options.screenshot.is_some()
             || self.options.exit_after_frames.is_some()
             || self.options.turntable.is_some()
+    }
+
+    /// Whether the light is parallel.
+    pub(super) fn has_parallel_light(&self) -> bool {
+        self.light == Light::Directional
     }
 
     /// Whether something is to be drawn.
@@ -212,54 +227,37 @@ impl App {
         (last.weight == Weight::Warning).then_some(last.text.as_str())
     }
 
-    /// A model was loaded, or could not be. Comes with [`super::event::Event::Loaded`].
+    /// Says where models are to be copied to while they are loaded.
+    pub(super) fn tell_device(&self, loader: &mut Loader) {
+        loader.copy_to(self.screen.gpu(), self.settings.method == Method::Triangles);
+    }
+
+    /// A model was loaded, or could not be, or a preview of it has come. Comes with [`super::event::Event::Loaded`] or
+    /// [`super::event::Event::Preview`].
     pub(super) fn loaded(
         &mut self,
         path: &Path,
-        result: Result<Model, OpenError>,
+        result: Result<Loaded, OpenError>,
     ) -> Result<(), Error> {
-        self.status = None;
         self.is_cover_dirty = true;
+        let result = match result {
+            // Who asked for pictures wants them of the whole model.
+            Ok(loaded) if loaded.is_preview && self.is_unattended() => return Ok(()),
+            other => other,
+        };
+        let is_preview = matches!(&result, Ok(loaded) if loaded.is_preview);
+        if !is_preview {
+            self.status = None;
+        }
         let outcome = match result {
-            Ok(model) => self
+            Ok(loaded) => self
                 .screen
-                .set_model(model)
+                .set_model(loaded.model, loaded.scene)
                 .map_err(|e| Box::new(e) as OpenError),
             Err(error) => Err(error),
         };
         match outcome {
-            Ok(()) => {
-                let is_another = self.orbit.is_some();
-                self.path = path.to_owned();
-                self.name = text::name(path);
-                self.history.clear();
-                let orbit = self.options.orbit;
-                let Some(model) = self.screen.model() else {
-                    return Ok(());
-                };
-                self.facts = Some(Facts {
-                    name: self.name.clone(),
-                    triangles: model.triangles.len() as u64,
-                    vertices: model.vertices.len() as u64,
-                    nodes: (model.tree.nodes.len() + model.tree.leaves.len()) as u64,
-                    bytes: model.memory_bytes().total(),
-                    is_closed: model.is_closed,
-                });
-                self.is_dirty = true;
-                let center = model.origin + model.orbit_center.as_dvec3();
-                let radius = f64::from(model.orbit_radius);
-                self.orbit = Some(Orbit::new(center, radius, self.size, orbit));
-                if is_another {
-                    self.fixed = None;
-                }
-                if let (Some(camera), Some(orbit)) = (&self.fixed, &mut self.orbit) {
-                    orbit.look_as(camera);
-                }
-                if let Some(folder) = self.options.turntable.clone() {
-                    self.start_turntable(folder)?;
-                }
-                Ok(())
-            }
+            Ok(()) => self.take_model(path, is_preview),
             Err(error) if self.is_unattended() => Err(Error::Open(error)),
             Err(error) => {
                 let message = error.to_string();
@@ -272,6 +270,48 @@ impl App {
                 });
                 Ok(())
             }
+        }
+    }
+
+    /// Looks at the model that the screen has.
+    fn take_model(&mut self, path: &Path, is_preview: bool) -> Result<(), Error> {
+        // The view of a preview stays: somebody may have turned it.
+        let is_expected = self.is_preview && self.path == path;
+        let is_another = self.orbit.is_some() && !is_expected;
+        self.is_preview = is_preview;
+        self.path = path.to_owned();
+        self.name = text::name(path);
+        self.history.clear();
+        if let Some(control) = &mut self.control {
+            control.forget();
+        }
+        let orbit = self.options.orbit;
+        let Some(model) = self.screen.model() else {
+            return Ok(());
+        };
+        self.facts = (!is_preview).then(|| Facts {
+            name: self.name.clone(),
+            triangles: model.triangles.len() as u64,
+            vertices: model.vertices.len() as u64,
+            nodes: (model.tree.nodes.len() + model.tree.leaves.len()) as u64,
+            bytes: model.memory_bytes().total(),
+            is_closed: model.is_closed,
+        });
+        self.is_dirty = true;
+        let center = model.origin + model.orbit_center.as_dvec3();
+        let radius = f64::from(model.orbit_radius);
+        if !is_expected || self.orbit.is_none() {
+            self.orbit = Some(Orbit::new(center, radius, self.size, orbit));
+            if is_another {
+                self.fixed = None;
+            }
+            if let (Some(camera), Some(orbit)) = (&self.fixed, &mut self.orbit) {
+                orbit.look_as(camera);
+            }
+        }
+        match self.options.turntable.clone() {
+            Some(folder) if !is_preview => self.start_turntable(folder),
+            _ => Ok(()),
         }
     }
 }

@@ -1,0 +1,244 @@
+//! The time of frames on a recorded walk. No clock decides here: what a frame takes is computed from what its cut
+//! draws, with noise, and told two frames later, as on a window.
+
+use std::collections::VecDeque;
+use std::path::Path;
+use surfel::cut::{Cut, Selector};
+use surfel::generate::{Shape, Spec};
+use surfel::method::{Settings, plan};
+use surfel::progress::Silent;
+use surfel::tree::{self, BuildOptions, Model};
+use surfel::viewer::camera::Orbit;
+use surfel::viewer::control::{Control, Work};
+use surfel::viewer::event::{Event, Key};
+use surfel::viewer::input::{Drag, Gesture, Mouse};
+use surfel::viewer::pace::{Paced, Summary};
+use surfel::viewer::record;
+
+use glam::{DVec2, DVec3};
+
+/// The cameras of the walk, one for each step that moves, as the window makes them: a drag, a flight, and back.
+fn walk(model: &Model) -> Vec<Orbit> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/walk.jsonl");
+    let center = model.origin + model.orbit_center.as_dvec3();
+    let radius = f64::from(model.orbit_radius);
+    let home = (30f64.to_radians(), 20f64.to_radians(), 1.0);
+    let mut orbit = Orbit::new(center, radius, (640, 480), home);
+    let (mut mouse, mut held, mut flies, mut last) = (Mouse::default(), None, false, None);
+    let mut cameras = Vec::new();
+    for entry in record::read(&path).unwrap() {
+        let before = orbit.clone();
+        match entry.event {
+            Event::Cursor(at) => {
+                let at = DVec2::from_array(at);
+                let gesture = mouse.moved(at);
+                if flies {
+                    if let Some(last) = last.replace(at) {
+                        orbit.look_around(at - last);
+                    }
+                } else if let Some(Gesture::Move(Drag::Turn, by)) = gesture {
+                    orbit.turn(by);
+                }
+            }
+            Event::Button {
+                button,
+                pressed,
+                modifiers,
+            } => {
+                mouse.button(button, pressed, modifiers, entry.time);
+            }
+            Event::Key { key, pressed, .. } => match key {
+                Key::Char('g') => (flies, last) = (!flies, None),
+                Key::Char(c) => held = pressed.then_some(c),
+                other => panic!("the walk has no use for {other:?}"),
+            },
+            Event::Tick(seconds) => {
+                let way = match held {
+                    Some('w') => DVec3::NEG_Z,
+                    Some('s') => DVec3::Z,
+                    Some('a') => DVec3::NEG_X,
+                    Some('d') => DVec3::X,
+                    other => panic!("a tick with {other:?} held"),
+                };
+                orbit.fly(way * 0.5 * seconds);
+            }
+            _ => {}
+        }
+        if orbit != before {
+            cameras.push(orbit.clone());
+        }
+    }
+    cameras
+}
+
+/// Evenly spread numbers from 0 to 1 (Knuth's MMIX generator).
+struct Noise(u64);
+
+impl Noise {
+    fn next(&mut self) -> f64 {
+        let next = self.0.wrapping_mul(6_364_136_223_846_793_005);
+        self.0 = next.wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 40) as f64 / f64::from(1 << 24)
+    }
+
+    /// Of mean 0 and deviation 1, nearly normal.
+    fn normal(&mut self) -> f64 {
+        (0..12).map(|_| self.next()).sum::<f64>() - 6.0
+    }
+}
+
+/// What a device takes: for a frame at all, and for each node visited, splat and triangle, milliseconds.
+struct Device {
+    frame: f64,
+    visited: f64,
+    splat: f64,
+    triangle: f64,
+}
+
+const TARGET: f64 = 33.0;
+
+/// The frames of a walk over `cameras`.
+fn drive(
+    model: &Model,
+    cameras: &[Orbit],
+    device: &Device,
+    control: &mut Control,
+    noise: &mut Noise,
+) -> Vec<Paced> {
+    let finest = 1.0;
+    let mut selector = Selector::default();
+    let mut cut = Cut::default();
+    let mut under_way: VecDeque<(f32, Work, f64)> = VecDeque::new();
+    cameras
+        .iter()
+        .map(|orbit| {
+            let view = orbit.camera().view(model.origin).unwrap();
+            let mut work = |threshold_px: f32| {
+                let settings = Settings {
+                    threshold_px,
+                    ..Settings::default()
+                };
+                let with = plan::cut_settings(&settings, model);
+                selector.select(model, &view, &with, &mut cut);
+                let strips: u64 = cut.strips.iter().map(|s| u64::from(s.count)).sum();
+                Work {
+                    visited: cut.stats.visited,
+                    splats: (cut.nodes.len() + cut.leaves.len()) as u64 + strips,
+                    triangles: cut.triangles.len() as u64,
+                    by_compute: false,
+                }
+            };
+            control.moved();
+            let threshold_px = control.plan(&mut work);
+            let drawn = work(threshold_px);
+            let exact = device.frame
+                + device.visited * drawn.visited as f64
+                + device.splat * drawn.splats as f64
+                + device.triangle * drawn.triangles as f64;
+            // One frame in a hundred waits for something else.
+            let hiccup = if noise.next() < 0.01 { 2.0 } else { 1.0 };
+            let ms = exact * hiccup * (1.0 + 0.03 * noise.normal());
+            under_way.push_back((threshold_px, drawn, ms));
+            if under_way.len() > 2
+                && let Some((px, drawn, ms)) = under_way.pop_front()
+            {
+                control.frame(px, &drawn, ms);
+            }
+            Paced {
+                ms,
+                threshold_px,
+                is_finest: threshold_px <= finest,
+            }
+        })
+        .collect()
+}
+
+fn statue() -> Model {
+    let spec = Spec::with_triangles(Shape::Statue, 200_000).unwrap();
+    let mesh = surfel::generate::mesh(&spec);
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+#[test]
+fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds_of_the_way_there()
+{
+    let model = statue();
+    let cameras = walk(&model);
+    let half = cameras.len() / 2;
+    // It ends about where it began, and has been elsewhere.
+    let apart = |a: &Orbit, b: &Orbit| (a.eye() - b.eye()).length() / f64::from(model.orbit_radius);
+    assert!(cameras.len() > 400 && apart(&cameras[cameras.len() - 1], &cameras[0]) < 0.1);
+    assert!(apart(&cameras[half], &cameras[0]) > 1.0);
+    // Splats that cost much, triangles that cost much, and a device that takes half of the time for nothing.
+    for (name, device) in [
+        (
+            "splats",
+            Device {
+                frame: 1.0,
+                visited: 2e-5,
+                splat: 2e-3,
+                triangle: 3e-3,
+            },
+        ),
+        (
+            "triangles",
+            Device {
+                frame: 3.0,
+                visited: 1e-4,
+                splat: 5e-4,
+                triangle: 3e-3,
+            },
+        ),
+        (
+            "slow to begin",
+            Device {
+                frame: TARGET / 2.0,
+                visited: 1e-5,
+                splat: 1e-3,
+                triangle: 1.5e-3,
+            },
+        ),
+    ] {
+        let mut control = Control::new(TARGET, 1.0);
+        let mut noise = Noise(1);
+        let frames = drive(&model, &cameras, &device, &mut control, &mut noise);
+        let summary = Summary::of(&frames, TARGET);
+        println!("{name}: {summary}");
+        assert!(
+            summary.frames > 350 && summary.kept() >= 0.95,
+            "{name}: {summary}"
+        );
+        // The walk asks for other thresholds on its way, or it would show nothing.
+        let (least, most) = summary.thresholds_px;
+        assert!(
+            most > 1.25 * least && summary.finer == 0,
+            "{name}: {summary}"
+        );
+        // The same way again and back, now that the device is known.
+        let mut there: Vec<Orbit> = cameras[..half].to_vec();
+        drive(&model, &there, &device, &mut control, &mut noise);
+        let forward = drive(&model, &there, &device, &mut control, &mut noise);
+        there.reverse();
+        let mut back = drive(&model, &there, &device, &mut control, &mut noise);
+        back.reverse();
+        let apart = forward
+            .iter()
+            .zip(&back)
+            .map(|(a, b)| (a.threshold_px / b.threshold_px).max(b.threshold_px / a.threshold_px))
+            .fold(1.0f32, f32::max);
+        println!("{name}: thresholds there and back differ by a factor of at most {apart}");
+        assert!(apart < 1.1, "{name}: {apart}");
+        // A camera that stays where it is, as under a hand that trembles: the threshold settles and stays within
+        // what noise may move it, and it does not swing.
+        let still = vec![cameras[half].clone(); 120];
+        let rest = drive(&model, &still, &device, &mut control, &mut noise);
+        let late = &rest[20..];
+        let turns = late
+            .windows(2)
+            .filter(|w| w[0].threshold_px != w[1].threshold_px)
+            .count();
+        assert!(turns <= 4, "{name}: {turns} changes at rest");
+        let bounds = Summary::of(late, TARGET).thresholds_px;
+        assert!(bounds.1 < 1.08 * bounds.0, "{name}: {bounds:?} at rest");
+    }
+}
