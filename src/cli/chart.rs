@@ -238,7 +238,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             model: path.clone(),
             weld: args.weld,
         };
-        let ready = source.ready_with(&bar)?;
+        let ready = source.ready_with(&bar, &mut |_| ())?;
         if ready.model.vertices.is_empty() {
             return Err(usage(format!(
                 "{}: there is nothing in it to draw",
