@@ -272,10 +272,19 @@ fn has_large_leaves(model: &Model, view: &View, threshold_px: f32) -> bool {
     !cut.triangles.is_empty()
 }
 
+fn has_area(model: &Model, corners: &[u32; 3]) -> bool {
+    let [a, b, c] = corners.map(|i| model.vertices[i as usize].position.as_dvec3());
+    (b - a).cross(c - a).length_squared() > 0.0
+}
+
 /// Twice the radius of the largest leaf over its distance, in pixels of the picture; 0 for none.
 fn largest_leaf_px(model: &Model, view: &View) -> f64 {
     let mut largest: f64 = 0.0;
-    for leaf in &model.tree.leaves {
+    for (id, leaf) in model.tree.leaves.iter().enumerate() {
+        // What has no area is not drawn.
+        if model.triangles.get(id).is_some_and(|t| !has_area(model, t)) {
+            continue;
+        }
         let radius = f64::from(leaf.radius * view.model_scale);
         let z = f64::from(view.distance(leaf.center));
         if z < -radius {
@@ -314,8 +323,7 @@ fn distances(model: &Model, view: &View, truth: Option<&FloatImage>) -> Vec<f64>
         }
     };
     for corners in &model.triangles {
-        let [a, b, c] = corners.map(|i| model.vertices[i as usize].position.as_dvec3());
-        if (b - a).cross(c - a).length_squared() > 0.0 {
+        if has_area(model, corners) {
             corners.iter().for_each(|i| touch(*i));
         }
     }
