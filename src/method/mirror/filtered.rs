@@ -381,23 +381,25 @@ fn normalize(
         let [r, g, b] = [0, 1, 2].map(|c| unorm8(own[c] * covered + beyond[c] * (1.0 - covered)));
         [r, g, b, unorm8(alpha).max(1)]
     };
+    let pixels = sums.len();
+    let color: Vec<[u8; 4]> = (0..pixels).into_par_iter().map(color_at).collect();
     let distance_at = |i: usize| {
-        if is_covered(i) {
+        if color[i][3] > 0 {
             view.distance_of_depth(front[i])
         } else {
             f32::INFINITY
         }
     };
-    let pixels = sums.len();
+    let depth = if outputs.depth {
+        (0..pixels).into_par_iter().map(distance_at).collect()
+    } else {
+        Vec::new()
+    };
     Image {
         width: view.width,
         height: view.height,
-        color: (0..pixels).into_par_iter().map(color_at).collect(),
-        depth: if outputs.depth {
-            (0..pixels).into_par_iter().map(distance_at).collect()
-        } else {
-            Vec::new()
-        },
+        color,
+        depth,
         normal: vec![[0.0; 3]; if outputs.normal { pixels } else { 0 }],
     }
 }
