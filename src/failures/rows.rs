@@ -201,7 +201,7 @@ pub static ROWS: &[Row] = &[
     row("thin-plate", "points", Astray, [10.0, 25.0], HIDDEN_VERTICES),
     row("thin-plate", "pop, culling off", Stray, [4.0, 20.0], "squares of the sides and the back stick out at the rim where nothing is culled"),
     row("thin-plate", "pop, culling off", Astray, [1.0, 10.0], "squares of the sides and the back stick out at the rim where nothing is culled"),
-    row("cube-edge", "ellipse|gauss", Astray, [0.0, 6.0], EDGE),
+    row("cube-edge", "ellipse|gauss|filtered", Astray, [0.0, 6.0], EDGE),
     row("pedestal", "ellipse", Astray, [0.0, 3.0], EDGE),
     row("open-behind", "pop, culling on", Missing, [14_400.0; 2], "culling is for closed surfaces"),
     row("open-behind", "pop, culling on", Lost, [14_400.0; 2], "culling is for closed surfaces"),
