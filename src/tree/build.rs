@@ -15,7 +15,6 @@ use crate::math::sphere;
 use crate::mesh::normals::{self, Weighting};
 use crate::mesh::{self, Mesh};
 use crate::progress::Progress;
-use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
@@ -98,7 +97,7 @@ pub fn build(
     progress.stage("ordering", count as u64);
     let shape = Shape::new(count as u32);
     {
-        let mut spare = vec![Item::default(); count];
+        let mut spare = Records::<Item>::zeroed(count);
         Partition {
             shape: &shape,
             stop: &stop,
@@ -130,7 +129,7 @@ pub fn build(
         level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
     }
     let mut nodes = Records::of_tree(node_count);
-    let mut attributes = vec![NodeAttributes::zeroed(); node_count];
+    let mut attributes = Records::<NodeAttributes>::zeroed(node_count);
     let source = Source {
         shape: &shape,
         level_starts: &level_starts,
@@ -165,7 +164,7 @@ pub fn build(
         first_leaf,
         level_starts,
         leaves,
-        moments: Vec::new(),
+        moments: Records::default(),
     };
     model.tree.moments = moments::compute(&model);
     Ok(model)

@@ -117,8 +117,13 @@ pub fn check(model: &Model) -> Report {
         .with_min_len(256)
         .for_each(|index| check_node(model, index as u32, &sink));
     // Made again, the same bits: nothing in them depends on threads.
-    for (id, (own, expected)) in tree.moments.iter().zip(moments::compute(model)).enumerate() {
-        if *own != expected {
+    for (id, (own, expected)) in tree
+        .moments
+        .iter()
+        .zip(&moments::compute(model))
+        .enumerate()
+    {
+        if own != expected {
             sink.report(|| format!("node {id}: moments that are not those of what lies below"));
         }
     }

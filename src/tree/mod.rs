@@ -73,7 +73,7 @@ pub struct Tree {
     /// What the cut tests, 32 bytes a node.
     pub nodes: Records<Node>,
     /// What only drawn nodes need; same order as `nodes`.
-    pub attributes: Vec<NodeAttributes>,
+    pub attributes: Records<NodeAttributes>,
     /// Parent of each node; the root is its own parent.
     pub parents: Vec<u32>,
     /// First leaf below each node, followed by nothing: the end is the start of the next node of the same
@@ -84,7 +84,7 @@ pub struct Tree {
     /// Bounding spheres of the leaves.
     pub leaves: Records<Leaf>,
     /// Means for filtered splats; same order as `nodes`.
-    pub moments: Vec<Moments>,
+    pub moments: Records<Moments>,
 }
 
 /// Means over the triangles (or points) below a node, for splats that are filtered rather than sampled, 24 bytes. With A_t

@@ -1,6 +1,6 @@
 //! Means for filtered splats.
 
-use super::{Model, Moments, Node, summary};
+use super::{Model, Moments, Node, Records, summary};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -77,18 +77,20 @@ impl Exact {
         if !(area > 0.0 && area.is_finite()) {
             return Moments::default();
         }
-        // Out of range by rounding at most; the cast saturates.
-        let unit = |value: f64| (value * f64::from(Moments::UNIT)).round() as i16;
-        let center = node.center.as_dvec3().to_array();
-        let radius = f64::from(node.radius);
-        let offset = |sum: f64, center: f64| {
-            if radius > 0.0 {
-                unit((sum / area - center) / radius)
-            } else {
-                0
-            }
+        // Out of range by rounding at most; the cast saturates. `round` is a function call before SSE 4.1.
+        let unit = |value: f64| {
+            let scaled = value * f64::from(Moments::UNIT);
+            (scaled + 0.5f64.copysign(scaled)) as i16
         };
-        let [vx, vy, vz, second @ ..] = rest.map(|sum| unit(sum / area));
+        let center = node.center.as_dvec3().to_array();
+        let per_area = area.recip();
+        let per_radius = if node.radius > 0.0 {
+            f64::from(node.radius).recip()
+        } else {
+            0.0
+        };
+        let offset = |sum: f64, center: f64| unit((sum * per_area - center) * per_radius);
+        let [vx, vy, vz, second @ ..] = rest.map(|sum| unit(sum * per_area));
         Moments {
             centroid: [
                 offset(cx, center[0]),
@@ -102,9 +104,9 @@ impl Exact {
 }
 
 /// Means of all nodes, level by level upward; the sums are kept in full for one level at a time.
-pub(super) fn compute(model: &Model) -> Vec<Moments> {
+pub(super) fn compute(model: &Model) -> Records<Moments> {
     let tree = &model.tree;
-    let mut moments = vec![Moments::default(); tree.nodes.len()];
+    let mut moments = Records::<Moments>::zeroed(tree.nodes.len());
     let mut below: Vec<Exact> = Vec::new();
     for level in tree.level_starts.windows(2).rev() {
         let (start, end) = (level[0] as usize, level[1] as usize);

@@ -205,8 +205,8 @@ impl Corners {
         }
         let strip = pack(code, half_length, width, radius);
         let mut occupancy = Occupancy::of(node, strip);
-        // Neighbors follow one another: every eighth of them leaves no gap already, where there is none.
-        let stride = 3 * 8;
+        // Neighbors follow one another: where there is no gap, every eighth of many leaves none already.
+        let stride = if self.along.len() > 3 * 16 { 3 * 8 } else { 3 };
         for first in (0..stride).step_by(3) {
             for at in (first..self.along.len()).step_by(stride) {
                 let [a, b, c] = [0, 1, 2].map(|corner| self.along[at + corner]);

@@ -357,7 +357,7 @@ fn tree<C: Iterator<Item = DVec3> + Clone>(
         ..Tree::default()
     };
     let depth = levels.len() - 1;
-    let mut nodes = vec![];
+    let (mut nodes, mut attributes) = (vec![], vec![]);
     let mut start = 0;
     for level in (1..=depth).rev() {
         tree.level_starts.push(start);
@@ -381,7 +381,7 @@ fn tree<C: Iterator<Item = DVec3> + Clone>(
                 flags: if level == 1 { Node::LEAF_CHILDREN } else { 0 },
             });
             tree.first_leaf.push(first_leaf);
-            tree.attributes.push(NodeAttributes {
+            attributes.push(NodeAttributes {
                 normal: cone.axis,
                 color: [255; 4],
                 splat_radius: radius,
@@ -392,6 +392,7 @@ fn tree<C: Iterator<Item = DVec3> + Clone>(
     }
     tree.level_starts.push(start);
     tree.nodes = nodes.as_slice().into();
+    tree.attributes = attributes.as_slice().into();
     tree.parents = vec![0; tree.nodes.len()];
     for (id, node) in tree
         .nodes
