@@ -108,7 +108,15 @@ pub fn build(
     check_stop()?;
 
     progress.stage("arranging vertices", count as u64);
-    let Arranged { mut model, normals } = arrange(mesh, &leaves)?;
+    let mut level_starts = Vec::with_capacity(shape.levels.len() + 1);
+    level_starts.push(0u32);
+    for level in &shape.levels {
+        level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
+    }
+    // Both go through long lists one by one for most of their time.
+    let (arranged, (parents, first_leaf)) =
+        rayon::join(|| arrange(mesh, &leaves), || links(&shape, &level_starts));
+    let Arranged { mut model, normals } = arranged?;
     progress.advance(count as u64);
     check_stop()?;
 
@@ -123,11 +131,6 @@ pub fn build(
     }
     progress.stage("building nodes", count as u64);
     let node_count = shape.node_count();
-    let mut level_starts = Vec::with_capacity(shape.levels.len() + 1);
-    level_starts.push(0u32);
-    for level in &shape.levels {
-        level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
-    }
     let mut nodes = Records::of_tree(node_count);
     let mut attributes = Records::<NodeAttributes>::zeroed(node_count);
     let source = Source {
@@ -142,7 +145,6 @@ pub fn build(
     };
     let findings = blocks::fill(&source, &mut leaves, &mut nodes, &mut attributes);
     check_stop()?;
-    let (parents, first_leaf) = links(&shape, &level_starts);
     if findings.any_flat {
         // Children of a node come after it: what is inherited is already final.
         for index in 0..nodes.len() {

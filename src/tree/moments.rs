@@ -1,7 +1,8 @@
 //! Means for filtered splats.
 
 use super::{Model, Moments, Node, Records, summary};
-use glam::DVec3;
+use crate::math::octahedral;
+use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 /// The area that a point of a cloud stands for, by the distance to its sixth nearest neighbor: in a disc of that radius
@@ -21,7 +22,8 @@ impl Exact {
         }
     }
 
-    fn of_leaf(model: &Model, leaf: usize) -> Self {
+    /// Of a leaf; `normals` are those of the model's vertices, zero where unknown.
+    fn of_leaf(model: &Model, normals: &[Vec3], leaf: usize) -> Self {
         match model.triangles.get(leaf) {
             Some(triangle) => {
                 let corners = triangle.map(|index| model.vertices[index as usize].position);
@@ -30,9 +32,7 @@ impl Exact {
                 // As a picture of triangles interpolates it.
                 let shading: DVec3 = triangle
                     .iter()
-                    .map(|&index| &model.vertices[index as usize])
-                    .filter(|vertex| vertex.color[3] != 0)
-                    .map(|vertex| crate::math::octahedral::decode(vertex.normal).as_dvec3())
+                    .map(|&index| normals[index as usize].as_dvec3())
                     .sum();
                 Self::new(
                     f64::from(area),
@@ -45,9 +45,7 @@ impl Exact {
                 let vertex = &model.vertices[leaf];
                 let radius = f64::from(model.tree.leaves[leaf].radius);
                 let area = f64::from(super::area_of_point(radius as f32));
-                let is_known = vertex.color[3] != 0;
-                let normal = crate::math::octahedral::decode(vertex.normal).as_dvec3();
-                let normal = if is_known { normal } else { DVec3::ZERO };
+                let normal = normals[leaf].as_dvec3();
                 Self::new(area, vertex.position.as_dvec3(), normal, normal)
             }
         }
@@ -107,6 +105,16 @@ impl Exact {
 pub(super) fn compute(model: &Model) -> Records<Moments> {
     let tree = &model.tree;
     let mut moments = Records::<Moments>::zeroed(tree.nodes.len());
+    // Six triangles share a vertex.
+    let normals: Vec<Vec3> = model
+        .vertices
+        .par_iter()
+        .with_min_len(4096)
+        .map(|vertex| match vertex.color[3] {
+            0 => Vec3::ZERO,
+            _ => octahedral::decode(vertex.normal),
+        })
+        .collect();
     let mut below: Vec<Exact> = Vec::new();
     for level in tree.level_starts.windows(2).rev() {
         let (start, end) = (level[0] as usize, level[1] as usize);
@@ -115,7 +123,7 @@ pub(super) fn compute(model: &Model) -> Records<Moments> {
             let first = node.first_child as usize;
             for child in first..first + usize::from(node.child_count) {
                 if node.has_leaves() {
-                    sum.add(&Exact::of_leaf(model, child));
+                    sum.add(&Exact::of_leaf(model, &normals, child));
                 } else {
                     sum.add(&below[child - end]);
                 }
