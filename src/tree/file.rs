@@ -316,9 +316,9 @@ impl Reader<'_> {
         // Not more than the file has.
         let mut values = zeroed(section.count as usize);
         self.file
-            .read_exact(bytemuck::cast_slice_mut(&mut *values))
+            .read_exact(bytemuck::cast_slice_mut(&mut values))
             .map_err(io)?;
-        if checksum(bytemuck::cast_slice(&*values)) != section.checksum {
+        if checksum(bytemuck::cast_slice(&values)) != section.checksum {
             return Err(damaged(section.offset, "the checksum is wrong".to_owned()));
         }
         self.at = section.offset + size.unwrap_or(0);
