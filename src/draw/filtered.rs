@@ -33,11 +33,13 @@ use crate::abi::constants::FILTERED_SKIRT;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_center};
+use crate::draw::parts::{self, Sink};
 use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
-use crate::tree::{Model, Moments};
+use crate::tree::{Leaf, Model, Moments};
 use glam::{Mat3, Vec3};
+use prefetch_index::prefetch_index;
 
 /// Where most triangles have at most this diameter, triangles are drawn as splats: one sample a pixel says little of the
 /// area of such a triangle.
@@ -122,11 +124,16 @@ pub fn take_triangles(model: &Model, view: &View, shade: &Shade, cut: &mut Cut) 
             triangles.retain(|&leaf| !at_most(leaf, LARGEST_PX));
         }
     }
-    let pieces = |&leaf: &u32| 1 << (2 * cuts(diameter_px(model, leaf, view), shade));
+    let large = cut.leaves[index..].iter();
     FirstLarge {
         index,
-        splats: cut.leaves[index..].iter().map(pieces).sum(),
+        splats: large.map(|&leaf| pieces(model, leaf, view, shade)).sum(),
     }
+}
+
+/// Number of pieces that a triangle is drawn in; 1 for a point.
+fn pieces(model: &Model, leaf: u32, view: &View, shade: &Shade) -> usize {
+    1 << (2 * cuts(diameter_px(model, leaf, view), shade))
 }
 
 /// Number of splats that [`splats`] writes at most.
@@ -417,7 +424,6 @@ pub fn splats(
     shade: Shade,
     out: &mut [FilteredSplat],
 ) -> usize {
-    let tree = &model.tree;
     let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
     let eye = Eye {
         view,
@@ -435,80 +441,156 @@ pub fn splats(
             Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
         },
     };
-    let mut len = 0;
-    let mut write = |splat: Option<FilteredSplat>| {
-        if let Some(splat) = splat {
-            out[len] = splat;
-            len += 1;
+    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
+    let (small, large) = cut.leaves.split_at(first_large.index);
+    let of_large = |leaves: &[u32]| leaves.iter().map(|&l| pieces(model, l, view, &shade)).sum();
+    let parts = (cut
+        .nodes
+        .chunks(parts::PART)
+        .map(|p| (Part::Nodes(p), p.len())))
+    .chain(
+        cut.strips
+            .chunks(parts::PART)
+            .map(|p| (Part::Rows(p), of_rows(p))),
+    )
+    .chain(
+        small
+            .chunks(parts::PART)
+            .map(|p| (Part::Leaves(p), p.len())),
+    )
+    .chain(
+        large
+            .chunks(parts::PART)
+            .map(|p| (Part::Large(p), of_large(p))),
+    );
+    let packed = parts::write(parts.collect(), out, |part, sink| match part {
+        Part::Nodes(ids) => eye.nodes(model, ids, sink),
+        Part::Rows(rows) => eye.rows(model, rows, sink),
+        Part::Leaves(ids) => eye.leaves(model, ids, false, sink),
+        Part::Large(ids) => eye.leaves(model, ids, true, sink),
+    });
+    packed.points
+}
+
+/// What one thread writes at a time.
+enum Part<'a> {
+    Nodes(&'a [u32]),
+    Rows(&'a [StripRun]),
+    Leaves(&'a [u32]),
+    /// Leaves above the threshold.
+    Large(&'a [u32]),
+}
+
+impl Eye<'_> {
+    /// The size of a splat that stands for all of a patch no larger than the threshold.
+    fn dense(&self) -> Size {
+        Size {
+            share: 1.0,
+            step: Vec3::ZERO,
+            diameter_px: self.shade.side_px,
+            is_own: false,
         }
-    };
-    let dense = Size {
-        share: 1.0,
-        step: Vec3::ZERO,
-        diameter_px: shade.side_px,
-        is_own: false,
-    };
-    for &id in &cut.nodes {
-        let patch = Patch::of_node(model, id);
-        write(eye.splat(&patch, dense, patch.center));
     }
-    for &StripRun { node: id, count } in &cut.strips {
-        let patch = Patch::of_node(model, id);
-        let node = &tree.nodes[id as usize];
-        let size = Size {
-            share: 1.0 / count as f32,
-            step: strip_center(node, count, 1) - strip_center(node, count, 0),
-            ..dense
-        };
-        for i in 0..count {
-            write(eye.splat(&patch, size, strip_center(node, count, i)));
+
+    fn write(&self, patch: &Patch, size: Size, center: Vec3, sink: &mut Sink<'_, FilteredSplat>) {
+        if let Some(splat) = self.splat(patch, size, center) {
+            sink.point(splat);
         }
     }
-    for (index, &leaf) in cut.leaves.iter().enumerate() {
-        let Some(triangle) = model.triangles.get(leaf as usize) else {
-            let patch = Patch::of_point(
-                &model.vertices[leaf as usize],
-                tree.leaves[leaf as usize].radius,
-            );
-            let diameter_px = diameter_px(model, leaf, view);
-            let is_own = diameter_px > shade.side_px;
+
+    fn nodes(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+        let dense = self.dense();
+        for (index, &id) in ids.iter().enumerate() {
+            if let Some(&next) = ids.get(index + parts::AHEAD) {
+                ask_for(model, next);
+            }
+            let patch = Patch::of_node(model, id);
+            self.write(&patch, dense, patch.center, sink);
+        }
+    }
+
+    fn rows(&self, model: &Model, rows: &[StripRun], sink: &mut Sink<'_, FilteredSplat>) {
+        for (index, &StripRun { node: id, count }) in rows.iter().enumerate() {
+            if let Some(next) = rows.get(index + parts::AHEAD) {
+                ask_for(model, next.node);
+            }
+            let patch = Patch::of_node(model, id);
+            let node = &model.tree.nodes[id as usize];
             let size = Size {
-                diameter_px: diameter_px.max(shade.side_px),
+                share: 1.0 / count as f32,
+                step: strip_center(node, count, 1) - strip_center(node, count, 0),
+                ..self.dense()
+            };
+            for i in 0..count {
+                self.write(&patch, size, strip_center(node, count, i), sink);
+            }
+        }
+    }
+
+    /// Leaves; those that are not large are drawn with the threshold's size.
+    fn leaves(
+        &self,
+        model: &Model,
+        ids: &[u32],
+        is_large: bool,
+        sink: &mut Sink<'_, FilteredSplat>,
+    ) {
+        let (view, shade, dense) = (self.view, &self.shade, self.dense());
+        let leaves: &[Leaf] = &model.tree.leaves;
+        for (index, &leaf) in ids.iter().enumerate() {
+            if let Some(&next) = ids.get(index + parts::AHEAD) {
+                // Which corners it has was asked for when it was twice as far.
+                for &corner in model.triangles.get(next as usize).into_iter().flatten() {
+                    prefetch_index(&model.vertices, corner as usize);
+                }
+            }
+            if let Some(&next) = ids.get(index + 2 * parts::AHEAD) {
+                prefetch_index(&model.triangles, next as usize);
+            }
+            let Some(triangle) = model.triangles.get(leaf as usize) else {
+                let point = &model.vertices[leaf as usize];
+                let patch = Patch::of_point(point, leaves[leaf as usize].radius);
+                let diameter_px = diameter_px(model, leaf, view);
+                let is_own = diameter_px > shade.side_px;
+                let size = Size {
+                    diameter_px: diameter_px.max(shade.side_px),
+                    is_own,
+                    ..dense
+                };
+                self.write(&patch, size, patch.center, sink);
+                continue;
+            };
+            let corners = triangle.map(|i| &model.vertices[i as usize]);
+            let color = mean_color(&corners.map(|v| *v));
+            let [a, b, c] = corners.map(|v| {
+                let is_known = v.color[3] != 0;
+                let normal = is_known.then(|| octahedral::decode(v.normal));
+                (v.position, normal.unwrap_or(Vec3::ZERO))
+            });
+            let diameter_px = if is_large {
+                diameter_px(model, leaf, view)
+            } else {
+                shade.side_px
+            };
+            let is_own = diameter_px > LARGEST_PX.max(shade.side_px);
+            let cuts = cuts(diameter_px, shade);
+            let size = Size {
+                diameter_px: diameter_px / (1 << cuts) as f32,
                 is_own,
                 ..dense
             };
-            write(eye.splat(&patch, size, patch.center));
-            continue;
-        };
-        let corners = triangle.map(|i| &model.vertices[i as usize]);
-        let color = mean_color(&corners.map(|v| *v));
-        let [a, b, c] = corners.map(|v| {
-            let is_known = v.color[3] != 0;
-            (
-                v.position,
-                if is_known {
-                    octahedral::decode(v.normal)
-                } else {
-                    Vec3::ZERO
-                },
-            )
-        });
-        let diameter_px = if index < first_large.index {
-            shade.side_px
-        } else {
-            diameter_px(model, leaf, view)
-        };
-        let is_own = diameter_px > LARGEST_PX.max(shade.side_px);
-        let cuts = cuts(diameter_px, &shade);
-        let size = Size {
-            diameter_px: diameter_px / (1 << cuts) as f32,
-            is_own,
-            ..dense
-        };
-        in_pieces([a, b, c], cuts, &mut |piece| {
-            let patch = Patch::of_triangle(piece, color);
-            write(eye.splat(&patch, size, patch.center));
-        });
+            in_pieces([a, b, c], cuts, &mut |piece| {
+                let patch = Patch::of_triangle(piece, color);
+                self.write(&patch, size, patch.center, sink);
+            });
+        }
     }
-    len
+}
+
+/// Asks for the memory of a node that is written a little later.
+fn ask_for(model: &Model, node: u32) {
+    let (tree, id) = (&model.tree, node as usize);
+    prefetch_index(&*tree.nodes, id);
+    prefetch_index(&*tree.attributes, id);
+    prefetch_index(&*tree.moments, id);
 }

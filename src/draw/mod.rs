@@ -3,6 +3,7 @@
 pub mod filtered;
 mod light;
 pub mod pack;
+mod parts;
 pub mod splats;
 
 use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};

@@ -4,10 +4,12 @@
 use crate::abi::{Splat, Vertex, WeightedSplat};
 use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center};
 use crate::draw::Footprint;
+use crate::draw::parts::{self, Sink};
 use crate::math::camera::View;
 use crate::math::octahedral;
-use crate::tree::{Leaf, Model, Node};
+use crate::tree::{Leaf, Model, Node, NodeAttributes};
 use glam::Vec3;
+use prefetch_index::prefetch_index;
 
 /// What the packing depends on besides model, cut and view.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -133,106 +135,57 @@ pub fn count(cut: &Cut, plan: &Plan) -> usize {
 ///
 /// # Panics
 /// When `out` is shorter than [`count`].
-pub fn pack<R: Record>(
+pub fn pack<R: Record + Copy + Send>(
     model: &Model,
     cut: &Cut,
     view: &View,
     plan: &Plan,
     out: &mut [R],
 ) -> Packed {
-    let tree = &model.tree;
-    let (nodes, leaves): (&[Node], &[Leaf]) = (&tree.nodes, &tree.leaves);
-    let is_oriented = plan.footprint == Footprint::Oriented;
-    let mut writer = Writer {
-        end: count(cut, plan),
-        out,
-        packed: Packed::default(),
-        view,
-        plan,
-        is_checked: !plan.fits_always(model),
-        has_triangles: !model.triangles.is_empty(),
-    };
-    // A radius of 0 asks for the constant size: right for points in one place, and what has an area has a radius.
-    let own = |radius: f32| if is_oriented { radius } else { 0.0 };
-    for &id in &cut.nodes {
-        let node = &nodes[id as usize];
-        let a = &tree.attributes[id as usize];
-        let splat = Splat {
-            center: node.center,
-            radius: own(a.splat_radius),
-            normal: a.normal,
-            color: a.color,
-        };
-        writer.write(splat, a.area);
-    }
-    for &StripRun { node: id, count } in &cut.strips {
-        let node = &nodes[id as usize];
-        let a = &tree.attributes[id as usize];
-        let ball = strip_ball_radius(node, count);
-        let normal = octahedral::decode(a.normal);
-        for i in 0..count {
-            let center = strip_center(node, count, i);
-            let [r, g, b, alpha] = a.color;
-            // The slab lies around the node's center, and its thickness counts in the radii of the ball.
-            let half =
-                thickness_of(alpha) * a.splat_radius + normal.dot(center - node.center).abs();
-            let alpha = if alpha == 0 { 0 } else { alpha_of(half / ball) };
-            let splat = Splat {
-                center,
-                radius: own(ball),
-                normal: a.normal,
-                color: [r, g, b, alpha],
-            };
-            writer.write(splat, a.area / count as f32);
-        }
-    }
     let large: &[u32] = if plan.draws_large_leaves {
         &cut.triangles
     } else {
         &[]
     };
-    for (ids, is_large) in [(cut.leaves.as_slice(), false), (large, true)] {
-        for &leaf in ids {
-            let sphere = &leaves[leaf as usize];
-            let (mut splat, area) = match model.triangles.get(leaf as usize) {
-                Some(corners) => {
-                    let corners = corners.map(|i| model.vertices[i as usize]);
-                    let (splat, area) = of_triangle(corners, sphere.center, is_large);
-                    (
-                        Splat {
-                            radius: own(sphere.radius),
-                            ..splat
-                        },
-                        area,
-                    )
-                }
-                None => {
-                    let vertex = &model.vertices[leaf as usize];
-                    let splat = Splat {
-                        center: vertex.position,
-                        radius: if is_oriented { sphere.radius } else { 0.0 },
-                        normal: vertex.normal,
-                        color: vertex.color,
-                    };
-                    (splat, -1.0)
-                }
-            };
-            // A square or circle has the threshold's size unless its leaf is larger.
-            if !is_oriented
-                && sphere.radius > 0.0
-                && writer.side_px(sphere.center, sphere.radius) > plan.threshold_px
-            {
-                splat.radius = sphere.radius;
-            }
-            writer.write(splat, area);
-        }
-    }
-    let Writer {
-        out, end, packed, ..
-    } = writer;
-    // They were written from the end: of equals the first drawn wins, so their order matters.
-    out[end - packed.quads..end].reverse();
-    packed
+    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
+    let parts = (cut
+        .nodes
+        .chunks(parts::PART)
+        .map(|p| (Part::Nodes(p), p.len())))
+    .chain(
+        cut.strips
+            .chunks(parts::PART)
+            .map(|p| (Part::Rows(p), of_rows(p))),
+    )
+    .chain(
+        cut.leaves
+            .chunks(parts::PART)
+            .map(|p| (Part::Leaves(p), p.len())),
+    )
+    .chain(large.chunks(parts::PART).map(|p| (Part::Large(p), p.len())));
+    let writer = Writer {
+        model,
+        view,
+        plan,
+        is_oriented: plan.footprint == Footprint::Oriented,
+        is_checked: !plan.fits_always(model),
+        has_triangles: !model.triangles.is_empty(),
+    };
+    parts::write(parts.collect(), out, |part, sink| match part {
+        Part::Nodes(ids) => writer.nodes(ids, sink),
+        Part::Rows(rows) => writer.rows(rows, sink),
+        Part::Leaves(ids) => writer.leaves(ids, false, sink),
+        Part::Large(ids) => writer.leaves(ids, true, sink),
+    })
+}
+
+/// What one thread writes at a time.
+enum Part<'a> {
+    Nodes(&'a [u32]),
+    Rows(&'a [StripRun]),
+    Leaves(&'a [u32]),
+    /// Leaves above the threshold.
+    Large(&'a [u32]),
 }
 
 /// A triangle as a patch of surface: its mean color, and the mean normal of its corners with a thickness that reaches
@@ -279,32 +232,132 @@ fn alpha_of(thickness: f32) -> u8 {
     255 - (thickness.clamp(0.0, 1.0) * 254.0).ceil().min(254.0) as u8
 }
 
-struct Writer<'a, R> {
-    out: &'a mut [R],
-    end: usize,
-    packed: Packed,
+struct Writer<'a> {
+    model: &'a Model,
     view: &'a View,
     plan: &'a Plan,
+    is_oriented: bool,
     /// Whether a splat may be too large for a point.
     is_checked: bool,
     /// Whether splats stand for triangles rather than points.
     has_triangles: bool,
 }
 
-impl<R: Record> Writer<'_, R> {
+impl Writer<'_> {
+    fn nodes<R: Record>(&self, ids: &[u32], sink: &mut Sink<'_, R>) {
+        let tree = &self.model.tree;
+        let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
+        for (index, &id) in ids.iter().enumerate() {
+            if let Some(&next) = ids.get(index + parts::AHEAD) {
+                prefetch_index(nodes, next as usize);
+                prefetch_index(attributes, next as usize);
+            }
+            let a = &attributes[id as usize];
+            let splat = Splat {
+                center: nodes[id as usize].center,
+                radius: self.own(a.splat_radius),
+                normal: a.normal,
+                color: a.color,
+            };
+            self.write(splat, a.area, sink);
+        }
+    }
+
+    fn rows<R: Record>(&self, rows: &[StripRun], sink: &mut Sink<'_, R>) {
+        let tree = &self.model.tree;
+        let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
+        for (index, &StripRun { node: id, count }) in rows.iter().enumerate() {
+            if let Some(next) = rows.get(index + parts::AHEAD) {
+                prefetch_index(nodes, next.node as usize);
+                prefetch_index(attributes, next.node as usize);
+            }
+            let node = &nodes[id as usize];
+            let a = &attributes[id as usize];
+            let ball = strip_ball_radius(node, count);
+            let normal = octahedral::decode(a.normal);
+            for i in 0..count {
+                let center = strip_center(node, count, i);
+                let [r, g, b, alpha] = a.color;
+                // The slab lies around the node's center, and its thickness counts in the radii of the ball.
+                let half =
+                    thickness_of(alpha) * a.splat_radius + normal.dot(center - node.center).abs();
+                let alpha = if alpha == 0 { 0 } else { alpha_of(half / ball) };
+                let splat = Splat {
+                    center,
+                    radius: self.own(ball),
+                    normal: a.normal,
+                    color: [r, g, b, alpha],
+                };
+                self.write(splat, a.area / count as f32, sink);
+            }
+        }
+    }
+
+    fn leaves<R: Record>(&self, ids: &[u32], is_large: bool, sink: &mut Sink<'_, R>) {
+        let model = self.model;
+        let leaves: &[Leaf] = &model.tree.leaves;
+        for (index, &leaf) in ids.iter().enumerate() {
+            if let Some(&next) = ids.get(index + parts::AHEAD) {
+                prefetch_index(leaves, next as usize);
+                // Which corners it has was asked for when it was twice as far.
+                for &corner in model.triangles.get(next as usize).into_iter().flatten() {
+                    prefetch_index(&model.vertices, corner as usize);
+                }
+            }
+            if let Some(&next) = ids.get(index + 2 * parts::AHEAD) {
+                prefetch_index(&model.triangles, next as usize);
+            }
+            let sphere = &leaves[leaf as usize];
+            let (mut splat, area) = match model.triangles.get(leaf as usize) {
+                Some(corners) => {
+                    let corners = corners.map(|i| model.vertices[i as usize]);
+                    let (splat, area) = of_triangle(corners, sphere.center, is_large);
+                    (
+                        Splat {
+                            radius: self.own(sphere.radius),
+                            ..splat
+                        },
+                        area,
+                    )
+                }
+                None => {
+                    let vertex = &model.vertices[leaf as usize];
+                    let splat = Splat {
+                        center: vertex.position,
+                        radius: self.own(sphere.radius),
+                        normal: vertex.normal,
+                        color: vertex.color,
+                    };
+                    (splat, -1.0)
+                }
+            };
+            // A square or circle has the threshold's size unless its leaf is larger.
+            if !self.is_oriented
+                && sphere.radius > 0.0
+                && self.side_px(sphere.center, sphere.radius) > self.plan.threshold_px
+            {
+                splat.radius = sphere.radius;
+            }
+            self.write(splat, area, sink);
+        }
+    }
+
+    /// A radius of 0 asks for the constant size: right for points in one place, and what has an area has a radius.
+    fn own(&self, radius: f32) -> f32 {
+        if self.is_oriented { radius } else { 0.0 }
+    }
+
     #[inline]
-    fn write(&mut self, splat: Splat, area: f32) {
+    fn write<R: Record>(&self, splat: Splat, area: f32, sink: &mut Sink<'_, R>) {
         if area == 0.0 && self.has_triangles {
             return;
         }
-        let at = if self.is_checked && !self.fits(&splat) {
-            self.packed.quads += 1;
-            self.end - self.packed.quads
+        let record = R::new(splat, area);
+        if self.is_checked && !self.fits(&splat) {
+            sink.quad(record);
         } else {
-            self.packed.points += 1;
-            self.packed.points - 1
-        };
-        self.out[at] = R::new(splat, area);
+            sink.point(record);
+        }
     }
 
     /// Diameter in pixels of a ball at the depth of its center.

@@ -1,0 +1,182 @@
+//! Draw lists written by several threads, in the order of one.
+
+use super::splats::Packed;
+use std::sync::{LazyLock, Mutex};
+
+/// Items of a cut that one thread writes at a time.
+pub(super) const PART: usize = 4096;
+
+/// A list of fewer records is written by the calling thread: starting another takes as long as some thousand records.
+const MANY: usize = 4 * PART;
+
+/// How far ahead of the item that is written the memory of another one is asked for.
+pub(super) const AHEAD: usize = 16;
+
+static THREADS: LazyLock<usize> = LazyLock::new(|| {
+    std::thread::available_parallelism()
+        .map_or(1, std::num::NonZero::get)
+        .min(16)
+});
+
+/// Where the records of one part go.
+#[derive(Debug)]
+pub(super) struct Sink<'a, R> {
+    out: &'a mut [R],
+    points: usize,
+    quads: Vec<R>,
+}
+
+impl<R> Sink<'_, R> {
+    /// The next record from the start of the list.
+    ///
+    /// # Panics
+    /// When the part has no room left.
+    #[inline]
+    pub(super) fn point(&mut self, record: R) {
+        self.out[self.points] = record;
+        self.points += 1;
+    }
+
+    /// The next record of those at the end of the list.
+    pub(super) fn quad(&mut self, record: R) {
+        self.quads.push(record);
+    }
+}
+
+/// What a thread takes: the part's number, what it writes, and where.
+type Job<'a, I, R> = (usize, I, &'a mut [R]);
+
+/// Lets `write` write every part, each with the most records that it may have, and moves the points together to the start
+/// of `out` and the quads to the end of the room that the parts have. The records and their order do not depend on
+/// the number of threads.
+///
+/// # Panics
+/// When `out` is shorter than all parts together, or a part has more records than it said.
+pub(super) fn write<I: Send, R: Copy + Send>(
+    parts: Vec<(I, usize)>,
+    out: &mut [R],
+    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+) -> Packed {
+    with_threads(*THREADS, parts, out, write)
+}
+
+fn with_threads<I: Send, R: Copy + Send>(
+    threads: usize,
+    parts: Vec<(I, usize)>,
+    out: &mut [R],
+    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+) -> Packed {
+    let sizes: Vec<usize> = parts.iter().map(|part| part.1).collect();
+    let end = sizes.iter().sum();
+    let mut rest = &mut out[..end];
+    let jobs: Vec<Job<'_, I, R>> = parts
+        .into_iter()
+        .enumerate()
+        .map(|(index, (items, size))| {
+            let (own, others) = std::mem::take(&mut rest).split_at_mut(size);
+            rest = others;
+            (index, items, own)
+        })
+        .collect();
+    let count = jobs.len();
+    let written = Mutex::new(Vec::with_capacity(count));
+    let jobs = Mutex::new(jobs.into_iter());
+    let work = || {
+        // A poisoned lock means that another thread panicked, which the scope passes on.
+        while let Some((index, items, out)) = jobs.lock().ok().and_then(|mut j| j.next()) {
+            let mut sink = Sink {
+                out,
+                points: 0,
+                quads: Vec::new(),
+            };
+            write(items, &mut sink);
+            let Sink { points, quads, .. } = sink;
+            if let Ok(mut written) = written.lock() {
+                written.push((index, points, quads));
+            }
+        }
+    };
+    if end < MANY {
+        work();
+    } else {
+        std::thread::scope(|scope| {
+            for _ in 1..threads.min(count) {
+                // Where no thread can be started, the others do its work.
+                let _ = std::thread::Builder::new().spawn_scoped(scope, work);
+            }
+            work();
+        });
+    }
+    drop(jobs);
+    let mut written = written.into_inner().unwrap_or_default();
+    written.sort_unstable_by_key(|part| part.0);
+
+    let mut packed = Packed::default();
+    let mut start = 0;
+    for (&size, (_, points, _)) in sizes.iter().zip(&written) {
+        if start != packed.points {
+            out.copy_within(start..start + points, packed.points);
+        }
+        packed.points += points;
+        start += size;
+    }
+    packed.quads = written.iter().map(|part| part.2.len()).sum();
+    let quads = written.iter().flat_map(|part| &part.2);
+    for (out, quad) in out[end - packed.quads..end].iter_mut().zip(quads) {
+        *out = *quad;
+    }
+    packed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers in parts of uneven room: multiples of 5 are left out, multiples of 7 are quads.
+    fn written(threads: usize, numbers: u32) -> (Packed, Vec<u32>, usize) {
+        let all: Vec<u32> = (1..=numbers).collect();
+        let parts: Vec<_> = all.chunks(997).map(|p| (p, p.len())).collect();
+        let mut out = vec![0; all.len() + 3];
+        let packed = with_threads(threads, parts, &mut out, |part, sink| {
+            for &n in part {
+                match (n % 5, n % 7) {
+                    (0, _) => {}
+                    (_, 0) => sink.quad(n),
+                    _ => sink.point(n),
+                }
+            }
+        });
+        (packed, out, all.len())
+    }
+
+    #[test]
+    fn the_order_is_that_of_one_thread_and_gaps_are_closed() {
+        for numbers in [0, 1, 996, 40_000] {
+            let kept = |n: &u32| !n.is_multiple_of(5);
+            let points: Vec<u32> = (1..=numbers)
+                .filter(kept)
+                .filter(|n| !n.is_multiple_of(7))
+                .collect();
+            let quads: Vec<u32> = (1..=numbers)
+                .filter(kept)
+                .filter(|n| n.is_multiple_of(7))
+                .collect();
+            for threads in [1, 2, 5] {
+                let (packed, out, end) = written(threads, numbers);
+                assert_eq!(packed.points, points.len(), "{numbers}, {threads}");
+                assert_eq!(out[..packed.points], points, "{numbers}, {threads}");
+                assert_eq!(out[end - packed.quads..end], quads, "{numbers}, {threads}");
+                assert_eq!(out[end..], [0; 3], "beyond the parts");
+            }
+        }
+    }
+
+    #[test]
+    #[should_panic(expected = "index out of bounds")]
+    fn a_part_that_is_too_full_is_a_panic() {
+        let mut out = [0; 4];
+        with_threads(1, vec![((), 2), ((), 2)], &mut out, |(), sink| {
+            (0..3).for_each(|n| sink.point(n));
+        });
+    }
+}
