@@ -13,7 +13,7 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Settings, SplatKind};
+use surfel::method::{Culling, Method, Settings, Shading, SplatKind};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -302,6 +302,42 @@ fn the_back_is_lit_from_its_own_side_or_not_at_all() {
     let covered: Vec<_> = image.color.iter().filter(|c| c[3] > 0).collect();
     assert!(covered.len() > 1000);
     assert!(covered.iter().all(|c| **c == [204, 204, 204, 255]));
+}
+
+/// Lit once a pixel: the mean normal of splats around a pixel lies nearer to the surface's than one splat's does.
+#[test]
+fn means_of_normals_have_the_closed_form_in_a_lamp() {
+    let color = [255, 128, 30];
+    let round = sphere(180_000, color);
+    for is_perspective in [true, false] {
+        let view = along_z(is_perspective);
+        for lamp in LAMPS {
+            let settings = Settings {
+                splat: SplatKind::Gauss,
+                shading: Shading::Deferred,
+                threshold_px: 2.0,
+                ..with(lamp, 0.15, 0.3, 20.0)
+            };
+            let image = draw(&Backend::Mirror, &round, &view, &settings);
+            let (mut worst, mut sum, mut count) = (0f64, 0.0, 0);
+            for (i, got) in image.color.iter().enumerate() {
+                if let Some((hit, to_eye)) = on_sphere(is_perspective, i)
+                    && hit.dot(to_eye) > 0.4
+                {
+                    let wanted = closed_form(&settings, hit, to_eye, color);
+                    for c in 0..3 {
+                        let off = (f64::from(got[c]) - wanted[c]).abs();
+                        worst = worst.max(off);
+                        sum += off;
+                        count += 1;
+                    }
+                }
+            }
+            let mean = sum / f64::from(count);
+            println!("{lamp:?}: off by {mean:.2} levels, up to {worst:.1}");
+            assert!(mean < 0.6 && worst < 5.0, "{lamp:?}: {mean}, {worst}");
+        }
+    }
 }
 
 /// The mean over a patch is what it claims to be: nearer to many samples than one sample is.

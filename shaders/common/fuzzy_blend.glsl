@@ -3,14 +3,16 @@
 
 // Lit once a pixel: the sums are those of colors and normals, not of shades.
 layout(constant_id = 4) const bool IS_DEFERRED = false;
+// The frame has a lamp instead of the headlight.
+layout(constant_id = 6) const bool HAS_LAMP = false;
 
 layout(location = 0) flat out vec2 center_px;
 layout(location = 1) flat out vec3 form;
 layout(location = 2) flat out vec2 skew;
 // Color times weight and weight, both at the center of the kernel.
 layout(location = 3) flat out vec4 deposit;
-// Normal times weight, view space.
-layout(location = 4) flat out vec3 normal_deposit;
+// Normal in view space and depth, times weight.
+layout(location = 4) flat out vec4 normal_deposit;
 
 const float PI = 3.14159265;
 // Integral of exp(-2 rho^2) over the unit disc, over pi: (1 - exp(-2)) / 2.
@@ -53,7 +55,7 @@ void emit_blend(vec3 center, float radius, vec2 packed_normal, vec4 color, float
         base = shade_at(surfel.center, surfel.normal, color.rgb, tint);
     }
     deposit = vec4(base * weight, weight);
-    // Turned to the viewer where both sides are lit, so that sides do not cancel.
-    bool is_turned = (frame.flags & FLAG_TWO_SIDED) != 0u && dot(surfel.normal, to_eye(surfel.center)) < 0.0;
-    normal_deposit = (is_turned ? -weight : weight) * surfel.normal;
+    bool is_turned = IS_DEFERRED && is_turned_when_deferred(HAS_LAMP, dot(surfel.normal, to_eye(surfel.center)));
+    float depth = clamp(gl_Position.z / gl_Position.w, 0.0, 1.0);
+    normal_deposit = weight * vec4(is_turned ? -surfel.normal : surfel.normal, depth);
 }

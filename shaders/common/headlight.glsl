@@ -58,6 +58,14 @@ vec3 phong(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
     return min(value, vec3(1.0));
 }
 
+// Whether deferred shading sums a normal turned around: where both sides are lit, so that sides do not cancel. `facing` is
+// the cosine to the eye. In the light of a lamp only what is certainly seen from behind: the headlight does not
+// care about the sign at a silhouette, a lamp does.
+bool is_turned_when_deferred(bool has_lamp, float facing) {
+    bool is_back = has_lamp ? (frame.flags & FLAG_CULLS_BACK) == 0u && facing < -LEAST_BACK : facing < 0.0;
+    return (frame.flags & FLAG_TWO_SIDED) != 0u && is_back;
+}
+
 // A surface point in whatever light the frame has: what a method calls that shades whole splats.
 vec3 shade_at(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
     if ((frame.flags & FLAG_PHONG) != 0u) {

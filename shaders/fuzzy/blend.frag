@@ -6,20 +6,21 @@ layout(location = 0) flat in vec2 center_px;
 layout(location = 1) flat in vec3 form;
 layout(location = 2) flat in vec2 skew;
 layout(location = 3) flat in vec4 deposit;
-layout(location = 4) flat in vec3 normal_deposit;
+layout(location = 4) flat in vec4 normal_deposit;
 
 layout(location = 0) out vec4 sums;
 layout(location = 1) out vec4 normals;
 
 layout(constant_id = 0) const bool IS_GAUSS = false;
-layout(constant_id = 4) const bool IS_DEFERRED = false;
+// Normals are summed too: to be lit once a pixel, or asked for.
+layout(constant_id = 7) const bool HAS_NORMALS = false;
 
 void main() {
     float squared = rho_squared(form, skew, gl_FragCoord.xy - center_px);
     // Adding nothing is cheaper than a discard.
     float kernel = squared > 1.0 ? 0.0 : IS_GAUSS ? exp(-2.0 * squared) : 1.0;
     sums = deposit * kernel;
-    if (IS_DEFERRED) {
-        normals = vec4(normal_deposit * kernel, 0.0);
+    if (HAS_NORMALS) {
+        normals = normal_deposit * kernel;
     }
 }

@@ -11,6 +11,8 @@ layout(location = 1) out vec4 normals;
 layout(constant_id = 4) const bool IS_DEFERRED = false;
 // The frame has a lamp instead of the headlight.
 layout(constant_id = 6) const bool HAS_LAMP = false;
+// Normals are summed too: to be lit once a pixel, or asked for.
+layout(constant_id = 7) const bool HAS_NORMALS = false;
 
 void main() {
     float squared = dot(normal_in_view, normal_in_view);
@@ -22,9 +24,13 @@ void main() {
     vec3 tint = vec3(0.2, 0.35, 1.0);
     if (IS_DEFERRED) {
         sums = vec4((frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u ? tint : vertex_color, 1.0);
-        bool is_turned = (frame.flags & FLAG_TWO_SIDED) != 0u && dot(n, to_eye) < 0.0;
-        normals = vec4(is_turned ? -n : n, 0.0);
+        if (is_turned_when_deferred(HAS_LAMP, dot(n, to_eye))) {
+            n = -n;
+        }
     } else {
         sums = vec4(shade_pixel(HAS_LAMP, gl_FragCoord, n, vertex_color, tint), 1.0);
+    }
+    if (HAS_NORMALS) {
+        normals = vec4(n, gl_FragCoord.z);
     }
 }

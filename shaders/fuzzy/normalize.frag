@@ -4,14 +4,27 @@
 #include "common/headlight.glsl"
 
 layout(set = 0, binding = 1) uniform sampler2D sums;
-// Those of normals; only looked at when lit here.
+// Those of normals and depths; only looked at when there are such.
 layout(set = 0, binding = 2) uniform sampler2D normals;
 
 layout(location = 0) out vec4 color;
+layout(location = 1) out vec4 normal;
 
 layout(constant_id = 4) const bool IS_DEFERRED = false;
 // The weights are areas.
 layout(constant_id = 5) const bool HAS_COVERAGE = false;
+// The frame has a lamp instead of the headlight.
+layout(constant_id = 6) const bool HAS_LAMP = false;
+// The pass has a target for normals.
+layout(constant_id = 8) const bool WRITE_NORMALS = false;
+
+// Where on the ray of the pixel a surface of that depth is, view space.
+vec3 position_at(vec2 at, float depth) {
+    if ((frame.flags & FLAG_ORTHOGRAPHIC) != 0u) {
+        return vec3(at, (depth - frame.clip_from_view[3].z) / frame.clip_from_view[2].z);
+    }
+    return vec3(at, -1.0) * (frame.clip_from_view[3].z / (depth + frame.clip_from_view[2].z));
+}
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -19,6 +32,7 @@ void main() {
     // Also for what is not a number.
     if (!(sum.a >= LEAST_FUZZY_WEIGHT)) {
         color = vec4(frame.background.rgb, 0.0);
+        normal = vec4(0.0);
         return;
     }
     float covered = 1.0;
@@ -34,15 +48,23 @@ void main() {
         }
     }
     vec3 mean = sum.rgb / sum.a;
+    vec4 geometry = vec4(0.0);
+    vec3 n = vec3(0.0);
+    if (IS_DEFERRED || WRITE_NORMALS) {
+        geometry = texelFetch(normals, pixel, 0);
+        n = unit_or_zero(geometry.xyz);
+    }
+    if (WRITE_NORMALS) {
+        normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
+    }
     if (IS_DEFERRED) {
-        vec3 n = texelFetch(normals, pixel, 0).xyz;
-        float squared = dot(n, n);
-        n = squared > 0.0 ? n * inversesqrt(squared) : vec3(0.0);
-        vec3 l = vec3(0.0, 0.0, 1.0);
-        if ((frame.flags & FLAG_PARALLEL_LIGHT) == 0u) {
-            l = -normalize(vec3(gl_FragCoord.xy * frame.ray_scale + frame.ray_offset, -1.0));
+        vec2 at = gl_FragCoord.xy * frame.ray_scale + frame.ray_offset;
+        if (HAS_LAMP) {
+            mean = phong(position_at(at, geometry.w / sum.a), n, mean, mean);
+        } else {
+            bool is_parallel = (frame.flags & FLAG_PARALLEL_LIGHT) != 0u;
+            mean = headlight(n, is_parallel ? vec3(0.0, 0.0, 1.0) : -normalize(vec3(at, -1.0)), mean, mean);
         }
-        mean = headlight(n, l, mean, mean);
     }
     // At least one level of coverage where anything is.
     color = vec4(mix(frame.background.rgb, mean, covered), max(covered, 1.0 / 255.0));

@@ -129,7 +129,7 @@ pub fn check(
     }
     let is_device = max_size_px.is_finite();
     if settings.draws_splats() {
-        check_blend(settings, outputs, is_device)?;
+        check_blend(settings, is_device)?;
     }
     if settings.draws_filtered() {
         check_filtered(settings, outputs, max_size_px)?;
@@ -138,7 +138,7 @@ pub fn check(
 }
 
 /// Refuses by name what the blending of splats cannot do.
-fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result<(), Error> {
+fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
     let refuse = |what, why: &str| {
         Err(Error::Unsupported {
             what,
@@ -174,16 +174,6 @@ fn check_blend(settings: &Settings, outputs: Outputs, is_device: bool) -> Result
             refuse("deferred shading", "use --blend two-pass")
         }
         Blend::Opaque => Ok(()),
-        _ if settings.shading == Shading::Deferred && settings.light != Lighting::Headlight => {
-            refuse(
-                "deferred shading",
-                "it knows the headlight only; leave --light out, or --shading deferred",
-            )
-        }
-        _ if outputs.normal => refuse(
-            "normals of blended splats",
-            "a mean over splats has none; leave --normals out or use --blend opaque",
-        ),
         _ => Ok(()),
     }
 }

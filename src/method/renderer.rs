@@ -312,7 +312,7 @@ impl Renderer {
             }
             Drawing::Fuzzy => {
                 let has_triangles = !model.triangles.is_empty();
-                let variant = fuzzy::Variant::new(&self.gpu, settings, has_triangles)?;
+                let variant = fuzzy::Variant::new(&self.gpu, settings, has_triangles, normals)?;
                 if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
                     let (width, height) = (self.targets.color.width, self.targets.color.height);
                     self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);

@@ -3,6 +3,7 @@
 use crate::common::{Device, generated, orbit};
 use crate::oracle::{draw, same};
 use glam::DVec3;
+use surfel::draw::{Lamp, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::math::camera::Camera;
 use surfel::method::engine::Backend;
@@ -57,6 +58,70 @@ fn device_and_mirror_blend_every_kind_alike() {
                 }
             }
         }
+    }
+}
+
+/// From the side and from behind, far away and near.
+const LAMPS: [Lamp; 3] = [
+    Lamp::FromCamera {
+        azimuth: 1.0,
+        elevation: -0.5,
+    },
+    Lamp::FromCamera {
+        azimuth: 2.5,
+        elevation: 0.3,
+    },
+    Lamp::At(DVec3::new(-0.4, 0.9, 1.3)),
+];
+
+#[test]
+fn device_and_mirror_light_means_with_a_lamp_alike() {
+    let Some(device) = Device::open() else { return };
+    let statue = generated(Shape::Statue, 30_000);
+    let open = generated(Shape::Square, 2_000);
+    for lamp in LAMPS {
+        let light = Lighting::Phong(Phong {
+            lamp,
+            ..Phong::default()
+        });
+        for (name, model, azimuth) in [("statue", &statue, 40.0), ("back", &open, 150.0)] {
+            let view = orbit(model, (90, 80), azimuth, 25.0, 0.8);
+            for kind in [SplatKind::Disc, SplatKind::Gauss] {
+                for method in [Method::Pop, Method::Points] {
+                    let settings = Settings {
+                        method,
+                        light,
+                        shading: Shading::Deferred,
+                        ..fuzzy(kind, 3.0)
+                    };
+                    let name = format!("{name} {lamp:?} {kind:?} {method:?}");
+                    same(&device, model, &view, &settings, &name, SHARE);
+                }
+            }
+        }
+    }
+}
+
+/// On the sphere the mean over splats around a pixel points where the pixel's own normal does, but for the curvature
+/// between their centers: up to a threshold of 3 pixels on a radius of 90, and more at the rim.
+#[test]
+fn mean_normals_are_those_of_the_surface() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Sphere, 200_000);
+    let view = orbit(&model, (200, 200), 30.0, 20.0, 0.9);
+    let reference = Settings {
+        method: Method::Triangles,
+        ..Settings::default()
+    };
+    let backend = Backend::Device(device.gpu().clone());
+    let reference = draw(&backend, &model, &view, &reference);
+    for kind in KINDS {
+        let image = same(&device, &model, &view, &fuzzy(kind, 3.0), "normals", SHARE);
+        let spread = surfel::measure::normal_error(&reference.normal, &image.normal);
+        println!("{kind:?}: {spread:?}");
+        assert!(spread.count > 20_000, "{kind:?}: {}", spread.count);
+        assert!(spread.mean < 1.0, "{kind:?}: {} degrees", spread.mean);
+        assert!(spread.p99 < 8.0, "{kind:?}: {} degrees", spread.p99);
     }
 }
 
@@ -332,11 +397,8 @@ fn what_cannot_be_blended_is_refused_by_name() {
     let backend = Backend::Device(device.gpu().clone());
     let model = generated(Shape::Sphere, 500);
     let view = orbit(&model, (40, 40), 0.0, 0.0, 1.0);
-    let refusal = |settings: Settings, normal| {
-        let outputs = surfel::method::renderer::Outputs {
-            depth: false,
-            normal,
-        };
+    let refusal = |settings: Settings| {
+        let outputs = surfel::method::renderer::Outputs::default();
         surfel::method::engine::Engine::new(&backend, &model, (40, 40), outputs)
             .unwrap()
             .render(&view, &settings)
@@ -349,13 +411,12 @@ fn what_cannot_be_blended_is_refused_by_name() {
             blend: Some(blend),
             ..base
         };
-        assert!(refusal(settings, false).contains("--device mirror"));
+        assert!(refusal(settings).contains("--device mirror"));
     }
     let opaque = Settings {
         blend: Some(Blend::Opaque),
         shading: Shading::Deferred,
         ..base
     };
-    assert!(refusal(opaque, false).contains("--blend two-pass"));
-    assert!(refusal(base, true).contains("--normals"));
+    assert!(refusal(opaque).contains("--blend two-pass"));
 }

@@ -4,15 +4,15 @@ use crate::common::Device;
 use glam::Vec3;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::method::Settings;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
+use surfel::method::{Settings, SplatKind};
 use surfel::tree::Model;
 
 pub(crate) fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {
     let outputs = Outputs {
         depth: true,
-        normal: settings.blend() == surfel::method::Blend::Opaque,
+        normal: settings.splat != SplatKind::Filtered,
     };
     Engine::new(backend, model, (view.width, view.height), outputs)
         .unwrap()

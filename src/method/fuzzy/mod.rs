@@ -68,11 +68,13 @@ pub(crate) struct Variant {
     is_gauss: bool,
     footprint: Footprint,
     is_deferred: bool,
+    /// The mean normals are an output.
+    writes_normals: bool,
     /// Weights are areas, and their sum is coverage.
     has_coverage: bool,
     /// From the vertices of the mesh instead of a draw list.
     from_vertices: bool,
-    /// Triangles are lit by the lamp.
+    /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
     sums: Format,
 }
@@ -82,7 +84,12 @@ impl Variant {
     ///
     /// # Errors
     /// When 32-bit sums are asked for and the device cannot blend them.
-    pub(crate) fn new(gpu: &Gpu, settings: &Settings, has_triangles: bool) -> Result<Self, Error> {
+    pub(crate) fn new(
+        gpu: &Gpu,
+        settings: &Settings,
+        has_triangles: bool,
+        writes_normals: bool,
+    ) -> Result<Self, Error> {
         let sums = match settings.sums {
             Some(SumFormat::Float) if !gpu.info().has_float_blend => {
                 return Err(Error::Unsupported {
@@ -102,6 +109,7 @@ impl Variant {
             is_gauss: settings.splat == SplatKind::Gauss,
             footprint: settings.footprint(),
             is_deferred: settings.shading == Shading::Deferred,
+            writes_normals,
             has_coverage: settings.sums_coverage(has_triangles),
             from_vertices: !settings.has_cut(),
             has_lamp: settings.light != Lighting::Headlight,
@@ -110,7 +118,7 @@ impl Variant {
     }
 
     /// The specialization constants of all shaders of fuzzy splats.
-    fn constants(&self, topology: Topology) -> [bool; 7] {
+    fn constants(&self, topology: Topology) -> [bool; 9] {
         [
             self.is_gauss,
             self.footprint == Footprint::Oriented,
@@ -119,7 +127,13 @@ impl Variant {
             self.is_deferred,
             self.has_coverage,
             self.has_lamp,
+            self.sums_normals(),
+            self.writes_normals,
         ]
+    }
+
+    fn sums_normals(&self) -> bool {
+        self.is_deferred || self.writes_normals
     }
 }
 
@@ -170,7 +184,7 @@ impl Fuzzy {
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
-        let colors: &[Format] = match (variant.sums, variant.is_deferred) {
+        let colors: &[Format] = match (variant.sums, variant.sums_normals()) {
             (sums, true) => &[sums; 2],
             (sums, false) => &[sums],
         };
@@ -264,14 +278,14 @@ impl Fuzzy {
                     vertex: &shaders::FILTERED_NORMALIZE_VERT,
                     fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
                     record: NOTHING,
-                    colors: targets(false),
+                    colors: targets(variant.writes_normals),
                     depth: Depth::None,
                     ..base
                 },
             )?,
             sums: Target::new(gpu, "sums", variant.sums, width, height)?,
             normals: variant
-                .is_deferred
+                .sums_normals()
                 .then(|| Target::new(gpu, "sums of normals", variant.sums, width, height))
                 .transpose()?,
         })
@@ -352,7 +366,7 @@ impl Fuzzy {
             });
         }
         let [r, g, b] = context.background;
-        // Every binding must be written; without deferred shading the second is not looked at.
+        // Every binding must be written; without normals the second is not looked at.
         let normals = self.normals.as_ref().unwrap_or(&self.sums);
         let mut pass = frame
             .pass("fuzzy.normalize")
@@ -360,6 +374,9 @@ impl Fuzzy {
             .sampled(&self.sums);
         if self.normals.is_some() {
             pass = pass.sampled(normals);
+        }
+        if let (true, Some(target)) = (self.variant.writes_normals, targets.normal()) {
+            pass = pass.color(target, Load::Clear([0.0; 4]));
         }
         pass.draw(
             [0.0, 0.0, context.width as f32, context.height as f32],

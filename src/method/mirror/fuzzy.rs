@@ -4,20 +4,21 @@
 //! pixel shows Σ c w / Σ w over the splats of the front surface. Coverage of triangles, snapping and the vertex shader
 //! are those of [`super::render`]; footprints those of [`super::disc`].
 
+mod normalize;
+
 use super::disc::{Disc, Patch};
 use super::filtered::pushed;
 use super::round::{patch, radius_px};
-use super::shade::{Kind, Shading, color_of, normal_of};
+use super::shade::{Kind, color_of, normal_of};
 use super::square::{self, Footprint as Square};
 use super::triangle::{self, Triangle};
 use super::{CHUNK, Frame, Outputs, Placed, draw, gather};
 use crate::abi::{Splat, Vertex, WeightedSplat, constants};
-use crate::draw::{ColorBy, Footprint, FuzzyList, Style};
-use crate::image::{Image, unorm8};
+use crate::draw::{ColorBy, Footprint, FuzzyList, Lighting, Style};
+use crate::image::Image;
 use crate::math::camera::View;
 use crate::math::octahedral;
 use glam::{DVec3, Vec3};
-use rayon::prelude::*;
 use std::ops::Range;
 
 /// Least |cosine| by which depth offsets are divided.
@@ -45,7 +46,7 @@ pub enum Passes {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Fuzzy {
     /// The picture. [`Image::depth`], where asked for, holds the view-space distance of [`Fuzzy::front`] at pixels that
-    /// show something. [`Image::normal`] is zero everywhere.
+    /// show something. [`Image::normal`], where asked for, is the mean normal.
     pub image: Image,
     /// Reversed depth after the first pass: of the nearest pushed surface; 0 where nothing is. In one pass: the depth
     /// (of a range its nearest end) that fragments are compared with.
@@ -54,9 +55,9 @@ pub struct Fuzzy {
     pub back: Vec<f32>,
     /// Sums: red, green, blue times weight, and weight.
     pub sums: Vec<[f32; 4]>,
-    /// Sums of normals times weight, view space, turned to the viewer where both sides are lit. Empty unless shading is
-    /// deferred.
-    pub normals: Vec<[f32; 3]>,
+    /// Sums of normals (view space; with deferred shading turned to the viewer where both sides are lit) and of reversed
+    /// depths, times weight. Empty unless shading is deferred or normals are asked for.
+    pub normals: Vec<[f32; 4]>,
 }
 
 /// Draws `list` as `view` sees it.
@@ -85,7 +86,8 @@ pub fn render_fuzzy(
     let mut front = vec![0.0; pixels];
     let mut back = vec![0.0; pixels];
     let mut sums = vec![[0.0; 4]; pixels];
-    let mut normals = vec![[0.0; 3]; if style.is_deferred { pixels } else { 0 }];
+    let sums_normals = style.is_deferred || outputs.normal;
+    let mut normals = vec![[0.0; 4]; if sums_normals { pixels } else { 0 }];
     let frame = Frame::new(view, style);
     if pixels > 0 {
         let mut bands = bands(view, &mut front, &mut back, &mut sums, &mut normals);
@@ -175,7 +177,7 @@ pub fn render_fuzzy(
         }
     }
     Fuzzy {
-        image: normalize(&frame, list.has_coverage, outputs, &front, &sums, &normals),
+        image: normalize::image(&frame, list.has_coverage, outputs, &front, &sums, &normals),
         front,
         back,
         sums,
@@ -183,19 +185,22 @@ pub fn render_fuzzy(
     }
 }
 
-/// What a fragment adds per unit of weight: a color, and a normal for deferred shading.
+/// What a fragment adds per unit of weight: a color, and a normal in view space.
 #[derive(Debug, Clone, Copy)]
 struct Share {
     color: Vec3,
     normal: Vec3,
 }
 
-/// Shaded, or with deferred shading what is to be shaded: base color and normal in view space.
+/// Shaded, or with deferred shading what is to be shaded: the base color, and the normal turned to the viewer where both
+/// sides are lit, so that they do not cancel. In the light of a lamp only what is certainly seen from behind is turned.
 fn share(frame: &Frame, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> Share {
+    let view = frame.view.view_from_model.as_dmat4();
+    let in_view = view.transform_vector3(normal) / f64::from(frame.view.model_scale);
     if !frame.style.is_deferred {
         return Share {
             color: frame.shading.value(kind, position, normal, color).as_vec3(),
-            normal: Vec3::ZERO,
+            normal: in_view.as_vec3(),
         };
     }
     let color = match (frame.style.color_by, kind) {
@@ -203,14 +208,19 @@ fn share(frame: &Frame, kind: Kind, position: DVec3, normal: DVec3, color: DVec3
         (ColorBy::Primitive, Kind::Triangle) => DVec3::new(0.2, 0.35, 1.0),
         (ColorBy::Primitive, Kind::Splat) => DVec3::new(1.0, 0.2, 0.2),
     };
-    let view = frame.view.view_from_model.as_dmat4();
-    let in_view = view.transform_vector3(normal) / f64::from(frame.view.model_scale);
     let to_eye = if frame.view.is_perspective {
-        -view.transform_point3(position)
+        (-view.transform_point3(position)).normalize_or_zero()
     } else {
         DVec3::Z
     };
-    let is_turned = frame.style.two_sided && in_view.dot(to_eye) < 0.0;
+    let is_back = match frame.style.light {
+        Lighting::Headlight => in_view.dot(to_eye) < 0.0,
+        Lighting::Phong(_) => {
+            let is_certain = in_view.dot(to_eye) < -f64::from(constants::LEAST_BACK);
+            is_certain && !frame.style.cull_back_faces
+        }
+    };
+    let is_turned = frame.style.two_sided && is_back;
     Share {
         color: color.as_vec3(),
         normal: if is_turned { -in_view } else { in_view }.as_vec3(),
@@ -353,7 +363,7 @@ struct Band<'a> {
     front: &'a mut [f32],
     back: &'a mut [f32],
     sums: &'a mut [[f32; 4]],
-    normals: &'a mut [[f32; 3]],
+    normals: &'a mut [[f32; 4]],
 }
 
 /// Bands of whole rows, from the top; several a thread, since models are seldom spread evenly.
@@ -362,7 +372,7 @@ fn bands<'a>(
     front: &'a mut [f32],
     back: &'a mut [f32],
     sums: &'a mut [[f32; 4]],
-    mut normals: &'a mut [[f32; 3]],
+    mut normals: &'a mut [[f32; 4]],
 ) -> Vec<Band<'a>> {
     let width = view.width as usize;
     let rows = (view.height as usize)
@@ -443,7 +453,7 @@ impl Band<'_> {
         if replaces {
             self.sums[i] = [0.0; 4];
             if let Some(normal) = self.normals.get_mut(i) {
-                *normal = [0.0; 3];
+                *normal = [0.0; 4];
             }
         }
         match (passes, replaces) {
@@ -463,102 +473,14 @@ impl Band<'_> {
             *sum += term;
         }
         if let Some(normal) = self.normals.get_mut(i) {
-            for (sum, term) in normal.iter_mut().zip((share.normal * weight).to_array()) {
+            for (sum, term) in normal
+                .iter_mut()
+                .zip((share.normal.extend(depth) * weight).to_array())
+            {
                 *sum += term;
             }
         }
     }
-}
-
-/// The third pass.
-fn normalize(
-    frame: &Frame,
-    has_coverage: bool,
-    outputs: Outputs,
-    front: &[f32],
-    sums: &[[f32; 4]],
-    normals: &[[f32; 3]],
-) -> Image {
-    let view = frame.view;
-    let (width, height) = (view.width as usize, view.height as usize);
-    let is_rim = |x: usize, y: usize| {
-        let columns = x.saturating_sub(1)..(x + 2).min(width);
-        let mut rows = y.saturating_sub(1)..(y + 2).min(height);
-        rows.any(|y| {
-            columns
-                .clone()
-                .any(|x| sums[y * width + x][3] < constants::LEAST_FUZZY_WEIGHT)
-        })
-    };
-    let background = frame.style.background.map(f64::from);
-    // The sums of deferred shading hold what decides the color.
-    let style = Style {
-        use_colors: frame.style.use_colors || frame.style.color_by == ColorBy::Primitive,
-        color_by: ColorBy::Shading,
-        ..*frame.style
-    };
-    let shading = Shading::new(view, &style);
-    let is_shown = |i: usize| sums[i][3] >= constants::LEAST_FUZZY_WEIGHT;
-    let color_at = |i: usize| {
-        if !is_shown(i) {
-            let [r, g, b] = background.map(unorm8);
-            return [r, g, b, 0];
-        }
-        let [r, g, b, weight] = sums[i].map(f64::from);
-        let alpha = if has_coverage && is_rim(i % width, i / width) {
-            weight.min(1.0)
-        } else {
-            1.0
-        };
-        let mut mean = DVec3::new(r, g, b) / weight;
-        if let Some(normal) = normals.get(i) {
-            mean = light(frame, &shading, (i % width, i / width), *normal, mean);
-        }
-        let shown = |mean: f64, behind: f64| unorm8(mean * alpha + behind * (1.0 - alpha));
-        [
-            shown(mean.x, background[0]),
-            shown(mean.y, background[1]),
-            shown(mean.z, background[2]),
-            unorm8(alpha).max(1),
-        ]
-    };
-    let distance_at = |i: usize| {
-        if is_shown(i) {
-            view.distance_of_depth(front[i])
-        } else {
-            f32::INFINITY
-        }
-    };
-    let pixels = sums.len();
-    Image {
-        width: view.width,
-        height: view.height,
-        color: (0..pixels).into_par_iter().map(color_at).collect(),
-        depth: if outputs.depth {
-            (0..pixels).into_par_iter().map(distance_at).collect()
-        } else {
-            Vec::new()
-        },
-        normal: vec![[0.0; 3]; if outputs.normal { pixels } else { 0 }],
-    }
-}
-
-/// Deferred shading: the mean of normals and base colors, lit as a point of the surface on the ray of the pixel.
-fn light(
-    frame: &Frame,
-    shading: &Shading,
-    (x, y): (usize, usize),
-    normal: [f32; 3],
-    base: DVec3,
-) -> DVec3 {
-    let view = frame.view;
-    let in_view = Vec3::from(normal).as_dvec3().normalize_or_zero();
-    let to_model = view.view_from_model.as_dmat4().inverse();
-    let scale = f64::from(view.model_scale);
-    let normal = (to_model.transform_vector3(in_view) * scale).normalize_or_zero();
-    let on_ray = super::disc::through(frame, x as u32, y as u32);
-    let position = to_model.transform_point3(on_ray);
-    shading.value(Kind::Splat, position, normal, base)
 }
 
 /// The vertex shader of the first pass. `None` when the result is not finite.
