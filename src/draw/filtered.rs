@@ -28,19 +28,28 @@
 //! center, as wide as a node may be, gets a weight as well, too small to count where any area is ([`FILTERED_SKIRT`]).
 //! A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
 
+mod patch;
+
+use crate::abi::FilteredSplat;
 #[cfg(doc)]
 use crate::abi::constants::FILTERED_SKIRT;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
-use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_center};
 use crate::draw::parts::{self, Sink};
 use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
-use crate::tree::{Leaf, Model, Moments};
-use glam::{Mat3, Vec3};
+use crate::tree::{Leaf, Model};
+use glam::Vec3;
+use patch::{Patch, in_pieces, mean_color};
 use prefetch_index::prefetch_index;
 
+/// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
+const OFFSET_OF_NEIGHBORS: f32 = 1.0 / 12.0;
+/// Depth offset of a triangle beside others of the angle that its corners have with it, in half sides over the sine.
+const OFFSET_OF_BEND: f32 = 2.0;
+/// Depth offset of the thickness of a patch, in half thicknesses. With the factor 3 it is twice that.
+const OFFSET_OF_THICKNESS: f32 = 2.0 / 3.0;
 /// Where most triangles have at most this diameter, triangles are drawn as splats: one sample a pixel says little of the
 /// area of such a triangle.
 const SMALL_PX: f32 = 3.0;
@@ -140,115 +149,6 @@ fn pieces(model: &Model, leaf: u32, view: &View, shade: &Shade) -> usize {
 pub fn splat_count(cut: &Cut, first_large: FirstLarge) -> usize {
     let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
     cut.nodes.len() + strips + first_large.index + first_large.splats
-}
-
-/// A patch as the sums have it.
-struct Patch {
-    center: Vec3,
-    area: f32,
-    vector_area: Vec3,
-    /// Sum of shading normals times areas.
-    normals: Vec3,
-    /// There is one shading normal, which may differ from that of the area.
-    is_triangle: bool,
-    second_moment: Mat3,
-    color: [u8; 4],
-    /// Nothing is known of its normals.
-    is_bare: bool,
-}
-
-/// Mean of three colors.
-fn mean_color(corners: &[Vertex; 3]) -> [u8; 4] {
-    let channel =
-        |i: usize| ((corners.iter().map(|v| u32::from(v.color[i])).sum::<u32>() + 1) / 3) as u8;
-    [channel(0), channel(1), channel(2), 255]
-}
-
-/// Corner of a triangle: position and shading normal, zero where unknown.
-type Corner = (Vec3, Vec3);
-
-fn middle(a: Corner, b: Corner) -> Corner {
-    ((a.0 + b.0) * 0.5, (a.1 + b.1) * 0.5)
-}
-
-/// Calls `visit` with the pieces of a triangle whose edges are halved `cuts` times.
-fn in_pieces([a, b, c]: [Corner; 3], cuts: u32, visit: &mut impl FnMut([Corner; 3])) {
-    if cuts == 0 {
-        return visit([a, b, c]);
-    }
-    let (d, e, f) = (middle(a, b), middle(b, c), middle(c, a));
-    for piece in [[a, d, f], [d, b, e], [f, e, c], [d, e, f]] {
-        in_pieces(piece, cuts - 1, visit);
-    }
-}
-
-impl Patch {
-    fn of_node(model: &Model, id: u32) -> Self {
-        let node = &model.tree.nodes[id as usize];
-        let attributes = &model.tree.attributes[id as usize];
-        let moments = &model.tree.moments[id as usize];
-        let unit = |code: i16| f32::from(code) * (1.0 / Moments::UNIT);
-        let area = attributes.area;
-        let [xx, yy, zz, xy, xz, yz] = moments.second_moment.map(|code| unit(code) * area);
-        Self {
-            center: node.center + Vec3::from(moments.centroid.map(unit)) * node.radius,
-            area,
-            vector_area: Vec3::from(moments.vector_area.map(unit)) * area,
-            normals: Vec3::from(moments.vector_area.map(unit)) * area,
-            is_triangle: false,
-            second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
-            color: attributes.color,
-            is_bare: !attributes.has_normal(),
-        }
-    }
-
-    /// A triangle. Its shading normal is the mean of its corners', as a picture of triangles interpolates it.
-    fn of_triangle(corners: [Corner; 3], color: [u8; 4]) -> Self {
-        let [a, b, c] = corners.map(|corner| corner.0);
-        let vector_area = 0.5 * (b - a).cross(c - a);
-        let shading: Vec3 = corners.iter().map(|c| c.1.normalize_or_zero()).sum();
-        let s = shading.normalize_or(vector_area.normalize_or_zero());
-        Self {
-            center: (a + b + c) / 3.0,
-            area: vector_area.length(),
-            vector_area,
-            normals: s * vector_area.length(),
-            is_triangle: true,
-            second_moment: Mat3::from_cols(vector_area * s.x, vector_area * s.y, vector_area * s.z),
-            color,
-            is_bare: false,
-        }
-    }
-
-    /// The projected area of its fronts and backs together, as its sums bound it.
-    fn projection(&self, v: Vec3) -> f32 {
-        if self.is_triangle {
-            return 0.0;
-        }
-        let least = v.dot(self.second_moment * v).max(0.0);
-        0.5 * (least + (least * self.area).sqrt())
-    }
-
-    /// A point of a cloud with the distance to its neighbors.
-    fn of_point(point: &Vertex, spacing: f32) -> Self {
-        let area = crate::tree::area_of_point(spacing);
-        let is_bare = point.color[3] == 0;
-        let n = if is_bare {
-            Vec3::ZERO
-        } else {
-            octahedral::decode(point.normal)
-        };
-        Self {
-            center: point.position,
-            area,
-            vector_area: n * area,
-            normals: n * area,
-            is_triangle: true,
-            second_moment: Mat3::from_cols(n * n.x, n * n.y, n * n.z) * area,
-            color: point.color,
-            is_bare,
-        }
-    }
 }
 
 /// The part of the frame that every splat needs.
@@ -362,11 +262,27 @@ impl Eye<'_> {
         let side = diameter.max(self.shade.side_px);
         Some(FilteredSplat {
             center,
-            offset: self.offset_px * side * z / (2.0 * self.focal_px) / facing,
+            offset: self.offset_px
+                * Self::depth_range(patch, side * z / (2.0 * self.focal_px), facing, size.is_own),
             color: base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0)),
             area_px: size.share * area_px,
             extent_and_side_px: [extent(self.right), extent(self.up), side],
         })
+    }
+
+    /// How far behind one another the middles of neighboring patches lie whose squares are `half` to either side, in the
+    /// world: as far as the plane falls off over that length, a little for what is next to a patch and not parallel to
+    /// it, and their thickness along the ray; at most what a sphere of that radius takes, which a triangle has that is
+    /// drawn as one large splat.
+    fn depth_range(patch: &Patch, half: f32, facing: f32, is_own: bool) -> f32 {
+        if is_own {
+            return half / facing;
+        }
+        let tangent = (1.0 - facing * facing).max(0.0).sqrt() / facing;
+        let neighbors = OFFSET_OF_NEIGHBORS + OFFSET_OF_BEND * patch.bend;
+        let range =
+            half * (tangent + neighbors) + OFFSET_OF_THICKNESS * patch.half_thickness / facing;
+        range.min(half / facing)
     }
 
     /// The factor of the albedo and the highlight of a patch whose fronts and backs cover `both` as seen along `v`.

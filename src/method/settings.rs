@@ -241,8 +241,9 @@ impl Settings {
         }
     }
 
-    /// Factor of the depth offset. A filtered splat is pushed away by half its side over the cosine of the viewing
-    /// angle (at least 0.1), any other by its radius over that cosine, times this. What lies behind the front by
+    /// Factor of the depth offset. A filtered splat is pushed away by the depth that it and what is next to it take (at
+    /// most half its side over the cosine of the viewing angle, which is at least 0.1), any other by its radius over that
+    /// cosine, times this. What lies behind the front by
     /// less is mixed into it. 1 is enough for a smooth surface seen from the front; at a rim the surface turns away
     /// under the splat, where 1 loses area that filtered splats need, hence 3 for them (2 on what is not culled, see
     /// [`crate::method::plan::filtered_shade`]). Larger lets what is near
