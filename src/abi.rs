@@ -53,11 +53,11 @@ pub struct FilteredSplat {
     pub offset: f32,
     /// Mean color of what is seen of the patch, shaded: red, green, blue in 0..=1.
     pub color: [f32; 3],
-    /// Projected area of what faces the viewer, square pixels.
-    pub area_px: f32,
-    /// Width and height of the rectangle over which that area is spread, above 0, and side of the square that hides what
+    /// Width and height of the rectangle over which the area is spread, above 0, and side of the square that hides what
     /// is behind, at least 1 when drawn; pixels.
     pub extent_and_side_px: [f32; 3],
+    /// Projected area of what faces the viewer, square pixels.
+    pub area_px: f32,
 }
 
 /// What every pass of a frame knows, 208 bytes: the uniform block of `shaders/common/frame.glsl`.
@@ -100,6 +100,8 @@ pub struct FrameConstants {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ListConstants {
+    /// The part of the picture that something may be drawn in, pixels: left, top, and one past right and bottom.
+    pub rect_px: [u32; 4],
     /// Width and height of the picture, pixels.
     pub size_px: [u32; 2],
     /// Pixels by which the viewport of `clip_from_view` reaches beyond the picture on every side.
@@ -211,6 +213,7 @@ same_layout!(
 same_layout!(
     ListConstants,
     list_constants,
+    rect_px = RECT_PX,
     size_px = SIZE_PX,
     guard_px = GUARD_PX,
     first = FIRST,
@@ -225,6 +228,15 @@ same_layout!(
     radius = RADIUS,
     normal = NORMAL,
     color = COLOR,
+);
+same_layout!(
+    FilteredSplat,
+    filtered_record,
+    center = CENTER,
+    offset = OFFSET,
+    color = COLOR,
+    extent_and_side_px = EXTENT_AND_SIDE_PX,
+    area_px = AREA_PX,
 );
 same_layout!(
     Vertex,

@@ -13,6 +13,9 @@ layout(location = 1) flat out vec4 extent_side_and_size_px;
 
 invariant gl_Position;
 
+// Compute draws what is small.
+layout(constant_id = 0) const bool LARGE_ONLY = false;
+
 void main() {
     vec2 extent_px = extent_and_side_px.xy;
     float side_px = extent_and_side_px.z;
@@ -20,6 +23,9 @@ void main() {
     // A whole number, so that a device whose point sizes are coarse draws what the fragment shader measures.
     float size = ceil(max(max(extent_px.x, extent_px.y), side_px) + 1.0);
     gl_PointSize = size;
+    if (LARGE_ONLY && max(max(extent_px.x, extent_px.y), side_px) <= LARGEST_SMALL_FILTERED_PX) {
+        gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
+    }
     color_and_weight = vec4(color, area_px / (extent_px.x * extent_px.y));
     extent_side_and_size_px = vec4(extent_px, side_px, size);
 }

@@ -488,6 +488,27 @@ impl Draw<'_> {
         }
     }
 
+    /// Draws into the part `[left, top, right, bottom)` of the targets only from now on, pixels.
+    pub fn scissor(&mut self, [left, top, right, bottom]: [u32; 4]) {
+        let area = vk::Rect2D {
+            offset: vk::Offset2D {
+                x: left as i32,
+                y: top as i32,
+            },
+            extent: vk::Extent2D {
+                width: right - left,
+                height: bottom - top,
+            },
+        };
+        // SAFETY: the command buffer is being recorded; the state is dynamic in every pipeline.
+        unsafe {
+            self.site
+                .gpu
+                .device
+                .cmd_set_scissor(self.site.commands, 0, &[area]);
+        }
+    }
+
     /// Draws `count` vertices from `first` on.
     pub fn draw(&mut self, first: u32, count: u32) {
         // SAFETY: pipeline, state and vertices are bound; the range lies in the bound buffer (callers draw

@@ -30,7 +30,8 @@ impl Renderer {
         settings: &Settings,
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
-        let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let by_compute = Drawing::of(settings) == Drawing::Opaque
+            && compute::is_wanted(&self.gpu, settings, &self.targets)?;
         let max_point = if by_compute {
             compute::LARGEST_SQUARE_PX
         } else {
@@ -151,7 +152,16 @@ impl Renderer {
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
                 };
-                filtered.record(&mut frame, &self.targets, list, &context, constants);
+                // Splats of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
+                let has_large = is_whole || model.triangles.is_empty();
+                filtered.record(
+                    &mut frame,
+                    &self.targets,
+                    list,
+                    has_large,
+                    &context,
+                    constants,
+                )?;
             }
             (Drawing::Visibility, ..) => {
                 let Some(visibility) = &self.visibility else {

@@ -186,6 +186,7 @@ impl Renderer {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
         let context = Context {
+            rect_px: [0, 0, view.width, view.height],
             width: self.targets.color.width,
             height: self.targets.color.height,
             guard_px: 0,
