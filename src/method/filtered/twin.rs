@@ -79,6 +79,8 @@ impl Twin {
                     fragment: Some(&shaders::FILTERED_NORMALIZE_SMALL_FRAG),
                     constants: &[is_gray, has_large],
                     colors: targets(false),
+                    // Also where there is no depth: beyond the squares of the first pass.
+                    depth: Depth::NotFarther,
                     ..base
                 },
             )
