@@ -43,8 +43,7 @@ vec4 normalized(ivec2 pixel, float own) {
     vec4 color = vec4(frame.background.rgb, 0.0);
     vec4 sum = sum_at(pixel);
     ivec4 known = bounds();
-    // Loops of one turn or none, not conditions: software devices run both sides of a condition.
-    for (bool is_covered = sum.a > LEAST_WEIGHT; is_covered; is_covered = false) {
+    if (sum.a > LEAST_WEIGHT) {
         // What is farther than this depth, but has one, is another part. Where the pixel has none, nothing is: beyond the
         // squares of the first pass nothing is in front of anything.
         float limit = 0.0;
@@ -77,7 +76,7 @@ vec4 normalized(ivec2 pixel, float own) {
         }
         bool is_rim = !(own > 0.0) || around > 0.0;
         if (is_rim && sum.a < LEAST_FILTERED_COVERAGE && behind.a == 0.0) {
-            break;
+            return color;
         }
         float covered = is_rim ? min(sum.a, 1.0) : 1.0;
         vec4 beyond = behind / max(around, 1.0);

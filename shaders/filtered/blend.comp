@@ -16,8 +16,8 @@ layout(set = 0, binding = 4, std430) buffer Sums {
 };
 
 // Overlap of a pixel, a unit wide, and an interval, `distance` from center to center.
-float overlap(float extent, float distance) {
-    return clamp(0.5 * (extent + 1.0) - distance, 0.0, min(extent, 1.0));
+vec2 overlap(vec2 extent, vec2 distance) {
+    return clamp(0.5 * (extent + 1.0) - distance, vec2(0.0), min(extent, 1.0));
 }
 
 void main() {
@@ -25,44 +25,49 @@ void main() {
     if (item >= list.count) {
         return;
     }
-    FilteredRecord splat = splats[list.begin + item];
-    SmallSplat small = small_splat(splat);
-    vec2 extent = vec2(splat.extent_and_side_px[0], splat.extent_and_side_px[1]);
-    float side = splat.extent_and_side_px[2];
+    SmallSplat small = small_splat(list.begin + item);
+    vec2 extent = floats_of(splats[list.begin + item].extent);
+    vec2 side = vec2(small.side_px);
+    vec3 color = floats_of(splats[list.begin + item].red_green).xyy;
+    if (!IS_GRAY) {
+        color.z = floats_of(splats[list.begin + item].blue_nothing).x;
+    }
     // In steps of 1/256 pixel, as a rasterizer has it.
     vec2 center = roundEven(small.window_px * 256.0) * (1.0 / 256.0);
-    vec2 half_size = 0.5 * max(extent, vec2(side));
-    // What is no number lies nowhere.
+    vec2 half_size = 0.5 * max(extent, side);
     vec2 low = clamp(floor(center - half_size), vec2(list.rect_px.xy), vec2(list.rect_px.zw));
     vec2 high = clamp(ceil(center + half_size), vec2(list.rect_px.xy), vec2(list.rect_px.zw));
-    if (!small.is_drawn || !all(lessThan(low, high))) {
-        return;
-    }
-    float density = splat.area_px / (extent.x * extent.y);
+    float density = small.area_px / (extent.x * extent.y);
     // No area, no skirt.
     float skirt = density > 0.0 ? FILTERED_SKIRT : 0.0;
     uint depth = floatBitsToUint(small.depth);
-    for (float y = low.y + 0.5; y < high.y; y += 1.0) {
-        float away_y = abs(y - center.y);
-        float own_y = density * overlap(extent.y, away_y);
-        float square_y = skirt * overlap(side, away_y);
-        uint at = index_of(ivec2(low.x, y));
-        for (float x = low.x + 0.5; x < high.x; x += 1.0) {
-            float away_x = abs(x - center.x);
-            float weight = min(own_y * overlap(extent.x, away_x) + square_y * overlap(side, away_x), MOST_WEIGHT);
-            bool is_fine = weight < LEAST_COARSE;
-            float steps = weight * (is_fine ? FINE_STEPS : COARSE_STEPS);
-            // A loop of one turn or none, not a condition: software devices run both sides of a condition.
-            for (bool is_seen = front[at] <= depth && weight > 0.0; is_seen; is_seen = false) {
-                if (IS_GRAY) {
-                    atomicAdd(sums[2u * at + uint(is_fine)], fixed_pair(splat.color[0] * steps, steps));
-                } else {
-                    uint word = 4u * at + 2u * uint(is_fine);
-                    atomicAdd(sums[word], fixed_pair(splat.color[0] * steps, splat.color[1] * steps));
-                    atomicAdd(sums[word + 1u], fixed_pair(splat.color[2] * steps, steps));
-                }
+    // What is no number lies nowhere, or weighs nothing.
+    ivec2 size = ivec2(max(high - low, vec2(0.0)));
+    int pixels = small.is_drawn && min(extent.x, extent.y) > 0.0 ? size.x * size.y : 0;
+    // One loop over all rows: of two, the inner one would take as many turns as the longest row of its neighbors.
+    uint at = index_of(ivec2(low));
+    uint to_next_row = list.rect_px.z - list.rect_px.x - uint(size.x) + 1u;
+    vec2 from_center = low + 0.5 - center;
+    float first = from_center.x;
+    int left = size.x;
+    for (; pixels > 0; --pixels) {
+        vec2 own = overlap(extent, abs(from_center));
+        vec2 square = overlap(side, abs(from_center));
+        float weight = min(density * (own.x * own.y) + skirt * (square.x * square.y), MOST_WEIGHT);
+        bool is_fine = weight < LEAST_COARSE;
+        float steps = weight * (is_fine ? FINE_STEPS : COARSE_STEPS);
+        if (weight > 0.0 && front[at] <= depth) {
+            if (IS_GRAY) {
+                atomicAdd(sums[2u * at + uint(is_fine)], fixed_pair(color.r * steps, steps));
+            } else {
+                uint word = 4u * at + 2u * uint(is_fine);
+                atomicAdd(sums[word], fixed_pair(color.r * steps, color.g * steps));
+                atomicAdd(sums[word + 1u], fixed_pair(color.b * steps, steps));
             }
-            ++at;
         }
+        --left;
+        at += left == 0 ? to_next_row : 1u;
+        from_center = left == 0 ? vec2(first, from_center.y + 1.0) : from_center + vec2(1.0, 0.0);
+        left = left == 0 ? size.x : left;
     }
 }

@@ -358,7 +358,9 @@ impl Eye<'_> {
             offset: self.offset_px * side * z / (2.0 * self.focal_px) / facing,
             color: base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0)),
             area_px: size.share * area_px,
-            extent_and_side_px: [extent(self.right), extent(self.up), side],
+            extent_px: [extent(self.right), extent(self.up)],
+            side_px: side,
+            unused: 0,
         })
     }
 

@@ -68,13 +68,9 @@ impl Pass<'_> {
         // SAFETY: the command buffer is being recorded outside of a rendering scope; the buffer is alive until the
         // frame has finished, has the usage of a copy's target, and its first `bytes` bytes, a multiple of 4.
         unsafe {
-            self.gpu.device.cmd_fill_buffer(
-                self.slot.commands,
-                buffer.handle(),
-                0,
-                bytes,
-                word,
-            );
+            self.gpu
+                .device
+                .cmd_fill_buffer(self.slot.commands, buffer.handle(), 0, bytes, word);
         }
     }
 

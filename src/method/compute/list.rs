@@ -58,9 +58,8 @@ impl<'a> List<'a> {
         context: &Context,
         max_binding: u64,
     ) -> Result<Items<'a>, Error> {
-        let mut bind = |buffer, record, range| {
-            bound(frame, context, max_binding, (buffer, record), range)
-        };
+        let mut bind =
+            |buffer, record, range| bound(frame, context, max_binding, (buffer, record), range);
         let splats = bind(
             self.splats,
             size_of::<Splat>() as u64,
@@ -115,7 +114,10 @@ struct Part {
 /// `max_binding` bytes.
 fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator<Item = Part> {
     // So many records fill whole alignments, which are a power of two.
-    let step = Slice::ALIGNMENT >> record.trailing_zeros().min(Slice::ALIGNMENT.trailing_zeros());
+    let step = Slice::ALIGNMENT
+        >> record
+            .trailing_zeros()
+            .min(Slice::ALIGNMENT.trailing_zeros());
     let most = (max_binding / (step * record)).saturating_sub(1) * step;
     let most = most.clamp(1, u64::from(u32::MAX / 2)) as u32;
     let end = first + count;

@@ -12,10 +12,10 @@ pub(crate) mod rect;
 
 pub(crate) use list::List;
 
+use super::plan::Drawing;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
-use super::plan::Drawing;
 use super::{Method, Path, Settings, SplatKind, filtered};
 use crate::abi::constants::LARGEST_SMALL_FILTERED_PX;
 use crate::abi::shaders;
@@ -67,7 +67,9 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     let info = gpu.info();
     let color = targets.color();
     let (why, bytes) = match Drawing::of(settings) {
-        Drawing::Opaque if settings.method == Method::Pop && settings.splat == SplatKind::Square => {
+        Drawing::Opaque
+            if settings.method == Method::Pop && settings.splat == SplatKind::Square =>
+        {
             (not_as_squares(settings), key_bytes(targets))
         }
         Drawing::Filtered => {
@@ -155,7 +157,12 @@ impl Small {
         };
         Ok(Self {
             splats: Pipeline::compute(gpu, "small.splats", &shaders::COMPUTE_SPLATS_COMP, &[])?,
-            triangles: Pipeline::compute(gpu, "small.triangles", &shaders::COMPUTE_TRIANGLES_COMP, &[])?,
+            triangles: Pipeline::compute(
+                gpu,
+                "small.triangles",
+                &shaders::COMPUTE_TRIANGLES_COMP,
+                &[],
+            )?,
             resolve_splats: resolve(
                 "small.resolve splats",
                 &shaders::COMPUTE_RESOLVE_SPLATS_FRAG,
@@ -192,7 +199,9 @@ impl Small {
         }
         let Items { splats, triangles } = list.bound(frame, context, self.max_binding)?;
         let keys = Slice::whole(&self.keys);
-        frame.pass("small.clear").fill(&[(&self.keys, 8 * rect::pixels(context.rect_px))], 0);
+        frame
+            .pass("small.clear")
+            .fill(&[(&self.keys, 8 * rect::pixels(context.rect_px))], 0);
         if !triangles.is_empty() {
             let mut pass = frame
                 .pass("small.triangles")

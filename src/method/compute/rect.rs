@@ -11,7 +11,11 @@ pub(crate) fn rect_px(model: &Model, view: &View, margin_px: f32) -> [u32; 4] {
     let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for corner in 0..8 {
         let side = |axis: usize| {
-            let end = if corner >> axis & 1 == 0 { model.min } else { model.max };
+            let end = if corner >> axis & 1 == 0 {
+                model.min
+            } else {
+                model.max
+            };
             end[axis]
         };
         let (x, y, distance) = view.project(Vec3::new(side(0), side(1), side(2)));
@@ -25,7 +29,9 @@ pub(crate) fn rect_px(model: &Model, view: &View, margin_px: f32) -> [u32; 4] {
         }
     }
     let part = |axis: usize, size: u32| {
-        let first = (low[axis] - margin_px).floor().clamp(0.0, size as f32 - 1.0) as u32;
+        let first = (low[axis] - margin_px)
+            .floor()
+            .clamp(0.0, size as f32 - 1.0) as u32;
         let end = (high[axis] + margin_px).ceil().clamp(0.0, size as f32) as u32;
         (first, end.max(first + 1))
     };

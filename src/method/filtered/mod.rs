@@ -5,6 +5,8 @@
 //! `filtered.blend` sums (color * weight, weight) of all that is not behind it, `filtered.normalize` divides.
 //! The sums are 32-bit floats: a pixel adds up thousands of small weights, which 16 bits lose.
 
+#[cfg(test)]
+mod tests;
 pub(crate) mod twin;
 
 use super::VERTEX;
@@ -48,9 +50,14 @@ const RECORD: Record = Record {
             offset: std::mem::offset_of!(FilteredSplat, area_px) as u32,
         },
         Attribute {
-            name: "extent_and_side_px",
-            format: AttributeFormat::Float3,
-            offset: std::mem::offset_of!(FilteredSplat, extent_and_side_px) as u32,
+            name: "extent_px",
+            format: AttributeFormat::Float2,
+            offset: std::mem::offset_of!(FilteredSplat, extent_px) as u32,
+        },
+        Attribute {
+            name: "side_px",
+            format: AttributeFormat::Float,
+            offset: std::mem::offset_of!(FilteredSplat, side_px) as u32,
         },
     ],
 };
@@ -266,7 +273,13 @@ impl Filtered {
         let pass = frame
             .pass("filtered.depth")
             .depth(targets.depth(), Load::Clear([0.0; 4]));
-        raster(pass, list, (&self.depth_triangles, splats), context, constants);
+        raster(
+            pass,
+            list,
+            (&self.depth_triangles, splats),
+            context,
+            constants,
+        );
     }
 
     /// Pass `filtered.blend` by the rasterizer: sums of what is not behind that depth.
@@ -283,7 +296,13 @@ impl Filtered {
             .pass("filtered.blend")
             .color(&self.sums, Load::Clear([0.0; 4]))
             .depth_test(targets.depth());
-        raster(pass, list, (&self.blend_triangles, splats), context, constants);
+        raster(
+            pass,
+            list,
+            (&self.blend_triangles, splats),
+            context,
+            constants,
+        );
     }
 
     /// Pass `filtered.normalize` of what was rastered.

@@ -137,7 +137,12 @@ impl Twin {
     }
 
     /// Pass `filtered.clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
-    pub(crate) fn clear(&self, frame: &mut Frame<'_>, rastered: Option<&Target>, context: &Context) {
+    pub(crate) fn clear(
+        &self,
+        frame: &mut Frame<'_>,
+        rastered: Option<&Target>,
+        context: &Context,
+    ) {
         let pixels = rect::pixels(context.rect_px);
         let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
         match rastered {
