@@ -28,6 +28,6 @@ SmallSplat small_splat(uint at) {
     small.depth = depth;
     small.window_px = window_of(clip);
     // The view volume in depth, and nothing that is not finite. The rasterizer draws what is larger.
-    small.is_drawn = clip.z >= 0.0 && clip.z <= clip.w && clip.w > 0.0 && side_area.x <= LARGEST_SMALL_FILTERED_PX;
+    small.is_drawn = clip.z >= 0.0 && clip.z <= clip.w && clip.w > 0.0 && side_area.x <= LARGEST_SMALL_BLENDED_PX;
     return small;
 }

@@ -53,16 +53,12 @@ void main() {
     for (; pixels > 0; --pixels) {
         vec2 own = overlap(extent, abs(from_center));
         vec2 square = overlap(side, abs(from_center));
-        float weight = min(density * (own.x * own.y) + skirt * (square.x * square.y), MOST_WEIGHT);
-        bool is_fine = weight < LEAST_COARSE;
-        float steps = weight * (is_fine ? FINE_STEPS : COARSE_STEPS);
+        float weight = density * (own.x * own.y) + skirt * (square.x * square.y);
         if (weight > 0.0 && front[at] <= depth) {
-            if (IS_GRAY) {
-                atomicAdd(sums[2u * at + uint(is_fine)], fixed_pair(color.r * steps, steps));
-            } else {
-                uint word = 4u * at + 2u * uint(is_fine);
-                atomicAdd(sums[word], fixed_pair(color.r * steps, color.g * steps));
-                atomicAdd(sums[word + 1u], fixed_pair(color.b * steps, steps));
+            Deposit deposit = deposit_of(at, color, weight);
+            atomicAdd(sums[deposit.word], deposit.first);
+            if (!IS_GRAY) {
+                atomicAdd(sums[deposit.word + 1u], deposit.second);
             }
         }
         --left;

@@ -15,14 +15,14 @@ layout(location = 1) flat out vec4 extent_side_and_size_px;
 invariant gl_Position;
 
 // Compute draws what is small.
-layout(constant_id = 0) const bool LARGE_ONLY = false;
+layout(constant_id = 8) const bool LARGE_ONLY = false;
 
 void main() {
     gl_Position = frame.clip_from_view * (frame.view_from_model * vec4(center, 1.0));
     // A whole number, so that a device whose point sizes are coarse draws what the fragment shader measures.
     float size = ceil(max(max(extent_px.x, extent_px.y), side_px) + 1.0);
     gl_PointSize = size;
-    if (LARGE_ONLY && side_px <= LARGEST_SMALL_FILTERED_PX) {
+    if (LARGE_ONLY && side_px <= LARGEST_SMALL_BLENDED_PX) {
         gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
     }
     color_and_weight = vec4(color, area_px / (extent_px.x * extent_px.y));

@@ -289,6 +289,8 @@ impl Renderer {
         }
         let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets)?;
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
+        let is_gray =
+            settings.color_by != ColorBy::Primitive && !(settings.use_colors && scene.has_colors);
         if by_compute && is_opaque && self.small.is_none() {
             self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
         }
@@ -315,15 +317,14 @@ impl Renderer {
             }
             Drawing::Fuzzy => {
                 let has_triangles = !model.triangles.is_empty();
-                let variant = fuzzy::Variant::new(&self.gpu, settings, has_triangles)?;
+                let by_compute = by_compute.then_some(is_gray);
+                let variant = fuzzy::Variant::new(&self.gpu, settings, has_triangles, by_compute)?;
                 if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
                     let (width, height) = (self.targets.color.width, self.targets.color.height);
                     self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
                 }
             }
             Drawing::Filtered => {
-                let is_gray = settings.color_by != ColorBy::Primitive
-                    && !(settings.use_colors && scene.has_colors);
                 let variant = filtered::Variant {
                     has_lamp: lamp,
                     by_compute: by_compute.then_some(is_gray),

@@ -9,6 +9,7 @@
 
 pub(crate) mod list;
 pub(crate) mod rect;
+pub(crate) mod twin;
 
 pub(crate) use list::List;
 
@@ -16,8 +17,8 @@ use super::plan::Drawing;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
-use super::{Method, Path, Settings, SplatKind, filtered};
-use crate::abi::constants::LARGEST_SMALL_FILTERED_PX;
+use super::{Method, Path, Settings, Shading, SplatKind};
+use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::abi::shaders;
 use crate::draw::Lighting;
 use crate::gpu::bind::Slice;
@@ -72,12 +73,14 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
         {
             (not_as_squares(settings), key_bytes(targets))
         }
-        Drawing::Filtered => {
-            let bytes = filtered::twin::storage_bytes((color.width, color.height));
-            (not_as_filtered(settings), bytes)
+        Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
+            let bytes = twin::storage_bytes((color.width, color.height));
+            (not_as_blended(settings), bytes)
         }
         _ => (
-            Some("it draws filtered splats, and the squares of pop that are not blended"),
+            Some(
+                "it draws blended and filtered splats of a tree, and the squares of pop that are not blended",
+            ),
             0,
         ),
     };
@@ -111,11 +114,17 @@ fn not_as_squares(settings: &Settings) -> Option<&'static str> {
     }
 }
 
-/// Why filtered splats are not drawn by compute.
-fn not_as_filtered(settings: &Settings) -> Option<&'static str> {
-    (settings.threshold_px > LARGEST_SMALL_FILTERED_PX).then_some(
-        "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
-    )
+/// Why filtered and fuzzy splats are not drawn by compute.
+fn not_as_blended(settings: &Settings) -> Option<&'static str> {
+    if settings.threshold_px > LARGEST_SMALL_BLENDED_PX {
+        Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
+    } else if settings.shading == Shading::Deferred {
+        Some("it sums colors, not normals; leave --shading out")
+    } else if settings.sums.is_some() {
+        Some("its sums are numbers of fixed point; leave --sums out")
+    } else {
+        None
+    }
 }
 
 /// Whether `count` primitives are enough to pay for the pass that shades the picture: `least` of them for each of its

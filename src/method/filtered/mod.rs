@@ -7,9 +7,9 @@
 
 #[cfg(test)]
 mod tests;
-pub(crate) mod twin;
 
 use super::VERTEX;
+use super::compute::twin::{self, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
@@ -23,7 +23,6 @@ use crate::gpu::pipeline::{
 };
 use crate::gpu::{Error, Gpu};
 use std::sync::Arc;
-use twin::Twin;
 
 /// [`FilteredSplat`] as pipelines see it.
 const RECORD: Record = Record {
@@ -141,24 +140,29 @@ impl Filtered {
             is_additive: true,
             ..base
         };
-        let depth_splats = |large_only| {
+        let large_only = |value| {
+            let mut constants = [false; twin::CONSTANTS];
+            constants[twin::HAS_LARGE] = value;
+            constants
+        };
+        let depth_splats = |value| {
             Pipeline::new(
                 gpu,
                 &Description {
                     name: "filtered.depth splats",
-                    constants: &[large_only],
+                    constants: &large_only(value),
                     ..base
                 },
             )
         };
-        let blend_splats = |large_only| {
+        let blend_splats = |value| {
             Pipeline::new(
                 gpu,
                 &Description {
                     name: "filtered.blend splats",
                     vertex: &shaders::FILTERED_BLEND_VERT,
                     fragment: Some(&shaders::FILTERED_BLEND_FRAG),
-                    constants: &[large_only],
+                    constants: &large_only(value),
                     ..blend
                 },
             )
@@ -166,7 +170,7 @@ impl Filtered {
         let by_compute = match variant.by_compute {
             None => None,
             Some(is_gray) => Some(ByCompute {
-                twin: Twin::new(gpu, (width, height), is_gray)?,
+                twin: Twin::new(gpu, &twin::FILTERED, (width, height), is_gray, &[])?,
                 depth_splats: depth_splats(true)?,
                 blend_splats: blend_splats(true)?,
             }),

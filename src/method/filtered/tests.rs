@@ -216,7 +216,8 @@ fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
             })
             .collect();
         let picture = drawn(&gpu, &splats, Some(false));
-        let at = (SIZE.0 * (SIZE.1 / 2) + SIZE.0 / 2) as usize;
+        // Its neighbors are covered by the squares as well, so it is no rim.
+        let at = (SIZE.0 * (SIZE.1 / 2 - 1) + SIZE.0 / 2 - 1) as usize;
         let mirror = mirrored(&splats).color;
         assert!(
             difference(&picture, &mirror).0 <= 1,

@@ -100,6 +100,8 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
         };
+        // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
+        let has_large = is_whole || model.triangles.is_empty();
         let variant = Splats::variant_of(settings);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
@@ -142,7 +144,14 @@ impl Renderer {
                     runs: &lists.runs,
                     splats: fuzzy::Splats::List(&lists.splats, packed, capacity),
                 };
-                fuzzy.record(&mut frame, &self.targets, list, &context, constants);
+                fuzzy.record(
+                    &mut frame,
+                    &self.targets,
+                    list,
+                    has_large,
+                    &context,
+                    constants,
+                )?;
             }
             (Drawing::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
@@ -152,8 +161,6 @@ impl Renderer {
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
                 };
-                // Splats of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
-                let has_large = is_whole || model.triangles.is_empty();
                 filtered.record(
                     &mut frame,
                     &self.targets,

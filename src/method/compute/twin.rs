@@ -1,28 +1,82 @@
-//! Filtered splats by compute: the passes of [`super::Filtered`] with atomics in the place of depth test and blending.
+//! Blended splats by compute: the passes of [`crate::method::filtered`] and [`crate::method::fuzzy`] with atomics in the
+//! place of depth test and blending.
 //!
 //! A rasterizer sets every point up before it draws it, which a software device does in 100 ns and more, twice. Here a
-//! splat leaves its pushed depth in the pixels of its square by an atomic maximum (`filtered.depth`), and adds its deposits
-//! where that does not hide it (`filtered.blend`). Sums are numbers of fixed point, so the order of drawing cannot show.
-//! The rasterizer still draws triangles and what is larger than [`LARGEST_SMALL_FILTERED_PX`](crate::abi::constants::LARGEST_SMALL_FILTERED_PX); its depth is where the
-//! compute passes begin from, and its sums are added to theirs.
+//! splat leaves its pushed depth in the pixels of its footprint by an atomic maximum (pass `depth`), and adds its deposits
+//! where that does not hide it (pass `blend`). Sums are numbers of fixed point, so the order of drawing cannot show.
+//! The rasterizer still draws triangles and what is larger than
+//! [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX); its depth is where the compute passes
+//! begin from, and its sums are added to theirs.
 
 use super::NOTHING;
-use crate::abi::{FilteredSplat, shaders};
+use super::list::{self, Bound};
+use super::rect;
+use crate::abi::{FilteredSplat, Shader, WeightedSplat, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{Buffer, Upload, Usage};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
-use crate::method::compute::list::{self, Bound};
-use crate::method::compute::rect;
 use crate::method::targets::{Context, Targets};
 use crate::method::triangles::targets;
 use std::sync::Arc;
 
+/// The passes of one kind of splats.
+#[derive(Debug)]
+pub(crate) struct Kind {
+    /// Names of the passes clear, front, depth, merge, blend and normalize.
+    names: [&'static str; 6],
+    depth: &'static Shader,
+    blend: &'static Shader,
+    normalize: &'static Shader,
+    /// Bytes of a splat.
+    record: u64,
+}
+
+/// Filtered splats.
+pub(crate) const FILTERED: Kind = Kind {
+    names: [
+        "filtered.clear",
+        "filtered.front",
+        "filtered.depth",
+        "filtered.merge",
+        "filtered.blend",
+        "filtered.normalize",
+    ],
+    depth: &shaders::FILTERED_DEPTH_COMP,
+    blend: &shaders::FILTERED_BLEND_COMP,
+    normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
+    record: size_of::<FilteredSplat>() as u64,
+};
+
+/// Fuzzy splats.
+pub(crate) const FUZZY: Kind = Kind {
+    names: [
+        "fuzzy.clear",
+        "fuzzy.front",
+        "fuzzy.depth",
+        "fuzzy.merge",
+        "fuzzy.blend",
+        "fuzzy.normalize",
+    ],
+    depth: &shaders::FUZZY_DEPTH_COMP,
+    blend: &shaders::FUZZY_BLEND_COMP,
+    normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
+    record: size_of::<WeightedSplat>() as u64,
+};
+
+/// Place of the specialization constant that says that red, green and blue are the same.
+const IS_GRAY: usize = 7;
+/// Place of the one that says that the rasterizer draws as well, and in vertex shaders that it draws what is large only.
+pub(crate) const HAS_LARGE: usize = 8;
+/// How many there are.
+pub(crate) const CONSTANTS: usize = 9;
+
 /// Pipelines and the sums, for one picture size.
 #[derive(Debug)]
 pub(crate) struct Twin {
+    kind: &'static Kind,
     depth: Pipeline,
     blend: Pipeline,
     merge: Pipeline,
@@ -33,7 +87,7 @@ pub(crate) struct Twin {
     sums: Buffer,
     max_binding: u64,
     /// Red, green and blue are the same in all that is drawn.
-    pub(crate) is_gray: bool,
+    is_gray: bool,
 }
 
 /// A list of splats, bound.
@@ -53,15 +107,22 @@ pub(crate) fn storage_bytes((width, height): (u32, u32)) -> u64 {
 }
 
 impl Twin {
+    /// `constants` are the specialization constants of the shaders, as those of the rasterizer have them.
+    ///
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
+        kind: &'static Kind,
         (width, height): (u32, u32),
         is_gray: bool,
+        constants: &[bool],
     ) -> Result<Self, Error> {
+        let mut all = [false; CONSTANTS];
+        all[..constants.len()].copy_from_slice(constants);
+        all[IS_GRAY] = is_gray;
         let base = Description {
-            name: "filtered.merge",
+            name: "merge of small splats",
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(&shaders::FILTERED_MERGE_FRAG),
             constants: &[],
@@ -72,43 +133,32 @@ impl Twin {
             is_additive: false,
         };
         let normalize = |name, has_large| {
+            let mut constants = all;
+            constants[HAS_LARGE] = has_large;
             Pipeline::new(
                 gpu,
                 &Description {
                     name,
-                    fragment: Some(&shaders::FILTERED_NORMALIZE_SMALL_FRAG),
-                    constants: &[is_gray, has_large],
+                    fragment: Some(kind.normalize),
+                    constants: &constants,
                     colors: targets(false),
-                    // Also where there is no depth: beyond the squares of the first pass.
+                    // Also where there is no depth: kernels may reach beyond what hides.
                     depth: Depth::NotFarther,
                     ..base
                 },
             )
         };
         let pixels = u64::from(width) * u64::from(height);
+        let storage = |name, bytes| Buffer::new(gpu, name, Usage::Storage, bytes);
         Ok(Self {
-            depth: Pipeline::compute(
-                gpu,
-                "filtered.depth small",
-                &shaders::FILTERED_DEPTH_COMP,
-                &[],
-            )?,
-            blend: Pipeline::compute(
-                gpu,
-                "filtered.blend small",
-                &shaders::FILTERED_BLEND_COMP,
-                &[is_gray],
-            )?,
+            kind,
+            depth: Pipeline::compute(gpu, "depth of small splats", kind.depth, &all)?,
+            blend: Pipeline::compute(gpu, "blend of small splats", kind.blend, &all)?,
             merge: Pipeline::new(gpu, &base)?,
-            normalize: normalize("filtered.normalize small", false)?,
-            normalize_all: normalize("filtered.normalize all", true)?,
-            front: Buffer::new(gpu, "front of small splats", Usage::Storage, 4 * pixels)?,
-            sums: Buffer::new(
-                gpu,
-                "sums of small splats",
-                Usage::Storage,
-                sum_bytes(is_gray) * pixels,
-            )?,
+            normalize: normalize("normalize of small splats", false)?,
+            normalize_all: normalize("normalize of all splats", true)?,
+            front: storage("front of small splats", 4 * pixels)?,
+            sums: storage("sums of small splats", sum_bytes(is_gray) * pixels)?,
             max_binding: gpu.info().max_storage_range,
             is_gray,
         })
@@ -125,18 +175,17 @@ impl Twin {
         count: u32,
         context: &Context,
     ) -> Result<Ready<'a>, Error> {
-        let record = size_of::<FilteredSplat>() as u64;
         let parts = list::bound(
             frame,
             context,
             self.max_binding,
-            (splats, record),
+            (splats, self.kind.record),
             (0, count),
         )?;
         Ok(Ready { splats, parts })
     }
 
-    /// Pass `filtered.clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
+    /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
     pub(crate) fn clear(
         &self,
         frame: &mut Frame<'_>,
@@ -147,22 +196,22 @@ impl Twin {
         let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
         match rastered {
             None => frame
-                .pass("filtered.clear")
+                .pass(self.kind.names[0])
                 .fill(&[sums, (&self.front, 4 * pixels)], 0),
             Some(depth) => {
-                frame.pass("filtered.clear").fill(&[sums], 0);
+                frame.pass(self.kind.names[0]).fill(&[sums], 0);
                 let [left, top, right, bottom] = context.rect_px;
                 let part = [left, top, right - left, bottom - top];
-                frame.copy_part("filtered.front", depth, part, &self.front);
+                frame.copy_part(self.kind.names[1], depth, part, &self.front);
             }
         }
     }
 
-    /// Pass `filtered.depth` of a list: the nearest pushed depth of each pixel. May be repeated with further lists.
+    /// Pass `depth` of a list: the nearest pushed depth of each pixel. May be repeated with further lists.
     pub(crate) fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
         let front = Slice::whole(&self.front);
         frame
-            .pass("filtered.depth")
+            .pass(self.kind.names[2])
             .storage_read(list.splats)
             .storage(&self.front)
             .compute(|compute| {
@@ -173,7 +222,7 @@ impl Twin {
             });
     }
 
-    /// Pass `filtered.merge`: brings the front to the depth target, for what the rasterizer blends.
+    /// Pass `merge`: brings the front to the depth target, for what the rasterizer blends.
     ///
     /// # Errors
     /// When the frame has no room for constants.
@@ -185,7 +234,7 @@ impl Twin {
     ) -> Result<(), Error> {
         let picture = frame.uniform(&list::constants(context))?;
         frame
-            .pass("filtered.merge")
+            .pass(self.kind.names[3])
             .depth(depth, Load::Keep)
             .fragment_storage(&self.front)
             .draw(whole(context), |draw| {
@@ -197,11 +246,11 @@ impl Twin {
         Ok(())
     }
 
-    /// Pass `filtered.blend` of a list, once the depth of all lists is known.
+    /// Pass `blend` of a list, once the depth of all lists is known.
     pub(crate) fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
         let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
         frame
-            .pass("filtered.blend")
+            .pass(self.kind.names[4])
             .storage_read(list.splats)
             .storage_read(&self.front)
             .storage(&self.sums)
@@ -213,7 +262,7 @@ impl Twin {
             });
     }
 
-    /// Pass `filtered.normalize`: color and depth of the picture, with the sums of what was rastered, if anything was.
+    /// Pass `normalize`: color and depth of the picture, with the sums of what was rastered, if anything was.
     ///
     /// # Errors
     /// When the frame has no room for constants.
@@ -235,7 +284,7 @@ impl Twin {
             &self.normalize
         };
         targets
-            .attach(frame.pass("filtered.normalize"), context)
+            .attach(frame.pass(self.kind.names[5]), context)
             .sampled(large)
             .fragment_storage(&self.front)
             .fragment_storage(&self.sums)
