@@ -7,11 +7,11 @@
 // Red, green and blue are the same in every deposit of the frame.
 layout(constant_id = 7) const bool IS_GRAY = false;
 
-// Steps in a sum of 1. Sums below 4096 and below 16 fit.
-const float COARSE_STEPS = 1048576.0;
-const float FINE_STEPS = 268435456.0;
-// Weights from here on are coarse: 1024 steps, far below a level.
-const float LEAST_COARSE = 1.0 / 1024.0;
+// Steps in a sum of 1. Sums below 65536 and below 64 fit.
+const float COARSE_STEPS = 65536.0;
+const float FINE_STEPS = 67108864.0;
+// Weights from here on are coarse: 1024 steps, of which a half is far below a level.
+const float LEAST_COARSE = 1.0 / 64.0;
 // More than this no deposit weighs, so that what is out of all bounds spoils no other pixel's sums.
 const float MOST_WEIGHT = 1024.0;
 

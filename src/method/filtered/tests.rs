@@ -197,15 +197,21 @@ fn the_order_of_a_list_does_not_show() {
 #[test]
 fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
     let Some(gpu) = device() else { return };
-    // Each covers the pixel whole, in sums of 500; half of them are of one color, half of another. The faint have sums of
-    // 500 times a thousandth, the smallest that are coarse, and the others of 500 times less.
-    for area in [9.0, 9.0 / 1000.0, 9.0 / 1100.0] {
-        let splats: Vec<FilteredSplat> = (0..500)
+    // Each covers the pixel whole; half of them are of one color, half of another. The sums of weights are 500, and near
+    // the most that fits: 65,536 of weights above a 64th, 64 of those below.
+    for (count, weight) in [
+        (500, 1.0),
+        (500, 0.001),
+        (20_000, 3.0),
+        (500, 1.0 / 63.0),
+        (4000, 1.0 / 65.0),
+    ] {
+        let splats: Vec<FilteredSplat> = (0..count)
             .map(|i| FilteredSplat {
                 center: Vec3::new(0.0, 0.0, -5.0),
                 offset: 0.1,
                 side_px: 3.0,
-                area_px: area,
+                area_px: 9.0 * weight,
                 extent_px: [3.0; 2],
                 color: if i % 2 == 0 {
                     [1.0, 0.8, 0.0]
@@ -221,7 +227,7 @@ fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
         let mirror = mirrored(&splats).color;
         assert!(
             difference(&picture, &mirror).0 <= 1,
-            "area {area}: {:?} is not {:?}",
+            "{count} of {weight}: {:?} is not {:?}",
             picture[at],
             mirror[at]
         );
