@@ -15,10 +15,19 @@ void main() {
     float covered = 1.0;
     if (HAS_COVERAGE) {
         ivec4 known = bounds();
+        // Where something hides what is behind, something also counts; elsewhere the sums say. They take long to read.
+        uint unsure = 0u;
         for (int i = 0; i < 9; ++i) {
+            ivec2 neighbor = clamp(pixel + ivec2(i % 3 - 1, i / 3 - 1), known.xy, known.zw - 1);
+            unsure |= front_at(neighbor) > 0.0 ? 0u : 1u << i;
+        }
+        while (unsure != 0u) {
+            int i = findLSB(unsure);
+            unsure &= unsure - 1u;
             ivec2 neighbor = clamp(pixel + ivec2(i % 3 - 1, i / 3 - 1), known.xy, known.zw - 1);
             if (!(sum_at(neighbor).a >= LEAST_FUZZY_WEIGHT)) {
                 covered = min(sum.a, 1.0);
+                unsure = 0u;
             }
         }
     }

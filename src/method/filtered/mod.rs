@@ -9,7 +9,7 @@
 mod tests;
 
 use super::VERTEX;
-use super::compute::twin::{self, Twin};
+use super::compute::twin::{self, Share, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
@@ -220,7 +220,7 @@ impl Filtered {
         })
     }
 
-    /// The passes of a frame. Where compute draws what is small, `has_large` says whether any splat may not be.
+    /// The passes of a frame; compute draws its share only where the variant has it.
     ///
     /// # Errors
     /// When the frame has no room for the constants of its parts.
@@ -229,24 +229,28 @@ impl Filtered {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        has_large: bool,
+        share: Share,
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        let Some(ByCompute {
-            twin,
-            depth_splats,
-            blend_splats,
-        }) = &self.by_compute
-        else {
+        let (Some(by_compute), Share::Small | Share::All) = (&self.by_compute, share) else {
             self.raster_depth(frame, targets, list, &self.depth_splats, context, constants);
             self.raster_blend(frame, targets, list, &self.blend_splats, context, constants);
             self.normalize(frame, targets, context, constants);
             return Ok(());
         };
+        let ByCompute {
+            twin,
+            depth_splats,
+            blend_splats,
+        } = by_compute;
         let small = twin.ready(frame, list.splats, list.splat_count, context)?;
         let large = List {
-            splat_count: if has_large { list.splat_count } else { 0 },
+            splat_count: if share == Share::Small {
+                list.splat_count
+            } else {
+                0
+            },
             ..list
         };
         let is_rastered = large.splat_count > 0 || !list.runs.is_empty();

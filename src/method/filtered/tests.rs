@@ -9,6 +9,7 @@ use crate::gpu::frame::Frames;
 use crate::gpu::{Gpu, Options};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
+use crate::method::compute::twin::Share;
 use crate::method::engine::style;
 use crate::method::mirror::{Outputs, render_filtered};
 use crate::method::plan::frame_constants;
@@ -92,7 +93,14 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredSplat], by_compute: Option<bool>) -> 
         splat_count: splats.len() as u32,
     };
     filtered
-        .record(&mut frame, &targets, what, true, &context, constants)
+        .record(
+            &mut frame,
+            &targets,
+            what,
+            Share::Small,
+            &context,
+            constants,
+        )
         .unwrap();
     let mut color = Readback::new(gpu, "color", targets.color().bytes()).unwrap();
     frame.read_back("color", targets.color(), &color);

@@ -5,7 +5,7 @@
 //! `fuzzy.blend` sums (color * weight, weight) of all that is not behind it, `fuzzy.normalize` divides. With
 //! deferred shading the sums are those of albedo and normals, and the last pass lights their mean.
 
-use super::compute::twin::{self, Twin};
+use super::compute::twin::{self, Share, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
@@ -129,8 +129,7 @@ impl Variant {
             self.has_coverage,
             self.has_lamp,
             self.by_compute == Some(true),
-            // Quads are larger than any point, so compute leaves them all.
-            self.by_compute.is_some() && topology == Topology::Points,
+            false,
         ]
     }
 }
@@ -139,6 +138,8 @@ impl Variant {
 #[derive(Debug)]
 struct Pair {
     points: Pipeline,
+    /// As `points`, without those that compute draws.
+    large_points: Option<Pipeline>,
     quads: Pipeline,
 }
 
@@ -223,21 +224,27 @@ impl Fuzzy {
                 )
             };
         let pair = |name, description: Description<'_>| -> Result<Pair, Error> {
-            let make = |topology| {
+            let make = |topology, large_only| {
+                let mut constants = variant.constants(topology);
+                constants[twin::HAS_LARGE] = large_only;
                 Pipeline::new(
                     gpu,
                     &Description {
                         name,
                         topology,
                         record,
-                        constants: &variant.constants(topology),
+                        constants: &constants,
                         ..description
                     },
                 )
             };
             Ok(Pair {
-                points: make(Topology::Points)?,
-                quads: make(Topology::Quads)?,
+                points: make(Topology::Points, false)?,
+                large_points: match variant.by_compute {
+                    Some(_) => Some(make(Topology::Points, true)?),
+                    None => None,
+                },
+                quads: make(Topology::Quads, false)?,
             })
         };
         let depth_splats = Description {
@@ -304,7 +311,7 @@ impl Fuzzy {
         })
     }
 
-    /// The passes of a frame. Where compute draws what is small, `has_large` says whether any point may not be.
+    /// The passes of a frame; compute draws its share only of a list, and where the variant has it.
     ///
     /// # Errors
     /// When the frame has no room for the constants of its parts.
@@ -313,19 +320,25 @@ impl Fuzzy {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        has_large: bool,
+        share: Share,
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        let (Some(twin), Splats::List(splats, packed, capacity)) = (&self.twin, list.splats) else {
-            self.raster_depth(frame, targets, list, context, constants);
-            self.raster_blend(frame, targets, list, context, constants);
+        let (Some(twin), Splats::List(splats, packed, capacity), Share::Small | Share::All) =
+            (&self.twin, list.splats, share)
+        else {
+            self.raster_depth(frame, targets, list, Share::Nothing, context, constants);
+            self.raster_blend(frame, targets, list, Share::Nothing, context, constants);
             self.normalize(frame, targets, context, constants);
             return Ok(());
         };
         let small = twin.ready(frame, splats, packed.points as u32, context)?;
         let left = Packed {
-            points: if has_large { packed.points } else { 0 },
+            points: if share == Share::Small {
+                packed.points
+            } else {
+                0
+            },
             ..packed
         };
         let large = List {
@@ -334,13 +347,13 @@ impl Fuzzy {
         };
         let is_rastered = left.points + left.quads > 0 || !list.runs.is_empty();
         if is_rastered {
-            self.raster_depth(frame, targets, large, context, constants);
+            self.raster_depth(frame, targets, large, share, context, constants);
         }
         twin.clear(frame, is_rastered.then_some(targets.depth()), context);
         twin.depth(frame, &small, constants);
         if is_rastered {
             twin.merge(frame, targets.depth(), context)?;
-            self.raster_blend(frame, targets, large, context, constants);
+            self.raster_blend(frame, targets, large, share, context, constants);
         }
         twin.blend(frame, &small, constants);
         let rastered = is_rastered.then_some(&self.sums);
@@ -353,6 +366,7 @@ impl Fuzzy {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
+        share: Share,
         context: &Context,
         constants: Uniform,
     ) {
@@ -360,7 +374,7 @@ impl Fuzzy {
             .pass("fuzzy.depth")
             .depth(targets.depth(), Load::Clear([0.0; 4]));
         let pipelines = (&self.depth_triangles, &self.depth_splats);
-        raster(pass, list, pipelines, context, constants);
+        raster(pass, list, pipelines, share, context, constants);
     }
 
     /// Pass `fuzzy.blend` by the rasterizer.
@@ -369,6 +383,7 @@ impl Fuzzy {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
+        share: Share,
         context: &Context,
         constants: Uniform,
     ) {
@@ -380,7 +395,7 @@ impl Fuzzy {
         }
         let pass = pass.depth_test(targets.depth());
         let pipelines = (&self.blend_triangles, &self.blend_splats);
-        raster(pass, list, pipelines, context, constants);
+        raster(pass, list, pipelines, share, context, constants);
     }
 
     /// Pass `fuzzy.normalize` of what was rastered.
@@ -412,11 +427,12 @@ impl Fuzzy {
     }
 }
 
-/// Draws a list in a pass whose targets are attached.
+/// Draws a list in a pass whose targets are attached, without the points of compute's share.
 fn raster(
     pass: Pass<'_>,
     list: List<'_>,
     (triangles, splats): (&Pipeline, &Pair),
+    share: Share,
     context: &Context,
     constants: Uniform,
 ) {
@@ -441,7 +457,11 @@ fn raster(
         match list.splats {
             Splats::List(buffer, packed, capacity) => {
                 if packed.points > 0 {
-                    draw.bind(&splats.points, &[constants], &[]);
+                    let points = match (&splats.large_points, share) {
+                        (Some(large), Share::Small) => large,
+                        _ => &splats.points,
+                    };
+                    draw.bind(points, &[constants], &[]);
                     draw.vertices(buffer, 0);
                     draw.draw(0, packed.points as u32);
                 }

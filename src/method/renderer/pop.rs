@@ -9,6 +9,7 @@ use crate::gpu::buffer::Upload;
 use crate::gpu::frame::Ticket;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
 use crate::method::lists::{pack_triangles, records, reserve};
 use crate::method::plan::{
@@ -102,6 +103,8 @@ impl Renderer {
         };
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty();
+        let others = triangles.len() + packed.quads;
+        let share = Share::of(settings, (packed.points, others), has_large, &context);
         let variant = Splats::variant_of(settings);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
@@ -144,14 +147,7 @@ impl Renderer {
                     runs: &lists.runs,
                     splats: fuzzy::Splats::List(&lists.splats, packed, capacity),
                 };
-                fuzzy.record(
-                    &mut frame,
-                    &self.targets,
-                    list,
-                    has_large,
-                    &context,
-                    constants,
-                )?;
+                fuzzy.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
             (Drawing::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
@@ -161,14 +157,7 @@ impl Renderer {
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
                 };
-                filtered.record(
-                    &mut frame,
-                    &self.targets,
-                    list,
-                    has_large,
-                    &context,
-                    constants,
-                )?;
+                filtered.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
             (Drawing::Visibility, ..) => {
                 let Some(visibility) = &self.visibility else {
