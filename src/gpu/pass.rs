@@ -488,25 +488,23 @@ impl Draw<'_> {
         }
     }
 
-    /// Draws into the part `[left, top, right, bottom)` of the targets only from now on, pixels.
-    pub fn scissor(&mut self, [left, top, right, bottom]: [u32; 4]) {
-        let area = vk::Rect2D {
+    /// What is drawn from here on shows only inside of `x`, `y`, `width`, `height` in pixels of the target.
+    pub fn scissor(&mut self, [x, y, width, height]: [u32; 4]) {
+        let area = [vk::Rect2D {
             offset: vk::Offset2D {
-                x: left as i32,
-                y: top as i32,
+                x: x as i32,
+                y: y as i32,
             },
-            extent: vk::Extent2D {
-                width: right - left,
-                height: bottom - top,
-            },
-        };
-        // SAFETY: the command buffer is being recorded; the state is dynamic in every pipeline.
+            extent: vk::Extent2D { width, height },
+        }];
+        // SAFETY: the command buffer is being recorded; the rectangle lies inside of the target, whose sides are
+        // far below the range of the offsets.
         unsafe {
             self.site
                 .gpu
                 .device
-                .cmd_set_scissor(self.site.commands, 0, &[area]);
-        }
+                .cmd_set_scissor(self.site.commands, 0, &area)
+        };
     }
 
     /// Draws `count` vertices from `first` on.

@@ -253,7 +253,7 @@ impl Small {
         let picture = [0.0, 0.0, context.width as f32, context.height as f32];
         pass.draw(picture, |draw| {
             draw.cull_back_faces(false, false);
-            draw.scissor(context.rect_px);
+            draw.scissor(rect::area(context.rect_px));
             for &((part, uniform, _), vertices) in &triangles {
                 draw.bind_storage(
                     &self.resolve_triangles,

@@ -40,6 +40,11 @@ pub(crate) fn rect_px(model: &Model, view: &View, margin_px: f32) -> [u32; 4] {
     [left, top, right, bottom]
 }
 
+/// One as x, y, width and height.
+pub(crate) fn area([left, top, right, bottom]: [u32; 4]) -> [u32; 4] {
+    [left, top, right - left, bottom - top]
+}
+
 /// How many pixels there are in one.
 pub(crate) fn pixels([left, top, right, bottom]: [u32; 4]) -> u64 {
     u64::from(right - left) * u64::from(bottom - top)
@@ -98,5 +103,6 @@ mod tests {
         let nothing = (Vec3::splat(f32::INFINITY), Vec3::splat(f32::NEG_INFINITY));
         assert_eq!(of_box(nothing.0, nothing.1, &view, 0.25), [0, 0, 400, 200]);
         assert_eq!(pixels([3, 4, 10, 6]), 14);
+        assert_eq!(area([3, 4, 10, 6]), [3, 4, 7, 2]);
     }
 }

@@ -235,8 +235,7 @@ impl Twin {
                 .fill(&[sums, (&self.front, 4 * pixels)], 0),
             Some(depth) => {
                 frame.pass(self.kind.names[0]).fill(&[sums], 0);
-                let [left, top, right, bottom] = context.rect_px;
-                let part = [left, top, right - left, bottom - top];
+                let part = rect::area(context.rect_px);
                 frame.copy_part(self.kind.names[1], depth, part, &self.front);
             }
         }
@@ -274,7 +273,7 @@ impl Twin {
             .fragment_storage(&self.front)
             .draw(whole(context), |draw| {
                 draw.cull_back_faces(false, false);
-                draw.scissor(context.rect_px);
+                draw.scissor(rect::area(context.rect_px));
                 draw.bind_storage(&self.merge, &[picture], &[], &[Slice::whole(&self.front)]);
                 draw.draw(0, 3);
             });
@@ -325,7 +324,7 @@ impl Twin {
             .fragment_storage(&self.sums)
             .draw(whole(context), |draw| {
                 draw.cull_back_faces(false, false);
-                draw.scissor(context.rect_px);
+                draw.scissor(rect::area(context.rect_px));
                 draw.bind_storage(pipeline, &[constants, picture], &[large], &[front, sums]);
                 draw.draw(0, 3);
             });

@@ -9,6 +9,7 @@
 mod tests;
 
 use super::VERTEX;
+use super::compute::rect;
 use super::compute::twin::{self, Share, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
@@ -331,7 +332,7 @@ impl Filtered {
                 [0.0, 0.0, context.width as f32, context.height as f32],
                 |draw| {
                     draw.cull_back_faces(false, false);
-                    draw.scissor(context.rect_px);
+                    draw.scissor(rect::area(context.rect_px));
                     draw.bind(
                         &self.normalize,
                         &[constants],

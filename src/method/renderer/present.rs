@@ -186,7 +186,7 @@ impl Renderer {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
         let context = Context {
-            rect_px: [0, 0, view.width, view.height],
+            rect_px: [0, 0, self.targets.color.width, self.targets.color.height],
             width: self.targets.color.width,
             height: self.targets.color.height,
             guard_px: 0,

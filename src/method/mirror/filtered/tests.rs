@@ -305,12 +305,9 @@ fn a_perspective_pushes_along_the_ray_by_model_units() {
         let near = FilteredSplat {
             center,
             offset,
-            color: RED,
-            area_px: 1.0,
             // As good as a point, in one pixel.
             extent_px: [1e-3, 1e-3],
-            side_px: 1.0,
-            unused: 0,
+            ..splat([0.0; 3], RED, 1.0)
         };
         let (x, y, _) = view.project(center);
         let i = at(x as usize, y as usize);
@@ -349,11 +346,7 @@ fn an_offset_of_zero_draws_the_nearest_splat_everywhere() {
                 -z,
             ),
             offset: 0.0,
-            color: RED,
-            area_px: 1.0,
-            extent_px: [1.0; 2],
-            side_px: 1.0,
-            unused: 0,
+            ..splat([0.0; 3], RED, 1.0)
         };
         let got = draw_splats(&view, &[one], &style(1.0));
         assert_near(got.sums.iter().map(|s| s[3]).sum::<f32>(), 1.0, 3e-5);
@@ -410,9 +403,7 @@ fn cloud(view: &View, count: usize, side: f32) -> Vec<FilteredSplat> {
                     numbers.between(0.0, 1.0),
                 ],
                 area_px: numbers.between(0.01, 2.0),
-                extent_px: [side; 2],
-                side_px: side,
-                unused: 0,
+                ..wide(side, splat([0.0; 3], RED, 1.0))
             }
         })
         .collect()
