@@ -26,7 +26,6 @@ use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
-use crate::math::camera::View;
 use list::Items;
 use std::sync::Arc;
 
@@ -127,12 +126,11 @@ fn not_as_blended(settings: &Settings) -> Option<&'static str> {
     }
 }
 
-/// Whether `count` primitives are enough to pay for the pass that shades the picture: `least` of them for each of its
-/// pixels. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns (triangles), drawing a primitive by
-/// compute instead of the rasterizer saves it about 60 to 80.
-pub(crate) fn pays(count: usize, least: f64, view: &View, settings: &Settings) -> bool {
-    let pixels = f64::from(view.width) * f64::from(view.height);
-    settings.path == Path::Compute || count as f64 >= least * pixels
+/// Whether `count` primitives are enough to pay for the pass that shades the picture: `least` of them for each pixel of the
+/// rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
+/// (triangles), drawing a primitive by compute instead of the rasterizer saves it about 60 to 80.
+pub(crate) fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
+    settings.path == Path::Compute || count as f64 >= least * rect::pixels(rect_px) as f64
 }
 
 impl Small {

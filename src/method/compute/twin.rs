@@ -43,10 +43,10 @@ impl Share {
         settings: &Settings,
         (splats, others): (usize, usize),
         has_large: bool,
-        context: &Context,
+        rect_px: [u32; 4],
     ) -> Self {
         let is_alone = others == 0 && !has_large;
-        let is_many = 8 * splats as u64 >= rect::pixels(context.rect_px);
+        let is_many = 8 * splats as u64 >= rect::pixels(rect_px);
         if settings.path != Path::Compute && !is_alone && !is_many {
             Self::Nothing
         } else if has_large {

@@ -73,7 +73,7 @@ impl Renderer {
         let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
         let takes_triangles = by_compute
-            && compute::pays(triangles.len(), 1.0, view, settings)
+            && compute::pays(triangles.len(), 1.0, context.rect_px, settings)
             && Small::takes_triangles(&self.gpu, scene);
         if takes_triangles {
             reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
@@ -104,7 +104,12 @@ impl Renderer {
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty();
         let others = triangles.len() + packed.quads;
-        let share = Share::of(settings, (packed.points, others), has_large, &context);
+        let share = Share::of(
+            settings,
+            (packed.points, others),
+            has_large,
+            context.rect_px,
+        );
         let variant = Splats::variant_of(settings);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
@@ -124,7 +129,8 @@ impl Renderer {
                     constants,
                 );
                 let mut packed_left = packed;
-                let pays = takes_triangles || compute::pays(packed.points, 0.125, view, settings);
+                let pays = takes_triangles
+                    || compute::pays(packed.points, 0.125, context.rect_px, settings);
                 if let (true, Some(small)) = (by_compute && pays, &self.small) {
                     small.record(&mut frame, &self.targets, small_list, &context, constants)?;
                     packed_left.points = 0;
