@@ -106,7 +106,6 @@ fn blended_splats_are_the_same_at_every_threshold() {
     // Above the largest that compute draws the path is the same; the last view has triangles among the splats.
     for (threshold_px, fill) in [
         (1.0, 0.1),
-        (1.0, 0.6),
         (2.0, 1.0),
         (3.0, 0.7),
         (4.5, 1.0),
