@@ -42,7 +42,8 @@ pub struct WeightedSplat {
     pub area: f32,
 }
 
-/// One filtered splat to draw, 44 bytes: a patch of surface by its integral over the pixel.
+/// One filtered splat to draw, 48 bytes: a patch of surface by its integral over the pixel. Pairs of fields that lie in one
+/// word of 64 bits are read together.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FilteredSplat {
@@ -51,13 +52,16 @@ pub struct FilteredSplat {
     /// Depth offset of the first pass in model units, away from the viewer: radius over the cosine of the
     /// viewing angle, clamped.
     pub offset: f32,
-    /// Mean color of what is seen of the patch, shaded: red, green, blue in 0..=1.
-    pub color: [f32; 3],
+    /// Side of the square that hides what is behind, at least 1 when drawn; pixels.
+    pub side_px: f32,
     /// Projected area of what faces the viewer, square pixels.
     pub area_px: f32,
-    /// Width and height of the rectangle over which that area is spread, above 0, and side of the square that hides what
-    /// is behind, at least 1 when drawn; pixels.
-    pub extent_and_side_px: [f32; 3],
+    /// Width and height of the rectangle over which that area is spread, above 0; pixels.
+    pub extent_px: [f32; 2],
+    /// Mean color of what is seen of the patch, shaded: red, green, blue in 0..=1.
+    pub color: [f32; 3],
+    /// Nothing.
+    pub unused: u32,
 }
 
 /// What every pass of a frame knows, 208 bytes: the uniform block of `shaders/common/frame.glsl`.
@@ -100,6 +104,8 @@ pub struct FrameConstants {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ListConstants {
+    /// The part of the picture that something may be drawn in, pixels: left, top, and one past right and bottom.
+    pub rect_px: [u32; 4],
     /// Width and height of the picture, pixels.
     pub size_px: [u32; 2],
     /// Pixels by which the viewport of `clip_from_view` reaches beyond the picture on every side.
@@ -211,6 +217,7 @@ same_layout!(
 same_layout!(
     ListConstants,
     list_constants,
+    rect_px = RECT_PX,
     size_px = SIZE_PX,
     guard_px = GUARD_PX,
     first = FIRST,
@@ -226,6 +233,20 @@ same_layout!(
     normal = NORMAL,
     color = COLOR,
 );
+const _: () = {
+    use generated::layout::filtered_record as record;
+    assert!(
+        std::mem::offset_of!(FilteredSplat, center) == record::CENTER_X_Y
+            && std::mem::offset_of!(FilteredSplat, offset) == record::CENTER_Z_OFFSET + 4
+            && std::mem::offset_of!(FilteredSplat, side_px) == record::SIDE_AREA
+            && std::mem::offset_of!(FilteredSplat, area_px) == record::SIDE_AREA + 4
+            && std::mem::offset_of!(FilteredSplat, extent_px) == record::EXTENT
+            && std::mem::offset_of!(FilteredSplat, color) == record::RED_GREEN
+            && std::mem::offset_of!(FilteredSplat, unused) == record::BLUE_NOTHING + 4
+            && size_of::<FilteredSplat>() == record::END,
+        "abi::FilteredSplat is not what the shaders have"
+    );
+};
 same_layout!(
     Vertex,
     vertex_record,

@@ -4,13 +4,14 @@
 mod common;
 
 use common::{Device, generated, orbit, real};
+use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::gpu::Error;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Path, Settings, SplatKind};
+use surfel::method::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
 use surfel::tree::Model;
 
 /// Sums have no normal.
@@ -18,7 +19,7 @@ fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Res
     let backend = Backend::Device(device.gpu().clone());
     let outputs = Outputs {
         depth: true,
-        normal: settings.splat == SplatKind::Square,
+        normal: settings.splat == SplatKind::Square && settings.blend() == Blend::Opaque,
     };
     Engine::new(&backend, model, (view.width, view.height), outputs)?.render(view, settings)
 }
@@ -58,28 +59,127 @@ fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, 
     );
 }
 
+/// What is blended, by compute as well as by the rasterizer.
+fn blended() -> Vec<Settings> {
+    let two_pass = |splat| Settings {
+        splat,
+        blend: Some(Blend::TwoPass),
+        ..Settings::default()
+    };
+    let filtered = Settings {
+        splat: SplatKind::Filtered,
+        ..Settings::default()
+    };
+    vec![
+        filtered,
+        two_pass(SplatKind::Gauss),
+        two_pass(SplatKind::Ellipse),
+        two_pass(SplatKind::Disc),
+        two_pass(SplatKind::Square),
+    ]
+}
+
 #[test]
 fn compute_and_rasterizer_draw_the_same_picture() {
     let Some(device) = Device::open() else { return };
     for shape in [Shape::Statue, Shape::Torus, Shape::Square] {
         let model = generated(shape, 60_000);
         for (threshold_px, fill) in [(0.0, 1.0), (1.0, 0.3), (1.0, 1.0), (3.0, 1.0), (5.5, 2.5)] {
-            for (splat, culling) in [
-                (SplatKind::Square, Culling::Auto),
-                (SplatKind::Square, Culling::Off),
-            ] {
+            for culling in [Culling::Auto, Culling::Off] {
                 let settings = Settings {
                     threshold_px,
-                    splat,
                     culling,
                     ..Settings::default()
                 };
                 let view = orbit(&model, (240, 200), 30.0, 20.0, fill);
-                let what = format!(
-                    "{shape:?}, {splat:?}, threshold {threshold_px}, fill {fill}, {culling:?}"
-                );
+                let what = format!("{shape:?}, threshold {threshold_px}, fill {fill}, {culling:?}");
                 assert_same(&device, &model, &view, settings, &what);
             }
+        }
+    }
+}
+
+#[test]
+fn blended_splats_are_the_same_at_every_threshold() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 60_000);
+    // Above the largest that compute draws the path is the same; the last view has triangles among the splats.
+    for (threshold_px, fill) in [
+        (1.0, 0.1),
+        (2.0, 1.0),
+        (3.0, 0.7),
+        (4.5, 1.0),
+        (6.0, 1.5),
+        (1.0, 3.0),
+    ] {
+        for settings in blended() {
+            let settings = Settings {
+                threshold_px,
+                ..settings
+            };
+            let view = orbit(&model, (240, 200), 30.0, 20.0, fill);
+            let what = format!(
+                "{:?}, threshold {threshold_px}, fill {fill}",
+                settings.splat
+            );
+            assert_same(&device, &model, &view, settings, &what);
+        }
+    }
+}
+
+#[test]
+fn blended_splats_of_every_size_light_and_projection_are_the_same() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 5_000);
+    let view = orbit(&model, (240, 200), 30.0, 20.0, 2.0);
+    let far = orbit(&model, (240, 200), 30.0, 20.0, 0.5);
+    let mut mirrored = far;
+    mirrored.scale[0] = -mirrored.scale[0];
+    mirrored.offset[0] = -mirrored.offset[0];
+    for settings in blended() {
+        let kind = settings.splat;
+        // Every leaf is a splat of its own size: from a pixel to more than compute draws.
+        let whole = Settings {
+            method: Method::Splats,
+            ..settings
+        };
+        assert_same(&device, &model, &view, whole, &format!("{kind:?}, leaves"));
+        let lit = Settings {
+            light: Lighting::Phong(Phong::default()),
+            background: [1.0, 0.5, 0.0],
+            ..settings
+        };
+        assert_same(&device, &model, &far, lit, &format!("{kind:?}, lamp"));
+        let colored = Settings {
+            color_by: ColorBy::Primitive,
+            threshold_px: 2.0,
+            culling: Culling::Off,
+            ..settings
+        };
+        assert_same(
+            &device,
+            &model,
+            &mirrored,
+            colored,
+            &format!("{kind:?}, by kind"),
+        );
+    }
+}
+
+#[test]
+fn a_frame_by_compute_is_the_same_again() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 200_000);
+    let view = orbit(&model, (300, 300), 30.0, 20.0, 1.0);
+    for settings in blended() {
+        let settings = Settings {
+            path: Path::Compute,
+            ..settings
+        };
+        let first = draw(&device, &model, &view, &settings).unwrap();
+        for _ in 0..3 {
+            let again = draw(&device, &model, &view, &settings).unwrap();
+            assert_eq!(first, again, "{:?}", settings.splat);
         }
     }
 }
@@ -100,7 +200,11 @@ fn a_mirrored_camera_and_a_camera_inside_the_model_draw_the_same_too() {
 #[test]
 fn real_models_with_colors_draw_the_same() {
     let Some(device) = Device::open() else { return };
-    for name in ["thesis/horse.ply", "meshes/ankylosaurus_mesh.ply.gz"] {
+    for name in [
+        "thesis/horse.ply",
+        "meshes/ankylosaurus_mesh.ply.gz",
+        "meshes/bun_zipper.ply.gz",
+    ] {
         let Some(folder) = common::models() else {
             return;
         };
@@ -111,6 +215,10 @@ fn real_models_with_colors_draw_the_same() {
         let Some(model) = real(name) else { return };
         let view = orbit(&model, (300, 300), 200.0, -10.0, 1.0);
         assert_same(&device, &model, &view, Settings::default(), name);
+        for settings in blended() {
+            let what = format!("{name}, {:?}", settings.splat);
+            assert_same(&device, &model, &view, settings, &what);
+        }
     }
 }
 
@@ -131,6 +239,30 @@ fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
         Settings {
             method: Method::Triangles,
             splat: SplatKind::Square,
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Filtered,
+            threshold_px: 17.0,
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Gauss,
+            method: Method::Points,
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Gauss,
+            shading: Shading::Deferred,
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Gauss,
+            sums: Some(SumFormat::Half),
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Visibility,
             ..Settings::default()
         },
     ] {

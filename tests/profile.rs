@@ -182,8 +182,9 @@ fn passes_stages_and_counters_hang_together() {
                     all as f64 / covered as f64
                 );
                 if splat == SplatKind::Filtered {
-                    // A triangle over the whole picture, without a depth test.
-                    assert_eq!(of("filtered.normalize").samples, Some(PIXELS));
+                    // A triangle over all of the picture that the model may be in, without a depth test.
+                    let samples = of("filtered.normalize").samples.unwrap();
+                    assert!(covered < samples && samples < PIXELS, "{samples}");
                 }
             }
             if profile.counts("input_vertices") {

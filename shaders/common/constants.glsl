@@ -26,3 +26,5 @@ const float LEAST_FUZZY_WEIGHT = 1e-4;
 const float FILTERED_SKIRT = 1e-5;
 // A pixel at a rim shows what is behind when filtered splats cover less of it than this: half a level.
 const float LEAST_FILTERED_COVERAGE = 0.002;
+// Compute draws blended splats up to this size, pixels; the rasterizer those that are larger.
+const float LARGEST_SMALL_BLENDED_PX = 16.0;

@@ -10,6 +10,17 @@ layout(constant_id = 1) const bool IS_ORIENTED = false;
 // A square, else (if not oriented) a circle.
 layout(constant_id = 3) const bool IS_SQUARE = false;
 
+// Compute draws what is small: vertex shaders leave it out.
+layout(constant_id = 8) const bool LARGE_ONLY = false;
+
+const float PI = 3.14159265;
+// Integral of exp(-2 rho^2) over the unit disc, over pi: (1 - exp(-2)) / 2.
+const float GAUSSIAN_MEAN = 0.43233236;
+// The least cosine under which a patch is taken to be seen: it covers something, or it would not be there.
+const float LEAST_FACING = 0.02;
+// The least weight in the middle: a pixel that a splat alone decides (exp(-2) of this) must show something.
+const float LEAST_DEPOSIT = 1e-3;
+
 struct Surfel {
     // All in view space.
     vec3 center;
@@ -47,4 +58,48 @@ Disc footprint_of(Surfel surfel, float low_pass_px) {
         return Disc(position_px(surfel.center), vec3(0.0), vec2(0.0), max(2.0 * radius_px, 1.0));
     }
     return circle(surfel.center, radius_px);
+}
+
+// The weight in the middle of a kernel; `area` in model units squared, negative where it is unknown.
+float weight_of(Surfel surfel, Disc disc, float area) {
+    // A Gaussian deposits the area that its patch covers, so that the sum of weights is coverage.
+    float weight = 1.0;
+    if (IS_GAUSS && area >= 0.0) {
+        // A patch of some thickness has normals to all sides of the mean.
+        float facing = clamp(length(vec2(surfel.facing, surfel.thickness)), LEAST_FACING, 1.0);
+        float scale = frame.focal_px * frame.model_scale;
+        if ((frame.flags & FLAG_ORTHOGRAPHIC) == 0u) {
+            float z = -surfel.center.z;
+            facing *= length(surfel.center) / z;
+            scale /= z;
+        }
+        float area_px = area * scale * scale * facing;
+        float determinant = disc.form.x * disc.form.z - disc.form.y * disc.form.y;
+        // A square has no form.
+        weight = determinant > 0.0 ? area_px * sqrt(determinant) / (PI * GAUSSIAN_MEAN)
+                                   : area_px / (disc.size_px * disc.size_px);
+        weight = max(weight, LEAST_DEPOSIT);
+    }
+    return weight;
+}
+
+// The footprint that hides what is behind.
+Disc hiding_footprint(Surfel surfel) {
+    // A Gaussian's own footprint: wherever it hides something it also counts, since the kernel is never smaller. Small
+    // ones between the centers of pixels hide nothing; what surface they stand for, their neighbors hide.
+    return IS_GAUSS ? exact_footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness)
+                    : footprint_of(surfel, 0.0);
+}
+
+// How far away from the eye a splat is pushed in the first pass, view space. Where discs of one plane overlap, the depths of
+// their centers differ by at most 2 r sin, and an offset of r / cos is never less: sin 2a <= 1. So one depth for the whole
+// footprint is enough.
+float offset_of(Surfel surfel) {
+    return frame.background.a * surfel.radius / max(surfel.facing, LEAST_RATIO);
+}
+
+// Whether compute draws a splat where it draws what is small.
+bool is_small(Surfel surfel) {
+    float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -surfel.center.z;
+    return 2.0 * surfel.radius * frame.focal_px <= LARGEST_SMALL_BLENDED_PX * distance;
 }

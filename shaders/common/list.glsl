@@ -1,6 +1,9 @@
 // What a pass over storage knows of the picture and of the part of the list that is bound. Mirrored by
 // `abi::ListConstants`.
 layout(set = 0, binding = 1, std140) uniform ListConstants {
+    // The part of the picture that something may be drawn in: its first pixel, and one past its last. Storage with a
+    // value a pixel has the values of these pixels, row by row.
+    uvec4 rect_px;
     // Width and height of the picture, pixels.
     uvec2 size_px;
     // Pixels by which the viewport of `clip_from_view` reaches beyond the picture on every side.
@@ -24,4 +27,10 @@ const uint SPLAT_BIT = 0x80000000u;
 // Window position of a clip position, pixels.
 vec2 window_of(vec4 clip) {
     return (clip.xy / clip.w * 0.5 + 0.5) * (vec2(list.size_px) + 2.0 * list.guard_px) - list.guard_px;
+}
+
+// Where storage with a value a pixel has that of a pixel of the rectangle.
+uint index_of(ivec2 pixel) {
+    uvec2 in_rect = uvec2(pixel) - list.rect_px.xy;
+    return in_rect.y * (list.rect_px.z - list.rect_px.x) + in_rect.x;
 }

@@ -1,5 +1,5 @@
 // What round footprints share before the form is known.
-#include "common/place.glsl"
+#include "common/frame.glsl"
 #include "common/disc.glsl"
 
 // Radius in view space: that of the record, or for 0 that of the frame's constant size.

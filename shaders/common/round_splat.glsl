@@ -1,4 +1,5 @@
 // What discs and ellipses share, whether they come from a draw list or from the vertices of a mesh.
+#include "common/place.glsl"
 #include "common/round.glsl"
 #include "common/headlight.glsl"
 #include "common/octahedral.glsl"

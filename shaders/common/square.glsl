@@ -8,7 +8,7 @@ struct Square {
     ivec2 end;
 };
 
-// The part of a square around a window position that lies in the picture; empty when either is not finite.
+// The part of a square around a window position that lies in the rectangle of the frame; empty when either is not finite.
 Square square_around(vec2 window, float side_px) {
     vec2 size = vec2(list.size_px);
     float side = clamp(side_px, 1.0, 65536.0);
@@ -19,5 +19,8 @@ Square square_around(vec2 window, float side_px) {
     int steps = int(roundEven(side * 256.0));
     ivec2 low = ivec2(roundEven(window * 256.0)) - steps / 2;
     // Center of pixel i: 256 i + 128 >= low  <=>  i >= (low + 127) >> 8.
-    return Square(max((low + 127) >> 8, ivec2(0)), min((low + steps + 127) >> 8, ivec2(list.size_px)));
+    return Square(
+        max((low + 127) >> 8, ivec2(list.rect_px.xy)),
+        min((low + steps + 127) >> 8, ivec2(list.rect_px.zw))
+    );
 }

@@ -102,8 +102,8 @@ ivec4 pixels_of(Small small) {
     ivec2 high = max(max(small.second, small.third), ivec2(0)) + small.origin;
     // Center of pixel i: 256 i + 128 >= low  <=>  i >= (low + 127) >> 8; at most high  <=>  i <= (high - 128) >> 8.
     return ivec4(
-        max((low + 127) >> 8, ivec2(0)),
-        min(((high - 128) >> 8) + 1, ivec2(list.size_px))
+        max((low + 127) >> 8, ivec2(list.rect_px.xy)),
+        min(((high - 128) >> 8) + 1, ivec2(list.rect_px.zw))
     );
 }
 

@@ -1,5 +1,6 @@
 // A splat as the passes visibility.depth and visibility.centers draw it: the footprint, pushed away from the eye by its
 // depth offset, or the pixel of the center alone, in its place.
+#include "common/place.glsl"
 #include "common/visibility.glsl"
 #include "common/round.glsl"
 #include "common/octahedral.glsl"

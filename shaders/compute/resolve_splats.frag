@@ -17,8 +17,7 @@ layout(location = 1) out vec4 normal;
 layout(constant_id = 0) const bool WRITE_NORMALS = false;
 
 void main() {
-    uvec2 pixel = uvec2(gl_FragCoord.xy);
-    uint64_t key = nearest[pixel.y * list.size_px.x + pixel.x];
+    uint64_t key = nearest[index_of(ivec2(gl_FragCoord.xy))];
     uint number = ~uint(key);
     uint item = (number & ~SPLAT_BIT) - list.first;
     if (key == 0ul || (number & SPLAT_BIT) == 0u || item >= list.count) {

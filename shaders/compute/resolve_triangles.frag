@@ -15,7 +15,7 @@ layout(constant_id = 0) const bool WRITE_NORMALS = false;
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    uint64_t key = nearest[uint(pixel.y) * list.size_px.x + uint(pixel.x)];
+    uint64_t key = nearest[index_of(pixel)];
     uint number = ~uint(key);
     uint item = number - list.first;
     if (key == 0ul || (number & SPLAT_BIT) != 0u || item >= list.count) {

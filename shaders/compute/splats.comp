@@ -37,7 +37,7 @@ void main() {
     uint64_t key = (uint64_t(floatBitsToUint(depth)) << 32) | uint64_t(~((list.first + item) | SPLAT_BIT));
     for (int y = square.first.y; y < square.end.y; ++y) {
         for (int x = square.first.x; x < square.end.x; ++x) {
-            uint pixel = uint(y) * list.size_px.x + uint(x);
+            uint pixel = index_of(ivec2(x, y));
             // A look first: most squares of a dense surface lose, and an atomic costs more than a read.
             if (nearest[pixel] < key) {
                 atomicMax(nearest[pixel], key);

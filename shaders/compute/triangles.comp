@@ -30,7 +30,7 @@ void main() {
                 continue;
             }
             uint64_t key = (uint64_t(floatBitsToUint(depth_at(small, e))) << 32) | uint64_t(low_half);
-            uint pixel = uint(y) * list.size_px.x + uint(x);
+            uint pixel = index_of(ivec2(x, y));
             if (nearest[pixel] < key) {
                 atomicMax(nearest[pixel], key);
             }

@@ -13,7 +13,7 @@ layout(location = 1) out vec4 normals;
 
 layout(constant_id = 0) const bool IS_GAUSS = false;
 // Normals are summed too: to be lit once a pixel, or asked for.
-layout(constant_id = 7) const bool HAS_NORMALS = false;
+layout(constant_id = 9) const bool HAS_NORMALS = false;
 
 void main() {
     float squared = rho_squared(form, skew, gl_FragCoord.xy - center_px);

@@ -12,7 +12,7 @@ layout(constant_id = 4) const bool IS_DEFERRED = false;
 // The frame has a lamp instead of the headlight.
 layout(constant_id = 6) const bool HAS_LAMP = false;
 // Normals are summed too: to be lit once a pixel, or asked for.
-layout(constant_id = 7) const bool HAS_NORMALS = false;
+layout(constant_id = 9) const bool HAS_NORMALS = false;
 
 void main() {
     float squared = dot(normal_in_view, normal_in_view);

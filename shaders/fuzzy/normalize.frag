@@ -16,7 +16,7 @@ layout(constant_id = 5) const bool HAS_COVERAGE = false;
 // The frame has a lamp instead of the headlight.
 layout(constant_id = 6) const bool HAS_LAMP = false;
 // The pass has a target for normals.
-layout(constant_id = 8) const bool WRITE_NORMALS = false;
+layout(constant_id = 10) const bool WRITE_NORMALS = false;
 
 // Where on the ray of the pixel a surface of that depth is, view space.
 vec3 position_at(vec2 at, float depth) {

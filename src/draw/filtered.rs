@@ -266,7 +266,9 @@ impl Eye<'_> {
                 * Self::depth_range(patch, side * z / (2.0 * self.focal_px), facing, size.is_own),
             color: base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0)),
             area_px: size.share * area_px,
-            extent_and_side_px: [extent(self.right), extent(self.up), side],
+            extent_px: [extent(self.right), extent(self.up)],
+            side_px: side,
+            unused: 0,
         })
     }
 

@@ -40,29 +40,37 @@ impl Pass<'_> {
         self
     }
 
-    /// Records a pass that fills whole buffers with `word`.
-    pub fn fill(mut self, buffers: &[&dyn AnyBuffer], word: u32) {
-        for buffer in buffers {
+    /// Records a pass that fills the first bytes of buffers, each so many (a multiple of 4), with `word`.
+    ///
+    /// # Panics
+    /// When a buffer has fewer.
+    pub fn fill(mut self, buffers: &[(&dyn AnyBuffer, u64)], word: u32) {
+        for (buffer, _) in buffers {
             self.barriers.buffer(*buffer, Access::Fill);
         }
         let timing = self.begin();
-        for buffer in buffers {
-            self.fill_one(*buffer, word);
+        for (buffer, bytes) in buffers {
+            self.fill_one(*buffer, *bytes, word);
         }
         timing.end(&self.slot.queries);
     }
 
-    fn fill_one(&self, buffer: &dyn AnyBuffer, word: u32) {
+    fn fill_one(&self, buffer: &dyn AnyBuffer, bytes: u64, word: u32) {
+        assert!(
+            bytes <= buffer.bytes() && bytes.is_multiple_of(4),
+            "pass {} fills {bytes} bytes of {}",
+            self.name,
+            buffer.name()
+        );
+        if bytes == 0 {
+            return;
+        }
         // SAFETY: the command buffer is being recorded outside of a rendering scope; the buffer is alive until the
-        // frame has finished, has the usage of a copy's target, and its size is a multiple of 4 or filled up to one.
+        // frame has finished, has the usage of a copy's target, and its first `bytes` bytes, a multiple of 4.
         unsafe {
-            self.gpu.device.cmd_fill_buffer(
-                self.slot.commands,
-                buffer.handle(),
-                0,
-                vk::WHOLE_SIZE,
-                word,
-            );
+            self.gpu
+                .device
+                .cmd_fill_buffer(self.slot.commands, buffer.handle(), 0, bytes, word);
         }
     }
 

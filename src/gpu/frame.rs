@@ -339,6 +339,26 @@ impl Frame<'_> {
         [x, y, width, height]: [u32; 4],
         into: &Readback,
     ) {
+        self.copy_part(name, image, [x, y, width, height], into);
+        let gpu = self.frames.gpu.clone();
+        self.frames.barriers.buffer(into, Access::HostRead);
+        self.frames
+            .barriers
+            .record(&gpu, self.frames.slots[self.index].commands);
+    }
+
+    /// Copies the rectangle `[x, y, width, height]` of an image to the beginning of a buffer, tightly packed, as a pass of
+    /// its own.
+    ///
+    /// # Panics
+    /// When the rectangle reaches out of the image, or the buffer is smaller than the rectangle.
+    pub fn copy_part(
+        &mut self,
+        name: &'static str,
+        image: &Image,
+        [x, y, width, height]: [u32; 4],
+        into: &dyn AnyBuffer,
+    ) {
         assert!(
             x + width <= image.width && y + height <= image.height,
             "{name}: outside of the image"
@@ -346,7 +366,7 @@ impl Frame<'_> {
         let bytes = image.format.pixel_bytes() * u64::from(width) * u64::from(height);
         assert!(
             into.bytes() >= bytes,
-            "{name}: the readback buffer is smaller than the image"
+            "{name}: the buffer is smaller than the rectangle"
         );
         let mut pass = self.pass(name);
         let gpu = pass.gpu.clone();
@@ -383,8 +403,6 @@ impl Frame<'_> {
             );
         }
         timing.end(&pass.slot.queries);
-        self.frames.barriers.buffer(into, Access::HostRead);
-        self.frames.barriers.record(&gpu, commands);
     }
 
     /// Puts `image` onto an image acquired from a window, scaled if the sizes differ, and hands that to the

@@ -6,7 +6,7 @@
 
 use super::access::Access;
 use super::buffer::{AnyBuffer, Upload};
-use super::frame::{Draw, Frame, Load};
+use super::frame::{Frame, Load};
 use super::image::{Format, Image};
 use super::pipeline::{Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology};
 use super::{Error, Gpu};
@@ -405,27 +405,6 @@ impl Texture {
             }
         }
         self.is_stale = true;
-    }
-}
-
-impl Draw<'_> {
-    /// What is drawn from here on shows only inside of `x`, `y`, `width`, `height` in pixels of the target.
-    fn scissor(&mut self, [x, y, width, height]: [u32; 4]) {
-        let area = [vk::Rect2D {
-            offset: vk::Offset2D {
-                x: x as i32,
-                y: y as i32,
-            },
-            extent: vk::Extent2D { width, height },
-        }];
-        // SAFETY: the command buffer is being recorded; the rectangle lies inside of the target, whose sides are
-        // far below the range of the offsets.
-        unsafe {
-            self.site
-                .gpu
-                .device
-                .cmd_set_scissor(self.site.commands, 0, &area)
-        };
     }
 }
 

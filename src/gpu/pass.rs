@@ -488,6 +488,25 @@ impl Draw<'_> {
         }
     }
 
+    /// What is drawn from here on shows only inside of `x`, `y`, `width`, `height` in pixels of the target.
+    pub fn scissor(&mut self, [x, y, width, height]: [u32; 4]) {
+        let area = [vk::Rect2D {
+            offset: vk::Offset2D {
+                x: x as i32,
+                y: y as i32,
+            },
+            extent: vk::Extent2D { width, height },
+        }];
+        // SAFETY: the command buffer is being recorded; the rectangle lies inside of the target, whose sides are
+        // far below the range of the offsets.
+        unsafe {
+            self.site
+                .gpu
+                .device
+                .cmd_set_scissor(self.site.commands, 0, &area)
+        };
+    }
+
     /// Draws `count` vertices from `first` on.
     pub fn draw(&mut self, first: u32, count: u32) {
         // SAFETY: pipeline, state and vertices are bound; the range lies in the bound buffer (callers draw

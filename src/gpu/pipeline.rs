@@ -189,19 +189,29 @@ impl Pipeline {
         Ok(pipeline)
     }
 
-    /// Compiles a compute pipeline. Not for the frame loop.
+    /// Compiles a compute pipeline with the boolean specialization constants 0, 1, ... Not for the frame loop.
     ///
     /// # Errors
     /// When a Vulkan call fails.
-    pub fn compute(gpu: &Arc<Gpu>, name: &str, shader: &Shader) -> Result<Self, Error> {
+    pub fn compute(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        shader: &Shader,
+        constants: &[bool],
+    ) -> Result<Self, Error> {
         let mut pipeline = Self::with_layout(gpu, name, std::iter::once(shader))?;
         let module = Module::new(gpu, shader)?;
+        let (values, entries) = specialized(constants);
+        let specialization = vk::SpecializationInfo::default()
+            .map_entries(&entries)
+            .data(&values);
         let info = vk::ComputePipelineCreateInfo::default()
             .stage(
                 vk::PipelineShaderStageCreateInfo::default()
                     .stage(vk::ShaderStageFlags::COMPUTE)
                     .module(module.handle)
-                    .name(c"main"),
+                    .name(c"main")
+                    .specialization_info(&specialization),
             )
             .layout(pipeline.layout);
         // SAFETY: everything the description points to lives until the call returns, and belongs to this device.
@@ -282,6 +292,23 @@ impl Pipeline {
     }
 }
 
+/// Boolean specialization constants 0, 1, ... and where they lie.
+fn specialized(constants: &[bool]) -> (Vec<u8>, Vec<vk::SpecializationMapEntry>) {
+    let values = constants
+        .iter()
+        .flat_map(|&b| u32::from(b).to_ne_bytes())
+        .collect();
+    let entries = (0..constants.len())
+        .map(|i| {
+            vk::SpecializationMapEntry::default()
+                .constant_id(i as u32)
+                .offset(4 * i as u32)
+                .size(4)
+        })
+        .collect();
+    (values, entries)
+}
+
 fn compile(
     gpu: &Gpu,
     description: &Description<'_>,
@@ -294,19 +321,7 @@ fn compile(
         .fragment
         .map(|f| Module::new(gpu, f))
         .transpose()?;
-    let values: Vec<u8> = description
-        .constants
-        .iter()
-        .flat_map(|&b| u32::from(b).to_ne_bytes())
-        .collect();
-    let entries: Vec<_> = (0..description.constants.len())
-        .map(|i| {
-            vk::SpecializationMapEntry::default()
-                .constant_id(i as u32)
-                .offset(4 * i as u32)
-                .size(4)
-        })
-        .collect();
+    let (values, entries) = specialized(description.constants);
     let specialization = vk::SpecializationInfo::default()
         .map_entries(&entries)
         .data(&values);

@@ -9,7 +9,7 @@ pub mod present;
 mod whole;
 
 use super::compute::{self, Small};
-use super::filtered::Filtered;
+use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
@@ -23,7 +23,7 @@ use super::triangles::{self, Variant};
 use super::visibility::Visibility;
 use super::{Method, Settings};
 use crate::cut::{self, Cut};
-use crate::draw::Lighting;
+use crate::draw::{ColorBy, Lighting};
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
 use crate::gpu::image::Image as Target;
@@ -171,6 +171,7 @@ impl Renderer {
             } else {
                 0
             },
+            rect_px: compute::rect::rect_px(model, view, largest_px / 2.0 + 3.0),
             background: settings.background,
             cull_back: settings.culls_back(model.is_closed),
             is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
@@ -286,7 +287,11 @@ impl Renderer {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
         }
-        if compute::is_wanted(&self.gpu, settings, &self.targets)? && self.small.is_none() {
+        let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let is_opaque = Drawing::of(settings) == Drawing::Opaque;
+        let is_gray =
+            settings.color_by != ColorBy::Primitive && !(settings.use_colors && scene.has_colors);
+        if by_compute && is_opaque && self.small.is_none() {
             self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
         }
         let source = if settings.method == Method::Points {
@@ -312,16 +317,26 @@ impl Renderer {
             }
             Drawing::Fuzzy => {
                 let has_triangles = !model.triangles.is_empty();
-                let variant = fuzzy::Variant::new(&self.gpu, settings, has_triangles, normals)?;
+                let variant = fuzzy::Variant::new(
+                    &self.gpu,
+                    settings,
+                    has_triangles,
+                    normals,
+                    by_compute.then_some(is_gray),
+                )?;
                 if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
                     let (width, height) = (self.targets.color.width, self.targets.color.height);
                     self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
                 }
             }
             Drawing::Filtered => {
-                if self.filtered.as_ref().is_none_or(|f| f.has_lamp != lamp) {
+                let variant = filtered::Variant {
+                    has_lamp: lamp,
+                    by_compute: by_compute.then_some(is_gray),
+                };
+                if self.filtered.as_ref().is_none_or(|f| f.variant != variant) {
                     let size = (self.targets.color.width, self.targets.color.height);
-                    self.filtered = Some(Filtered::new(&self.gpu, size, lamp)?);
+                    self.filtered = Some(Filtered::new(&self.gpu, size, variant)?);
                 }
             }
         }

@@ -73,6 +73,8 @@ pub(crate) struct Context {
     pub(crate) height: u32,
     /// Pixels by which the viewport reaches beyond the picture on every side.
     pub(crate) guard_px: u32,
+    /// The part of the picture that something may be drawn in: left, top, and one past right and bottom, pixels.
+    pub(crate) rect_px: [u32; 4],
     pub(crate) background: [f32; 3],
     pub(crate) cull_back: bool,
     /// The camera mirrors the picture, so that fronts turn clockwise.

@@ -86,7 +86,7 @@ fn areas_add_up_to_that_of_a_plane() {
         for splat in &splats {
             // The cosine toward the corners of the picture is 0.94.
             assert!((0.93 * ALBEDO..=ALBEDO).contains(&splat.color[0]));
-            let [width, height, side] = splat.extent_and_side_px;
+            let ([width, height], side) = (splat.extent_px, splat.side_px);
             assert!(width > 0.0 && height > 0.0 && side >= 1.0);
             assert!(width <= side && height <= side, "{splat:?}");
         }
@@ -94,7 +94,11 @@ fn areas_add_up_to_that_of_a_plane() {
     // Larger than the device draws: as large as it draws.
     let (splats, _) = packed(&model(mesh), &facing(300.0), only);
     assert!(!splats.is_empty());
-    assert!(splats.iter().all(|s| s.extent_and_side_px == [62.0; 3]));
+    assert!(
+        splats
+            .iter()
+            .all(|s| s.extent_px == [62.0; 2] && s.side_px == 62.0)
+    );
 }
 
 #[test]
@@ -119,7 +123,7 @@ fn points_stand_for_the_area_between_them() {
             if unit_px == 8.0 {
                 // No gap: every square reaches its neighbors.
                 assert_eq!(splats.len(), 41 * 41);
-                assert!(splats.iter().all(|s| s.extent_and_side_px[2] > 16.0));
+                assert!(splats.iter().all(|s| s.side_px > 16.0));
             }
         }
     }

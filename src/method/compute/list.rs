@@ -3,7 +3,7 @@
 use super::super::hybrid::Run;
 use super::super::scene::Scene;
 use super::super::targets::Context;
-use crate::abi::{ListConstants, Splat, Vertex};
+use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Upload};
@@ -20,7 +20,7 @@ pub(crate) struct List<'a> {
 }
 
 /// A part with its uniform block, ready to be bound.
-type Bound<'a> = (Slice<'a>, Uniform, u32);
+pub(crate) type Bound<'a> = (Slice<'a>, Uniform, u32);
 
 /// The items of a frame, ready to be bound.
 pub(super) struct Items<'a> {
@@ -30,8 +30,9 @@ pub(super) struct Items<'a> {
 }
 
 /// The uniform block of a pass over a picture without items.
-pub(super) fn constants(context: &Context) -> ListConstants {
+pub(crate) fn constants(context: &Context) -> ListConstants {
     ListConstants {
+        rect_px: context.rect_px,
         size_px: [context.width, context.height],
         guard_px: context.guard_px as f32,
         first: 0,
@@ -57,28 +58,45 @@ impl<'a> List<'a> {
         context: &Context,
         max_binding: u64,
     ) -> Result<Items<'a>, Error> {
-        let mut bind = |buffer: &'a dyn AnyBuffer, record, first, count| {
-            parts(first, count, record, max_binding)
-                .map(|part| {
-                    let uniform = frame.uniform(&ListConstants {
-                        first: part.first,
-                        count: part.count,
-                        begin: part.begin,
-                        ..constants(context)
-                    })?;
-                    Ok((part.slice(buffer, record), uniform, part.count))
-                })
-                .collect::<Result<Vec<Bound<'a>>, Error>>()
-        };
-        let splats = bind(self.splats, size_of::<Splat>() as u64, 0, self.splat_count)?;
+        let mut bind =
+            |buffer, record, range| bound(frame, context, max_binding, (buffer, record), range);
+        let splats = bind(
+            self.splats,
+            size_of::<Splat>() as u64,
+            (0, self.splat_count),
+        )?;
         let mut triangles = Vec::new();
         for run in self.runs {
-            let own = bind(self.corners, 12, run.first / 3, run.count / 3)?;
+            let own = bind(self.corners, 12, (run.first / 3, run.count / 3))?;
             let vertices = Slice::whole(&self.scene.pages[run.page].vertices);
             triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
         }
         Ok(Items { splats, triangles })
     }
+}
+
+/// Binds the records `first .. first + count` of a buffer, each of `record` bytes.
+///
+/// # Errors
+/// When the frame has no room for the constants of so many parts.
+pub(crate) fn bound<'a>(
+    frame: &mut Frame<'_>,
+    context: &Context,
+    max_binding: u64,
+    (buffer, record): (&'a dyn AnyBuffer, u64),
+    (first, count): (u32, u32),
+) -> Result<Vec<Bound<'a>>, Error> {
+    parts(first, count, record, max_binding)
+        .map(|part| {
+            let uniform = frame.uniform(&ListConstants {
+                first: part.first,
+                count: part.count,
+                begin: part.begin,
+                ..constants(context)
+            })?;
+            Ok((part.slice(buffer, record), uniform, part.count))
+        })
+        .collect()
 }
 
 /// Items of a list that fit one binding.
@@ -92,11 +110,15 @@ struct Part {
     begin: u32,
 }
 
-/// The items `first .. first + count` in parts that fit bindings of `max_binding` bytes. Three alignments hold whole
-/// records of 12 and of 24 bytes.
+/// The items `first .. first + count`, of `record` bytes each (a multiple of 4), in parts that fit bindings of
+/// `max_binding` bytes.
 fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator<Item = Part> {
-    let step = 3 * Slice::ALIGNMENT / record;
-    let most = (max_binding / (3 * Slice::ALIGNMENT)).saturating_sub(1) * step;
+    // So many records fill whole alignments, which are a power of two.
+    let step = Slice::ALIGNMENT
+        >> record
+            .trailing_zeros()
+            .min(Slice::ALIGNMENT.trailing_zeros());
+    let most = (max_binding / (step * record)).saturating_sub(1) * step;
     let most = most.clamp(1, u64::from(u32::MAX / 2)) as u32;
     let end = first + count;
     (first..end).step_by(most as usize).map(move |first| {
@@ -117,11 +139,6 @@ impl Part {
     }
 }
 
-const _: () = assert!(
-    size_of::<Splat>() == 24 && size_of::<Vertex>() == 20,
-    "parts() counts on records that fill three alignments"
-);
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -131,6 +148,8 @@ mod tests {
         for (first, count, record, limit) in [
             (0, 0, 24, 4096),
             (0, 1, 24, 4096),
+            (3, 1000, 44, 8192),
+            (3, 1000, 32, 4096),
             (5, 400, 24, 4096),
             (77, 1000, 12, 4096),
             (64, 64, 12, 1 << 27),

@@ -7,14 +7,18 @@
 //! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
 //! the near plane, goes to the rasterizer.
 
-mod list;
+pub(crate) mod list;
+pub(crate) mod rect;
+pub(crate) mod twin;
 
 pub(crate) use list::List;
 
+use super::plan::Drawing;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
-use super::{Blend, Method, Path, Settings, SplatKind};
+use super::{Method, Path, Settings, Shading, SplatKind};
+use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::abi::shaders;
 use crate::draw::Lighting;
 use crate::gpu::bind::Slice;
@@ -22,7 +26,6 @@ use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
-use crate::math::camera::View;
 use list::Items;
 use std::sync::Arc;
 
@@ -58,40 +61,78 @@ fn key_bytes(targets: &Targets) -> u64 {
 /// # Errors
 /// When they insist on it and it cannot be; the reason is in the error.
 pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Result<bool, Error> {
-    let info = gpu.info();
-    let why = if settings.path == Path::Raster {
+    if settings.path == Path::Raster {
         return Ok(false);
-    } else if settings.method != Method::Pop
-        || settings.splat != SplatKind::Square
-        || settings.blend() != Blend::Opaque
-    {
-        "it draws the squares of pop that are not blended"
-    } else if settings.light != Lighting::Headlight {
-        "it knows the headlight only"
-    } else if settings.threshold_px > LARGEST_SQUARE_PX {
-        "squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels"
-    } else if !info.has_int64_atomics {
-        "the device has no 64-bit atomics on storage buffers"
-    } else if key_bytes(targets) > info.max_storage_range {
-        "the picture does not fit one storage binding of the device"
-    } else {
-        return Ok(true);
+    }
+    let info = gpu.info();
+    let color = targets.color();
+    let (why, bytes) = match Drawing::of(settings) {
+        Drawing::Opaque
+            if settings.method == Method::Pop && settings.splat == SplatKind::Square =>
+        {
+            (not_as_squares(settings), key_bytes(targets))
+        }
+        Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
+            let bytes = twin::storage_bytes((color.width, color.height));
+            (not_as_blended(settings, targets), bytes)
+        }
+        _ => (
+            Some(
+                "it draws blended and filtered splats of a tree, and the squares of pop that are not blended",
+            ),
+            0,
+        ),
     };
-    if settings.path == Path::Compute {
-        return Err(Error::Unsupported {
+    let why = if why.is_some() {
+        why
+    } else if !info.has_int64_atomics {
+        Some("the device has no 64-bit atomics on storage buffers")
+    } else if bytes > info.max_storage_range {
+        Some("the picture does not fit one storage binding of the device")
+    } else {
+        None
+    };
+    match why {
+        None => Ok(true),
+        Some(why) if settings.path == Path::Compute => Err(Error::Unsupported {
             what: "drawing by compute",
             why: why.into(),
-        });
+        }),
+        Some(_) => Ok(false),
     }
-    Ok(false)
 }
 
-/// Whether `count` primitives are enough to pay for the pass that shades the picture: `least` of them for each of its
-/// pixels. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns (triangles), drawing a primitive by
-/// compute instead of the rasterizer saves it about 60 to 80.
-pub(crate) fn pays(count: usize, least: f64, view: &View, settings: &Settings) -> bool {
-    let pixels = f64::from(view.width) * f64::from(view.height);
-    settings.path == Path::Compute || count as f64 >= least * pixels
+/// Why squares are not drawn by compute.
+fn not_as_squares(settings: &Settings) -> Option<&'static str> {
+    if settings.light != Lighting::Headlight {
+        Some("it knows the headlight only")
+    } else if settings.threshold_px > LARGEST_SQUARE_PX {
+        Some("squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels")
+    } else {
+        None
+    }
+}
+
+/// Why filtered and fuzzy splats are not drawn by compute.
+fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str> {
+    if settings.threshold_px > LARGEST_SMALL_BLENDED_PX {
+        Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
+    } else if settings.shading == Shading::Deferred {
+        Some("it sums colors, not normals; leave --shading out")
+    } else if targets.normal().is_some() {
+        Some("it sums colors, not normals; leave --normals out")
+    } else if settings.sums.is_some() {
+        Some("its sums are numbers of fixed point; leave --sums out")
+    } else {
+        None
+    }
+}
+
+/// Whether `count` primitives are enough to pay for the pass that shades the picture: `least` of them for each pixel of the
+/// rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
+/// (triangles), drawing a primitive by compute instead of the rasterizer saves it about 60 to 80.
+pub(crate) fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
+    settings.path == Path::Compute || count as f64 >= least * rect::pixels(rect_px) as f64
 }
 
 impl Small {
@@ -124,8 +165,13 @@ impl Small {
             )
         };
         Ok(Self {
-            splats: Pipeline::compute(gpu, "small.splats", &shaders::COMPUTE_SPLATS_COMP)?,
-            triangles: Pipeline::compute(gpu, "small.triangles", &shaders::COMPUTE_TRIANGLES_COMP)?,
+            splats: Pipeline::compute(gpu, "small.splats", &shaders::COMPUTE_SPLATS_COMP, &[])?,
+            triangles: Pipeline::compute(
+                gpu,
+                "small.triangles",
+                &shaders::COMPUTE_TRIANGLES_COMP,
+                &[],
+            )?,
             resolve_splats: resolve(
                 "small.resolve splats",
                 &shaders::COMPUTE_RESOLVE_SPLATS_FRAG,
@@ -162,7 +208,9 @@ impl Small {
         }
         let Items { splats, triangles } = list.bound(frame, context, self.max_binding)?;
         let keys = Slice::whole(&self.keys);
-        frame.pass("small.clear").fill(&[&self.keys], 0);
+        frame
+            .pass("small.clear")
+            .fill(&[(&self.keys, 8 * rect::pixels(context.rect_px))], 0);
         if !triangles.is_empty() {
             let mut pass = frame
                 .pass("small.triangles")
@@ -205,6 +253,7 @@ impl Small {
         let picture = [0.0, 0.0, context.width as f32, context.height as f32];
         pass.draw(picture, |draw| {
             draw.cull_back_faces(false, false);
+            draw.scissor(rect::area(context.rect_px));
             for &((part, uniform, _), vertices) in &triangles {
                 draw.bind_storage(
                     &self.resolve_triangles,

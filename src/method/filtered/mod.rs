@@ -5,14 +5,19 @@
 //! `filtered.blend` sums (color * weight, weight) of all that is not behind it, `filtered.normalize` divides.
 //! The sums are 32-bit floats: a pixel adds up thousands of small weights, which 16 bits lose.
 
+#[cfg(test)]
+mod tests;
+
 use super::VERTEX;
+use super::compute::rect;
+use super::compute::twin::{self, Share, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
 use crate::abi::{FilteredSplat, shaders};
 use crate::gpu::buffer::Upload;
-use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{
     Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
@@ -45,9 +50,14 @@ const RECORD: Record = Record {
             offset: std::mem::offset_of!(FilteredSplat, area_px) as u32,
         },
         Attribute {
-            name: "extent_and_side_px",
-            format: AttributeFormat::Float3,
-            offset: std::mem::offset_of!(FilteredSplat, extent_and_side_px) as u32,
+            name: "extent_px",
+            format: AttributeFormat::Float2,
+            offset: std::mem::offset_of!(FilteredSplat, extent_px) as u32,
+        },
+        Attribute {
+            name: "side_px",
+            format: AttributeFormat::Float,
+            offset: std::mem::offset_of!(FilteredSplat, side_px) as u32,
         },
     ],
 };
@@ -69,8 +79,25 @@ pub(crate) struct Filtered {
     blend_splats: Pipeline,
     normalize: Pipeline,
     sums: Target,
-    /// Made for a lamp instead of the headlight.
+    pub(crate) variant: Variant,
+    by_compute: Option<ByCompute>,
+}
+
+/// What decides the pipelines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Variant {
+    /// A lamp instead of the headlight.
     pub(crate) has_lamp: bool,
+    /// Small splats are drawn by compute, all of them gray (true) or not.
+    pub(crate) by_compute: Option<bool>,
+}
+
+/// What draws small splats, and the pipelines that draw the others only.
+#[derive(Debug)]
+struct ByCompute {
+    twin: Twin,
+    depth_splats: Pipeline,
+    blend_splats: Pipeline,
 }
 
 /// What a frame draws.
@@ -89,7 +116,7 @@ impl Filtered {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         (width, height): (u32, u32),
-        has_lamp: bool,
+        variant: Variant,
     ) -> Result<Self, Error> {
         if !gpu.info().has_float_blend {
             return Err(Error::Unsupported {
@@ -114,6 +141,41 @@ impl Filtered {
             is_additive: true,
             ..base
         };
+        let large_only = |value| {
+            let mut constants = [false; twin::CONSTANTS];
+            constants[twin::HAS_LARGE] = value;
+            constants
+        };
+        let depth_splats = |value| {
+            Pipeline::new(
+                gpu,
+                &Description {
+                    name: "filtered.depth splats",
+                    constants: &large_only(value),
+                    ..base
+                },
+            )
+        };
+        let blend_splats = |value| {
+            Pipeline::new(
+                gpu,
+                &Description {
+                    name: "filtered.blend splats",
+                    vertex: &shaders::FILTERED_BLEND_VERT,
+                    fragment: Some(&shaders::FILTERED_BLEND_FRAG),
+                    constants: &large_only(value),
+                    ..blend
+                },
+            )
+        };
+        let by_compute = match variant.by_compute {
+            None => None,
+            Some(is_gray) => Some(ByCompute {
+                twin: Twin::new(gpu, &twin::FILTERED, (width, height), is_gray, &[])?,
+                depth_splats: depth_splats(true)?,
+                blend_splats: blend_splats(true)?,
+            }),
+        };
         Ok(Self {
             depth_triangles: Pipeline::new(
                 gpu,
@@ -126,34 +188,20 @@ impl Filtered {
                     ..base
                 },
             )?,
-            depth_splats: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "filtered.depth splats",
-                    ..base
-                },
-            )?,
+            depth_splats: depth_splats(false)?,
             blend_triangles: Pipeline::new(
                 gpu,
                 &Description {
                     name: "filtered.blend triangles",
                     vertex: &shaders::TRIANGLES_DRAW_VERT,
                     fragment: Some(&shaders::FILTERED_BLEND_TRIANGLES_FRAG),
-                    constants: &[has_lamp],
+                    constants: &[variant.has_lamp],
                     record: VERTEX,
                     topology: Topology::Triangles,
                     ..blend
                 },
             )?,
-            blend_splats: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "filtered.blend splats",
-                    vertex: &shaders::FILTERED_BLEND_VERT,
-                    fragment: Some(&shaders::FILTERED_BLEND_FRAG),
-                    ..blend
-                },
-            )?,
+            blend_splats: blend_splats(false)?,
             normalize: Pipeline::new(
                 gpu,
                 &Description {
@@ -168,52 +216,112 @@ impl Filtered {
                 },
             )?,
             sums: Target::new(gpu, "sums", SUMS, width, height)?,
-            has_lamp,
+            variant,
+            by_compute,
         })
     }
 
-    /// The three passes of a frame.
+    /// The passes of a frame; compute draws its share only where the variant has it.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of its parts.
     pub(crate) fn record(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
+        share: Share,
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let (Some(by_compute), Share::Small | Share::All) = (&self.by_compute, share) else {
+            self.raster_depth(frame, targets, list, &self.depth_splats, context, constants);
+            self.raster_blend(frame, targets, list, &self.blend_splats, context, constants);
+            self.normalize(frame, targets, context, constants);
+            return Ok(());
+        };
+        let ByCompute {
+            twin,
+            depth_splats,
+            blend_splats,
+        } = by_compute;
+        let small = twin.ready(frame, list.splats, list.splat_count, context)?;
+        let large = List {
+            splat_count: if share == Share::Small {
+                list.splat_count
+            } else {
+                0
+            },
+            ..list
+        };
+        let is_rastered = large.splat_count > 0 || !list.runs.is_empty();
+        if is_rastered {
+            self.raster_depth(frame, targets, large, depth_splats, context, constants);
+        }
+        twin.clear(frame, is_rastered.then_some(targets.depth()), context);
+        twin.depth(frame, &small, constants);
+        if is_rastered {
+            twin.merge(frame, targets.depth(), context)?;
+            self.raster_blend(frame, targets, large, blend_splats, context, constants);
+        }
+        twin.blend(frame, &small, constants);
+        let rastered = is_rastered.then_some(&self.sums);
+        twin.normalize(frame, targets, (rastered, &self.sums), context, constants)
+    }
+
+    /// Pass `filtered.depth` by the rasterizer: the pushed depth of splats, that of triangles.
+    fn raster_depth(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        splats: &Pipeline,
         context: &Context,
         constants: Uniform,
     ) {
-        for (name, triangles, splats) in [
-            ("filtered.depth", &self.depth_triangles, &self.depth_splats),
-            ("filtered.blend", &self.blend_triangles, &self.blend_splats),
-        ] {
-            let pass = frame.pass(name);
-            let pass = if name == "filtered.depth" {
-                pass.depth(targets.depth(), Load::Clear([0.0; 4]))
-            } else {
-                pass.color(&self.sums, Load::Clear([0.0; 4]))
-                    .depth_test(targets.depth())
-            };
-            let mut pass = pass.indices(list.indices).vertices(list.splats);
-            for page in &list.scene.pages {
-                pass = pass.vertices(&page.vertices);
-            }
-            pass.draw(context.viewport(), |draw| {
-                if !list.runs.is_empty() {
-                    draw.cull_back_faces(context.cull_back, context.is_mirrored);
-                    draw.bind(triangles, &[constants], &[]);
-                    draw.indices(list.indices, 0);
-                    for run in list.runs {
-                        draw.vertices(&list.scene.pages[run.page].vertices, 0);
-                        draw.draw_indexed(run.first, run.count, 0);
-                    }
-                }
-                if list.splat_count > 0 {
-                    draw.cull_back_faces(false, false);
-                    draw.bind(splats, &[constants], &[]);
-                    draw.vertices(list.splats, 0);
-                    draw.draw(0, list.splat_count);
-                }
-            });
-        }
+        let pass = frame
+            .pass("filtered.depth")
+            .depth(targets.depth(), Load::Clear([0.0; 4]));
+        raster(
+            pass,
+            list,
+            (&self.depth_triangles, splats),
+            context,
+            constants,
+        );
+    }
+
+    /// Pass `filtered.blend` by the rasterizer: sums of what is not behind that depth.
+    fn raster_blend(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        splats: &Pipeline,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let pass = frame
+            .pass("filtered.blend")
+            .color(&self.sums, Load::Clear([0.0; 4]))
+            .depth_test(targets.depth());
+        raster(
+            pass,
+            list,
+            (&self.blend_triangles, splats),
+            context,
+            constants,
+        );
+    }
+
+    /// Pass `filtered.normalize` of what was rastered.
+    fn normalize(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        context: &Context,
+        constants: Uniform,
+    ) {
         let [r, g, b] = context.background;
         frame
             .pass("filtered.normalize")
@@ -224,6 +332,7 @@ impl Filtered {
                 [0.0, 0.0, context.width as f32, context.height as f32],
                 |draw| {
                     draw.cull_back_faces(false, false);
+                    draw.scissor(rect::area(context.rect_px));
                     draw.bind(
                         &self.normalize,
                         &[constants],
@@ -233,4 +342,35 @@ impl Filtered {
                 },
             );
     }
+}
+
+/// Draws a list in a pass whose targets are attached.
+fn raster(
+    pass: Pass<'_>,
+    list: List<'_>,
+    (triangles, splats): (&Pipeline, &Pipeline),
+    context: &Context,
+    constants: Uniform,
+) {
+    let mut pass = pass.indices(list.indices).vertices(list.splats);
+    for page in &list.scene.pages {
+        pass = pass.vertices(&page.vertices);
+    }
+    pass.draw(context.viewport(), |draw| {
+        if !list.runs.is_empty() {
+            draw.cull_back_faces(context.cull_back, context.is_mirrored);
+            draw.bind(triangles, &[constants], &[]);
+            draw.indices(list.indices, 0);
+            for run in list.runs {
+                draw.vertices(&list.scene.pages[run.page].vertices, 0);
+                draw.draw_indexed(run.first, run.count, 0);
+            }
+        }
+        if list.splat_count > 0 {
+            draw.cull_back_faces(false, false);
+            draw.bind(splats, &[constants], &[]);
+            draw.vertices(list.splats, 0);
+            draw.draw(0, list.splat_count);
+        }
+    });
 }

@@ -5,6 +5,7 @@
 //! `fuzzy.blend` sums (color * weight, weight) of all that is not behind it, `fuzzy.normalize` divides. With
 //! deferred shading the sums are those of albedo and normals, and the last pass lights their mean.
 
+use super::compute::twin::{self, Share, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
@@ -14,7 +15,7 @@ use crate::abi::{Shader, Splat, WeightedSplat, shaders};
 use crate::draw::splats::Packed;
 use crate::draw::{Footprint, Lighting};
 use crate::gpu::buffer::{AnyBuffer, Upload};
-use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{
     Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
@@ -77,6 +78,8 @@ pub(crate) struct Variant {
     /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
     sums: Format,
+    /// Small splats are drawn by compute, all of them gray (true) or not.
+    by_compute: Option<bool>,
 }
 
 impl Variant {
@@ -89,6 +92,7 @@ impl Variant {
         settings: &Settings,
         has_triangles: bool,
         writes_normals: bool,
+        by_compute: Option<bool>,
     ) -> Result<Self, Error> {
         let sums = match settings.sums {
             Some(SumFormat::Float) if !gpu.info().has_float_blend => {
@@ -114,11 +118,12 @@ impl Variant {
             from_vertices: !settings.has_cut(),
             has_lamp: settings.light != Lighting::Headlight,
             sums,
+            by_compute,
         })
     }
 
     /// The specialization constants of all shaders of fuzzy splats.
-    fn constants(&self, topology: Topology) -> [bool; 9] {
+    fn constants(&self, topology: Topology) -> [bool; twin::CONSTANTS] {
         [
             self.is_gauss,
             self.footprint == Footprint::Oriented,
@@ -127,6 +132,8 @@ impl Variant {
             self.is_deferred,
             self.has_coverage,
             self.has_lamp,
+            self.by_compute == Some(true),
+            false,
             self.sums_normals(),
             self.writes_normals,
         ]
@@ -141,6 +148,8 @@ impl Variant {
 #[derive(Debug)]
 struct Pair {
     points: Pipeline,
+    /// As `points`, without those that compute draws.
+    large_points: Option<Pipeline>,
     quads: Pipeline,
 }
 
@@ -155,6 +164,8 @@ pub(crate) struct Fuzzy {
     normalize: Pipeline,
     sums: Target,
     normals: Option<Target>,
+    /// What draws small splats.
+    twin: Option<Twin>,
 }
 
 /// What a frame draws.
@@ -223,21 +234,27 @@ impl Fuzzy {
                 )
             };
         let pair = |name, description: Description<'_>| -> Result<Pair, Error> {
-            let make = |topology| {
+            let make = |topology, large_only| {
+                let mut constants = variant.constants(topology);
+                constants[twin::HAS_LARGE] = large_only;
                 Pipeline::new(
                     gpu,
                     &Description {
                         name,
                         topology,
                         record,
-                        constants: &variant.constants(topology),
+                        constants: &constants,
                         ..description
                     },
                 )
             };
             Ok(Pair {
-                points: make(Topology::Points)?,
-                quads: make(Topology::Quads)?,
+                points: make(Topology::Points, false)?,
+                large_points: match variant.by_compute {
+                    Some(_) => Some(make(Topology::Points, true)?),
+                    None => None,
+                },
+                quads: make(Topology::Quads, false)?,
             })
         };
         let depth_splats = Description {
@@ -283,6 +300,19 @@ impl Fuzzy {
                     ..base
                 },
             )?,
+            twin: match variant.by_compute {
+                None => None,
+                Some(is_gray) => {
+                    let constants = variant.constants(Topology::Points);
+                    Some(Twin::new(
+                        gpu,
+                        &twin::FUZZY,
+                        (width, height),
+                        is_gray,
+                        &constants,
+                    )?)
+                }
+            },
             sums: Target::new(gpu, "sums", variant.sums, width, height)?,
             normals: variant
                 .sums_normals()
@@ -291,80 +321,101 @@ impl Fuzzy {
         })
     }
 
-    /// The three passes of a frame.
+    /// The passes of a frame; compute draws its share only of a list, and where the variant has it.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of its parts.
     pub(crate) fn record(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
+        share: Share,
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let (Some(twin), Splats::List(splats, packed, capacity), Share::Small | Share::All) =
+            (&self.twin, list.splats, share)
+        else {
+            self.raster_depth(frame, targets, list, Share::Nothing, context, constants);
+            self.raster_blend(frame, targets, list, Share::Nothing, context, constants);
+            self.normalize(frame, targets, context, constants);
+            return Ok(());
+        };
+        let small = twin.ready(frame, splats, packed.points as u32, context)?;
+        let left = Packed {
+            points: if share == Share::Small {
+                packed.points
+            } else {
+                0
+            },
+            ..packed
+        };
+        let large = List {
+            splats: Splats::List(splats, left, capacity),
+            ..list
+        };
+        let is_rastered = left.points + left.quads > 0 || !list.runs.is_empty();
+        if is_rastered {
+            self.raster_depth(frame, targets, large, share, context, constants);
+        }
+        twin.clear(frame, is_rastered.then_some(targets.depth()), context);
+        twin.depth(frame, &small, constants);
+        if is_rastered {
+            twin.merge(frame, targets.depth(), context)?;
+            self.raster_blend(frame, targets, large, share, context, constants);
+        }
+        twin.blend(frame, &small, constants);
+        let rastered = is_rastered.then_some(&self.sums);
+        twin.normalize(frame, targets, (rastered, &self.sums), context, constants)
+    }
+
+    /// Pass `fuzzy.depth` by the rasterizer.
+    fn raster_depth(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        share: Share,
         context: &Context,
         constants: Uniform,
     ) {
-        for is_depth in [true, false] {
-            let (pass, triangles, splats) = if is_depth {
-                let pass = frame.pass("fuzzy.depth");
-                let pass = pass.depth(targets.depth(), Load::Clear([0.0; 4]));
-                (pass, &self.depth_triangles, &self.depth_splats)
-            } else {
-                let pass = frame.pass("fuzzy.blend");
-                let mut pass = pass.color(&self.sums, Load::Clear([0.0; 4]));
-                if let Some(normals) = &self.normals {
-                    pass = pass.color(normals, Load::Clear([0.0; 4]));
-                }
-                let pass = pass.depth_test(targets.depth());
-                (pass, &self.blend_triangles, &self.blend_splats)
-            };
-            let mut pass = pass.indices(list.indices);
-            if let Splats::List(splats, ..) = list.splats {
-                pass = pass.vertices(splats);
-            }
-            for page in &list.scene.pages {
-                pass = pass.vertices(&page.vertices);
-            }
-            pass.draw(context.viewport(), |draw| {
-                if !list.runs.is_empty() {
-                    draw.cull_back_faces(context.cull_back, context.is_mirrored);
-                    draw.bind(triangles, &[constants], &[]);
-                    draw.indices(list.indices, 0);
-                    for run in list.runs {
-                        draw.vertices(&list.scene.pages[run.page].vertices, 0);
-                        draw.draw_indexed(run.first, run.count, 0);
-                    }
-                }
-                draw.cull_back_faces(false, false);
-                match list.splats {
-                    Splats::List(buffer, packed, capacity) => {
-                        if packed.points > 0 {
-                            draw.bind(&splats.points, &[constants], &[]);
-                            draw.vertices(buffer, 0);
-                            draw.draw(0, packed.points as u32);
-                        }
-                        if packed.quads > 0 {
-                            draw.bind(&splats.quads, &[constants], &[]);
-                            draw.vertices(buffer, 0);
-                            draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
-                        }
-                    }
-                    Splats::Vertices { as_quads } => {
-                        let pipeline = if as_quads {
-                            &splats.quads
-                        } else {
-                            &splats.points
-                        };
-                        draw.bind(pipeline, &[constants], &[]);
-                        for page in &list.scene.pages {
-                            let vertices: &dyn AnyBuffer = &page.vertices;
-                            draw.vertices(vertices, 0);
-                            if as_quads {
-                                draw.draw_quads(0, page.vertex_count);
-                            } else {
-                                draw.draw(0, page.vertex_count);
-                            }
-                        }
-                    }
-                }
-            });
+        let pass = frame
+            .pass("fuzzy.depth")
+            .depth(targets.depth(), Load::Clear([0.0; 4]));
+        let pipelines = (&self.depth_triangles, &self.depth_splats);
+        raster(pass, list, pipelines, share, context, constants);
+    }
+
+    /// Pass `fuzzy.blend` by the rasterizer.
+    fn raster_blend(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        share: Share,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let mut pass = frame
+            .pass("fuzzy.blend")
+            .color(&self.sums, Load::Clear([0.0; 4]));
+        if let Some(normals) = &self.normals {
+            pass = pass.color(normals, Load::Clear([0.0; 4]));
         }
+        let pass = pass.depth_test(targets.depth());
+        let pipelines = (&self.blend_triangles, &self.blend_splats);
+        raster(pass, list, pipelines, share, context, constants);
+    }
+
+    /// Pass `fuzzy.normalize` of what was rastered.
+    fn normalize(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        context: &Context,
+        constants: Uniform,
+    ) {
         let [r, g, b] = context.background;
         // Every binding must be written; without normals the second is not looked at.
         let normals = self.normals.as_ref().unwrap_or(&self.sums);
@@ -387,4 +438,69 @@ impl Fuzzy {
             },
         );
     }
+}
+
+/// Draws a list in a pass whose targets are attached, without the points of compute's share.
+fn raster(
+    pass: Pass<'_>,
+    list: List<'_>,
+    (triangles, splats): (&Pipeline, &Pair),
+    share: Share,
+    context: &Context,
+    constants: Uniform,
+) {
+    let mut pass = pass.indices(list.indices);
+    if let Splats::List(splats, ..) = list.splats {
+        pass = pass.vertices(splats);
+    }
+    for page in &list.scene.pages {
+        pass = pass.vertices(&page.vertices);
+    }
+    pass.draw(context.viewport(), |draw| {
+        if !list.runs.is_empty() {
+            draw.cull_back_faces(context.cull_back, context.is_mirrored);
+            draw.bind(triangles, &[constants], &[]);
+            draw.indices(list.indices, 0);
+            for run in list.runs {
+                draw.vertices(&list.scene.pages[run.page].vertices, 0);
+                draw.draw_indexed(run.first, run.count, 0);
+            }
+        }
+        draw.cull_back_faces(false, false);
+        match list.splats {
+            Splats::List(buffer, packed, capacity) => {
+                if packed.points > 0 {
+                    let points = match (&splats.large_points, share) {
+                        (Some(large), Share::Small) => large,
+                        _ => &splats.points,
+                    };
+                    draw.bind(points, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw(0, packed.points as u32);
+                }
+                if packed.quads > 0 {
+                    draw.bind(&splats.quads, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
+                }
+            }
+            Splats::Vertices { as_quads } => {
+                let pipeline = if as_quads {
+                    &splats.quads
+                } else {
+                    &splats.points
+                };
+                draw.bind(pipeline, &[constants], &[]);
+                for page in &list.scene.pages {
+                    let vertices: &dyn AnyBuffer = &page.vertices;
+                    draw.vertices(vertices, 0);
+                    if as_quads {
+                        draw.draw_quads(0, page.vertex_count);
+                    } else {
+                        draw.draw(0, page.vertex_count);
+                    }
+                }
+            }
+        }
+    });
 }

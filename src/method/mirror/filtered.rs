@@ -174,7 +174,7 @@ struct Patch {
 }
 
 fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
-    let [width, height, side] = splat.extent_and_side_px;
+    let ([width, height], side) = (splat.extent_px, splat.side_px);
     // The shader takes nothing less, and what is no number draws nothing.
     if !(width > 0.0 && height > 0.0 && side.is_finite()) {
         return None;

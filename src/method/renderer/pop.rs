@@ -9,6 +9,7 @@ use crate::gpu::buffer::Upload;
 use crate::gpu::frame::Ticket;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
 use crate::method::lists::{pack_triangles, records, reserve};
 use crate::method::plan::{
@@ -30,7 +31,8 @@ impl Renderer {
         settings: &Settings,
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
-        let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let by_compute = Drawing::of(settings) == Drawing::Opaque
+            && compute::is_wanted(&self.gpu, settings, &self.targets)?;
         let max_point = if by_compute {
             compute::LARGEST_SQUARE_PX
         } else {
@@ -71,7 +73,7 @@ impl Renderer {
         let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
         let takes_triangles = by_compute
-            && compute::pays(triangles.len(), 1.0, view, settings)
+            && compute::pays(triangles.len(), 1.0, context.rect_px, settings)
             && Small::takes_triangles(&self.gpu, scene);
         if takes_triangles {
             reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
@@ -99,6 +101,15 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
         };
+        // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
+        let has_large = is_whole || model.triangles.is_empty();
+        let others = triangles.len() + packed.quads;
+        let share = Share::of(
+            settings,
+            (packed.points, others),
+            has_large,
+            context.rect_px,
+        );
         let variant = Splats::variant_of(settings);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
@@ -118,7 +129,8 @@ impl Renderer {
                     constants,
                 );
                 let mut packed_left = packed;
-                let pays = takes_triangles || compute::pays(packed.points, 0.125, view, settings);
+                let pays = takes_triangles
+                    || compute::pays(packed.points, 0.125, context.rect_px, settings);
                 if let (true, Some(small)) = (by_compute && pays, &self.small) {
                     small.record(&mut frame, &self.targets, small_list, &context, constants)?;
                     packed_left.points = 0;
@@ -141,7 +153,7 @@ impl Renderer {
                     runs: &lists.runs,
                     splats: fuzzy::Splats::List(&lists.splats, packed, capacity),
                 };
-                fuzzy.record(&mut frame, &self.targets, list, &context, constants);
+                fuzzy.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
             (Drawing::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
@@ -151,7 +163,7 @@ impl Renderer {
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
                 };
-                filtered.record(&mut frame, &self.targets, list, &context, constants);
+                filtered.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
             (Drawing::Visibility, ..) => {
                 let Some(visibility) = &self.visibility else {

@@ -12,7 +12,8 @@ use crate::gpu::surface::Acquired;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::method::compute;
-use crate::method::plan::cut_settings;
+use crate::method::compute::twin::Share;
+use crate::method::plan::{Drawing, cut_settings};
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
 use crate::method::{Method, Settings};
@@ -114,14 +115,23 @@ impl Renderer {
         let is_whole = settings.method == Method::Splats;
         let splats = if is_whole { splats + large } else { splats };
         let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets).unwrap_or(false);
+        let rect = compute::rect::rect_px(model, view, settings.threshold_px + 3.0);
+        let triangles = if is_whole { 0 } else { large };
+        let pays = if Drawing::of(settings) == Drawing::Opaque {
+            compute::pays(splats as usize, 0.125, rect, settings)
+        } else {
+            let has_large = is_whole || model.triangles.is_empty();
+            let counts = (splats as usize, triangles as usize);
+            Share::of(settings, counts, has_large, rect) != Share::Nothing
+        };
         Foreseen {
             counts: Counts {
                 nodes_visited: self.cut.stats.visited,
                 splats,
-                triangles: if is_whole { 0 } else { large },
+                triangles,
                 ..Counts::default()
             },
-            by_compute: by_compute && compute::pays(splats as usize, 0.125, view, settings),
+            by_compute: by_compute && pays,
         }
     }
 
@@ -186,6 +196,7 @@ impl Renderer {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
         let context = Context {
+            rect_px: [0, 0, self.targets.color.width, self.targets.color.height],
             width: self.targets.color.width,
             height: self.targets.color.height,
             guard_px: 0,

@@ -5,6 +5,7 @@ use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
+use crate::method::compute::twin::Share;
 use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
@@ -40,6 +41,7 @@ impl Renderer {
             end,
             |frame, c| {
                 triangles::record(frame, pipeline, targets, scene, &context, c);
+                Ok(())
             },
         )
     }
@@ -74,33 +76,36 @@ impl Renderer {
             &constants,
             counts,
             end,
-            |frame, c| match (Drawing::of(settings), opaque, &self.fuzzy) {
-                (Drawing::Opaque, Some(splats), _) => {
-                    splats.record_vertices(frame, targets, scene, as_quads, &context, c);
+            |frame, c| {
+                match (Drawing::of(settings), opaque, &self.fuzzy) {
+                    (Drawing::Opaque, Some(splats), _) => {
+                        splats.record_vertices(frame, targets, scene, as_quads, &context, c);
+                    }
+                    (Drawing::Fuzzy, _, Some(fuzzy)) => {
+                        let list = fuzzy::List {
+                            scene,
+                            indices,
+                            runs: &[],
+                            splats: fuzzy::Splats::Vertices { as_quads },
+                        };
+                        fuzzy.record(frame, targets, list, Share::Nothing, &context, c)?;
+                    }
+                    (Drawing::Visibility, ..) => {
+                        let Some(visibility) = &self.visibility else {
+                            unreachable!("prepare made the pipelines")
+                        };
+                        let list = visibility::List {
+                            scene,
+                            triangles: None,
+                            splats: visibility::Splats::Vertices { as_quads },
+                            largest_px: largest_splat_px(model, settings),
+                        };
+                        let how = settings.reconstruction;
+                        visibility.record(frame, targets, list, how, &context, c);
+                    }
+                    _ => unreachable!("prepare made the pipelines"),
                 }
-                (Drawing::Fuzzy, _, Some(fuzzy)) => {
-                    let list = fuzzy::List {
-                        scene,
-                        indices,
-                        runs: &[],
-                        splats: fuzzy::Splats::Vertices { as_quads },
-                    };
-                    fuzzy.record(frame, targets, list, &context, c);
-                }
-                (Drawing::Visibility, ..) => {
-                    let Some(visibility) = &self.visibility else {
-                        unreachable!("prepare made the pipelines")
-                    };
-                    let list = visibility::List {
-                        scene,
-                        triangles: None,
-                        splats: visibility::Splats::Vertices { as_quads },
-                        largest_px: largest_splat_px(model, settings),
-                    };
-                    let how = settings.reconstruction;
-                    visibility.record(frame, targets, list, how, &context, c);
-                }
-                _ => unreachable!("prepare made the pipelines"),
+                Ok(())
             },
         )
     }
@@ -113,12 +118,12 @@ fn submit_whole(
     constants: &FrameConstants,
     counts: Counts,
     end: &mut End<'_>,
-    record: impl FnOnce(&mut Frame<'_>, Uniform),
+    record: impl FnOnce(&mut Frame<'_>, Uniform) -> Result<(), Error>,
 ) -> Result<(Ticket, FrameTimes), Error> {
     let submit = Stage::Submit.begin();
     let mut frame = frames.begin()?;
     let constants = frame.uniform(constants)?;
-    record(&mut frame, constants);
+    record(&mut frame, constants)?;
     let ticket = end(frame, &targets.color)?;
     let mut times = FrameTimes {
         counts,

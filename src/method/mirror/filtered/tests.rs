@@ -69,14 +69,17 @@ fn splat(center: [f32; 3], color: [f32; 3], area_px: f32) -> FilteredSplat {
         offset: 0.5,
         color,
         area_px,
-        extent_and_side_px: [1.0; 3],
+        extent_px: [1.0; 2],
+        side_px: 1.0,
+        unused: 0,
     }
 }
 
 /// The same over a square of `side` pixels.
 fn wide(side: f32, splat: FilteredSplat) -> FilteredSplat {
     FilteredSplat {
-        extent_and_side_px: [side; 3],
+        extent_px: [side; 2],
+        side_px: side,
         ..splat
     }
 }
@@ -136,7 +139,8 @@ fn a_splat_deposits_its_area_where_its_rectangle_overlaps_pixels() {
     ] {
         let area = 0.5;
         let one = FilteredSplat {
-            extent_and_side_px: [width, height, side],
+            extent_px: [width, height],
+            side_px: side,
             ..splat([center[0], center[1], 8.0], [0.25, 0.5, 1.0], area)
         };
         let got = draw_splats(&flat(), &[one], &style(1.0));
@@ -183,7 +187,8 @@ fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
     assert_eq!(got.image.color[at(8, 9)], [0, 255, 0, 0]);
     // What is spread beyond the square of the first pass is rim, whatever its neighbors are.
     let spread = FilteredSplat {
-        extent_and_side_px: [5.0, 5.0, 3.0],
+        extent_px: [5.0, 5.0],
+        side_px: 3.0,
         area_px: 12.222_22,
         ..one
     };
@@ -230,7 +235,8 @@ fn between_narrow_rectangles_the_square_says_what_is_there() {
     // Rectangles of two pixels, eight apart, in squares that overlap: no pixel inside is without color.
     let splats: Vec<_> = (0..16)
         .map(|i| FilteredSplat {
-            extent_and_side_px: [2.0, 2.0, 9.0],
+            extent_px: [2.0, 2.0],
+            side_px: 9.0,
             ..splat(
                 [8.0 + 8.0 * (i % 4) as f32, 8.0 + 8.0 * (i / 4) as f32, 8.0],
                 if i % 4 < 2 { RED } else { GREEN },
@@ -299,10 +305,9 @@ fn a_perspective_pushes_along_the_ray_by_model_units() {
         let near = FilteredSplat {
             center,
             offset,
-            color: RED,
-            area_px: 1.0,
             // As good as a point, in one pixel.
-            extent_and_side_px: [1e-3, 1e-3, 1.0],
+            extent_px: [1e-3, 1e-3],
+            ..splat([0.0; 3], RED, 1.0)
         };
         let (x, y, _) = view.project(center);
         let i = at(x as usize, y as usize);
@@ -341,9 +346,7 @@ fn an_offset_of_zero_draws_the_nearest_splat_everywhere() {
                 -z,
             ),
             offset: 0.0,
-            color: RED,
-            area_px: 1.0,
-            extent_and_side_px: [1.0; 3],
+            ..splat([0.0; 3], RED, 1.0)
         };
         let got = draw_splats(&view, &[one], &style(1.0));
         assert_near(got.sums.iter().map(|s| s[3]).sum::<f32>(), 1.0, 3e-5);
@@ -400,7 +403,7 @@ fn cloud(view: &View, count: usize, side: f32) -> Vec<FilteredSplat> {
                     numbers.between(0.0, 1.0),
                 ],
                 area_px: numbers.between(0.01, 2.0),
-                extent_and_side_px: [side; 3],
+                ..wide(side, splat([0.0; 3], RED, 1.0))
             }
         })
         .collect()

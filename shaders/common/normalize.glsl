@@ -1,0 +1,89 @@
+// The mean color of what filtered splats deposited in a pixel. Where the surface ends, before the background or before a
+// farther part, the deposited area is the covered fraction of the pixel; inside, where its noise would only hurt, the pixel
+// is covered.
+// Needs `float front_at(ivec2)`, the reversed depth of the first pass, `vec4 sum_at(ivec2)`, and `ivec4 bounds()`, the first
+// and one past the last pixel that these know: no other is looked at.
+#include "common/frame.glsl"
+
+const float LEAST_WEIGHT = 1e-6;
+// A neighbor is another part when its front lies farther by this many pixels' (or splats') width.
+const float JUMP = 3.0;
+
+bool is_known(ivec2 pixel, ivec4 known) {
+    return all(greaterThanEqual(pixel, known.xy)) && all(lessThan(pixel, known.zw));
+}
+
+// Distance along the view direction of a depth that is not 0, and back.
+float distance_of(float depth) {
+    float p22 = frame.clip_from_view[2][2];
+    float p32 = frame.clip_from_view[3][2];
+    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? (p32 - depth) / p22 : p32 / (depth + p22);
+}
+
+float depth_of(float distance) {
+    float p22 = frame.clip_from_view[2][2];
+    float p32 = frame.clip_from_view[3][2];
+    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? p32 - p22 * distance : p32 / distance - p22;
+}
+
+// Covered fraction of a pixel that another part lies before: whole, but where that part ends too.
+float coverage_of_part(ivec2 pixel, float sum, ivec4 known) {
+    for (int y = -1; y <= 1; ++y) {
+        for (int x = -1; x <= 1; ++x) {
+            ivec2 neighbor = pixel + ivec2(x, y);
+            if (is_known(neighbor, known) && !(front_at(neighbor) > 0.0)) {
+                return min(2.0 * sum, 1.0);
+            }
+        }
+    }
+    return 1.0;
+}
+
+vec4 normalized(ivec2 pixel, float own) {
+    vec4 color = vec4(frame.background.rgb, 0.0);
+    vec4 sum = sum_at(pixel);
+    ivec4 known = bounds();
+    if (sum.a > LEAST_WEIGHT) {
+        // What is farther than this depth, but has one, is another part. Where the pixel has none, nothing is: beyond the
+        // squares of the first pass nothing is in front of anything.
+        float limit = 0.0;
+        if (own > 0.0) {
+            float distance = distance_of(own);
+            float width = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : distance;
+            limit = depth_of(distance + JUMP * max(frame.splat_size_px, 1.0) * width / frame.focal_px);
+        }
+        float around = 0.0;
+        // Which of the neighbors are other parts.
+        uint parts = 0u;
+        for (int i = 0; i < 9; ++i) {
+            ivec2 neighbor = pixel + ivec2(i % 3 - 1, i / 3 - 1);
+            if (i != 4 && is_known(neighbor, known)) {
+                float depth = front_at(neighbor);
+                bool is_part = depth > 0.0 && depth < limit;
+                around += is_part || !(depth > 0.0) ? 1.0 : 0.0;
+                parts |= is_part ? 1u << i : 0u;
+            }
+        }
+        vec4 behind = vec4(0.0);
+        while (parts != 0u) {
+            int i = findLSB(parts);
+            parts &= parts - 1u;
+            ivec2 neighbor = pixel + ivec2(i % 3 - 1, i / 3 - 1);
+            vec4 there = sum_at(neighbor);
+            if (there.a > LEAST_WEIGHT) {
+                behind += vec4(there.rgb / there.a, 1.0) * coverage_of_part(neighbor, there.a, known);
+            }
+        }
+        bool is_rim = !(own > 0.0) || around > 0.0;
+        if (is_rim && sum.a < LEAST_FILTERED_COVERAGE && behind.a == 0.0) {
+            return color;
+        }
+        float covered = is_rim ? min(sum.a, 1.0) : 1.0;
+        vec4 beyond = behind / max(around, 1.0);
+        beyond.rgb += (1.0 - beyond.a) * frame.background.rgb;
+        float alpha = covered + (1.0 - covered) * beyond.a;
+        // At least one level of coverage where anything is.
+        color = vec4(mix(beyond.rgb, sum.rgb / sum.a, covered), max(alpha, 1.0 / 255.0));
+    }
+    return color;
+}

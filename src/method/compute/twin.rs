@@ -1,0 +1,338 @@
+//! Blended splats by compute: the passes of [`crate::method::filtered`] and [`crate::method::fuzzy`] with atomics in the
+//! place of depth test and blending.
+//!
+//! A rasterizer sets every point up before it draws it, which a software device does in 100 ns and more, twice. Here a
+//! splat leaves its pushed depth in the pixels of its footprint by an atomic maximum (pass `depth`), and adds its deposits
+//! where that does not hide it (pass `blend`). Sums are numbers of fixed point, so the order of drawing cannot show.
+//! The rasterizer still draws triangles and what is larger than
+//! [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX); its depth is where the compute passes
+//! begin from, and its sums are added to theirs.
+
+use super::NOTHING;
+use super::list::{self, Bound};
+use super::rect;
+use crate::abi::{FilteredSplat, Shader, WeightedSplat, shaders};
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{Buffer, Upload, Usage};
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::image::Image as Target;
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
+use crate::gpu::{Error, Gpu};
+use crate::method::targets::{Context, Targets};
+use crate::method::triangles::targets;
+use crate::method::{Path, Settings};
+use std::sync::Arc;
+
+/// What compute draws of a list of splats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Share {
+    /// Nothing: the rasterizer draws all.
+    Nothing,
+    /// What is small; there may be larger ones.
+    Small,
+    /// Everything: all are small.
+    All,
+}
+
+impl Share {
+    /// Of a list of `splats` beside `others` that are rastered, in a frame that may be drawn by compute.
+    ///
+    /// Where the rasterizer draws as well, its depth and its sums are merged with those of compute, which costs a software
+    /// device some 20 ns a pixel; a small splat saves it 100 to 150.
+    pub(crate) fn of(
+        settings: &Settings,
+        (splats, others): (usize, usize),
+        has_large: bool,
+        rect_px: [u32; 4],
+    ) -> Self {
+        let is_alone = others == 0 && !has_large;
+        let is_many = 8 * splats as u64 >= rect::pixels(rect_px);
+        if settings.path != Path::Compute && !is_alone && !is_many {
+            Self::Nothing
+        } else if has_large {
+            Self::Small
+        } else {
+            Self::All
+        }
+    }
+}
+
+/// The passes of one kind of splats.
+#[derive(Debug)]
+pub(crate) struct Kind {
+    /// Names of the passes clear, front, depth, merge, blend and normalize.
+    names: [&'static str; 6],
+    depth: &'static Shader,
+    blend: &'static Shader,
+    normalize: &'static Shader,
+    /// Bytes of a splat.
+    record: u64,
+}
+
+/// Filtered splats.
+pub(crate) const FILTERED: Kind = Kind {
+    names: [
+        "filtered.clear",
+        "filtered.front",
+        "filtered.depth",
+        "filtered.merge",
+        "filtered.blend",
+        "filtered.normalize",
+    ],
+    depth: &shaders::FILTERED_DEPTH_COMP,
+    blend: &shaders::FILTERED_BLEND_COMP,
+    normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
+    record: size_of::<FilteredSplat>() as u64,
+};
+
+/// Fuzzy splats.
+pub(crate) const FUZZY: Kind = Kind {
+    names: [
+        "fuzzy.clear",
+        "fuzzy.front",
+        "fuzzy.depth",
+        "fuzzy.merge",
+        "fuzzy.blend",
+        "fuzzy.normalize",
+    ],
+    depth: &shaders::FUZZY_DEPTH_COMP,
+    blend: &shaders::FUZZY_BLEND_COMP,
+    normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
+    record: size_of::<WeightedSplat>() as u64,
+};
+
+/// Place of the specialization constant that says that red, green and blue are the same.
+const IS_GRAY: usize = 7;
+/// Place of the one that says that the rasterizer draws as well, and in vertex shaders that it draws what is large only.
+pub(crate) const HAS_LARGE: usize = 8;
+/// How many there are.
+pub(crate) const CONSTANTS: usize = 11;
+
+/// Pipelines and the sums, for one picture size.
+#[derive(Debug)]
+pub(crate) struct Twin {
+    kind: &'static Kind,
+    depth: Pipeline,
+    blend: Pipeline,
+    merge: Pipeline,
+    normalize: Pipeline,
+    /// As `normalize`, where the rasterizer drew as well.
+    normalize_all: Pipeline,
+    front: Buffer,
+    sums: Buffer,
+    max_binding: u64,
+    /// Red, green and blue are the same in all that is drawn.
+    is_gray: bool,
+}
+
+/// A list of splats, bound.
+pub(crate) struct Ready<'a> {
+    splats: &'a Upload,
+    parts: Vec<Bound<'a>>,
+}
+
+/// Bytes of the sums of a pixel.
+const fn sum_bytes(is_gray: bool) -> u64 {
+    if is_gray { 16 } else { 32 }
+}
+
+/// Bytes of the largest storage that a picture needs.
+pub(crate) fn storage_bytes((width, height): (u32, u32)) -> u64 {
+    sum_bytes(false) * u64::from(width) * u64::from(height)
+}
+
+impl Twin {
+    /// `constants` are the specialization constants of the shaders, as those of the rasterizer have them.
+    ///
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        kind: &'static Kind,
+        (width, height): (u32, u32),
+        is_gray: bool,
+        constants: &[bool],
+    ) -> Result<Self, Error> {
+        let mut all = [false; CONSTANTS];
+        all[..constants.len()].copy_from_slice(constants);
+        all[IS_GRAY] = is_gray;
+        let base = Description {
+            name: "merge of small splats",
+            vertex: &shaders::FILTERED_NORMALIZE_VERT,
+            fragment: Some(&shaders::FILTERED_MERGE_FRAG),
+            constants: &[],
+            record: NOTHING,
+            topology: Topology::Triangles,
+            colors: &[],
+            depth: Depth::Nearest,
+            is_additive: false,
+        };
+        let normalize = |name, has_large| {
+            let mut constants = all;
+            constants[HAS_LARGE] = has_large;
+            Pipeline::new(
+                gpu,
+                &Description {
+                    name,
+                    fragment: Some(kind.normalize),
+                    constants: &constants,
+                    colors: targets(false),
+                    // Also where there is no depth: kernels may reach beyond what hides.
+                    depth: Depth::NotFarther,
+                    ..base
+                },
+            )
+        };
+        let pixels = u64::from(width) * u64::from(height);
+        let storage = |name, bytes| Buffer::new(gpu, name, Usage::Storage, bytes);
+        Ok(Self {
+            kind,
+            depth: Pipeline::compute(gpu, "depth of small splats", kind.depth, &all)?,
+            blend: Pipeline::compute(gpu, "blend of small splats", kind.blend, &all)?,
+            merge: Pipeline::new(gpu, &base)?,
+            normalize: normalize("normalize of small splats", false)?,
+            normalize_all: normalize("normalize of all splats", true)?,
+            front: storage("front of small splats", 4 * pixels)?,
+            sums: storage("sums of small splats", sum_bytes(is_gray) * pixels)?,
+            max_binding: gpu.info().max_storage_range,
+            is_gray,
+        })
+    }
+
+    /// Binds the first `count` splats of a list.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(crate) fn ready<'a>(
+        &self,
+        frame: &mut Frame<'_>,
+        splats: &'a Upload,
+        count: u32,
+        context: &Context,
+    ) -> Result<Ready<'a>, Error> {
+        let parts = list::bound(
+            frame,
+            context,
+            self.max_binding,
+            (splats, self.kind.record),
+            (0, count),
+        )?;
+        Ok(Ready { splats, parts })
+    }
+
+    /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
+    pub(crate) fn clear(
+        &self,
+        frame: &mut Frame<'_>,
+        rastered: Option<&Target>,
+        context: &Context,
+    ) {
+        let pixels = rect::pixels(context.rect_px);
+        let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
+        match rastered {
+            None => frame
+                .pass(self.kind.names[0])
+                .fill(&[sums, (&self.front, 4 * pixels)], 0),
+            Some(depth) => {
+                frame.pass(self.kind.names[0]).fill(&[sums], 0);
+                let part = rect::area(context.rect_px);
+                frame.copy_part(self.kind.names[1], depth, part, &self.front);
+            }
+        }
+    }
+
+    /// Pass `depth` of a list: the nearest pushed depth of each pixel. May be repeated with further lists.
+    pub(crate) fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
+        let front = Slice::whole(&self.front);
+        frame
+            .pass(self.kind.names[2])
+            .storage_read(list.splats)
+            .storage(&self.front)
+            .compute(|compute| {
+                for &(part, uniform, count) in &list.parts {
+                    compute.bind(&self.depth, &[constants, uniform], &[part, front]);
+                    compute.items(count);
+                }
+            });
+    }
+
+    /// Pass `merge`: brings the front to the depth target, for what the rasterizer blends.
+    ///
+    /// # Errors
+    /// When the frame has no room for constants.
+    pub(crate) fn merge(
+        &self,
+        frame: &mut Frame<'_>,
+        depth: &Target,
+        context: &Context,
+    ) -> Result<(), Error> {
+        let picture = frame.uniform(&list::constants(context))?;
+        frame
+            .pass(self.kind.names[3])
+            .depth(depth, Load::Keep)
+            .fragment_storage(&self.front)
+            .draw(whole(context), |draw| {
+                draw.cull_back_faces(false, false);
+                draw.scissor(rect::area(context.rect_px));
+                draw.bind_storage(&self.merge, &[picture], &[], &[Slice::whole(&self.front)]);
+                draw.draw(0, 3);
+            });
+        Ok(())
+    }
+
+    /// Pass `blend` of a list, once the depth of all lists is known.
+    pub(crate) fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
+        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
+        frame
+            .pass(self.kind.names[4])
+            .storage_read(list.splats)
+            .storage_read(&self.front)
+            .storage(&self.sums)
+            .compute(|compute| {
+                for &(part, uniform, count) in &list.parts {
+                    compute.bind(&self.blend, &[constants, uniform], &[part, front, sums]);
+                    compute.items(count);
+                }
+            });
+    }
+
+    /// Pass `normalize`: color and depth of the picture, with the sums of what was rastered, if anything was.
+    ///
+    /// # Errors
+    /// When the frame has no room for constants.
+    pub(crate) fn normalize(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        (rastered, none): (Option<&Target>, &Target),
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let picture = frame.uniform(&list::constants(context))?;
+        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
+        // Every binding must be written; without rastered sums this one is not looked at.
+        let large = rastered.unwrap_or(none);
+        let pipeline = if rastered.is_some() {
+            &self.normalize_all
+        } else {
+            &self.normalize
+        };
+        targets
+            .attach(frame.pass(self.kind.names[5]), context)
+            .sampled(large)
+            .fragment_storage(&self.front)
+            .fragment_storage(&self.sums)
+            .draw(whole(context), |draw| {
+                draw.cull_back_faces(false, false);
+                draw.scissor(rect::area(context.rect_px));
+                draw.bind_storage(pipeline, &[constants, picture], &[large], &[front, sums]);
+                draw.draw(0, 3);
+            });
+        Ok(())
+    }
+}
+
+/// The viewport of a pass over the picture.
+fn whole(context: &Context) -> [f32; 4] {
+    [0.0, 0.0, context.width as f32, context.height as f32]
+}

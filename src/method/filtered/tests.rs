@@ -1,0 +1,246 @@
+//! Lists of splats that no cut would make, by the rasterizer, by compute and by the mirror.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use super::{Filtered, List, Variant};
+use crate::abi::FilteredSplat;
+use crate::draw::FilteredList;
+use crate::gpu::buffer::{Readback, Upload};
+use crate::gpu::frame::Frames;
+use crate::gpu::{Gpu, Options};
+use crate::image::Image;
+use crate::math::camera::{Camera, View};
+use crate::method::compute::twin::Share;
+use crate::method::engine::style;
+use crate::method::mirror::{Outputs, render_filtered};
+use crate::method::plan::frame_constants;
+use crate::method::scene::Scene;
+use crate::method::targets::{Context, Targets};
+use crate::method::{Settings, SplatKind};
+use crate::tree::Model;
+use glam::{DVec3, Vec3};
+use std::sync::Arc;
+
+const SIZE: (u32, u32) = (64, 48);
+
+fn view() -> View {
+    Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0))
+        .view(DVec3::ZERO)
+        .unwrap()
+}
+
+fn settings() -> Settings {
+    Settings {
+        splat: SplatKind::Filtered,
+        background: [0.0, 0.25, 0.5],
+        ..Settings::default()
+    }
+}
+
+/// A device under validation, or none where none is required.
+fn device() -> Option<Arc<Gpu>> {
+    let options = Options {
+        validation: true,
+        ..Options::default()
+    };
+    match Gpu::open(&options) {
+        Ok(gpu) => Some(gpu),
+        Err(error) => {
+            assert!(
+                std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
+                "a device is required here: {error}"
+            );
+            None
+        }
+    }
+}
+
+/// The picture's bytes; by compute where `by_compute` says so, of grays or of colors.
+fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredSplat], by_compute: Option<bool>) -> Vec<[u8; 4]> {
+    let view = view();
+    let (width, height) = SIZE;
+    let variant = Variant {
+        has_lamp: false,
+        by_compute,
+    };
+    let filtered = Filtered::new(gpu, SIZE, variant).unwrap();
+    let targets = Targets::new(gpu, width, height, false).unwrap();
+    let scene = Scene::new(gpu, &Model::default()).unwrap();
+    let bytes: &[u8] = bytemuck::cast_slice(splats);
+    let mut list = Upload::new(gpu, "splats", bytes.len() as u64).unwrap();
+    list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
+    list.flush(0..bytes.len() as u64);
+    let indices = Upload::new(gpu, "indices", 4).unwrap();
+    let context = Context {
+        width,
+        height,
+        guard_px: 40,
+        rect_px: [0, 0, width, height],
+        background: settings().background,
+        cull_back: false,
+        is_mirrored: false,
+        light: settings().light,
+    };
+    let mut frames = Frames::new(gpu, 1, false).unwrap();
+    let mut frame = frames.begin().unwrap();
+    let constants = frame
+        .uniform(&frame_constants(&view, &settings(), &context))
+        .unwrap();
+    let what = List {
+        scene: &scene,
+        indices: &indices,
+        runs: &[],
+        splats: &list,
+        splat_count: splats.len() as u32,
+    };
+    filtered
+        .record(
+            &mut frame,
+            &targets,
+            what,
+            Share::Small,
+            &context,
+            constants,
+        )
+        .unwrap();
+    let mut color = Readback::new(gpu, "color", targets.color().bytes()).unwrap();
+    frame.read_back("color", targets.color(), &color);
+    let ticket = frame.submit().unwrap();
+    frames.finish(ticket).unwrap();
+    bytemuck::pod_collect_to_vec(Readback::bytes(&mut color))
+}
+
+fn mirrored(splats: &[FilteredSplat]) -> Image {
+    let list = FilteredList {
+        splats,
+        ..FilteredList::default()
+    };
+    let style = style(&settings(), &Model::default());
+    render_filtered(&view(), &list, &style, Outputs::default()).image
+}
+
+/// The most that a channel differs by, and how many pixels differ by more than one level.
+fn difference(a: &[[u8; 4]], b: &[[u8; 4]]) -> (u8, usize) {
+    assert_eq!(a.len(), b.len());
+    let of = |a: &[u8; 4], b: &[u8; 4]| (0..4).map(|i| a[i].abs_diff(b[i])).max().unwrap_or(0);
+    let all = || a.iter().zip(b).map(|(a, b)| of(a, b));
+    (all().max().unwrap(), all().filter(|&d| d > 1).count())
+}
+
+/// Numbers in 0..1, the same in every run.
+struct Numbers(u64);
+
+impl Numbers {
+    fn next(&mut self) -> f32 {
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (self.0 >> 40) as f32 / (1u64 << 24) as f32
+    }
+}
+
+/// A crowd of splats of up to `largest` pixels, some of them beside the picture or behind the eye.
+fn crowd(count: usize, largest: f32, is_gray: bool) -> Vec<FilteredSplat> {
+    let mut n = Numbers(7);
+    (0..count)
+        .map(|_| {
+            let z = 2.0 + 8.0 * n.next() * n.next() - 0.3;
+            let (x, y) = (2.4 * n.next() - 1.2, 1.8 * n.next() - 0.9);
+            let side = 1.0 + (largest - 1.0) * n.next() * n.next();
+            let gray = n.next();
+            let color = [n.next(), n.next(), n.next()];
+            let extent_px = [(side * n.next()).max(0.07), (side * n.next()).max(0.07)];
+            FilteredSplat {
+                center: Vec3::new(x * z, y * z, if n.next() < 0.02 { z } else { -z }),
+                offset: 0.5 * n.next(),
+                side_px: side,
+                area_px: extent_px[0] * extent_px[1] * n.next(),
+                extent_px,
+                color: if is_gray { [gray; 3] } else { color },
+                unused: 0,
+            }
+        })
+        .collect()
+}
+
+#[test]
+fn crowds_are_the_same_by_rasterizer_compute_and_mirror() {
+    let Some(gpu) = device() else { return };
+    // The largest are left to the rasterizer on either path.
+    for (largest, is_gray) in [(1.0, true), (3.0, false), (30.0, true), (30.0, false)] {
+        let splats = crowd(4000, largest, is_gray);
+        let raster = drawn(&gpu, &splats, None);
+        let compute = drawn(&gpu, &splats, Some(is_gray));
+        let mirror = mirrored(&splats).color;
+        let what = format!("up to {largest} px, gray {is_gray}");
+        // A splat whose depth ties with a front is seen or not by the last bit of its depth.
+        for (other, name) in [(&raster, "raster"), (&mirror, "mirror")] {
+            let (_, past) = difference(&compute, other);
+            assert!(past <= 3, "{what}: {past} pixels differ from the {name}");
+        }
+        assert!(
+            compute.iter().filter(|p| p[3] == 0).count() < compute.len() / 2,
+            "{what}"
+        );
+    }
+    assert!(gpu.messages().take().is_empty());
+}
+
+#[test]
+fn the_order_of_a_list_does_not_show() {
+    let Some(gpu) = device() else { return };
+    for is_gray in [true, false] {
+        let mut splats = crowd(3000, 5.0, is_gray);
+        let first = drawn(&gpu, &splats, Some(is_gray));
+        assert_eq!(first, drawn(&gpu, &splats, Some(is_gray)), "drawn again");
+        let mut n = Numbers(11);
+        for i in (1..splats.len()).rev() {
+            splats.swap(i, (n.next() * i as f32) as usize);
+        }
+        assert_eq!(first, drawn(&gpu, &splats, Some(is_gray)), "shuffled");
+    }
+    assert!(gpu.messages().take().is_empty());
+}
+
+#[test]
+fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
+    let Some(gpu) = device() else { return };
+    // Each covers the pixel whole; half of them are of one color, half of another. The sums of weights are 500, and near
+    // the most that fits: 65,536 of weights above a 64th, 64 of those below.
+    for (count, weight) in [
+        (500, 1.0),
+        (500, 0.001),
+        (20_000, 3.0),
+        (500, 1.0 / 63.0),
+        (4000, 1.0 / 65.0),
+    ] {
+        let splats: Vec<FilteredSplat> = (0..count)
+            .map(|i| FilteredSplat {
+                center: Vec3::new(0.0, 0.0, -5.0),
+                offset: 0.1,
+                side_px: 3.0,
+                area_px: 9.0 * weight,
+                extent_px: [3.0; 2],
+                color: if i % 2 == 0 {
+                    [1.0, 0.8, 0.0]
+                } else {
+                    [0.0, 0.4, 1.0]
+                },
+                unused: 0,
+            })
+            .collect();
+        let picture = drawn(&gpu, &splats, Some(false));
+        // Its neighbors are covered by the squares as well, so it is no rim.
+        let at = (SIZE.0 * (SIZE.1 / 2 - 1) + SIZE.0 / 2 - 1) as usize;
+        let mirror = mirrored(&splats).color;
+        assert!(
+            difference(&picture, &mirror).0 <= 1,
+            "{count} of {weight}: {:?} is not {:?}",
+            picture[at],
+            mirror[at]
+        );
+        let [r, g, b, a] = picture[at];
+        assert!(r.abs_diff(128) <= 1 && g.abs_diff(153) <= 1 && b.abs_diff(128) <= 1 && a == 255);
+    }
+    assert!(gpu.messages().take().is_empty());
+}
