@@ -7,6 +7,7 @@ mod batch;
 mod class;
 mod coherent;
 mod facing;
+mod nearest;
 mod quad;
 mod select;
 mod strip;
@@ -15,6 +16,7 @@ mod walk;
 
 pub use coherent::{Coherent, Update};
 pub use facing::Facing;
+pub use nearest::{Footprints, Undrawn};
 pub use select::{Selector, select};
 pub use strip::{MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers};
 pub use tester::Tester;
@@ -99,6 +101,22 @@ pub struct Stats {
     pub outside: u64,
     /// Of those, dropped because facing away.
     pub facing_away: u64,
+    /// Splats of nodes, rows and leaves that were left out because nearer ones cover their pixels
+    /// ([`Selector::select_seen`]).
+    pub hidden_splats: u64,
+    /// Leaves larger than the threshold that were left out for the same reason.
+    pub hidden_leaves: u64,
+}
+
+impl Stats {
+    /// Adds those of another part of the tree.
+    fn add(&mut self, more: &Self) {
+        self.visited += more.visited;
+        self.outside += more.outside;
+        self.facing_away += more.facing_away;
+        self.hidden_splats += more.hidden_splats;
+        self.hidden_leaves += more.hidden_leaves;
+    }
 }
 
 impl Cut {

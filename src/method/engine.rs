@@ -2,14 +2,14 @@
 //! the CPU where there is none.
 
 use super::plan::{
-    Drawing, check, cut_settings, filtered_shade, for_view, largest_splat_px, splat_plan,
+    self, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan,
 };
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::times::Stage;
 use super::{Blend, Method, Settings, Shading, SplatKind, mirror};
 use crate::abi::{FilteredSplat, Splat, WeightedSplat};
-use crate::cut::{Cut, Selector};
+use crate::cut::{Cut, Selector, Undrawn};
 use crate::draw::{self, DrawList, FilteredList, FuzzyList, Style, pack};
 use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
@@ -17,7 +17,7 @@ use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
 use crate::tree::Model;
 use bytemuck::Zeroable;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Where pictures are made.
@@ -75,6 +75,8 @@ struct MirrorEngine {
     outputs: Outputs,
     selector: Selector,
     cut: Cut,
+    /// Of the engine's model.
+    undrawn: OnceLock<Undrawn>,
     image: Image,
 }
 
@@ -191,8 +193,9 @@ impl MirrorEngine {
             Method::Points => list.points = used,
             Method::Splats | Method::Pop => {
                 let cut = Stage::Cut.begin();
-                self.selector
-                    .select(model, view, &cut_settings(settings, model), &mut self.cut);
+                let undrawn = || self.undrawn.get_or_init(|| Undrawn::new(model));
+                let chosen = &mut self.cut;
+                plan::select(&mut self.selector, model, view, settings, undrawn, chosen);
                 cut.end(&mut times);
                 let packing = Stage::Pack.begin();
                 let is_whole = settings.method == Method::Splats;
@@ -233,6 +236,11 @@ impl MirrorEngine {
         times.counts = Counts {
             nodes_visited: if settings.has_cut() {
                 self.cut.stats.visited
+            } else {
+                0
+            },
+            hidden: if settings.has_cut() {
+                self.cut.stats.hidden_splats + self.cut.stats.hidden_leaves
             } else {
                 0
             },

@@ -21,7 +21,7 @@ pub use super::times::FrameTimes;
 use super::times::Stage;
 use super::triangles::{self, Variant};
 use super::visibility::Visibility;
-use super::{Method, Settings};
+use super::{Method, Occlusion, Settings};
 use crate::cut::{self, Cut};
 use crate::draw::Lighting;
 use crate::gpu::buffer::{Readback, Upload};
@@ -40,6 +40,8 @@ use std::time::Instant;
 pub struct Counts {
     /// Nodes and leaves that the cut looked at.
     pub nodes_visited: u64,
+    /// Splats and triangles of the cut that are left out because nearer splats hide them.
+    pub hidden: u64,
     /// Splats drawn.
     pub splats: u64,
     /// Triangles drawn.
@@ -85,7 +87,7 @@ pub struct Renderer {
     probe: Option<Readback>,
     /// What the present cut was chosen for, if that was before its frame, what it took, milliseconds, and what it draws:
     /// splats and triangles.
-    foreseen: Option<(View, cut::Settings, f64, (u64, u64))>,
+    foreseen: Option<(View, (cut::Settings, Occlusion), f64, (u64, u64))>,
 }
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.
