@@ -7,7 +7,8 @@ use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
 use surfel::method::{
-    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    SumFormat,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -221,7 +221,7 @@ impl Batch {
         let rows = cut.strips.len();
         self.rows(tester, groups, &mut prefetch, cut);
         if let Some(hiding) = hiding {
-            cut.stats.hidden_splats +=
+            cut.stats.hidden +=
                 hiding.keep_rows(model, tester, &mut cut.strips, rows, &mut marks.strips);
             self.hide_nodes(hiding, groups, marks, cut);
         }
@@ -412,7 +412,7 @@ impl Batch {
         for ((group, (balls, &small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
             let splats = *kept & small;
             let seen = hiding.keep_nodes(balls, group.first, splats, &mut marks.nodes);
-            cut.stats.hidden_splats += u64::from(bits(splats & !seen));
+            cut.stats.hidden += u64::from(bits(splats & !seen));
             *kept &= seen | !small;
         }
     }
@@ -430,9 +430,7 @@ impl Batch {
         for ((group, (balls, &small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
             let splats = small | always;
             let seen = hiding.keep_leaves(balls, group.first, (*kept, splats), marks);
-            let hidden = *kept & !seen;
-            cut.stats.hidden_splats += u64::from(bits(hidden & splats));
-            cut.stats.hidden_leaves += u64::from(bits(hidden & !splats));
+            cut.stats.hidden += u64::from(bits(*kept & !seen));
             *kept = seen;
         }
     }

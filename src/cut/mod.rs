@@ -7,6 +7,7 @@ mod batch;
 mod class;
 mod coherent;
 mod facing;
+mod footprints;
 mod nearest;
 mod quad;
 mod select;
@@ -16,7 +17,7 @@ mod walk;
 
 pub use coherent::{Coherent, Update};
 pub use facing::Facing;
-pub use nearest::{Footprints, Undrawn};
+pub use footprints::{Footprints, Undrawn};
 pub use select::{Selector, select};
 pub use strip::{MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers};
 pub use tester::Tester;
@@ -101,11 +102,8 @@ pub struct Stats {
     pub outside: u64,
     /// Of those, dropped because facing away.
     pub facing_away: u64,
-    /// Splats of nodes, rows and leaves that were left out because nearer ones cover their pixels
-    /// ([`Selector::select_seen`]).
-    pub hidden_splats: u64,
-    /// Leaves larger than the threshold that were left out for the same reason.
-    pub hidden_leaves: u64,
+    /// Splats that were left out because nearer ones cover all of their pixels ([`Selector::select_seen`]).
+    pub hidden: u64,
 }
 
 impl Stats {
@@ -114,8 +112,7 @@ impl Stats {
         self.visited += more.visited;
         self.outside += more.outside;
         self.facing_away += more.facing_away;
-        self.hidden_splats += more.hidden_splats;
-        self.hidden_leaves += more.hidden_leaves;
+        self.hidden += more.hidden;
     }
 }
 

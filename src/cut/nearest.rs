@@ -12,13 +12,15 @@
 //! none. What is left does not depend on the order in which splats are found: the nearest of a pixel is never dropped, and
 //! all are asked again once all are found.
 
+use super::footprints::{Footprints, Undrawn};
 use super::quad::{self, Balls};
+use super::strip::strip_steps;
 use super::tester::Tester;
-use super::{Cut, StripRun, strip_center};
+use super::{Cut, MAX_STRIP_COUNT, StripRun};
 use crate::math::camera::View;
 use crate::tree::{Model, Node};
 use glam::{Vec3, Vec4};
-use rayon::prelude::*;
+use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Pixels by which a device may place a splat elsewhere: window positions have at least 4 binary places (a 16th is
@@ -26,85 +28,18 @@ use std::sync::atomic::{AtomicU32, Ordering};
 const SNAP_PX: f32 = 0.04;
 /// What covers more pixels than this is not asked for.
 const MOST_PIXELS: u32 = 1024;
+/// Splats of rows that are asked for together: at least [`MAX_STRIP_COUNT`].
+const ROWS: usize = 64;
+const _: () = assert!(ROWS >= MAX_STRIP_COUNT as usize && ROWS.is_multiple_of(4));
 /// Nothing is nearer.
 const NOTHING: u32 = f32::INFINITY.to_bits();
-
-/// What nodes and leaves are drawn as, where what is hidden is left out.
-#[derive(Debug, Clone, Copy)]
-pub struct Footprints<'a> {
-    /// Side of the squares or diameter of the discs, pixels; at least 1.
-    pub side_px: f32,
-    /// Discs instead of squares.
-    pub are_discs: bool,
-    /// Leaves that are larger than the threshold are splats of their own size instead of triangles.
-    pub large_leaves: bool,
-    /// Leaves are points, of sizes of their own.
-    pub is_cloud: bool,
-    /// What is not drawn at all.
-    pub undrawn: &'a Undrawn,
-}
-
-/// Nodes and leaves of a mesh that have no area: they are in cuts, and nothing is drawn for them.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Undrawn {
-    nodes: Vec<u64>,
-    leaves: Vec<u64>,
-}
-
-impl Undrawn {
-    /// Looks at all of a model, in parallel: a few milliseconds a million triangles.
-    pub fn new(model: &Model) -> Self {
-        let triangles = &model.triangles;
-        if triangles.is_empty() {
-            return Self::default();
-        }
-        let has_area = |leaf: usize| {
-            let corners = triangles.get(leaf)?.map(|i| model.vertices.get(i as usize));
-            let [Some(a), Some(b), Some(c)] = corners else {
-                return None;
-            };
-            let cross = (b.position - a.position).cross(c.position - a.position);
-            Some(cross.length_squared() > 0.0)
-        };
-        let areas = &model.tree.attributes;
-        Self {
-            nodes: bits(areas.len(), |node| {
-                areas.get(node).is_none_or(|a| a.area == 0.0)
-            }),
-            leaves: bits(triangles.len(), |leaf| has_area(leaf) != Some(true)),
-        }
-    }
-
-    #[inline]
-    fn has(list: &[u64], id: u32) -> bool {
-        let word = list.get(id as usize / 64);
-        word.is_some_and(|word| word >> (id % 64) & 1 != 0)
-    }
-}
-
-/// A bit for each of `count` items; none at all where no bit is set.
-fn bits(count: usize, is_set: impl Fn(usize) -> bool + Sync) -> Vec<u64> {
-    let word = |index: usize| {
-        let from = 64 * index;
-        (from..count.min(from + 64)).fold(0, |word, i| word | u64::from(is_set(i)) << (i - from))
-    };
-    let words: Vec<u64> = (0..count.div_ceil(64))
-        .into_par_iter()
-        .with_min_len(256)
-        .map(word)
-        .collect();
-    if words.iter().all(|&word| word == 0) {
-        return Vec::new();
-    }
-    words
-}
 
 /// The nearest splat of every pixel: its distance along the view direction from the near plane, as bits (floats that are
 /// not negative order like integers).
 #[derive(Debug, Default)]
 pub(super) struct Nearest {
-    width: i32,
-    height: i32,
+    width: u32,
+    height: u32,
     pixels: Vec<AtomicU32>,
 }
 
@@ -114,11 +49,7 @@ impl Nearest {
         let count = width as usize * height as usize;
         // Pixels are counted in 32 bits.
         let fits = width < 1 << 16 && height < 1 << 16;
-        (self.width, self.height) = if fits {
-            (width as i32, height as i32)
-        } else {
-            (0, 0)
-        };
+        (self.width, self.height) = if fits { (width, height) } else { (0, 0) };
         self.pixels
             .resize_with(if fits { count } else { 0 }, AtomicU32::default);
         for pixel in &mut self.pixels {
@@ -173,15 +104,6 @@ impl Marks {
     }
 }
 
-/// What a ball is drawn as.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Drawn {
-    /// A splat of the constant size, or larger where the ball is.
-    Splat,
-    /// Something inside of the ball.
-    Triangle,
-}
-
 /// The questions of one frame.
 #[derive(Debug)]
 pub(super) struct Hiding<'a> {
@@ -192,6 +114,8 @@ pub(super) struct Hiding<'a> {
     /// Pixels of a tangent (perspective) or of a unit.
     focal: [f32; 2],
     middle: [f32; 2],
+    /// Width and height of the picture.
+    size: [f32; 2],
     near: f32,
     far: f32,
     is_perspective: bool,
@@ -251,6 +175,7 @@ impl<'a> Hiding<'a> {
                 half[0] * (1.0 + sign * view.offset[0]),
                 half[1] * (1.0 - sign * view.offset[1]),
             ],
+            size: [nearest.width as f32, nearest.height as f32],
             near,
             far,
             is_perspective: view.is_perspective,
@@ -268,133 +193,126 @@ impl<'a> Hiding<'a> {
         }
     }
 
-    /// Leaves `lanes` without what is hidden so far; what is not leaves its depth (unless `is_undrawn`) and a mark.
+    /// The marks of splats around the centers of `lanes`, of the constant size or that of their balls, whichever is
+    /// larger. What is not hidden so far leaves its depth, unless `is_undrawn`.
     #[inline]
-    pub(super) fn keep(
-        &self,
-        balls: &Balls,
-        lanes: u8,
-        drawn: Drawn,
-        is_undrawn: impl Fn(u32) -> bool,
-        marks: &mut Vec<Mark>,
-    ) -> u8 {
-        if lanes == 0 {
-            return 0;
-        }
+    fn ask(&self, balls: &Balls, lanes: u8, is_undrawn: impl Fn(u32) -> bool) -> [Mark; 4] {
         let z = balls.depth;
         let along = self.axes.map(|([a, b, c], start)| {
             let [x, y, z] = balls.center;
             a * x + b * y + c * z + start
         });
-        // By how much pixels are off; half of what a splat of the ball's size is drawn as; half the ball's picture: with
-        // the slope s of its center, a point of a ball is at most f r (1 + |s|) / (z - r) from there.
+        // By how much pixels are off, and half of what a splat of the ball's size is drawn as.
         let focal = self.focal[0].abs().max(self.focal[1].abs());
-        let (x, y, off, own, reach) = if self.is_perspective {
-            let [x, y] = along.map(|v| v / z);
+        let ([x, y], off, own, error) = if self.is_perspective {
+            let inverse = Vec4::ONE / z;
+            let [x, y] = along.map(|v| v * inverse);
             let slope = 1.0 + x.abs().max(y.abs());
             (
-                x,
-                y,
-                slope * (focal * self.distance_error) / z,
-                balls.radius * (1.001 * focal) / z,
-                balls.radius * slope * focal / (z - balls.radius),
+                [x, y],
+                slope * inverse * (focal * self.distance_error),
+                balls.radius * inverse * (1.001 * focal),
+                z * z * self.depth_error + self.distance_error,
             )
         } else {
             (
-                along[0],
-                along[1],
+                along,
                 Vec4::splat(focal * self.distance_error),
                 balls.radius * (1.001 * focal),
-                balls.radius * focal,
+                Vec4::splat(self.depth_error + self.distance_error),
             )
         };
         let x = x * self.focal[0] + self.middle[0];
         let y = y * self.focal[1] + self.middle[1];
         let off = off + SNAP_PX;
-        let (nearest_z, outer) = match drawn {
-            Drawn::Splat => (z, own.max(Vec4::splat(self.outer_px))),
-            Drawn::Triangle => (z - balls.radius * 1.001, reach * 1.001 + 0.5),
-        };
-        let outer = outer + off;
+        let outer = own.max(Vec4::splat(self.inner_px.max(self.outer_px))) + off;
         let inner = Vec4::splat(self.inner_px) - off;
-        let error = if self.is_perspective {
-            nearest_z * nearest_z * self.depth_error + self.distance_error
-        } else {
-            Vec4::splat(self.depth_error + self.distance_error)
+        // What the clip volume may take away covers nothing surely. Also what is not a number.
+        let is_known = (z.cmpgt(Vec4::splat(self.near) + error)
+            & z.cmplt(Vec4::splat(self.far) - error))
+        .bitmask() as u8;
+        let distance = z - self.near;
+        let asked = (distance - error).max(Vec4::ZERO).to_array();
+        let distance = distance.to_array();
+        // Pixel i has its center at i + 1/2: those of an interval begin and end at its rounded ends. Clamped to the
+        // picture, a sum with 2^23 has the rounded number in its low bits.
+        let [width, height] = self.size;
+        let round = |v: Vec4, most: f32| {
+            let sum = v.max(Vec4::ZERO).min(Vec4::splat(most)) + 8_388_608.0;
+            sum.to_array().map(|v| v.to_bits() & 0x7f_ffff)
         };
-        // What the clip volume may take away covers nothing surely.
-        let is_known = (nearest_z.cmpgt(Vec4::splat(self.near) + error)
-            & nearest_z.cmplt(Vec4::splat(self.far) - error))
-        .bitmask();
-        let distance = (nearest_z - self.near).to_array();
-        let error = error.to_array();
-        // Pixel i has its center at i + 1/2.
-        let ceil = |v: Vec4| (v - 0.5).ceil().to_array();
-        let floor = |v: Vec4| (v - 0.5).floor().to_array();
-        let (left, right) = (ceil(x - outer), floor(x + outer));
-        let (top, bottom) = (ceil(y - outer), floor(y + outer));
-        let (inner_left, inner_right) = (ceil(x - inner), floor(x + inner));
-        let (inner_top, inner_bottom) = (ceil(y - inner), floor(y + inner));
-        let mut kept = 0;
+        let (left, right) = (round(x - outer, width), round(x + outer, width));
+        let (top, bottom) = (round(y - outer, height), round(y + outer, height));
+        let inner_x = (round(x - inner, width), round(x + inner, width));
+        let inner_y = (round(y - inner, height), round(y + inner, height));
+        let mut marks = [Mark::HIDDEN; 4];
         for lane in 0..4 {
             if lanes >> lane & 1 == 0 {
                 continue;
             }
-            let mut mark = Mark::SEEN;
-            if is_known >> lane & 1 != 0 {
-                let outer = [left[lane], top[lane], right[lane], bottom[lane]];
-                mark = self.mark(outer, distance[lane] - error[lane]);
-                if self.is_hidden(mark) {
+            if is_known >> lane & 1 == 0 {
+                marks[lane] = Mark::SEEN;
+                continue;
+            }
+            let columns = right[lane].saturating_sub(left[lane]);
+            let rows = bottom[lane].saturating_sub(top[lane]);
+            let (own_columns, own_rows) = (
+                inner_x.0[lane]..inner_x.1[lane],
+                inner_y.0[lane]..inner_y.1[lane],
+            );
+            let mark = Mark {
+                first: top[lane] * self.nearest.width + left[lane],
+                columns: columns as u16,
+                rows: rows as u16,
+                distance: asked[lane].to_bits(),
+            };
+            let distance = distance[lane].to_bits();
+            if columns == 1 && rows == 1 {
+                // The usual case of one pixel, and nothing beside it.
+                let Some(pixel) = self.nearest.pixels.get(mark.first as usize) else {
+                    continue;
+                };
+                let there = pixel.load(Ordering::Relaxed);
+                if there < mark.distance {
                     continue;
                 }
-                if drawn == Drawn::Splat && !is_undrawn(lane as u32) {
-                    let inner = [
-                        inner_left[lane],
-                        inner_top[lane],
-                        inner_right[lane],
-                        inner_bottom[lane],
-                    ];
-                    self.cover(inner, distance[lane]);
+                marks[lane] = mark;
+                let is_covered = !own_columns.is_empty() & !own_rows.is_empty();
+                if distance < there && is_covered && !is_undrawn(lane as u32) {
+                    pixel.fetch_min(distance, Ordering::Relaxed);
                 }
+                continue;
             }
-            marks.push(mark);
-            kept |= 1 << lane;
+            // Beside the picture, it has no pixels and is hidden.
+            let mark = if columns * rows > MOST_PIXELS {
+                Mark::SEEN
+            } else {
+                mark
+            };
+            if self.is_hidden(mark) {
+                continue;
+            }
+            marks[lane] = mark;
+            if !is_undrawn(lane as u32) {
+                self.cover(own_columns, own_rows, distance);
+            }
         }
-        kept
-    }
-
-    /// The pixels of a rectangle (both ends included) that lie in the picture, and what to ask of them. No pixels are
-    /// hidden.
-    #[inline]
-    fn mark(&self, [left, top, right, bottom]: [f32; 4], distance: f32) -> Mark {
-        // Casts saturate, and what is not a number is at 0 with a distance that hides nothing.
-        let (left, top) = ((left as i32).max(0), (top as i32).max(0));
-        let right = (right as i32).min(self.nearest.width - 1);
-        let bottom = (bottom as i32).min(self.nearest.height - 1);
-        let columns = (right - left + 1).max(0) as u32;
-        let rows = (bottom - top + 1).max(0) as u32;
-        if columns * rows > MOST_PIXELS {
-            return Mark::SEEN;
-        }
-        if columns * rows == 0 {
-            return Mark::HIDDEN;
-        }
-        Mark {
-            first: (top * self.nearest.width + left) as u32,
-            columns: columns as u16,
-            rows: rows as u16,
-            // A NaN becomes 0 here.
-            distance: distance.max(0.0).to_bits(),
-        }
+        marks
     }
 
     #[inline]
     fn is_hidden(&self, mark: Mark) -> bool {
+        let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.distance;
         let mut first = mark.first as usize;
+        if (mark.columns, mark.rows) == (1, 1) {
+            return self.nearest.pixels.get(first).is_some_and(is_nearer);
+        }
         for _ in 0..mark.rows {
-            let row = self.nearest.pixels.get(first..first + mark.columns as usize);
-            let Some(row) = row else { return false };
-            if row.iter().any(|pixel| pixel.load(Ordering::Relaxed) >= mark.distance) {
+            let row = self
+                .nearest
+                .pixels
+                .get(first..first + mark.columns as usize);
+            if !row.is_some_and(|row| row.iter().all(is_nearer)) {
                 return false;
             }
             first += self.nearest.width as usize;
@@ -403,24 +321,43 @@ impl<'a> Hiding<'a> {
     }
 
     #[inline]
-    fn cover(&self, [left, top, right, bottom]: [f32; 4], distance: f32) {
-        let (left, top) = ((left as i32).max(0), (top as i32).max(0));
-        let right = (right as i32).min(self.nearest.width - 1);
-        let bottom = (bottom as i32).min(self.nearest.height - 1);
-        if (right - left + 1).saturating_mul(bottom - top + 1) > MOST_PIXELS as i32 {
+    fn cover(&self, columns: Range<u32>, rows: Range<u32>, distance: u32) {
+        let own = columns.end.saturating_sub(columns.start);
+        if own.saturating_mul(rows.end.saturating_sub(rows.start)) > MOST_PIXELS {
             return;
         }
-        let distance = distance.max(0.0).to_bits();
-        for y in top..=bottom {
-            let start = y as usize * self.nearest.width as usize;
-            let row = (start + left as usize)..(start + (right + 1).max(left) as usize);
-            for pixel in self.nearest.pixels.get(row).unwrap_or_default() {
+        for y in rows {
+            let start = (y * self.nearest.width + columns.start) as usize;
+            let pixels = self.nearest.pixels.get(start..start + own as usize);
+            for pixel in pixels.unwrap_or_default() {
                 // Most lose, and an exchange costs more than a look.
                 if distance < pixel.load(Ordering::Relaxed) {
                     pixel.fetch_min(distance, Ordering::Relaxed);
                 }
             }
         }
+    }
+
+    /// Leaves `lanes` without what is hidden so far; what is not has a mark.
+    #[inline]
+    fn keep(
+        &self,
+        balls: &Balls,
+        lanes: u8,
+        is_undrawn: impl Fn(u32) -> bool,
+        marks: &mut Vec<Mark>,
+    ) -> u8 {
+        if lanes == 0 {
+            return 0;
+        }
+        let mut kept = 0;
+        for (lane, mark) in self.ask(balls, lanes, is_undrawn).into_iter().enumerate() {
+            if mark.rows != 0 {
+                marks.push(mark);
+                kept |= 1 << lane;
+            }
+        }
+        kept
     }
 
     /// As [`keep`](Self::keep), for nodes that are splats of the constant size.
@@ -434,7 +371,7 @@ impl<'a> Hiding<'a> {
     ) -> u8 {
         let undrawn = &self.footprints.undrawn.nodes;
         let is_undrawn = |lane| Undrawn::has(undrawn, first.wrapping_add(lane));
-        self.keep(&points(balls), lanes, Drawn::Splat, is_undrawn, marks)
+        self.keep(&points(balls), lanes, is_undrawn, marks)
     }
 
     /// The same for leaves; those in `splats` are splats in any case.
@@ -446,22 +383,25 @@ impl<'a> Hiding<'a> {
         (lanes, splats): (u8, u8),
         marks: &mut Marks,
     ) -> u8 {
-        let undrawn = &self.footprints.undrawn.leaves;
-        let is_undrawn = |lane| Undrawn::has(undrawn, first.wrapping_add(lane));
-        let large = if self.footprints.large_leaves {
-            Drawn::Splat
-        } else {
-            Drawn::Triangle
-        };
-        let (small, points) = (lanes & splats, points(balls));
+        let Footprints {
+            large_leaves,
+            is_cloud,
+            undrawn,
+            ..
+        } = self.footprints;
+        let is_undrawn = |lane| Undrawn::has(&undrawn.leaves, first.wrapping_add(lane));
+        let (small, large) = (lanes & splats, lanes & !splats);
         // A small triangle has the constant size, a point of a cloud its own.
-        let small_balls = if self.footprints.is_cloud {
-            balls
+        let seen = if is_cloud {
+            self.keep(balls, small, is_undrawn, &mut marks.leaves)
         } else {
-            &points
+            self.keep(&points(balls), small, is_undrawn, &mut marks.leaves)
         };
-        self.keep(small_balls, small, Drawn::Splat, is_undrawn, &mut marks.leaves)
-            | self.keep(balls, lanes & !splats, large, is_undrawn, &mut marks.triangles)
+        if large_leaves {
+            seen | self.keep(balls, large, is_undrawn, &mut marks.triangles)
+        } else {
+            seen | large
+        }
     }
 
     /// Drops the rows of splats from number `first` on that are hidden. Returns how many splats they are.
@@ -474,33 +414,60 @@ impl<'a> Hiding<'a> {
         marks: &mut Vec<Mark>,
     ) -> u64 {
         let nodes: &[Node] = &model.tree.nodes;
+        let undrawn = &self.footprints.undrawn.nodes;
         let (mut kept, mut hidden) = (first, 0);
-        for index in first..strips.len() {
-            let Some(&run) = strips.get(index) else { break };
-            let Some(node) = nodes.get(run.node as usize) else {
-                continue;
-            };
-            let is_undrawn = Undrawn::has(&self.footprints.undrawn.nodes, run.node);
-            let start = strip_center(node, run.count, 0);
-            let step = strip_center(node, run.count, 1) - start;
-            let end = marks.len() + run.count as usize;
-            let mut is_kept = false;
-            for at in (0..run.count).step_by(4) {
-                let center = |lane: u32| (start + step * (at + lane) as f32).extend(0.0);
-                let balls = tester.balls(quad::columns([0, 1, 2, 3].map(center)));
-                let lanes = (1u8 << (run.count - at).min(4)) - 1;
-                is_kept |= self.keep(&balls, lanes, Drawn::Splat, |_| is_undrawn, marks) != 0;
+        let mut next = first;
+        // Splats of many rows together, so that no lane is idle.
+        let mut centers = [Vec4::ZERO; ROWS];
+        let mut found = [Mark::HIDDEN; ROWS];
+        while next < strips.len() {
+            let (start, mut count, mut end) = (next, 0, next);
+            for run in strips.get(start..).unwrap_or_default() {
+                let many = run.count as usize;
+                let (Some(node), Some(own)) = (
+                    nodes.get(run.node as usize),
+                    centers.get_mut(count..count + many),
+                ) else {
+                    break;
+                };
+                let (center, step) = strip_steps(node, run.count);
+                for (place, i) in own.iter_mut().zip(0u16..) {
+                    *place = (center + step * f32::from(i)).extend(0.0);
+                }
+                count += many;
+                end += 1;
             }
-            if !is_kept {
-                hidden += u64::from(run.count);
-                continue;
+            if end == start {
+                // Only where the tree's links are wrong.
+                return hidden;
             }
-            // One for each splat; those that are hidden stay so.
-            marks.resize(end, Mark::HIDDEN);
-            if let Some(place) = strips.get_mut(kept) {
-                *place = run;
+            next = end;
+            let fours = centers.as_chunks::<4>().0.iter();
+            for ((four, found), at) in fours
+                .zip(found.as_chunks_mut::<4>().0)
+                .zip((0..count).step_by(4))
+            {
+                // Where any node has no area, rows cover nothing: that is rare.
+                let balls = tester.balls(quad::columns(*four));
+                let lanes = 15 >> (4 - (count - at).min(4));
+                *found = self.ask(&balls, lanes, |_| !undrawn.is_empty());
             }
-            kept += 1;
+            let mut at = 0;
+            for index in start..end {
+                let Some(&run) = strips.get(index) else { break };
+                let own = at..at + run.count as usize;
+                at = own.end;
+                let own = found.get(own).unwrap_or_default();
+                if own.iter().all(|mark| mark.rows == 0) {
+                    hidden += u64::from(run.count);
+                    continue;
+                }
+                marks.extend_from_slice(own);
+                if let Some(place) = strips.get_mut(kept) {
+                    *place = run;
+                }
+                kept += 1;
+            }
         }
         strips.truncate(kept);
         hidden
@@ -516,9 +483,8 @@ impl<'a> Hiding<'a> {
             triangles,
             stats,
         } = cut;
-        let is_seen = |list: &[Mark], index: usize| {
-            list.get(index).is_none_or(|&mark| !self.is_hidden(mark))
-        };
+        let is_seen =
+            |list: &[Mark], index: usize| list.get(index).is_none_or(|&mark| !self.is_hidden(mark));
         let nodes_before = nodes.len();
         retain(
             nodes,
@@ -540,15 +506,19 @@ impl<'a> Hiding<'a> {
             ends.iter_mut().map(|end| &mut end.1),
         );
         let (leaves_before, triangles_before) = (leaves.len(), triangles.len());
-        retain(leaves, |index, _| is_seen(&marks.leaves, index), [].into_iter());
+        retain(
+            leaves,
+            |index, _| is_seen(&marks.leaves, index),
+            [].into_iter(),
+        );
         retain(
             triangles,
             |index, _| is_seen(&marks.triangles, index),
             [].into_iter(),
         );
-        stats.hidden_splats += hidden_in_rows;
-        stats.hidden_splats += (nodes_before - nodes.len() + leaves_before - leaves.len()) as u64;
-        stats.hidden_leaves += (triangles_before - triangles.len()) as u64;
+        let before = nodes_before + leaves_before + triangles_before;
+        let after = nodes.len() + leaves.len() + triangles.len();
+        stats.hidden += hidden_in_rows + (before - after) as u64;
     }
 }
 

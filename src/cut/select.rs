@@ -11,7 +11,8 @@
 //! in ascending order.
 
 use super::batch::{self, Batch, Group};
-use super::nearest::{Footprints, Hiding, Marks, Nearest};
+use super::footprints::Footprints;
+use super::nearest::{Hiding, Marks, Nearest};
 use super::tester::Tester;
 use super::{Cut, Settings};
 use crate::math::camera::View;

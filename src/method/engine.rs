@@ -1,9 +1,7 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{
-    self, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan,
-};
+use super::plan::{self, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::times::Stage;
@@ -240,7 +238,7 @@ impl MirrorEngine {
                 0
             },
             hidden: if settings.has_cut() {
-                self.cut.stats.hidden_splats + self.cut.stats.hidden_leaves
+                self.cut.stats.hidden
             } else {
                 0
             },

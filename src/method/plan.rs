@@ -3,7 +3,7 @@
 
 use super::mirror::Outputs;
 use super::targets::Context;
-use super::{Blend, Culling, Method, Occlusion, Settings, Shading, SplatKind};
+use super::{Blend, Culling, Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::abi::{FrameConstants, constants};
 use crate::cut::{self, SizeMetric};
 use crate::draw::{self, ColorBy, Footprint, Lighting, Phong, Source};
@@ -12,8 +12,9 @@ use crate::math::camera::{Light, View};
 use crate::tree::Model;
 use glam::{Mat4, Vec3, Vec4};
 
-/// Above this threshold hidden splats are drawn unless asked otherwise, pixels.
-const LARGEST_OCCLUDER_PX: f32 = 6.0;
+/// Above this threshold hidden splats are drawn unless asked otherwise, pixels: where splats are rasterized, and where
+/// they may be drawn by compute.
+const LARGEST_OCCLUDER_PX: [f32; 2] = [6.0, 2.0];
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away.
@@ -52,7 +53,12 @@ pub(super) fn footprints<'a>(
     undrawn: impl FnOnce() -> &'a cut::Undrawn,
 ) -> Option<cut::Footprints<'a>> {
     let is_wanted = match settings.occlusion {
-        Occlusion::Auto => settings.threshold_px <= LARGEST_OCCLUDER_PX,
+        Occlusion::Auto => {
+            let may_compute = settings.method == Method::Pop
+                && settings.splat == SplatKind::Square
+                && settings.path != Path::Raster;
+            settings.threshold_px <= LARGEST_OCCLUDER_PX[usize::from(may_compute)]
+        }
         Occlusion::On => true,
         Occlusion::Off => false,
     };

@@ -40,7 +40,7 @@ use std::time::Instant;
 pub struct Counts {
     /// Nodes and leaves that the cut looked at.
     pub nodes_visited: u64,
-    /// Splats and triangles of the cut that are left out because nearer splats hide them.
+    /// Splats of the cut that are left out because nearer ones hide them.
     pub hidden: u64,
     /// Splats drawn.
     pub splats: u64,

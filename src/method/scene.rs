@@ -1,9 +1,9 @@
 //! A model on the device: vertices and, for the methods that draw every triangle, indices.
 
 use crate::abi::Vertex;
+use crate::cut::Undrawn;
 use crate::gpu::buffer::{Buffer, Usage};
 use crate::gpu::{Error, Gpu};
-use crate::cut::Undrawn;
 use crate::tree::Model;
 use std::ops::Range;
 use std::sync::{Arc, OnceLock};

@@ -70,12 +70,10 @@ impl Renderer {
         let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
         // What is hidden counts too: the way that primitives go, and so the last bits of the picture, must not depend
         // on it.
-        let stats = &self.cut.stats;
-        let all_splats = capacity + stats.hidden_splats as usize;
-        let all_triangles = triangles.len() + stats.hidden_leaves as usize;
+        let all_splats = capacity + self.cut.stats.hidden as usize;
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
         let takes_triangles = by_compute
-            && compute::pays(all_triangles, 1.0, view, settings)
+            && compute::pays(triangles.len(), 1.0, view, settings)
             && Small::takes_triangles(&self.gpu, scene);
         if takes_triangles {
             reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
@@ -176,7 +174,7 @@ impl Renderer {
         submit.end(&mut times);
         times.counts = Counts {
             nodes_visited: self.cut.stats.visited,
-            hidden: self.cut.stats.hidden_splats + self.cut.stats.hidden_leaves,
+            hidden: self.cut.stats.hidden,
             splats: (packed.points + packed.quads) as u64,
             triangles: triangles.len() as u64,
             points: 0,
