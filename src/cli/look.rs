@@ -127,11 +127,11 @@ enum PathName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum OcclusionName {
-    /// Leave out what is hidden where several layers of surface lie behind each other
+    /// Leave hidden splats out where that saves time
     Auto,
-    /// Leave out what is hidden wherever that can be told
+    /// Leave hidden splats out wherever it can be told: of squares and discs that are not blended
     On,
-    /// Draw what is hidden too
+    /// Draw hidden splats too
     Off,
 }
 
@@ -214,7 +214,7 @@ pub(crate) struct LookArgs {
     /// What draws splats and triangles of a few pixels on a device; the picture is the same
     #[arg(long, value_enum, default_value = "auto")]
     path: PathName,
-    /// Whether what is hidden behind what is drawn is left out; the picture is the same
+    /// Whether splats that nearer splats hide are left out; the picture is the same
     #[arg(long, value_enum, default_value = "auto")]
     occlusion: OcclusionName,
     /// What the size of a node on screen is

@@ -553,3 +553,6 @@ fn retain<'e, T: Copy>(
     }
     list.truncate(kept);
 }
+
+#[cfg(test)]
+mod tests;

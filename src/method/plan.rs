@@ -14,7 +14,7 @@ use glam::{Mat4, Vec3, Vec4};
 
 /// Above this threshold hidden splats are drawn unless asked otherwise, pixels: where splats are rasterized, and where
 /// they may be drawn by compute.
-const LARGEST_OCCLUDER_PX: [f32; 2] = [6.0, 2.0];
+const LARGEST_OCCLUDER_PX: [f32; 2] = [4.0, 2.0];
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away.

@@ -87,8 +87,11 @@ pub struct Renderer {
     probe: Option<Readback>,
     /// What the present cut was chosen for, if that was before its frame, what it took, milliseconds, and what it draws:
     /// splats and triangles.
-    foreseen: Option<(View, (cut::Settings, Occlusion), f64, (u64, u64))>,
+    foreseen: Option<(View, Chosen, f64, (u64, u64))>,
 }
+
+/// What decides a cut besides model and view.
+type Chosen = (cut::Settings, Occlusion);
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.
 const FIRST_LIST_BYTES: u64 = 1 << 20;

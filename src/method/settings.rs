@@ -98,7 +98,7 @@ pub enum Path {
     Compute,
 }
 
-/// Whether splats and triangles that nearer splats hide are left out. The picture is the same.
+/// Whether splats that nearer splats hide are left out. The picture is the same to the bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Occlusion {
