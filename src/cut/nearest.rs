@@ -23,8 +23,8 @@ use glam::{Vec3, Vec4};
 use std::ops::Range;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Pixels by which a device may place a splat elsewhere: window positions have at least 4 binary places (a 16th is
-/// halved by rounding), and sizes are rounded likewise.
+/// Pixels by which a device may place a splat elsewhere: window positions have at least 4 binary places, and a 16th is
+/// halved by rounding.
 const SNAP_PX: f32 = 0.04;
 /// What covers more pixels than this is not asked for.
 const MOST_PIXELS: u32 = 1024;
@@ -44,17 +44,18 @@ pub(super) struct Nearest {
 }
 
 impl Nearest {
-    /// Empties it for a picture. Keeps its memory.
-    pub(super) fn clear(&mut self, width: u32, height: u32) {
+    /// Empties it for a picture, and tells whether it can: sides must fit 16 bits. Keeps its memory.
+    pub(super) fn clear(&mut self, width: u32, height: u32) -> bool {
+        if width >= 1 << 16 || height >= 1 << 16 {
+            return false;
+        }
+        (self.width, self.height) = (width, height);
         let count = width as usize * height as usize;
-        // Pixels are counted in 32 bits.
-        let fits = width < 1 << 16 && height < 1 << 16;
-        (self.width, self.height) = if fits { (width, height) } else { (0, 0) };
-        self.pixels
-            .resize_with(if fits { count } else { 0 }, AtomicU32::default);
+        self.pixels.resize_with(count, AtomicU32::default);
         for pixel in &mut self.pixels {
             *pixel.get_mut() = NOTHING;
         }
+        true
     }
 }
 
@@ -183,13 +184,16 @@ impl<'a> Hiding<'a> {
             // than one rounding each.
             distance_error: 8.0 * tester.plane_error,
             depth_error,
-            // A disc of less than sqrt(2) pixels is a square.
+            // Vulkan lets a device round the size of a point to whole pixels. A disc contains this square, and of less
+            // than sqrt(2) pixels it is a square.
             inner_px: if footprints.are_discs {
-                (side / 2.0 * std::f32::consts::FRAC_1_SQRT_2).max(0.5)
+                (side / 2.0 * std::f32::consts::FRAC_1_SQRT_2)
+                    .min(side.floor() / 2.0)
+                    .max(0.5)
             } else {
-                side / 2.0
+                side.floor() / 2.0
             },
-            outer_px: side / 2.0,
+            outer_px: side.ceil() / 2.0,
         }
     }
 
@@ -225,7 +229,7 @@ impl<'a> Hiding<'a> {
         let x = x * self.focal[0] + self.middle[0];
         let y = y * self.focal[1] + self.middle[1];
         let off = off + SNAP_PX;
-        let outer = own.max(Vec4::splat(self.inner_px.max(self.outer_px))) + off;
+        let outer = (own + 0.5).max(Vec4::splat(self.outer_px)) + off;
         let inner = Vec4::splat(self.inner_px) - off;
         // What the clip volume may take away covers nothing surely. Also what is not a number.
         let is_known = (z.cmpgt(Vec4::splat(self.near) + error)

@@ -12,9 +12,9 @@ use crate::math::camera::{Light, View};
 use crate::tree::Model;
 use glam::{Mat4, Vec3, Vec4};
 
-/// Above this threshold hidden splats are drawn unless asked otherwise, pixels: where splats are rasterized, and where
-/// they may be drawn by compute.
-const LARGEST_OCCLUDER_PX: [f32; 2] = [4.0, 2.0];
+/// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
+/// that may be drawn by compute, which is cheap; and squares that are rasterized.
+const LARGEST_HIDDEN_PX: [f32; 2] = [2.0, 4.0];
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away.
@@ -54,10 +54,9 @@ pub(super) fn footprints<'a>(
 ) -> Option<cut::Footprints<'a>> {
     let is_wanted = match settings.occlusion {
         Occlusion::Auto => {
-            let may_compute = settings.method == Method::Pop
-                && settings.splat == SplatKind::Square
-                && settings.path != Path::Raster;
-            settings.threshold_px <= LARGEST_OCCLUDER_PX[usize::from(may_compute)]
+            let is_costly = settings.splat == SplatKind::Square
+                && (settings.method == Method::Splats || settings.path == Path::Raster);
+            settings.threshold_px <= LARGEST_HIDDEN_PX[usize::from(is_costly)]
         }
         Occlusion::On => true,
         Occlusion::Off => false,

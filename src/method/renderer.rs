@@ -13,7 +13,7 @@ use super::filtered::Filtered;
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{Drawing, check, for_view};
+use super::plan::{self, Drawing, check, for_view};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
@@ -294,6 +294,8 @@ impl Renderer {
         if compute::is_wanted(&self.gpu, settings, &self.targets)? && self.small.is_none() {
             self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
         }
+        // Looks at the whole model, once.
+        let _ = plan::footprints(settings, model, || scene.undrawn(model));
         let source = if settings.method == Method::Points {
             Source::Vertices
         } else {

@@ -1,9 +1,6 @@
 use super::*;
 use crate::cut::Settings;
-use crate::generate::{self, Shape, Spec};
 use crate::math::camera::Camera;
-use crate::progress::Silent;
-use crate::tree::{self, BuildOptions};
 use glam::DVec3;
 
 /// Numbers from 0 to 1 that are the same every time.
@@ -17,17 +14,16 @@ fn numbers() -> impl FnMut() -> f32 {
     }
 }
 
-fn views(model: &Model) -> Vec<View> {
-    let center = model.origin + model.orbit_center.as_dvec3();
-    let radius = f64::from(model.orbit_radius);
+/// Views of the unit ball, which an empty model counts as.
+fn views() -> Vec<View> {
     let mut views: Vec<View> = [1.0, 3.0]
-        .map(|fill| Camera::orbit((40, 30), center, radius, 0.7, 0.3, fill))
+        .map(|fill| Camera::orbit((40, 30), DVec3::ZERO, 1.0, 0.7, 0.3, fill))
         .iter()
-        .map(|camera| camera.view(model.origin).expect("a usable camera"))
+        .map(|camera| camera.view(DVec3::ZERO).expect("a usable camera"))
         .collect();
     let mut parallel = views[0];
     parallel.is_perspective = false;
-    parallel.scale = [0.8 / model.orbit_radius; 2];
+    parallel.scale = [0.8; 2];
     parallel.offset = [0.05, -0.1];
     views.push(parallel);
     views
@@ -57,17 +53,15 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
 /// of a pixel farther on, by a nearer one that is a 32nd of a pixel smaller and was kept.
 #[test]
 fn what_is_dropped_is_covered() {
-    let spec = Spec::with_triangles(Shape::Sphere, 1000).expect("a valid size");
-    let model =
-        tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).expect("a tree");
+    let model = Model::default();
     let mut number = numbers();
-    for (view, side_px) in views(&model)
+    for (view, side_px) in views()
         .into_iter()
         .flat_map(|view| [1.0, 1.5, 3.2].map(|side| (view, side)))
     {
         let tester = Tester::new(&model, &view, &Settings::default());
         let mut nearest = Nearest::default();
-        nearest.clear(view.width, view.height);
+        assert!(nearest.clear(view.width, view.height));
         let undrawn = Undrawn::default();
         let footprints = Footprints {
             side_px,
@@ -79,7 +73,7 @@ fn what_is_dropped_is_covered() {
         let hiding = Hiding::new(&nearest, &tester, &view, footprints);
         // Four layers within the picture, and a little beside it.
         let points: Vec<Vec3> = (0..6000)
-            .map(|_| (Vec3::new(number(), number(), number()) * 2.0 - 1.0) * model.orbit_radius)
+            .map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0)
             .collect();
         let mut marks = Vec::new();
         let mut found = Vec::new();
@@ -130,7 +124,8 @@ fn what_is_dropped_is_covered() {
 
 /// Ends of levels move along with what is left of a list.
 #[test]
-fn ends_move_along() {
+fn ends_move_along_and_huge_pictures_are_refused() {
+    assert!(!Nearest::default().clear(1 << 16, 1));
     let mut list: Vec<u32> = (0..10).collect();
     let mut ends = [0, 3, 3, 7, 10];
     retain(&mut list, |_, item| item % 3 == 0, ends.iter_mut());
@@ -140,10 +135,8 @@ fn ends_move_along() {
 
 #[test]
 fn nothing_is_dropped_where_nothing_is_covered() {
-    let spec = Spec::with_triangles(Shape::Sphere, 1000).expect("a valid size");
-    let model =
-        tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).expect("a tree");
-    let view = views(&model)[0];
+    let model = Model::default();
+    let view = views()[0];
     let tester = Tester::new(&model, &view, &Settings::default());
     let undrawn = Undrawn {
         nodes: vec![u64::MAX],
@@ -157,7 +150,7 @@ fn nothing_is_dropped_where_nothing_is_covered() {
         undrawn: &undrawn,
     };
     let mut nearest = Nearest::default();
-    nearest.clear(view.width, view.height);
+    assert!(nearest.clear(view.width, view.height));
     let hiding = Hiding::new(&nearest, &tester, &view, footprints);
     let mut marks = Vec::new();
     let middle = tester.balls(quad::columns(
