@@ -7,7 +7,8 @@ use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
 use surfel::method::{
-    Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    SumFormat,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -125,6 +126,16 @@ enum PathName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum OcclusionName {
+    /// Leave hidden splats out where that saves time
+    Auto,
+    /// Leave hidden splats out wherever it can be told: of squares and discs that are not blended
+    On,
+    /// Draw hidden splats too
+    Off,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ReconstructionName {
     /// A Gaussian of the threshold's radius
     Gaussian,
@@ -203,6 +214,9 @@ pub(crate) struct LookArgs {
     /// What draws splats and triangles of a few pixels on a device; the picture is the same
     #[arg(long, value_enum, default_value = "auto")]
     path: PathName,
+    /// Whether splats that nearer splats hide are left out; the picture is the same
+    #[arg(long, value_enum, default_value = "auto")]
+    occlusion: OcclusionName,
     /// What the size of a node on screen is
     #[arg(long, value_enum, default_value = "exact")]
     size_metric: SizeName,
@@ -334,6 +348,11 @@ impl LookArgs {
                 PathName::Auto => Path::Auto,
                 PathName::Raster => Path::Raster,
                 PathName::Compute => Path::Compute,
+            },
+            occlusion: match self.occlusion {
+                OcclusionName::Auto => Occlusion::Auto,
+                OcclusionName::On => Occlusion::On,
+                OcclusionName::Off => Occlusion::Off,
             },
             depth_offset: self.depth_offset,
             culling: match self.culling {

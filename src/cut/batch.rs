@@ -7,6 +7,7 @@
 //! their way. One group at a time and with branches, all this took about twice as long.
 
 use super::class::inherit;
+use super::nearest::{Hiding, Marks};
 use super::quad::{self, Balls, Words};
 use super::tester::Tester;
 use super::{Cut, StripRun};
@@ -197,7 +198,8 @@ impl Batch {
         model: &Model,
         tester: &Tester,
         (groups, ahead): (&[Group], &[Group]),
-        cut: &mut Cut,
+        hiding: Option<&Hiding<'_>>,
+        (cut, marks): (&mut Cut, &mut Marks),
         open: &mut Vec<Group>,
     ) {
         let nodes: &[Node] = &model.tree.nodes;
@@ -216,7 +218,13 @@ impl Batch {
         self.sizes(tester, groups.len());
         self.volumes(tester, groups, cut);
         self.cones(tester, groups, &mut prefetch, cut);
+        let rows = cut.strips.len();
         self.rows(tester, groups, &mut prefetch, cut);
+        if let Some(hiding) = hiding {
+            cut.stats.hidden +=
+                hiding.keep_rows(model, tester, &mut cut.strips, rows, &mut marks.strips);
+            self.hide_nodes(hiding, groups, marks, cut);
+        }
         self.emit_nodes(groups, &mut prefetch, cut, open);
     }
 
@@ -392,19 +400,58 @@ impl Batch {
         open.truncate(end);
     }
 
+    /// Drops small nodes that are hidden.
+    fn hide_nodes(
+        &mut self,
+        hiding: &Hiding<'_>,
+        groups: &[Group],
+        marks: &mut Marks,
+        cut: &mut Cut,
+    ) {
+        let lanes = self.balls.iter().zip(&self.small);
+        for ((group, (balls, &small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
+            let splats = *kept & small;
+            let seen = hiding.keep_nodes(balls, group.first, splats, &mut marks.nodes);
+            cut.stats.hidden += u64::from(bits(splats & !seen));
+            *kept &= seen | !small;
+        }
+    }
+
+    /// Drops leaves that are hidden.
+    fn hide_leaves(
+        &mut self,
+        hiding: &Hiding<'_>,
+        groups: &[Group],
+        always: u8,
+        marks: &mut Marks,
+        cut: &mut Cut,
+    ) {
+        let lanes = self.balls.iter().zip(&self.small);
+        for ((group, (balls, &small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
+            let splats = small | always;
+            let seen = hiding.keep_leaves(balls, group.first, (*kept, splats), marks);
+            cut.stats.hidden += u64::from(bits(*kept & !seen));
+            *kept = seen;
+        }
+    }
+
     /// The same for groups of leaves, all of which are drawn or dropped.
     pub(super) fn leaves(
         &mut self,
         model: &Model,
         tester: &Tester,
         (groups, ahead): (&[Group], &[Group]),
-        cut: &mut Cut,
+        hiding: Option<&Hiding<'_>>,
+        (cut, marks): (&mut Cut, &mut Marks),
     ) {
         self.gather_leaves(&model.tree.leaves, tester, (groups, ahead), cut);
         self.volumes(tester, groups, cut);
         self.faces(model, tester, groups, cut);
         // A point has no triangle: large or small, it is a splat.
         let always = if model.triangles.is_empty() { 15 } else { 0 };
+        if let Some(hiding) = hiding {
+            self.hide_leaves(hiding, groups, always, marks, cut);
+        }
         for ((group, &kept), &small) in groups.iter().zip(&self.kept).zip(&self.small) {
             let splats = kept & (small | always);
             self.ids.push_lanes(group.first, splats);

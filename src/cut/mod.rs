@@ -7,6 +7,8 @@ mod batch;
 mod class;
 mod coherent;
 mod facing;
+mod footprints;
+mod nearest;
 mod quad;
 mod select;
 mod strip;
@@ -15,6 +17,7 @@ mod walk;
 
 pub use coherent::{Coherent, Update};
 pub use facing::Facing;
+pub use footprints::{Footprints, Undrawn};
 pub use select::{Selector, select};
 pub use strip::{MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers};
 pub use tester::Tester;
@@ -99,6 +102,18 @@ pub struct Stats {
     pub outside: u64,
     /// Of those, dropped because facing away.
     pub facing_away: u64,
+    /// Splats that were left out because nearer ones cover all of their pixels ([`Selector::select_seen`]).
+    pub hidden: u64,
+}
+
+impl Stats {
+    /// Adds those of another part of the tree.
+    fn add(&mut self, more: &Self) {
+        self.visited += more.visited;
+        self.outside += more.outside;
+        self.facing_away += more.facing_away;
+        self.hidden += more.hidden;
+    }
 }
 
 impl Cut {

@@ -11,6 +11,8 @@
 //! in ascending order.
 
 use super::batch::{self, Batch, Group};
+use super::footprints::Footprints;
+use super::nearest::{Hiding, Marks, Nearest};
 use super::tester::Tester;
 use super::{Cut, Settings};
 use crate::math::camera::View;
@@ -31,19 +33,38 @@ struct Front {
     open: Vec<Group>,
 }
 
+/// What decides about nodes.
+#[derive(Debug, Clone, Copy)]
+struct Tests<'a> {
+    tester: &'a Tester,
+    hiding: Option<&'a Hiding<'a>>,
+}
+
 impl Front {
     /// Looks at a level of nodes; the groups become those of the next level.
-    fn descend(&mut self, model: &Model, tester: &Tester, batch: &mut Batch, cut: &mut Cut) {
+    fn descend(
+        &mut self,
+        model: &Model,
+        Tests { tester, hiding }: Tests<'_>,
+        batch: &mut Batch,
+        (cut, marks): (&mut Cut, &mut Marks),
+    ) {
         self.open.clear();
         for pair in batches(&self.groups) {
-            batch.nodes(model, tester, pair, cut, &mut self.open);
+            batch.nodes(model, tester, pair, hiding, (cut, marks), &mut self.open);
         }
         std::mem::swap(&mut self.groups, &mut self.open);
     }
 
-    fn finish(&self, model: &Model, tester: &Tester, batch: &mut Batch, cut: &mut Cut) {
+    fn finish(
+        &self,
+        model: &Model,
+        Tests { tester, hiding }: Tests<'_>,
+        batch: &mut Batch,
+        (cut, marks): (&mut Cut, &mut Marks),
+    ) {
         for pair in batches(&self.groups) {
-            batch.leaves(model, tester, pair, cut);
+            batch.leaves(model, tester, pair, hiding, (cut, marks));
         }
     }
 }
@@ -60,19 +81,28 @@ fn batches(groups: &[Group]) -> impl Iterator<Item = (&[Group], &[Group])> {
 struct Part {
     front: Front,
     cut: Cut,
+    marks: Marks,
     ends: Vec<(usize, usize)>,
 }
 
 impl Part {
-    fn run(&mut self, model: &Model, tester: &Tester, batch: &mut Batch, levels: usize) {
+    fn run(&mut self, model: &Model, tests: Tests<'_>, batch: &mut Batch, levels: usize) {
         self.cut.clear();
+        self.marks.clear();
         self.ends.clear();
         for _ in 0..levels {
-            self.front.descend(model, tester, batch, &mut self.cut);
+            let found = (&mut self.cut, &mut self.marks);
+            self.front.descend(model, tests, batch, found);
             self.ends
                 .push((self.cut.nodes.len(), self.cut.strips.len()));
         }
-        self.front.finish(model, tester, batch, &mut self.cut);
+        let found = (&mut self.cut, &mut self.marks);
+        self.front.finish(model, tests, batch, found);
+    }
+
+    /// Drops what is hidden, once all parts have run.
+    fn hide(&mut self, hiding: &Hiding<'_>) {
+        hiding.finish(&mut self.cut, &self.marks, &mut self.ends);
     }
 
     /// Where the nodes and strips of a level are in the lists.
@@ -101,6 +131,8 @@ pub struct Selector {
     front: Front,
     batches: Vec<Batch>,
     parts: Vec<Part>,
+    marks: Marks,
+    nearest: Nearest,
 }
 
 impl Default for Selector {
@@ -120,37 +152,82 @@ impl Selector {
             front: Front::default(),
             batches: Vec::new(),
             parts: Vec::new(),
+            marks: Marks::default(),
+            nearest: Nearest::default(),
         }
     }
 
     /// As [`select`], without allocating once `cut` and `self` have grown (but for starting threads).
     pub fn select(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
         let tester = &Tester::new(model, view, settings);
+        let tests = Tests {
+            tester,
+            hiding: None,
+        };
+        self.run(model, tests, cut);
+    }
+
+    /// As [`select`](Self::select), less what is hidden: splats of which each pixel is covered by a nearer one of the same
+    /// cut, and triangles behind splats. What is dropped would show in no pixel, however the device rounds. What is left
+    /// does not depend on threads.
+    ///
+    /// For opaque squares and discs, with the threshold as their size, where the size metric is
+    /// [`Exact`](super::SizeMetric::Exact). In a picture of 65,536 pixels or more to a side nothing is dropped.
+    ///
+    /// Cost: some nanoseconds a splat, and 4 bytes of memory a pixel.
+    pub fn select_seen(
+        &mut self,
+        model: &Model,
+        view: &View,
+        settings: &Settings,
+        footprints: Footprints<'_>,
+        cut: &mut Cut,
+    ) {
+        let tester = &Tester::new(model, view, settings);
+        let mut nearest = std::mem::take(&mut self.nearest);
+        if !nearest.clear(view.width, view.height) {
+            return self.select(model, view, settings, cut);
+        }
+        let hiding = &Hiding::new(&nearest, tester, view, footprints);
+        let tests = Tests {
+            tester,
+            hiding: Some(hiding),
+        };
+        self.run(model, tests, cut);
+        self.nearest = nearest;
+    }
+
+    fn run(&mut self, model: &Model, tests: Tests<'_>, cut: &mut Cut) {
         let tree = &model.tree;
         cut.clear();
+        self.marks.clear();
         self.batches.resize_with(self.threads, Batch::default);
         let Some(batch) = self.batches.first_mut() else {
             return;
         };
         self.front.groups.clear();
         // A tree over one leaf has no interior node, and one over nothing no leaf: then nothing is found.
-        self.front.groups.push(Group::new(0, 1, tester.start()));
+        let root = Group::new(0, 1, tests.tester.start());
+        self.front.groups.push(root);
         let levels = if tree.nodes.is_empty() {
             0
         } else {
             tree.level_count()
         };
-        for level in 0..levels {
-            if self.threads > 1 && self.front.groups.len() >= self.large {
-                self.divide(model, tester, levels - level, cut);
-                return;
-            }
-            self.front.descend(model, tester, batch, cut);
+        let mut level = 0;
+        while level < levels && (self.threads == 1 || self.front.groups.len() < self.large) {
+            let found = (&mut *cut, &mut self.marks);
+            self.front.descend(model, tests, batch, found);
+            level += 1;
         }
         if self.threads > 1 && self.front.groups.len() >= self.large {
-            self.divide(model, tester, 0, cut);
-        } else {
-            self.front.finish(model, tester, batch, cut);
+            self.divide(model, tests, levels - level, cut);
+            return;
+        }
+        let found = (&mut *cut, &mut self.marks);
+        self.front.finish(model, tests, batch, found);
+        if let Some(hiding) = tests.hiding {
+            hiding.finish(cut, &self.marks, &mut []);
         }
     }
 
@@ -158,7 +235,7 @@ impl Selector {
     ///
     /// The threads are of this call and not of the pool that builds trees: while another model is loaded, a
     /// frame would wait for a place in it.
-    fn divide(&mut self, model: &Model, tester: &Tester, levels: usize, cut: &mut Cut) {
+    fn divide(&mut self, model: &Model, tests: Tests<'_>, levels: usize, cut: &mut Cut) {
         let groups = &self.front.groups;
         let each = groups.len().div_ceil(PARTS * self.threads);
         let count = groups.len().div_ceil(each);
@@ -168,27 +245,16 @@ impl Selector {
         let Some(parts) = self.parts.get_mut(..count) else {
             return;
         };
-        let work = Mutex::new(parts.iter_mut().zip(groups.chunks(each)));
-        let run = |batch: &mut Batch| {
-            loop {
-                // A poisoned lock means that another thread panicked, which the scope passes on.
-                let Ok(next) = work.lock().map(|mut work| work.next()) else {
-                    return;
-                };
-                let Some((part, groups)) = next else { return };
-                part.front.groups.clear();
-                part.front.groups.extend_from_slice(groups);
-                part.run(model, tester, batch, levels);
-            }
-        };
-        if let [first, others @ ..] = self.batches.as_mut_slice() {
-            std::thread::scope(|scope| {
-                for batch in others {
-                    // Where no thread can be started, the others do its work.
-                    let thread = std::thread::Builder::new().name("cut".to_owned());
-                    let _ = thread.spawn_scoped(scope, || run(batch));
-                }
-                run(first);
+        let work = parts.iter_mut().zip(groups.chunks(each));
+        share(&mut self.batches, work, |batch, (part, groups)| {
+            part.front.groups.clear();
+            part.front.groups.extend_from_slice(groups);
+            part.run(model, tests, batch, levels);
+        });
+        if let Some(hiding) = tests.hiding {
+            hiding.finish(cut, &self.marks, &mut []);
+            share(&mut self.batches, parts.iter_mut(), |_, part| {
+                part.hide(hiding);
             });
         }
         for level in 0..levels {
@@ -202,10 +268,37 @@ impl Selector {
         for part in &*parts {
             cut.leaves.extend_from_slice(&part.cut.leaves);
             cut.triangles.extend_from_slice(&part.cut.triangles);
-            cut.stats.visited += part.cut.stats.visited;
-            cut.stats.outside += part.cut.stats.outside;
-            cut.stats.facing_away += part.cut.stats.facing_away;
+            cut.stats.add(&part.cut.stats);
         }
+    }
+}
+
+/// Does all of the work, a thread for each of the batches.
+fn share<T: Send>(
+    batches: &mut [Batch],
+    work: impl Iterator<Item = T> + Send,
+    run: impl Fn(&mut Batch, T) + Sync,
+) {
+    let work = Mutex::new(work);
+    let all = |batch: &mut Batch| {
+        loop {
+            // A poisoned lock means that another thread panicked, which the scope passes on.
+            let Ok(next) = work.lock().map(|mut work| work.next()) else {
+                return;
+            };
+            let Some(next) = next else { return };
+            run(batch, next);
+        }
+    };
+    if let [first, others @ ..] = batches {
+        std::thread::scope(|scope| {
+            for batch in others {
+                // Where no thread can be started, the others do its work.
+                let thread = std::thread::Builder::new().name("cut".to_owned());
+                let _ = thread.spawn_scoped(scope, || all(batch));
+            }
+            all(first);
+        });
     }
 }
 

@@ -179,6 +179,14 @@ pub fn strip_center(node: &Node, count: u32, index: u32) -> Vec3 {
     node.center + node.strip.direction() * (relative_size(node).0 * node.radius * along)
 }
 
+/// The first of these centers, and the way from one to the next.
+#[inline]
+pub(super) fn strip_steps(node: &Node, count: u32) -> (Vec3, Vec3) {
+    let half = node.strip.direction() * (relative_size(node).0 * node.radius);
+    let step = 2.0 / count.max(1) as f32;
+    (node.center + half * (0.5 * step - 1.0), half * step)
+}
+
 /// Centers of the splats of a strip, in order along it.
 pub fn strip_centers(node: &Node, count: u32) -> impl Iterator<Item = Vec3> {
     let node = *node;

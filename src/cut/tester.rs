@@ -51,9 +51,9 @@ pub struct Tester {
     sides: [Plane4; 4],
     forward: Plane4,
     pub(super) near: f32,
-    far: f32,
+    pub(super) far: f32,
     /// Absolute error of a distance to a plane.
-    plane_error: f32,
+    pub(super) plane_error: f32,
     pub(super) size: SizeMetric,
     /// 2 f / threshold, and its square: what a size is compared with.
     pub(super) ratio: f32,

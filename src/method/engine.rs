@@ -1,15 +1,13 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{
-    Drawing, check, cut_settings, filtered_shade, for_view, largest_splat_px, splat_plan,
-};
+use super::plan::{self, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::times::Stage;
 use super::{Blend, Method, Settings, Shading, SplatKind, mirror};
 use crate::abi::{FilteredSplat, Splat, WeightedSplat};
-use crate::cut::{Cut, Selector};
+use crate::cut::{Cut, Selector, Undrawn};
 use crate::draw::{self, DrawList, FilteredList, FuzzyList, Style, pack};
 use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
@@ -17,7 +15,7 @@ use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
 use crate::tree::Model;
 use bytemuck::Zeroable;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 /// Where pictures are made.
@@ -75,6 +73,8 @@ struct MirrorEngine {
     outputs: Outputs,
     selector: Selector,
     cut: Cut,
+    /// Of the engine's model.
+    undrawn: OnceLock<Undrawn>,
     image: Image,
 }
 
@@ -191,8 +191,9 @@ impl MirrorEngine {
             Method::Points => list.points = used,
             Method::Splats | Method::Pop => {
                 let cut = Stage::Cut.begin();
-                self.selector
-                    .select(model, view, &cut_settings(settings, model), &mut self.cut);
+                let undrawn = || self.undrawn.get_or_init(|| Undrawn::new(model));
+                let chosen = &mut self.cut;
+                plan::select(&mut self.selector, model, view, settings, undrawn, chosen);
                 cut.end(&mut times);
                 let packing = Stage::Pack.begin();
                 let is_whole = settings.method == Method::Splats;
@@ -233,6 +234,11 @@ impl MirrorEngine {
         times.counts = Counts {
             nodes_visited: if settings.has_cut() {
                 self.cut.stats.visited
+            } else {
+                0
+            },
+            hidden: if settings.has_cut() {
+                self.cut.stats.hidden
             } else {
                 0
             },

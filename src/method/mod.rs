@@ -19,7 +19,8 @@ pub mod triangles;
 pub(crate) mod visibility;
 
 pub use settings::{
-    Blend, Culling, Method, Path, Reconstruction, Settings, Shading, SplatKind, SumFormat,
+    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    SumFormat,
 };
 
 pub use compute::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;

@@ -3,14 +3,18 @@
 
 use super::mirror::Outputs;
 use super::targets::Context;
-use super::{Blend, Culling, Method, Settings, Shading, SplatKind};
+use super::{Blend, Culling, Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::abi::{FrameConstants, constants};
-use crate::cut;
-use crate::draw::{self, ColorBy, Lighting, Phong, Source};
+use crate::cut::{self, SizeMetric};
+use crate::draw::{self, ColorBy, Footprint, Lighting, Phong, Source};
 use crate::gpu::Error;
 use crate::math::camera::{Light, View};
 use crate::tree::Model;
 use glam::{Mat4, Vec3, Vec4};
+
+/// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
+/// that may be drawn by compute, which is cheap; and squares that are rasterized.
+const LARGEST_HIDDEN_PX: [f32; 2] = [2.0, 4.0];
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away.
@@ -36,6 +40,53 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
         cull_back: settings.culls_back(model.is_closed) && !model.triangles.is_empty(),
         cull_frustum: true,
         size: settings.size,
+    }
+}
+
+/// What the cut of a frame takes splats for where it leaves out what is hidden; `None` where it does not.
+///
+/// Only of opaque squares and discs is it known without their attributes what they cover. `Auto` leaves large ones
+/// alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
+pub(super) fn footprints<'a>(
+    settings: &Settings,
+    model: &Model,
+    undrawn: impl FnOnce() -> &'a cut::Undrawn,
+) -> Option<cut::Footprints<'a>> {
+    let is_wanted = match settings.occlusion {
+        Occlusion::Auto => {
+            let is_costly = settings.splat == SplatKind::Square
+                && (settings.method == Method::Splats || settings.path == Path::Raster);
+            settings.threshold_px <= LARGEST_HIDDEN_PX[usize::from(is_costly)]
+        }
+        Occlusion::On => true,
+        Occlusion::Off => false,
+    };
+    let can_be = settings.has_cut()
+        && Drawing::of(settings) == Drawing::Opaque
+        && settings.footprint() != Footprint::Oriented
+        && settings.size == SizeMetric::Exact;
+    (is_wanted && can_be).then(|| cut::Footprints {
+        side_px: settings.threshold_px.max(1.0),
+        are_discs: settings.footprint() == Footprint::Circle,
+        large_leaves: settings.method == Method::Splats,
+        is_cloud: model.triangles.is_empty(),
+        undrawn: undrawn(),
+    })
+}
+
+/// Chooses the cut of a frame.
+pub(super) fn select<'a>(
+    selector: &mut cut::Selector,
+    model: &Model,
+    view: &View,
+    settings: &Settings,
+    undrawn: impl FnOnce() -> &'a cut::Undrawn,
+    into: &mut cut::Cut,
+) {
+    let with = &cut_settings(settings, model);
+    match footprints(settings, model, undrawn) {
+        Some(footprints) => selector.select_seen(model, view, with, footprints, into),
+        None => selector.select(model, view, with, into),
     }
 }
 

@@ -13,7 +13,7 @@ use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{Drawing, check, for_view};
+use super::plan::{self, Drawing, check, for_view};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
@@ -21,7 +21,7 @@ pub use super::times::FrameTimes;
 use super::times::Stage;
 use super::triangles::{self, Variant};
 use super::visibility::Visibility;
-use super::{Method, Settings};
+use super::{Method, Occlusion, Settings};
 use crate::cut::{self, Cut};
 use crate::draw::{ColorBy, Lighting};
 use crate::gpu::buffer::{Readback, Upload};
@@ -40,6 +40,8 @@ use std::time::Instant;
 pub struct Counts {
     /// Nodes and leaves that the cut looked at.
     pub nodes_visited: u64,
+    /// Splats of the cut that are left out because nearer ones hide them.
+    pub hidden: u64,
     /// Splats drawn.
     pub splats: u64,
     /// Triangles drawn.
@@ -85,8 +87,11 @@ pub struct Renderer {
     probe: Option<Readback>,
     /// What the present cut was chosen for, if that was before its frame, what it took, milliseconds, and what it draws:
     /// splats and triangles.
-    foreseen: Option<(View, cut::Settings, f64, (u64, u64))>,
+    foreseen: Option<(View, Chosen, f64, (u64, u64))>,
 }
+
+/// What decides a cut besides model and view.
+type Chosen = (cut::Settings, Occlusion);
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.
 const FIRST_LIST_BYTES: u64 = 1 << 20;
@@ -294,6 +299,8 @@ impl Renderer {
         if by_compute && is_opaque && self.small.is_none() {
             self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
         }
+        // Looks at the whole model, once.
+        let _ = plan::footprints(settings, model, || scene.undrawn(model));
         let source = if settings.method == Method::Points {
             Source::Vertices
         } else {

@@ -1,11 +1,12 @@
 //! A model on the device: vertices and, for the methods that draw every triangle, indices.
 
 use crate::abi::Vertex;
+use crate::cut::Undrawn;
 use crate::gpu::buffer::{Buffer, Usage};
 use crate::gpu::{Error, Gpu};
 use crate::tree::Model;
 use std::ops::Range;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// Largest buffer of a scene unless the device allows less: larger models are split into pages.
 const PAGE_BYTES: u64 = 1 << 30;
@@ -42,6 +43,7 @@ pub struct Scene {
     pub pages: Vec<Page>,
     /// Some vertex has a color other than white, or no normal.
     pub has_colors: bool,
+    undrawn: OnceLock<Undrawn>,
     gpu: Arc<Gpu>,
 }
 
@@ -134,8 +136,14 @@ impl Scene {
         Ok(Self {
             pages,
             has_colors,
+            undrawn: OnceLock::new(),
             gpu: gpu.clone(),
         })
+    }
+
+    /// What of the model is not drawn, though a cut may name it; looked for at the first call.
+    pub(super) fn undrawn(&self, model: &Model) -> &Undrawn {
+        self.undrawn.get_or_init(|| Undrawn::new(model))
     }
 
     /// Whether the copy is on this device, and not on one that was there before it.

@@ -98,6 +98,19 @@ pub enum Path {
     Compute,
 }
 
+/// Whether splats that nearer splats hide are left out. The picture is the same to the bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Occlusion {
+    /// Where that pays.
+    #[default]
+    Auto,
+    /// Wherever it can be told: of opaque squares and discs that a cut chooses.
+    On,
+    /// Never.
+    Off,
+}
+
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
@@ -131,6 +144,8 @@ pub struct Settings {
     pub reconstruction: Reconstruction,
     /// What draws small primitives on a device.
     pub path: Path,
+    /// Whether what is hidden is left out.
+    pub occlusion: Occlusion,
     /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0.
     pub threshold_px: f32,
     /// Factor of the depth offset where splats are blended; at least 0; `None` is the usual one of their kind,
@@ -163,6 +178,7 @@ impl Default for Settings {
             low_pass_px: None,
             reconstruction: Reconstruction::Gaussian,
             path: Path::Auto,
+            occlusion: Occlusion::Auto,
             depth_offset: None,
             threshold_px: 1.0,
             culling: Culling::Auto,

@@ -306,13 +306,13 @@ impl Screen {
 
     /// What would be drawn with these settings.
     pub(super) fn foresee(&mut self, settings: &Settings, camera: &Camera) -> Work {
-        let Some(model) = &self.model else {
+        let (Some(model), Some(scene)) = (&self.model, &self.scene) else {
             return Work::default();
         };
         let Ok(view) = camera.view(model.origin) else {
             return Work::default();
         };
-        let foreseen = self.renderer.foresee(model, &view, settings);
+        let foreseen = self.renderer.foresee(model, scene, &view, settings);
         Work {
             visited: foreseen.counts.nodes_visited,
             splats: foreseen.counts.splats,

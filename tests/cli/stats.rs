@@ -96,6 +96,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
         keys(&stats["counts"]),
         [
             "draw_list_bytes",
+            "hidden",
             "nodes_in_tree",
             "nodes_visited",
             "points",

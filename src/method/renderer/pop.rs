@@ -13,7 +13,7 @@ use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
 use crate::method::lists::{pack_triangles, records, reserve};
 use crate::method::plan::{
-    Drawing, cut_settings, filtered_shade, frame_constants, largest_splat_px, splat_plan,
+    self, Drawing, cut_settings, filtered_shade, frame_constants, largest_splat_px, splat_plan,
 };
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
@@ -47,12 +47,11 @@ impl Renderer {
         let context = self.context(view, settings, model, largest);
         let mut times = FrameTimes::default();
         let cut = Stage::Cut.begin();
-        let cut_settings = cut_settings(settings, model);
+        let with = (cut_settings(settings, model), settings.occlusion);
         let foreseen_ms = match self.foreseen.take() {
-            Some((of, with, ms, _)) if of == *view && with == cut_settings => ms,
+            Some((of, chosen, ms, _)) if of == *view && chosen == with => ms,
             other => {
-                self.selector
-                    .select(model, view, &cut_settings, &mut self.cut);
+                self.select(model, scene, view, settings);
                 other.map_or(0.0, |(_, _, ms, _)| ms)
             }
         };
@@ -71,6 +70,9 @@ impl Renderer {
             (settings, max_point),
         )?;
         let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
+        // What is hidden counts too: the way that primitives go, and so the last bits of the picture, must not depend
+        // on it.
+        let all_splats = capacity + self.cut.stats.hidden as usize;
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
         let takes_triangles = by_compute
             && compute::pays(triangles.len(), 1.0, context.rect_px, settings)
@@ -129,8 +131,8 @@ impl Renderer {
                     constants,
                 );
                 let mut packed_left = packed;
-                let pays = takes_triangles
-                    || compute::pays(packed.points, 0.125, context.rect_px, settings);
+                let pays =
+                    takes_triangles || compute::pays(all_splats, 0.125, context.rect_px, settings);
                 if let (true, Some(small)) = (by_compute && pays, &self.small) {
                     small.record(&mut frame, &self.targets, small_list, &context, constants)?;
                     packed_left.points = 0;
@@ -184,12 +186,26 @@ impl Renderer {
         submit.end(&mut times);
         times.counts = Counts {
             nodes_visited: self.cut.stats.visited,
+            hidden: self.cut.stats.hidden,
             splats: (packed.points + packed.quads) as u64,
             triangles: triangles.len() as u64,
             points: 0,
             draw_list_bytes: splat_bytes + index_bytes,
         };
         Ok((ticket, times))
+    }
+
+    /// Chooses the cut of a frame.
+    pub(super) fn select(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+    ) {
+        let undrawn = || scene.undrawn(model);
+        let cut = &mut self.cut;
+        plan::select(&mut self.selector, model, view, settings, undrawn, cut);
     }
 }
 

@@ -94,17 +94,23 @@ impl Renderer {
 
     /// Counts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next
     /// frame if that has the same view and settings. The time is booked as that frame's. Nothing without a cut.
-    pub fn foresee(&mut self, model: &Model, view: &View, settings: &Settings) -> Foreseen {
+    pub fn foresee(
+        &mut self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+    ) -> Foreseen {
         if !settings.has_cut() {
             return Foreseen::default();
         }
         let start = Instant::now();
-        let with = cut_settings(settings, model);
+        let with = (cut_settings(settings, model), settings.occlusion);
         let (splats, large) = match self.foreseen {
             Some((of, chosen, _, counts)) if of == *view && chosen == with => counts,
             _ => {
                 let before = self.foreseen.take().map_or(0.0, |(_, _, ms, _)| ms);
-                self.selector.select(model, view, &with, &mut self.cut);
+                self.select(model, scene, view, settings);
                 let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
                 let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
                 let counts = (splats, self.cut.triangles.len() as u64);

@@ -1,0 +1,562 @@
+//! What is hidden within the pixels of the picture: a depth buffer of the host, filled and asked while a cut is chosen.
+//!
+//! On a rough surface many splats fall into one pixel and only the nearest of them is seen, so that most of what a cut
+//! finds is drawn in vain. Writing and drawing a splat costs far more than to look up the nearest depth of its pixels.
+//!
+//! Related: Greene, Kass and Miller, *Hierarchical Z-Buffer Visibility* (SIGGRAPH 1993). Deviations: the depth is that of
+//! the very splats that are drawn, found by the cut and not by the device, so no frame waits for its own depth or depends
+//! on the one before; there is no pyramid, because what is hidden is small.
+//!
+//! **The promise.** A splat is dropped only if each pixel that the device may give it is surely covered by a splat that
+//! is drawn and surely nearer, by more than both depths may be rounded. So it would have won in no pixel, and tied in
+//! none. What is left does not depend on the order in which splats are found: the nearest of a pixel is never dropped, and
+//! all are asked again once all are found.
+
+use super::footprints::{Footprints, Undrawn};
+use super::quad::{self, Balls};
+use super::strip::strip_steps;
+use super::tester::Tester;
+use super::{Cut, MAX_STRIP_COUNT, StripRun};
+use crate::math::camera::View;
+use crate::tree::{Model, Node};
+use glam::{Vec3, Vec4};
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering};
+
+/// Pixels by which a device may place a splat elsewhere: window positions have at least 4 binary places, and a 16th is
+/// halved by rounding.
+const SNAP_PX: f32 = 0.04;
+/// What covers more pixels than this is not asked for.
+const MOST_PIXELS: u32 = 1024;
+/// Splats of rows that are asked for together: at least [`MAX_STRIP_COUNT`].
+const ROWS: usize = 64;
+const _: () = assert!(ROWS >= MAX_STRIP_COUNT as usize && ROWS.is_multiple_of(4));
+/// Nothing is nearer.
+const NOTHING: u32 = f32::INFINITY.to_bits();
+
+/// The nearest splat of every pixel: its distance along the view direction from the near plane, as bits (floats that are
+/// not negative order like integers).
+#[derive(Debug, Default)]
+pub(super) struct Nearest {
+    width: u32,
+    height: u32,
+    pixels: Vec<AtomicU32>,
+}
+
+impl Nearest {
+    /// Empties it for a picture, and tells whether it can: sides must fit 16 bits. Keeps its memory.
+    pub(super) fn clear(&mut self, width: u32, height: u32) -> bool {
+        if width >= 1 << 16 || height >= 1 << 16 {
+            return false;
+        }
+        (self.width, self.height) = (width, height);
+        let count = width as usize * height as usize;
+        self.pixels.resize_with(count, AtomicU32::default);
+        for pixel in &mut self.pixels {
+            *pixel.get_mut() = NOTHING;
+        }
+        true
+    }
+}
+
+/// What is asked of [`Nearest`] for a node or leaf: whether these pixels all have something nearer than this.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Mark {
+    first: u32,
+    columns: u16,
+    rows: u16,
+    /// As [`Nearest`] has it, less the error of both sides.
+    distance: u32,
+}
+
+impl Mark {
+    /// Hidden for good: it has no pixels.
+    const HIDDEN: Self = Self {
+        first: 0,
+        columns: 0,
+        rows: 0,
+        distance: 0,
+    };
+    /// Never hidden.
+    const SEEN: Self = Self {
+        first: 0,
+        columns: 1,
+        rows: 1,
+        distance: 0,
+    };
+}
+
+/// Marks beside the lists of a cut.
+#[derive(Debug, Default)]
+pub(super) struct Marks {
+    pub(super) nodes: Vec<Mark>,
+    /// One for each splat of each row.
+    pub(super) strips: Vec<Mark>,
+    pub(super) leaves: Vec<Mark>,
+    pub(super) triangles: Vec<Mark>,
+}
+
+impl Marks {
+    pub(super) fn clear(&mut self) {
+        self.nodes.clear();
+        self.strips.clear();
+        self.leaves.clear();
+        self.triangles.clear();
+    }
+}
+
+/// The questions of one frame.
+#[derive(Debug)]
+pub(super) struct Hiding<'a> {
+    nearest: &'a Nearest,
+    footprints: Footprints<'a>,
+    /// To the right and up in the picture, and what is added.
+    axes: [([Vec4; 3], Vec4); 2],
+    /// Pixels of a tangent (perspective) or of a unit.
+    focal: [f32; 2],
+    middle: [f32; 2],
+    /// Width and height of the picture.
+    size: [f32; 2],
+    near: f32,
+    far: f32,
+    is_perspective: bool,
+    /// Error of a distance; and what a depth that is rounded is off, as a distance: the factor of z² (perspective) or
+    /// alone.
+    distance_error: f32,
+    depth_error: f32,
+    /// Half the side of what a splat surely covers, and of what it may.
+    inner_px: f32,
+    outer_px: f32,
+}
+
+impl<'a> Hiding<'a> {
+    pub(super) fn new(
+        nearest: &'a Nearest,
+        tester: &Tester,
+        view: &View,
+        footprints: Footprints<'a>,
+    ) -> Self {
+        let scale = if view.model_scale > 0.0 {
+            view.model_scale
+        } else {
+            1.0
+        };
+        let axis = |row: usize| {
+            let axis: Vec3 = view.view_from_model.row(row).truncate() / scale;
+            let start = view.view_from_model.transform_point3(tester.reference)[row] / scale;
+            (
+                [axis.x, axis.y, axis.z].map(Vec4::splat),
+                Vec4::splat(start * tester.unit),
+            )
+        };
+        let half = [view.width as f32 / 2.0, view.height as f32 / 2.0];
+        let (unit, sign) = if view.is_perspective {
+            (1.0, -1.0)
+        } else {
+            (scale / tester.unit, 1.0)
+        };
+        let (near, far) = (tester.near, tester.far);
+        let range = far - near;
+        // Depth is n (f - z) / (z (f - n)), or (f - z) / (f - n): a few roundings of its largest term each.
+        let depth_error = if view.is_perspective {
+            1e-6 * (1.0 + 2.0 * near / range) * range / (near * far)
+        } else {
+            1e-6 * (range + 2.0 * far.abs().max(near.abs()))
+        };
+        let side = footprints.side_px.max(1.0);
+        Self {
+            nearest,
+            footprints,
+            axes: [axis(0), axis(1)],
+            focal: [
+                view.scale[0] * half[0] * unit,
+                -view.scale[1] * half[1] * unit,
+            ],
+            middle: [
+                half[0] * (1.0 + sign * view.offset[0]),
+                half[1] * (1.0 - sign * view.offset[1]),
+            ],
+            size: [nearest.width as f32, nearest.height as f32],
+            near,
+            far,
+            is_perspective: view.is_perspective,
+            // Device and host transform positions in single precision, a part in 2^24 of the model's reach and more
+            // than one rounding each.
+            distance_error: 8.0 * tester.plane_error,
+            depth_error,
+            // Vulkan lets a device round the size of a point to whole pixels. A disc contains this square, and of less
+            // than sqrt(2) pixels it is a square.
+            inner_px: if footprints.are_discs {
+                (side / 2.0 * std::f32::consts::FRAC_1_SQRT_2)
+                    .min(side.floor() / 2.0)
+                    .max(0.5)
+            } else {
+                side.floor() / 2.0
+            },
+            outer_px: side.ceil() / 2.0,
+        }
+    }
+
+    /// The marks of splats around the centers of `lanes`, of the constant size or that of their balls, whichever is
+    /// larger. What is not hidden so far leaves its depth, unless `is_undrawn`.
+    #[inline]
+    fn ask(&self, balls: &Balls, lanes: u8, is_undrawn: impl Fn(u32) -> bool) -> [Mark; 4] {
+        let z = balls.depth;
+        let along = self.axes.map(|([a, b, c], start)| {
+            let [x, y, z] = balls.center;
+            a * x + b * y + c * z + start
+        });
+        // By how much pixels are off, and half of what a splat of the ball's size is drawn as.
+        let focal = self.focal[0].abs().max(self.focal[1].abs());
+        let ([x, y], off, own, error) = if self.is_perspective {
+            let inverse = Vec4::ONE / z;
+            let [x, y] = along.map(|v| v * inverse);
+            let slope = 1.0 + x.abs().max(y.abs());
+            (
+                [x, y],
+                slope * inverse * (focal * self.distance_error),
+                balls.radius * inverse * (1.001 * focal),
+                z * z * self.depth_error + self.distance_error,
+            )
+        } else {
+            (
+                along,
+                Vec4::splat(focal * self.distance_error),
+                balls.radius * (1.001 * focal),
+                Vec4::splat(self.depth_error + self.distance_error),
+            )
+        };
+        let x = x * self.focal[0] + self.middle[0];
+        let y = y * self.focal[1] + self.middle[1];
+        let off = off + SNAP_PX;
+        let outer = (own + 0.5).max(Vec4::splat(self.outer_px)) + off;
+        let inner = Vec4::splat(self.inner_px) - off;
+        // What the clip volume may take away covers nothing surely. Also what is not a number.
+        let is_known = (z.cmpgt(Vec4::splat(self.near) + error)
+            & z.cmplt(Vec4::splat(self.far) - error))
+        .bitmask() as u8;
+        let distance = z - self.near;
+        let asked = (distance - error).max(Vec4::ZERO).to_array();
+        let distance = distance.to_array();
+        // Pixel i has its center at i + 1/2: those of an interval begin and end at its rounded ends. Clamped to the
+        // picture, a sum with 2^23 has the rounded number in its low bits.
+        let [width, height] = self.size;
+        let round = |v: Vec4, most: f32| {
+            let sum = v.max(Vec4::ZERO).min(Vec4::splat(most)) + 8_388_608.0;
+            sum.to_array().map(|v| v.to_bits() & 0x7f_ffff)
+        };
+        let (left, right) = (round(x - outer, width), round(x + outer, width));
+        let (top, bottom) = (round(y - outer, height), round(y + outer, height));
+        let inner_x = (round(x - inner, width), round(x + inner, width));
+        let inner_y = (round(y - inner, height), round(y + inner, height));
+        let mut marks = [Mark::HIDDEN; 4];
+        for lane in 0..4 {
+            if lanes >> lane & 1 == 0 {
+                continue;
+            }
+            if is_known >> lane & 1 == 0 {
+                marks[lane] = Mark::SEEN;
+                continue;
+            }
+            let columns = right[lane].saturating_sub(left[lane]);
+            let rows = bottom[lane].saturating_sub(top[lane]);
+            let (own_columns, own_rows) = (
+                inner_x.0[lane]..inner_x.1[lane],
+                inner_y.0[lane]..inner_y.1[lane],
+            );
+            let mark = Mark {
+                first: top[lane] * self.nearest.width + left[lane],
+                columns: columns as u16,
+                rows: rows as u16,
+                distance: asked[lane].to_bits(),
+            };
+            let distance = distance[lane].to_bits();
+            if columns == 1 && rows == 1 {
+                // The usual case of one pixel, and nothing beside it.
+                let Some(pixel) = self.nearest.pixels.get(mark.first as usize) else {
+                    continue;
+                };
+                let there = pixel.load(Ordering::Relaxed);
+                if there < mark.distance {
+                    continue;
+                }
+                marks[lane] = mark;
+                let is_covered = !own_columns.is_empty() & !own_rows.is_empty();
+                if distance < there && is_covered && !is_undrawn(lane as u32) {
+                    pixel.fetch_min(distance, Ordering::Relaxed);
+                }
+                continue;
+            }
+            // Beside the picture, it has no pixels and is hidden.
+            let mark = if columns * rows > MOST_PIXELS {
+                Mark::SEEN
+            } else {
+                mark
+            };
+            if self.is_hidden(mark) {
+                continue;
+            }
+            marks[lane] = mark;
+            if !is_undrawn(lane as u32) {
+                self.cover(own_columns, own_rows, distance);
+            }
+        }
+        marks
+    }
+
+    #[inline]
+    fn is_hidden(&self, mark: Mark) -> bool {
+        let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.distance;
+        let mut first = mark.first as usize;
+        if (mark.columns, mark.rows) == (1, 1) {
+            return self.nearest.pixels.get(first).is_some_and(is_nearer);
+        }
+        for _ in 0..mark.rows {
+            let row = self
+                .nearest
+                .pixels
+                .get(first..first + mark.columns as usize);
+            if !row.is_some_and(|row| row.iter().all(is_nearer)) {
+                return false;
+            }
+            first += self.nearest.width as usize;
+        }
+        true
+    }
+
+    #[inline]
+    fn cover(&self, columns: Range<u32>, rows: Range<u32>, distance: u32) {
+        let own = columns.end.saturating_sub(columns.start);
+        if own.saturating_mul(rows.end.saturating_sub(rows.start)) > MOST_PIXELS {
+            return;
+        }
+        for y in rows {
+            let start = (y * self.nearest.width + columns.start) as usize;
+            let pixels = self.nearest.pixels.get(start..start + own as usize);
+            for pixel in pixels.unwrap_or_default() {
+                // Most lose, and an exchange costs more than a look.
+                if distance < pixel.load(Ordering::Relaxed) {
+                    pixel.fetch_min(distance, Ordering::Relaxed);
+                }
+            }
+        }
+    }
+
+    /// Leaves `lanes` without what is hidden so far; what is not has a mark.
+    #[inline]
+    fn keep(
+        &self,
+        balls: &Balls,
+        lanes: u8,
+        is_undrawn: impl Fn(u32) -> bool,
+        marks: &mut Vec<Mark>,
+    ) -> u8 {
+        if lanes == 0 {
+            return 0;
+        }
+        let mut kept = 0;
+        for (lane, mark) in self.ask(balls, lanes, is_undrawn).into_iter().enumerate() {
+            if mark.rows != 0 {
+                marks.push(mark);
+                kept |= 1 << lane;
+            }
+        }
+        kept
+    }
+
+    /// As [`keep`](Self::keep), for nodes that are splats of the constant size.
+    #[inline]
+    pub(super) fn keep_nodes(
+        &self,
+        balls: &Balls,
+        first: u32,
+        lanes: u8,
+        marks: &mut Vec<Mark>,
+    ) -> u8 {
+        let undrawn = &self.footprints.undrawn.nodes;
+        let is_undrawn = |lane| Undrawn::has(undrawn, first.wrapping_add(lane));
+        self.keep(&points(balls), lanes, is_undrawn, marks)
+    }
+
+    /// The same for leaves; those in `splats` are splats in any case.
+    #[inline]
+    pub(super) fn keep_leaves(
+        &self,
+        balls: &Balls,
+        first: u32,
+        (lanes, splats): (u8, u8),
+        marks: &mut Marks,
+    ) -> u8 {
+        let Footprints {
+            large_leaves,
+            is_cloud,
+            undrawn,
+            ..
+        } = self.footprints;
+        let is_undrawn = |lane| Undrawn::has(&undrawn.leaves, first.wrapping_add(lane));
+        let (small, large) = (lanes & splats, lanes & !splats);
+        // A small triangle has the constant size, a point of a cloud its own.
+        let seen = if is_cloud {
+            self.keep(balls, small, is_undrawn, &mut marks.leaves)
+        } else {
+            self.keep(&points(balls), small, is_undrawn, &mut marks.leaves)
+        };
+        if large_leaves {
+            seen | self.keep(balls, large, is_undrawn, &mut marks.triangles)
+        } else {
+            seen | large
+        }
+    }
+
+    /// Drops the rows of splats from number `first` on that are hidden. Returns how many splats they are.
+    pub(super) fn keep_rows(
+        &self,
+        model: &Model,
+        tester: &Tester,
+        strips: &mut Vec<StripRun>,
+        first: usize,
+        marks: &mut Vec<Mark>,
+    ) -> u64 {
+        let nodes: &[Node] = &model.tree.nodes;
+        let undrawn = &self.footprints.undrawn.nodes;
+        let (mut kept, mut hidden) = (first, 0);
+        let mut next = first;
+        // Splats of many rows together, so that no lane is idle.
+        let mut centers = [Vec4::ZERO; ROWS];
+        let mut found = [Mark::HIDDEN; ROWS];
+        while next < strips.len() {
+            let (start, mut count, mut end) = (next, 0, next);
+            for run in strips.get(start..).unwrap_or_default() {
+                let many = run.count as usize;
+                let (Some(node), Some(own)) = (
+                    nodes.get(run.node as usize),
+                    centers.get_mut(count..count + many),
+                ) else {
+                    break;
+                };
+                let (center, step) = strip_steps(node, run.count);
+                for (place, i) in own.iter_mut().zip(0u16..) {
+                    *place = (center + step * f32::from(i)).extend(0.0);
+                }
+                count += many;
+                end += 1;
+            }
+            if end == start {
+                // Only where the tree's links are wrong.
+                return hidden;
+            }
+            next = end;
+            let fours = centers.as_chunks::<4>().0.iter();
+            for ((four, found), at) in fours
+                .zip(found.as_chunks_mut::<4>().0)
+                .zip((0..count).step_by(4))
+            {
+                // Where any node has no area, rows cover nothing: that is rare.
+                let balls = tester.balls(quad::columns(*four));
+                let lanes = 15 >> (4 - (count - at).min(4));
+                *found = self.ask(&balls, lanes, |_| !undrawn.is_empty());
+            }
+            let mut at = 0;
+            for index in start..end {
+                let Some(&run) = strips.get(index) else { break };
+                let own = at..at + run.count as usize;
+                at = own.end;
+                let own = found.get(own).unwrap_or_default();
+                if own.iter().all(|mark| mark.rows == 0) {
+                    hidden += u64::from(run.count);
+                    continue;
+                }
+                marks.extend_from_slice(own);
+                if let Some(place) = strips.get_mut(kept) {
+                    *place = run;
+                }
+                kept += 1;
+            }
+        }
+        strips.truncate(kept);
+        hidden
+    }
+
+    /// Drops what is hidden now that all is found. `ends` are places in the lists of nodes and of rows, in ascending
+    /// order, and are moved along.
+    pub(super) fn finish(&self, cut: &mut Cut, marks: &Marks, ends: &mut [(usize, usize)]) {
+        let Cut {
+            nodes,
+            strips,
+            leaves,
+            triangles,
+            stats,
+        } = cut;
+        let is_seen =
+            |list: &[Mark], index: usize| list.get(index).is_none_or(|&mark| !self.is_hidden(mark));
+        let nodes_before = nodes.len();
+        retain(
+            nodes,
+            |index, _| is_seen(&marks.nodes, index),
+            ends.iter_mut().map(|end| &mut end.0),
+        );
+        let mut first_mark = 0;
+        let mut hidden_in_rows = 0;
+        retain(
+            strips,
+            |_, run| {
+                let own = first_mark..first_mark + run.count as usize;
+                first_mark = own.end;
+                let own = marks.strips.get(own).unwrap_or_default();
+                let is_kept = own.iter().any(|&mark| !self.is_hidden(mark));
+                hidden_in_rows += if is_kept { 0 } else { u64::from(run.count) };
+                is_kept
+            },
+            ends.iter_mut().map(|end| &mut end.1),
+        );
+        let (leaves_before, triangles_before) = (leaves.len(), triangles.len());
+        retain(
+            leaves,
+            |index, _| is_seen(&marks.leaves, index),
+            [].into_iter(),
+        );
+        retain(
+            triangles,
+            |index, _| is_seen(&marks.triangles, index),
+            [].into_iter(),
+        );
+        let before = nodes_before + leaves_before + triangles_before;
+        let after = nodes.len() + leaves.len() + triangles.len();
+        stats.hidden += hidden_in_rows + (before - after) as u64;
+    }
+}
+
+/// The centers alone.
+#[inline]
+fn points(balls: &Balls) -> Balls {
+    Balls {
+        radius: Vec4::ZERO,
+        ..*balls
+    }
+}
+
+/// Keeps the items for which `is_kept` (of their number and themselves) says so; `ends` move along.
+fn retain<'e, T: Copy>(
+    list: &mut Vec<T>,
+    mut is_kept: impl FnMut(usize, &T) -> bool,
+    ends: impl Iterator<Item = &'e mut usize>,
+) {
+    let mut ends = ends.peekable();
+    let (mut kept, len) = (0, list.len());
+    for index in 0..=len {
+        while let Some(end) = ends.next_if(|end| **end <= index) {
+            *end = kept;
+        }
+        let Some(&item) = list.get(index) else { break };
+        if is_kept(index, &item) {
+            if let Some(place) = list.get_mut(kept) {
+                *place = item;
+            }
+            kept += 1;
+        }
+    }
+    list.truncate(kept);
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,165 @@
+use super::*;
+use crate::cut::Settings;
+use crate::math::camera::Camera;
+use glam::DVec3;
+
+/// Numbers from 0 to 1 that are the same every time.
+fn numbers() -> impl FnMut() -> f32 {
+    let mut state = 0x9e37_79b9_u32;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 17;
+        state ^= state << 5;
+        state as f32 / u32::MAX as f32
+    }
+}
+
+/// Views of the unit ball, which an empty model counts as.
+fn views() -> Vec<View> {
+    let mut views: Vec<View> = [1.0, 3.0]
+        .map(|fill| Camera::orbit((40, 30), DVec3::ZERO, 1.0, 0.7, 0.3, fill))
+        .iter()
+        .map(|camera| camera.view(DVec3::ZERO).expect("a usable camera"))
+        .collect();
+    let mut parallel = views[0];
+    parallel.is_perspective = false;
+    parallel.scale = [0.8; 2];
+    parallel.offset = [0.05, -0.1];
+    views.push(parallel);
+    views
+}
+
+/// Where a point is seen, double precision: pixels and distance.
+fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
+    let p = view
+        .view_from_model
+        .as_dmat4()
+        .transform_point3(DVec3::from(point));
+    let [sx, sy] = view.scale.map(f64::from);
+    let [ox, oy] = view.offset.map(f64::from);
+    let (x, y) = if view.is_perspective {
+        (sx * p.x / -p.z - ox, sy * p.y / -p.z - oy)
+    } else {
+        (sx * p.x + ox, sy * p.y + oy)
+    };
+    [
+        (x + 1.0) / 2.0 * f64::from(view.width),
+        (1.0 - y) / 2.0 * f64::from(view.height),
+        -p.z,
+    ]
+}
+
+/// Brute force over random splats: what is dropped is covered in each of its pixels, and in those that it would have a 32nd
+/// of a pixel farther on, by a nearer one that is a 32nd of a pixel smaller and was kept.
+#[test]
+fn what_is_dropped_is_covered() {
+    let model = Model::default();
+    let mut number = numbers();
+    for (view, side_px) in views()
+        .into_iter()
+        .flat_map(|view| [1.0, 1.5, 3.2].map(|side| (view, side)))
+    {
+        let tester = Tester::new(&model, &view, &Settings::default());
+        let mut nearest = Nearest::default();
+        assert!(nearest.clear(view.width, view.height));
+        let undrawn = Undrawn::default();
+        let footprints = Footprints {
+            side_px,
+            are_discs: false,
+            large_leaves: false,
+            is_cloud: false,
+            undrawn: &undrawn,
+        };
+        let hiding = Hiding::new(&nearest, &tester, &view, footprints);
+        // Four layers within the picture, and a little beside it.
+        let points: Vec<Vec3> = (0..6000)
+            .map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0)
+            .collect();
+        let mut marks = Vec::new();
+        let mut found = Vec::new();
+        for (index, four) in points.as_chunks::<4>().0.iter().enumerate() {
+            let balls = tester.balls(quad::columns(four.map(|p| p.extend(0.0))));
+            let kept = hiding.keep_nodes(&balls, 0, 15, &mut marks);
+            found.extend((0..4).filter(|i| kept >> i & 1 != 0).map(|i| 4 * index + i));
+        }
+        assert_eq!(found.len(), marks.len());
+        let mut is_kept = vec![false; points.len()];
+        for (&index, &mark) in found.iter().zip(&marks) {
+            is_kept[index] = !hiding.is_hidden(mark);
+        }
+        let places: Vec<[f64; 3]> = points.iter().map(|&p| seen_at(&view, p)).collect();
+        let covers = |place: &[f64; 3], pixel: [f64; 2], more: f64| {
+            let half = f64::from(side_px) / 2.0 + more;
+            (pixel[0] - place[0]).abs() <= half && (pixel[1] - place[1]).abs() <= half
+        };
+        let is_in = |z: f64| z > f64::from(view.near) && z < f64::from(view.far);
+        let mut dropped = 0;
+        for (place, _) in places.iter().zip(&is_kept).filter(|(_, kept)| !**kept) {
+            dropped += 1;
+            for y in 0..view.height {
+                for x in 0..view.width {
+                    let pixel = [f64::from(x) + 0.5, f64::from(y) + 0.5];
+                    let is_covered = || {
+                        places.iter().zip(&is_kept).any(|(other, &kept)| {
+                            kept && other[2] < place[2]
+                                && is_in(other[2])
+                                && covers(other, pixel, -1.0 / 32.0)
+                        })
+                    };
+                    assert!(
+                        !covers(place, pixel, 1.0 / 32.0) || is_covered(),
+                        "{place:?} of side {side_px} at {x} {y}"
+                    );
+                }
+            }
+        }
+        let kept = points.len() - dropped;
+        assert!(
+            dropped > 1000 && kept > 500,
+            "{dropped} of {}",
+            points.len()
+        );
+    }
+}
+
+/// Ends of levels move along with what is left of a list.
+#[test]
+fn ends_move_along_and_huge_pictures_are_refused() {
+    assert!(!Nearest::default().clear(1 << 16, 1));
+    let mut list: Vec<u32> = (0..10).collect();
+    let mut ends = [0, 3, 3, 7, 10];
+    retain(&mut list, |_, item| item % 3 == 0, ends.iter_mut());
+    assert_eq!(list, [0, 3, 6, 9]);
+    assert_eq!(ends, [0, 1, 1, 3, 4]);
+}
+
+#[test]
+fn nothing_is_dropped_where_nothing_is_covered() {
+    let model = Model::default();
+    let view = views()[0];
+    let tester = Tester::new(&model, &view, &Settings::default());
+    let undrawn = Undrawn {
+        nodes: vec![u64::MAX],
+        leaves: Vec::new(),
+    };
+    let footprints = Footprints {
+        side_px: 2.0,
+        are_discs: false,
+        large_leaves: false,
+        is_cloud: false,
+        undrawn: &undrawn,
+    };
+    let mut nearest = Nearest::default();
+    assert!(nearest.clear(view.width, view.height));
+    let hiding = Hiding::new(&nearest, &tester, &view, footprints);
+    let mut marks = Vec::new();
+    let middle = tester.balls(quad::columns(
+        [0.3, 0.0, -0.3, f32::NAN].map(|t| (view.backward * t).extend(0.0)),
+    ));
+    // Without area: all stay. Then the nearest hides two of them, and not what is no number.
+    for _ in 0..2 {
+        assert_eq!(hiding.keep_nodes(&middle, 0, 15, &mut marks), 15);
+    }
+    assert_eq!(hiding.keep_nodes(&middle, 64, 15, &mut marks) & 9, 9);
+    assert_eq!(hiding.keep_nodes(&middle, 64, 15, &mut marks), 9);
+}

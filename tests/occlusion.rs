@@ -1,0 +1,451 @@
+//! Leaving out what is hidden: not one bit of any picture may change, and much must be left out where much is hidden.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit, real};
+use glam::{DVec3, Vec3};
+use surfel::cut::{Cut, Footprints, Selector, Undrawn, select};
+use surfel::generate::Shape;
+use surfel::image::Image;
+use surfel::math::camera::{Camera, View};
+use surfel::mesh::Mesh;
+use surfel::method::engine::{Backend, Engine};
+use surfel::method::renderer::{Counts, Outputs};
+use surfel::method::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, plan};
+use surfel::progress::Silent;
+use surfel::scenes;
+use surfel::tree::{self, BuildOptions, Model};
+
+/// Every opaque splat of which hidden ones are left out, and every way to draw it.
+const LOOKS: [(Method, SplatKind, Path); 5] = [
+    (Method::Pop, SplatKind::Square, Path::Auto),
+    (Method::Pop, SplatKind::Square, Path::Raster),
+    (Method::Pop, SplatKind::Disc, Path::Auto),
+    (Method::Splats, SplatKind::Square, Path::Auto),
+    (Method::Splats, SplatKind::Disc, Path::Auto),
+];
+
+fn build(mesh: Mesh) -> Model {
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+/// What of two pictures differs, bit by bit.
+fn differing(a: &Image, b: &Image) -> usize {
+    let bits = |list: &[f32]| list.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+    let colors = a.color.iter().zip(&b.color).filter(|(a, b)| a != b).count();
+    let depths = bits(&a.depth);
+    let normals = bits(a.normal.as_flattened());
+    assert_eq!(a.color.len(), b.color.len());
+    assert_eq!(depths.len(), b.depth.len());
+    colors
+        + depths
+            .iter()
+            .zip(bits(&b.depth))
+            .filter(|(a, b)| *a != b)
+            .count()
+        + normals
+            .iter()
+            .zip(bits(b.normal.as_flattened()))
+            .filter(|(a, b)| *a != b)
+            .count()
+}
+
+/// Two engines for pictures of one size: for frames that leave nothing out, and for frames that do.
+struct Pair<'m>([Engine<'m>; 2]);
+
+impl<'m> Pair<'m> {
+    fn new(backend: &Backend, model: &'m Model, size: (u32, u32)) -> Self {
+        let outputs = Outputs {
+            depth: true,
+            normal: true,
+        };
+        Self([(); 2].map(|()| Engine::new(backend, model, size, outputs).unwrap()))
+    }
+
+    /// Draws both, and compares color, depth and normals. Tells what was drawn of all.
+    fn assert_same(&mut self, view: &View, settings: Settings, what: &str) -> [Counts; 2] {
+        let mut pictures = Vec::new();
+        let mut counts = [Counts::default(); 2];
+        for (i, occlusion) in [Occlusion::Off, Occlusion::On].into_iter().enumerate() {
+            let settings = Settings {
+                occlusion,
+                ..settings
+            };
+            counts[i] = self.0[i].draw(view, &settings).unwrap().counts;
+            pictures.push(self.0[i].read(view).unwrap());
+        }
+        let differing = differing(&pictures[0], &pictures[1]);
+        assert_eq!(differing, 0, "{what}: {counts:?}");
+        let [off, on] = counts;
+        assert_eq!(off.hidden, 0, "{what}");
+        assert!(on.splats <= off.splats, "{what}");
+        // What is left out is counted; some of it would have been left out for having no area.
+        assert!(on.splats + on.hidden >= off.splats, "{what}: {counts:?}");
+        assert_eq!(on.triangles, off.triangles, "{what}");
+        counts
+    }
+}
+
+/// The same on the device and on the mirror, on an orbit forward and back.
+#[test]
+fn no_bit_of_a_picture_changes_on_an_orbit() {
+    let Some(device) = Device::open() else { return };
+    let backends = [Backend::Device(device.gpu().clone()), Backend::Mirror];
+    for (shape, culling) in [(Shape::Statue, Culling::Auto), (Shape::Torus, Culling::Off)] {
+        let model = generated(shape, 100_000);
+        let mut hidden = 0;
+        for backend in &backends {
+            let is_mirror = matches!(backend, Backend::Mirror);
+            let mut pair = Pair::new(backend, &model, (150, 130));
+            for (method, splat, path) in LOOKS {
+                if is_mirror && path == Path::Raster {
+                    continue;
+                }
+                for threshold_px in [1.0, 2.5] {
+                    let settings = Settings {
+                        method,
+                        splat,
+                        path,
+                        threshold_px,
+                        culling,
+                        ..Settings::default()
+                    };
+                    let azimuths = if is_mirror {
+                        [10.0; 1].to_vec()
+                    } else {
+                        vec![10.0, 13.0, 10.0]
+                    };
+                    for azimuth in azimuths {
+                        let view = orbit(&model, (150, 130), azimuth, 20.0, 1.0);
+                        let what = format!(
+                            "{} {shape:?} {culling:?} {method:?} {splat:?} {path:?} {threshold_px} {azimuth}",
+                            backend.name()
+                        );
+                        let [_, on] = pair.assert_same(&view, settings, &what);
+                        hidden += on.hidden;
+                    }
+                }
+            }
+        }
+        assert!(hidden > 50_000, "{shape:?}: {hidden}");
+    }
+}
+
+/// Every scene that methods fail at: thin plates, sheets close behind one another, cameras inside, points, slivers, what
+/// crosses the near plane, large coordinates.
+#[test]
+fn no_bit_of_any_scene_changes() {
+    let Some(device) = Device::open() else { return };
+    let backend = Backend::Device(device.gpu().clone());
+    let mut hidden = 0;
+    for entry in scenes::ALL {
+        let scene = entry.make();
+        let model = build(scene.mesh);
+        let view = scene.camera.view(model.origin).unwrap();
+        let mut pair = Pair::new(&backend, &model, (view.width, view.height));
+        for (method, splat, path) in LOOKS {
+            let settings = Settings {
+                method,
+                splat,
+                path,
+                threshold_px: scene.threshold_px,
+                ..Settings::default()
+            };
+            let what = format!("{} {method:?} {splat:?} {path:?}", entry.name);
+            hidden += pair.assert_same(&view, settings, &what)[1].hidden;
+        }
+    }
+    assert!(hidden > 10_000, "{hidden}");
+}
+
+#[test]
+fn no_bit_changes_from_inside_mirrored_far_away_and_orthographic() {
+    let Some(device) = Device::open() else { return };
+    let backend = Backend::Device(device.gpu().clone());
+    let model = generated(Shape::Statue, 150_000);
+    let size = (150, 130);
+    let mut pair = Pair::new(&backend, &model, size);
+    let mut mirrored = orbit(&model, size, 30.0, 20.0, 1.0);
+    mirrored.scale[0] = -mirrored.scale[0];
+    mirrored.offset[0] = -mirrored.offset[0];
+    let inside = Camera::look_at(
+        size,
+        DVec3::new(0.0, 0.0, 0.66),
+        DVec3::new(0.4, 0.2, 0.0),
+        DVec3::Y,
+        1.0,
+        (0.01, 5.0),
+    );
+    let mut views = vec![
+        ("mirrored", mirrored),
+        ("inside", inside.view(model.origin).unwrap()),
+        ("far", orbit(&model, size, 30.0, 20.0, 0.05)),
+        ("near", orbit(&model, size, 30.0, 20.0, 12.0)),
+    ];
+    let mut parallel = orbit(&model, size, 30.0, 20.0, 1.0);
+    parallel.is_perspective = false;
+    parallel.scale = [0.9 / model.orbit_radius; 2];
+    parallel.offset = [0.1, -0.05];
+    views.push(("orthographic", parallel));
+    for (name, view) in views {
+        for (method, splat, path) in LOOKS {
+            let settings = Settings {
+                method,
+                splat,
+                path,
+                culling: Culling::Off,
+                ..Settings::default()
+            };
+            let what = format!("{name} {method:?} {splat:?} {path:?}");
+            pair.assert_same(&view, settings, &what);
+        }
+    }
+}
+
+#[test]
+fn no_bit_of_real_models_and_clouds_changes() {
+    let Some(device) = Device::open() else { return };
+    let backend = Backend::Device(device.gpu().clone());
+    let mut cloud = surfel::generate::mesh(
+        &surfel::generate::Spec::with_triangles(Shape::Statue, 100_000).unwrap(),
+    );
+    cloud.triangles.clear();
+    let mut models = vec![("cloud", build(cloud))];
+    for name in ["thesis/horse.ply", "meshes/ankylosaurus_mesh.ply.gz"] {
+        if common::models().is_some_and(|folder| folder.join(name).is_file()) {
+            models.extend(real(name).map(|model| (name, model)));
+        }
+    }
+    for (name, model) in &models {
+        let mut pair = Pair::new(&backend, model, (200, 200));
+        let mut hidden = 0;
+        for fill in [0.3, 1.0] {
+            let view = orbit(model, (200, 200), 200.0, -10.0, fill);
+            for (method, splat, path) in LOOKS {
+                let settings = Settings {
+                    method,
+                    splat,
+                    path,
+                    ..Settings::default()
+                };
+                let what = format!("{name} {method:?} {splat:?} {path:?} {fill}");
+                hidden += pair.assert_same(&view, settings, &what)[1].hidden;
+            }
+        }
+        assert!(hidden > 1000, "{name}: {hidden}");
+    }
+}
+
+/// What is left out is the same on device and mirror, and where it cannot be told, nothing is.
+#[test]
+fn splats_that_cover_what_cannot_be_told_hide_nothing() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 60_000);
+    let view = orbit(&model, (100, 100), 30.0, 20.0, 1.0);
+    let backends = [Backend::Device(device.gpu().clone()), Backend::Mirror];
+    let counts = |splat, blend, occlusion| {
+        let settings = Settings {
+            splat,
+            blend,
+            occlusion,
+            ..Settings::default()
+        };
+        backends.each_ref().map(|backend| {
+            let mut engine = Engine::new(backend, &model, (100, 100), Outputs::default()).unwrap();
+            engine.draw(&view, &settings).unwrap().counts
+        })
+    };
+    for (splat, blend) in [
+        (SplatKind::Ellipse, None),
+        (SplatKind::Gauss, None),
+        (SplatKind::Visibility, None),
+        (SplatKind::Filtered, None),
+        (SplatKind::Square, Some(Blend::TwoPass)),
+    ] {
+        for counts in counts(splat, blend, Occlusion::On) {
+            assert_eq!(counts.hidden, 0, "{splat:?}");
+        }
+    }
+    let [on_device, mirrored] = counts(SplatKind::Square, None, Occlusion::On);
+    assert_eq!(on_device.hidden, mirrored.hidden);
+    assert_eq!(on_device.splats, mirrored.splats);
+    let [auto, _] = counts(SplatKind::Square, None, Occlusion::Auto);
+    assert_eq!(auto, on_device);
+    let [off, _] = counts(SplatKind::Square, None, Occlusion::Off);
+    assert!(
+        2 * on_device.splats < off.splats,
+        "{on_device:?} of {off:?}"
+    );
+}
+
+fn footprints(undrawn: &Undrawn, side_px: f32) -> Footprints<'_> {
+    Footprints {
+        side_px,
+        are_discs: false,
+        large_leaves: false,
+        is_cloud: false,
+        undrawn,
+    }
+}
+
+/// A square of `cells` x `cells` x 2 triangles in the plane z, of half side `half`.
+fn plate(cells: u32, half: f32, z: f32) -> Mesh {
+    let at = |i: u32| (2.0 * i as f32 / cells as f32 - 1.0) * half;
+    let mut mesh = Mesh::default();
+    for j in 0..=cells {
+        mesh.positions
+            .extend((0..=cells).map(|i| Vec3::new(at(i), at(j), z)));
+    }
+    for j in 0..cells {
+        for i in 0..cells {
+            let a = j * (cells + 1) + i;
+            let (b, c, d) = (a + 1, a + cells + 1, a + cells + 2);
+            mesh.triangles.extend([[a, b, d], [a, d, c]]);
+        }
+    }
+    mesh
+}
+
+fn append(mesh: &mut Mesh, more: &Mesh) {
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend_from_slice(&more.positions);
+    let corners = more.triangles.iter().map(|t| t.map(|i| i + first));
+    mesh.triangles.extend(corners);
+}
+
+fn before(size: u32) -> View {
+    let camera = Camera::look_at(
+        (size, size),
+        DVec3::new(0.0, 0.0, 3.0),
+        DVec3::ZERO,
+        DVec3::Y,
+        0.8,
+        (0.1, 20.0),
+    );
+    camera.view(DVec3::ZERO).unwrap()
+}
+
+/// Where every leaf and node of a cut lies.
+fn depths(model: &Model, cut: &Cut) -> Vec<f32> {
+    let tree = &model.tree;
+    let nodes = cut.nodes.iter().map(|&id| tree.nodes[id as usize].center.z);
+    let rows = cut
+        .strips
+        .iter()
+        .map(|run| tree.nodes[run.node as usize].center.z);
+    let leaves = cut.leaves.iter().chain(&cut.triangles);
+    let leaves = leaves.map(|&id| tree.leaves[id as usize].center.z);
+    nodes.chain(rows).chain(leaves).collect()
+}
+
+/// Closed form: a dense plate that fills the view stands before a dense sphere and another plate: all that is left is the
+/// plate. Where the plate has no area, all is left.
+#[test]
+fn nothing_is_left_behind_a_plate_that_fills_the_view() {
+    let mut mesh = surfel::generate::mesh(
+        &surfel::generate::Spec::with_triangles(Shape::Sphere, 60_000).unwrap(),
+    );
+    mesh.normals.clear();
+    mesh.colors.clear();
+    append(&mut mesh, &plate(150, 4.0, -2.0));
+    let behind = build(mesh.clone());
+    append(&mut mesh, &plate(300, 2.0, 1.5));
+    let model = build(mesh);
+    let view = before(100);
+    let settings = surfel::cut::Settings {
+        threshold_px: 3.0,
+        ..surfel::cut::Settings::default()
+    };
+    let mut selector = Selector::with_threads(1);
+    let (mut all, mut seen) = (Cut::default(), Cut::default());
+    let undrawn = Undrawn::new(&model);
+    select(&model, &view, &settings, &mut all);
+    selector.select_seen(
+        &model,
+        &view,
+        &settings,
+        footprints(&undrawn, 3.0),
+        &mut seen,
+    );
+    assert!(depths(&model, &all).iter().filter(|z| **z < 1.4).count() > 1000);
+    let left = depths(&model, &seen);
+    assert!(left.len() > 1000, "the plate is there");
+    assert!(
+        left.iter().all(|z| *z > 1.4),
+        "{}",
+        left.iter().filter(|z| **z < 1.4).count()
+    );
+
+    // The same plate, each triangle three times one corner: it is in the cut, nothing is drawn for it, it hides nothing.
+    let mut flat = plate(300, 2.0, 1.5);
+    for triangle in &mut flat.triangles {
+        *triangle = [triangle[0]; 3];
+    }
+    let mut mesh = surfel::generate::mesh(
+        &surfel::generate::Spec::with_triangles(Shape::Sphere, 60_000).unwrap(),
+    );
+    mesh.normals.clear();
+    mesh.colors.clear();
+    append(&mut mesh, &plate(150, 4.0, -2.0));
+    append(&mut mesh, &flat);
+    let model = build(mesh);
+    let undrawn = Undrawn::new(&model);
+    assert_ne!(undrawn, Undrawn::new(&behind));
+    let backend = Backend::Mirror;
+    let mut pair = Pair::new(&backend, &model, (100, 100));
+    let look = Settings {
+        threshold_px: 3.0,
+        ..Settings::default()
+    };
+    let [off, _] = pair.assert_same(&view, look, "a plate without area");
+    assert!(off.splats > 1000);
+}
+
+/// However many threads there are, and whatever was drawn before.
+#[test]
+fn what_is_left_depends_on_nothing_but_the_view() {
+    let model = generated(Shape::Statue, 400_000);
+    let undrawn = Undrawn::new(&model);
+    let cut_of = |selector: &mut Selector, azimuth: f64, side_px: f32| {
+        let view = orbit(&model, (300, 300), azimuth, 20.0, 1.0);
+        let settings = Settings {
+            threshold_px: side_px,
+            ..Settings::default()
+        };
+        let with = plan::cut_settings(&settings, &model);
+        let mut cut = Cut::default();
+        selector.select_seen(
+            &model,
+            &view,
+            &with,
+            footprints(&undrawn, side_px),
+            &mut cut,
+        );
+        let mut all = Cut::default();
+        select(&model, &view, &with, &mut all);
+        let count = |cut: &Cut| {
+            let rows: u32 = cut.strips.iter().map(|run| run.count).sum();
+            (cut.nodes.len() + cut.leaves.len()) as u64 + u64::from(rows)
+        };
+        assert_eq!(count(&cut) + cut.stats.hidden, count(&all));
+        assert_eq!(cut.stats.visited, all.stats.visited);
+        assert_eq!(cut.triangles, all.triangles);
+        assert!(cut.nodes.is_sorted() && cut.leaves.is_sorted());
+        assert!(cut.strips.is_sorted_by_key(|run| run.node));
+        cut
+    };
+    for side_px in [1.0, 2.0] {
+        let expected = cut_of(&mut Selector::with_threads(1), 40.0, side_px);
+        assert!(expected.stats.hidden > 10_000);
+        for threads in [2, 3, 8] {
+            let mut selector = Selector::with_threads(threads);
+            for azimuth in [40.0, 41.0, 220.0, 40.0] {
+                let cut = cut_of(&mut selector, azimuth, side_px);
+                if azimuth == 40.0 {
+                    assert_eq!(cut, expected, "{threads} threads");
+                }
+            }
+        }
+    }
+}
