@@ -60,7 +60,7 @@ pub struct FilteredSplat {
     pub extent_and_side_px: [f32; 3],
 }
 
-/// What every pass of a frame knows, 208 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 216 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -93,6 +93,8 @@ pub struct FrameConstants {
     pub shininess: f32,
     /// Standard deviation of the Gaussian that fuzzy splats are widened by, pixels.
     pub low_pass_px: f32,
+    /// Distances along the view direction between which the ramp of colors by depth goes, view-space units.
+    pub depth_range: [f32; 2],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -207,6 +209,7 @@ same_layout!(
     specular = SPECULAR,
     shininess = SHININESS,
     low_pass_px = LOW_PASS_PX,
+    depth_range = DEPTH_RANGE,
 );
 same_layout!(
     ListConstants,

@@ -65,6 +65,7 @@ Examples:
   surfel render horse.ply -o turn.png --frames 36        writes turn-000.png to turn-035.png
   surfel render horse.ply --frames 36 --stats -          times only
   surfel render horse.ply -o horse.png --device mirror   without Vulkan
+  surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 
 /// Draw a model into a picture file.
@@ -99,6 +100,9 @@ pub(crate) struct Args {
     /// Look at the model's middle from azimuth and elevation in degrees; fill 1 has the bounding sphere fill the picture [default: 30,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
+    /// Draw the cut of this camera, which shows from elsewhere what it draws (--method pop and splats)
+    #[arg(long, value_name = "FILE")]
+    cut_camera: Option<PathBuf>,
     /// Write the camera that was used
     #[arg(long, value_name = "FILE")]
     save_camera: Option<PathBuf>,
@@ -357,6 +361,12 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     args.auto.check(args.look.is_auto())?;
     let mut settings = args.look.settings_to_choose()?;
     let read = args.camera.as_deref().map(read_camera).transpose()?;
+    let cut_camera = args.cut_camera.as_deref().map(read_camera).transpose()?;
+    if cut_camera.is_some() && (args.look.is_auto() || !settings.has_cut()) {
+        return Err(usage(
+            "--cut-camera: only --method pop and --method splats draw a cut",
+        ));
+    }
     let camera = read.or(camera);
     let ready = args.source.ready(quiet)?;
     let cameras = match camera {
@@ -378,6 +388,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         settings = args
             .auto
             .choose(settings, &backend, &ready, &views[0], quiet)?;
+    }
+    if let Some(camera) = cut_camera {
+        settings.cut_view = Some(camera.view(ready.model.origin)?);
     }
     if let Some(path) = &args.save_camera {
         let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;

@@ -33,10 +33,11 @@ use crate::abi::constants::FILTERED_SKIRT;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_center};
-use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source};
+use crate::draw::splats::pixels_of_unit;
+use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, falsecolor};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
-use crate::tree::{Model, Moments};
+use crate::tree::{Model, Moments, Tree};
 use glam::{Mat3, Vec3};
 
 /// Where most triangles have at most this diameter, triangles are drawn as splats: one sample a pixel says little of the
@@ -62,6 +63,8 @@ pub struct Shade {
     pub max_size_px: f32,
     /// Draw every triangle as a splat.
     pub splats_only: bool,
+    /// The view of the cut, where it is not the one that is drawn: nodes are as large as they are allowed to be there.
+    pub cut_view: Option<View>,
     /// Factor of the depth offset, see [`crate::method::Settings::depth_offset`].
     pub depth_offset: f32,
     /// What faces away is dropped; else both sides count.
@@ -146,6 +149,8 @@ struct Patch {
     is_triangle: bool,
     second_moment: Mat3,
     color: [u8; 4],
+    /// The node; none of a leaf.
+    node: Option<u32>,
     /// Nothing is known of its normals.
     is_bare: bool,
 }
@@ -191,6 +196,7 @@ impl Patch {
             is_triangle: false,
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
             color: attributes.color,
+            node: Some(id),
             is_bare: !attributes.has_normal(),
         }
     }
@@ -209,6 +215,7 @@ impl Patch {
             is_triangle: true,
             second_moment: Mat3::from_cols(vector_area * s.x, vector_area * s.y, vector_area * s.z),
             color,
+            node: None,
             is_bare: false,
         }
     }
@@ -239,6 +246,7 @@ impl Patch {
             is_triangle: true,
             second_moment: Mat3::from_cols(n * n.x, n * n.y, n * n.z) * area,
             color: point.color,
+            node: None,
             is_bare,
         }
     }
@@ -246,6 +254,7 @@ impl Patch {
 
 /// The part of the frame that every splat needs.
 struct Eye<'a> {
+    tree: &'a Tree,
     view: &'a View,
     shade: Shade,
     /// Pixels of a model unit at distance 1 (perspective), or everywhere.
@@ -255,6 +264,8 @@ struct Eye<'a> {
     /// To the right and up in the picture, unit vectors in model space.
     right: Vec3,
     up: Vec3,
+    /// [`falsecolor::depth_range`].
+    depth_range: [f32; 2],
     /// What surfaces make of the lamp, and the lamp; none with the headlight.
     lamp: Option<(Phong, Source)>,
 }
@@ -325,15 +336,25 @@ impl Eye<'_> {
         } else {
             self.focal_px * self.focal_px * front
         };
-        let base = match self.shade.color_by {
-            ColorBy::Primitive => [1.0, 0.2, 0.2],
-            ColorBy::Shading | ColorBy::Classification if self.shade.use_colors => {
-                [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0)
-            }
-            ColorBy::Shading | ColorBy::Classification => [1.0; 3],
+        let own = || [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0);
+        let lit = |base: [f32; 3]| base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0));
+        let color = match self.shade.color_by {
+            ColorBy::Primitive => lit([1.0, 0.2, 0.2]),
+            ColorBy::Shading | ColorBy::Classification if self.shade.use_colors => lit(own()),
+            ColorBy::Shading | ColorBy::Classification => lit([1.0; 3]),
+            ColorBy::Level => falsecolor::of_item(self.tree, patch.node),
+            ColorBy::Normal => falsecolor::of_normal(self.normal(patch)),
+            ColorBy::Depth => falsecolor::of_depth(view.distance(center), self.depth_range),
         };
         let limit = (self.shade.max_size_px - MARGIN_PX).max(1.0);
-        let diameter = size.diameter_px.min(limit);
+        let node_px = match &self.shade.cut_view {
+            Some(of_cut) => {
+                let grown = pixels_of_unit(view, center) / pixels_of_unit(of_cut, center);
+                self.shade.side_px * grown
+            }
+            None => 0.0,
+        };
+        let diameter = size.diameter_px.max(node_px).min(limit);
         // Area in the mean plane, and pixels of a model unit there.
         let area = size.share * patch.vector_area.length().max(front);
         let scale = self.focal_px / z;
@@ -356,10 +377,19 @@ impl Eye<'_> {
         Some(FilteredSplat {
             center,
             offset: self.offset_px * side * z / (2.0 * self.focal_px) / facing,
-            color: base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0)),
+            color,
             area_px: size.share * area_px,
             extent_and_side_px: [extent(self.right), extent(self.up), side],
         })
+    }
+
+    /// The mean shading normal of a patch, zero where there is none.
+    fn normal(&self, patch: &Patch) -> Vec3 {
+        match patch.node {
+            _ if patch.is_bare => Vec3::ZERO,
+            Some(id) => octahedral::decode(self.tree.attributes[id as usize].normal),
+            None => patch.normals.normalize_or_zero(),
+        }
     }
 
     /// The factor of the albedo and the highlight of a patch whose fronts and backs cover `both` as seen along `v`.
@@ -420,6 +450,7 @@ pub fn splats(
     let tree = &model.tree;
     let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
     let eye = Eye {
+        tree,
         view,
         shade,
         focal_px: if view.is_perspective {
@@ -430,6 +461,7 @@ pub fn splats(
         offset_px: shade.depth_offset,
         right: axis(0),
         up: axis(1),
+        depth_range: falsecolor::depth_range(model, view),
         lamp: match shade.light {
             Lighting::Headlight => None,
             Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),

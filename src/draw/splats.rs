@@ -3,7 +3,7 @@
 
 use crate::abi::{Splat, Vertex, WeightedSplat};
 use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center};
-use crate::draw::Footprint;
+use crate::draw::{Footprint, falsecolor};
 use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::tree::{Leaf, Model, Node};
@@ -22,6 +22,10 @@ pub struct Plan {
     pub draws_large_leaves: bool,
     /// Standard deviation of the Gaussian that footprints are widened by, pixels.
     pub low_pass_px: f32,
+    /// Color by level of the tree.
+    pub by_level: bool,
+    /// The view of the cut, where it is not the one that is drawn: splats without a size of their own have that of there.
+    pub cut_view: Option<View>,
     /// Largest point that the device draws, pixels.
     pub max_point_px: f32,
 }
@@ -57,6 +61,15 @@ impl Record for WeightedSplat {
 const SLACK_PX: f32 = 1.0;
 
 impl Plan {
+    /// The color of a splat of a node (none: of a leaf) whose own color is `color`.
+    fn color_of(&self, model: &Model, node: Option<u32>, color: [u8; 4]) -> [u8; 4] {
+        if self.by_level {
+            falsecolor::of_record(&model.tree, node, color)
+        } else {
+            color
+        }
+    }
+
     /// Whether every splat of a cut of this plan is smaller than the largest point, so that none is looked at.
     ///
     /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
@@ -64,6 +77,7 @@ impl Plan {
     fn fits_always(&self, model: &Model) -> bool {
         self.bound_px() <= self.max_point_px
             && !self.draws_large_leaves
+            && self.cut_view.is_none()
             && (self.footprint != Footprint::Oriented || self.size == SizeMetric::Exact)
             && !model.triangles.is_empty()
     }
@@ -161,7 +175,7 @@ pub fn pack<R: Record>(
             center: node.center,
             radius: own(a.splat_radius),
             normal: a.normal,
-            color: a.color,
+            color: plan.color_of(model, Some(id), a.color),
         };
         writer.write(splat, a.area);
     }
@@ -172,7 +186,7 @@ pub fn pack<R: Record>(
         let normal = octahedral::decode(a.normal);
         for i in 0..count {
             let center = strip_center(node, count, i);
-            let [r, g, b, alpha] = a.color;
+            let [r, g, b, alpha] = plan.color_of(model, Some(id), a.color);
             // The slab lies around the node's center, and its thickness counts in the radii of the ball.
             let half =
                 thickness_of(alpha) * a.splat_radius + normal.dot(center - node.center).abs();
@@ -191,6 +205,7 @@ pub fn pack<R: Record>(
     } else {
         &[]
     };
+    let of_cut = plan.cut_view.as_ref().unwrap_or(view);
     for (ids, is_large) in [(cut.leaves.as_slice(), false), (large, true)] {
         for &leaf in ids {
             let sphere = &leaves[leaf as usize];
@@ -217,10 +232,11 @@ pub fn pack<R: Record>(
                     (splat, -1.0)
                 }
             };
+            splat.color = plan.color_of(model, None, splat.color);
             // A square or circle has the threshold's size unless its leaf is larger.
             if !is_oriented
                 && sphere.radius > 0.0
-                && writer.side_px(sphere.center, sphere.radius) > plan.threshold_px
+                && 2.0 * sphere.radius * pixels_of_unit(of_cut, sphere.center) > plan.threshold_px
             {
                 splat.radius = sphere.radius;
             }
@@ -279,6 +295,16 @@ fn alpha_of(thickness: f32) -> u8 {
     255 - (thickness.clamp(0.0, 1.0) * 254.0).ceil().min(254.0) as u8
 }
 
+/// Pixels of a unit of the model, parallel to the picture, at the depth of a point.
+pub(super) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
+    let z = if view.is_perspective {
+        view.distance(at).max(view.near)
+    } else {
+        1.0
+    };
+    view.focal_px() * view.model_scale / z
+}
+
 struct Writer<'a, R> {
     out: &'a mut [R],
     end: usize,
@@ -293,9 +319,14 @@ struct Writer<'a, R> {
 
 impl<R: Record> Writer<'_, R> {
     #[inline]
-    fn write(&mut self, splat: Splat, area: f32) {
+    fn write(&mut self, mut splat: Splat, area: f32) {
         if area == 0.0 && self.has_triangles {
             return;
+        }
+        if let Some(of_cut) = &self.plan.cut_view
+            && splat.radius <= 0.0
+        {
+            splat.radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
         }
         let at = if self.is_checked && !self.fits(&splat) {
             self.packed.quads += 1;
@@ -309,13 +340,7 @@ impl<R: Record> Writer<'_, R> {
 
     /// Diameter in pixels of a ball at the depth of its center.
     fn side_px(&self, center: Vec3, radius: f32) -> f32 {
-        let view = self.view;
-        let z = if view.is_perspective {
-            view.distance(center).max(view.near)
-        } else {
-            1.0
-        };
-        2.0 * view.focal_px() * radius * view.model_scale / z
+        2.0 * radius * pixels_of_unit(self.view, center)
     }
 
     /// Whether the footprint is surely smaller than the largest point. A point q of the disc around c is at most r

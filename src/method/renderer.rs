@@ -23,7 +23,7 @@ use super::triangles::{self, Variant};
 use super::visibility::Visibility;
 use super::{Method, Settings};
 use crate::cut::{self, Cut};
-use crate::draw::Lighting;
+use crate::draw;
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
 use crate::gpu::image::Image as Target;
@@ -172,9 +172,10 @@ impl Renderer {
                 0
             },
             background: settings.background,
-            cull_back: settings.culls_back(model.is_closed),
+            cull_back: settings.draws_fronts_only(model.is_closed),
             is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
             light: settings.light.in_model(model.origin),
+            depth_range: draw::falsecolor::depth_range(model, view),
         }
     }
 
@@ -272,7 +273,7 @@ impl Renderer {
         settings: &Settings,
     ) -> Result<(), Error> {
         let normals = self.outputs.normal;
-        let lamp = settings.light != Lighting::Headlight;
+        let lamp = !settings.has_headlight();
         if settings.method == Method::Triangles {
             scene.ensure_indices(model)?;
         }

@@ -101,7 +101,7 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     model(ui, state);
     let mut settings = *state.settings;
     heading(ui, "Drawing");
-    drawing(ui, &mut settings, state);
+    drawing(ui, &mut settings, state, wishes);
     heading(ui, "Look");
     let mut light = state.light;
     look(ui, &mut settings, &mut light);
@@ -218,7 +218,7 @@ fn choose<T: Copy + PartialEq>(
     ui.end_row();
 }
 
-fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
+fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>, wishes: &mut Vec<Wish>) {
     ui.horizontal(|ui| {
         for (method, name, tip) in choices::METHODS {
             ui.selectable_value(&mut settings.method, *method, *name)
@@ -322,6 +322,17 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
             "What the size of a node on screen is (E)",
         );
     });
+    let mut holds_cut = settings.cut_view.is_some();
+    ui.add_enabled_ui(settings.has_cut(), |ui| {
+        let tip = "Keep drawing what this view asks for, to look at it from elsewhere (Y)";
+        let change = ui
+            .checkbox(&mut holds_cut, "hold the cut")
+            .on_hover_text(tip)
+            .on_disabled_hover_text(tip);
+        if change.changed() {
+            wishes.push(Wish::Command(Command::HoldCut));
+        }
+    });
     if let Some((px, ..)) = state.control
         && px > settings.threshold_px
     {
@@ -385,7 +396,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
             "color by",
             choices::COLORS_BY,
             &mut settings.color_by,
-            "What decides the color (C)",
+            "What decides the color (C, Shift C)",
         );
         let tip = "Color behind the model (I: black, gray, white)";
         ui.label("background").on_hover_text(tip);

@@ -16,7 +16,6 @@ use super::targets::{Context, Targets};
 use super::triangles::targets;
 use super::{Blend, Method, Path, Settings, SplatKind};
 use crate::abi::shaders;
-use crate::draw::Lighting;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::frame::{Frame, Load, Uniform};
@@ -66,8 +65,8 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
         || settings.blend() != Blend::Opaque
     {
         "it draws the squares of pop that are not blended"
-    } else if settings.light != Lighting::Headlight {
-        "it knows the headlight only"
+    } else if !settings.has_headlight() {
+        "it knows the headlight only, and no colors by level, normal or depth"
     } else if settings.threshold_px > LARGEST_SQUARE_PX {
         "squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels"
     } else if !info.has_int64_atomics {

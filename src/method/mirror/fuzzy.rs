@@ -199,9 +199,9 @@ fn share(frame: &Frame, kind: Kind, position: DVec3, normal: DVec3, color: DVec3
         };
     }
     let color = match (frame.style.color_by, kind) {
-        (ColorBy::Shading | ColorBy::Classification, _) => color,
         (ColorBy::Primitive, Kind::Triangle) => DVec3::new(0.2, 0.35, 1.0),
         (ColorBy::Primitive, Kind::Splat) => DVec3::new(1.0, 0.2, 0.2),
+        _ => color,
     };
     let view = frame.view.view_from_model.as_dmat4();
     let in_view = view.transform_vector3(normal) / f64::from(frame.view.model_scale);

@@ -46,11 +46,12 @@ impl Renderer {
         let mut times = FrameTimes::default();
         let cut = Stage::Cut.begin();
         let cut_settings = cut_settings(settings, model);
+        let of_cut = settings.view_of_cut(view);
         let foreseen_ms = match self.foreseen.take() {
-            Some((of, with, ms, _)) if of == *view && with == cut_settings => ms,
+            Some((of, with, ms, _)) if of == *of_cut && with == cut_settings => ms,
             other => {
                 self.selector
-                    .select(model, view, &cut_settings, &mut self.cut);
+                    .select(model, of_cut, &cut_settings, &mut self.cut);
                 other.map_or(0.0, |(_, _, ms, _)| ms)
             }
         };

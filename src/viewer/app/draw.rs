@@ -94,6 +94,10 @@ impl App {
             settings.splat = SplatKind::Disc;
             (settings.blend, settings.shading) = (None, Shading::PerSplat);
         }
+        if settings.holds_cut() {
+            settings.threshold_px = self.held_px;
+            return (settings, None);
+        }
         let is_planned = is_new_picture && self.is_moving();
         let camera = self.camera();
         if let (Some(control), Some(camera)) = (&mut self.control, camera)
@@ -194,6 +198,9 @@ impl App {
             self.is_dirty = shown == Shown::Again;
             if orbit_is_there && shown == Shown::Frame {
                 self.frames += 1;
+                if self.wants_screenshot {
+                    self.numbered_screenshot()?;
+                }
                 if !self.is_preview {
                     self.good = Some(self.settings);
                     self.after_frame()?;
