@@ -273,13 +273,17 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>, wishes: &mut
                     .smallest_positive(0.25)
                     .show_value(false);
                 ui.spacing_mut().slider_width = 78.0;
-                ui.add(slider).on_hover_text(tip);
+                ui.add(slider)
+                    .on_hover_text(tip)
+                    .on_disabled_hover_text(tip);
                 let value = DragValue::new(&mut settings.threshold_px)
                     .range(0.0..=4096.0)
                     .speed(0.02)
                     .max_decimals(2)
                     .suffix(" px");
-                ui.add(value).on_hover_text(tip);
+                ui.add(value)
+                    .on_hover_text(tip)
+                    .on_disabled_hover_text(tip);
             });
         });
         ui.end_row();
@@ -306,6 +310,7 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>, wishes: &mut
                     && ui
                         .small_button("usual")
                         .on_hover_text("Back to the usual one of the kind of splat (O)")
+                        .on_disabled_hover_text("Back to the usual one of the kind of splat (O)")
                         .clicked()
                 {
                     settings.depth_offset = None;
@@ -448,3 +453,6 @@ fn frame(ui: &mut Ui, state: &State<'_>) {
         ui.label("flying: W A S D, E up, Q down, G ends");
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -318,6 +318,7 @@ impl Screen {
             splats: foreseen.counts.splats,
             triangles: foreseen.counts.triangles,
             by_compute: foreseen.by_compute,
+            counted: 0,
         }
     }
 

@@ -118,7 +118,11 @@ impl App {
             };
             settings.threshold_px = px.max(settings.threshold_px);
             // Of the drawn frame only this is comparable with what is foreseen of others.
-            let work = is_new_picture.then(|| self.screen.foresee(&settings, &camera));
+            let counted = if is_planned { control.counted() } else { 0 };
+            let work = is_new_picture.then(|| Work {
+                counted,
+                ..self.screen.foresee(&settings, &camera)
+            });
             return (settings, work);
         }
         (settings, None)
