@@ -179,6 +179,30 @@ fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
     path.with_file_name(format!("{stem}-{frame:0digits$}.{extension}"))
 }
 
+/// The size of the picture, and a camera file.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct CameraArgs {
+    /// Size of the picture in pixels [default: 500x500, or the camera's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Camera file to begin with (JSON: width, height, view, proj)
+    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
+    camera: Option<PathBuf>,
+}
+
+impl CameraArgs {
+    /// The camera of the file, in the size asked for; none where an orbit decides.
+    pub(crate) fn read(&self) -> Result<Option<Camera>, Failure> {
+        let camera = self.camera.as_deref().map(read_camera).transpose()?;
+        camera.map(|camera| resized(camera, self.size)).transpose()
+    }
+
+    /// The size asked for.
+    pub(crate) fn size(&self) -> Option<(u32, u32)> {
+        self.size
+    }
+}
+
 /// The camera of `orbit` for a model.
 pub(crate) fn orbit_camera(
     ready: &Ready,
@@ -207,7 +231,7 @@ pub(crate) fn read_camera(path: &Path) -> Result<Camera, Failure> {
 }
 
 /// The camera of a file, in the size asked for.
-pub(crate) fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failure> {
+fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failure> {
     if let Some((width, height)) = size {
         if u64::from(width) * u64::from(camera.height)
             != u64::from(height) * u64::from(camera.width)
@@ -284,17 +308,7 @@ impl Args {
                 "nothing to write: give -o FILE.png (or --depth, --normals, --coverage, --stats)",
             ));
         }
-        for (i, path) in paths.iter().enumerate() {
-            let is_model = **path == self.source.model && **path != Path::new("-");
-            if paths[..i].contains(path) || is_model {
-                return Err(usage(format!(
-                    "{} would be written over by another output of this run, or is its model",
-                    path.display()
-                )));
-            }
-            super::require_folder(path)?;
-        }
-        Ok(())
+        super::check_outputs(&paths, &self.source.model)
     }
 
     fn wants_picture(&self) -> bool {

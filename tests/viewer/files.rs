@@ -165,11 +165,11 @@ fn a_picture_that_is_asked_for_together_with_a_move_shows_the_move() {
         format!(r#"{{"step":1,"time":1,"event":{{"loaded":"{model}"}}}}"#),
         key(2, r#"{"char":"p"}"#),
         key(2, r#"{"pad":3}"#),
-        key(3, r#"{"pad":7}"#),
+        key(3, r#"{"pad":1}"#),
         key(3, r#"{"char":"p"}"#),
         key(4, r#"{"char":"p"}"#),
         key(5, r#"{"char":"y"}"#),
-        key(5, r#"{"pad":1}"#),
+        key(5, r#"{"pad":3}"#),
         key(5, r#"{"char":"p"}"#),
         key(6, r#"{"char":"y"}"#),
         key(6, r#"{"char":"p"}"#),
@@ -182,16 +182,16 @@ fn a_picture_that_is_asked_for_together_with_a_move_shows_the_move() {
         .arg(file("input.jsonl"));
     command.current_dir(folder.path()).env_remove("DISPLAY");
     must_succeed(&run(&mut command));
-    let camera = file("top.json");
+    let camera = file("front.json");
     let save = ["--save-camera", camera.to_str().unwrap()];
     let held = ["--cut-camera", camera.to_str().unwrap()];
     let mut pictures = Vec::new();
     for (index, orbit, more) in [
         (0, "30,20,1", &[][..]),
-        (1, "0,90,1", &save),
-        (2, "0,90,1", &[]),
-        (3, "0,0,1", &held),
-        (4, "0,0,1", &[]),
+        (1, "0,0,1", &save),
+        (2, "0,0,1", &[]),
+        (3, "90,0,1", &held),
+        (4, "90,0,1", &[]),
     ] {
         let words = ["--size", "240x180", "--orbit", orbit];
         let drawn = render(&[&look[..], &words, more].concat(), &file("drawn.png"));
