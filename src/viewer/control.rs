@@ -22,9 +22,9 @@ use std::collections::VecDeque;
 /// Largest threshold that is chosen, pixels (theirs).
 pub const COARSEST_PX: f32 = 50.0;
 /// A frame foreseen to miss the wanted time by less than this share keeps the threshold of the one before.
-const DEAD_BAND: f64 = 0.045;
+const DEAD_BAND: f64 = 0.05;
 /// The search for another threshold ends at this share.
-const AIM: f64 = 0.02;
+const AIM: f64 = 0.03;
 /// The largest squares that compute draws may take so much longer: one size up takes far longer.
 const EDGE_BAND: f64 = 0.1;
 /// Cuts that are counted for a frame at most.
