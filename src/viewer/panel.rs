@@ -418,10 +418,12 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
         });
         ui.end_row();
     });
-    ui.checkbox(&mut settings.two_sided, "light both sides")
-        .on_hover_text("Light both sides of a surface, or fronts only (U)");
-    ui.checkbox(&mut settings.use_colors, "vertex colors")
-        .on_hover_text("Multiply by the colors of the vertices (V)");
+    ui.horizontal(|ui| {
+        ui.checkbox(&mut settings.two_sided, "light both sides")
+            .on_hover_text("Light both sides of a surface, or fronts only (U)");
+        ui.checkbox(&mut settings.use_colors, "vertex colors")
+            .on_hover_text("Multiply by the colors of the vertices (V)");
+    });
 }
 
 fn frame(ui: &mut Ui, state: &State<'_>) {
