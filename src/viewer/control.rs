@@ -22,9 +22,9 @@ use std::collections::VecDeque;
 /// Largest threshold that is chosen, pixels (theirs).
 pub const COARSEST_PX: f32 = 50.0;
 /// A frame foreseen to miss the wanted time by less than this share keeps the threshold of the one before.
-const DEAD_BAND: f64 = 0.05;
+const DEAD_BAND: f64 = 0.045;
 /// The search for another threshold ends at this share.
-const AIM: f64 = 0.03;
+const AIM: f64 = 0.02;
 /// The largest squares that compute draws may take so much longer: one size up takes far longer.
 const EDGE_BAND: f64 = 0.1;
 /// Cuts that are counted for a frame at most.
@@ -69,28 +69,24 @@ pub struct Work {
     pub counted: u64,
 }
 
-/// What nodes visited, triangles and pixels of splats take, in splats of no size.
+/// What nodes visited and triangles take, in splats.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Weights {
     visited: f64,
     triangle: f64,
-    /// A pixel of a splat of the threshold's size.
-    pixel: f64,
 }
 
 impl Weights {
     const USUAL: Self = Self {
         visited: 0.05,
         triangle: 1.5,
-        pixel: 0.0,
     };
 
-    /// All of the work, drawn with a threshold of `px`, in one number.
-    fn units(self, work: &Work, px: f32) -> f64 {
+    /// All of the work in one number: a splat is 1.
+    fn units(self, work: &Work) -> f64 {
         let visited = self.visited * work.visited as f64;
         let triangles = self.triangle * work.triangles as f64;
-        let splat = 1.0 + self.pixel * f64::from(px).powi(2);
-        let drawn = visited + splat * work.splats as f64 + triangles;
+        let drawn = visited + work.splats as f64 + triangles;
         (drawn + COUNTED * work.counted as f64).max(1.0)
     }
 }
@@ -237,9 +233,7 @@ impl Control {
         let of = |by_compute: bool, is_wanted: &dyn Fn(&Frame) -> bool| {
             let frames = &self.ways[usize::from(by_compute)].frames;
             let rates = frames.iter().rev().filter(|f| is_wanted(f)).take(RATES);
-            let rates: Vec<f64> = rates
-                .map(|f| f.ms / self.weights.units(&f.work, f.px))
-                .collect();
+            let rates: Vec<f64> = rates.map(|f| f.ms / self.weights.units(&f.work)).collect();
             (!rates.is_empty()).then(|| median(rates))
         };
         let is_near = |f: &Frame| (NEAR.recip()..=NEAR).contains(&(f.px / px));
@@ -274,7 +268,7 @@ impl Control {
                 let rate = self.rate(px, by_compute).unwrap_or(0.0);
                 self.target_ms / rate.max(1e-12)
             };
-            let units = self.weights.units(&now, px);
+            let units = self.weights.units(&now);
             let share = (units / wanted(now.by_compute)).max(1e-6);
             let is_largest = now.by_compute && px == edge && share > 1.0;
             let is_held = (share - aim).abs() <= allowed;
@@ -300,7 +294,7 @@ impl Control {
             let other = work(next);
             let steps = f64::from(next / px).ln();
             if steps.abs() > 1e-3 && other.by_compute == now.by_compute {
-                let change = self.weights.units(&other, next) / units;
+                let change = self.weights.units(&other) / units;
                 self.ways[usize::from(now.by_compute)].power =
                     (-change.ln() / steps).clamp(0.7, 4.0);
             }
@@ -364,7 +358,7 @@ impl Control {
                 let rates = way
                     .frames
                     .iter()
-                    .map(|f| (f.ms / weights.units(&f.work, f.px)).ln());
+                    .map(|f| (f.ms / weights.units(&f.work)).ln());
                 let (count, mean) = rates.clone().fold((0.0, 0.0), |(n, m), r| (n + 1.0, m + r));
                 let mean = mean / f64::max(count, 1.0);
                 // A frame that waited for something must not decide.
@@ -376,16 +370,10 @@ impl Control {
         let (mut best, mut least) = (self.weights, BETTER * now);
         for triangle in [0.4, 0.75, 1.5, 3.0, 6.0, 12.0] {
             for visited in [0.0, 0.05, 0.2] {
-                for pixel in [0.0, 0.003, 0.01, 0.03, 0.1] {
-                    let weights = Weights {
-                        visited,
-                        triangle,
-                        pixel,
-                    };
-                    let value = disagreement(weights);
-                    if value < least {
-                        (best, least) = (weights, value);
-                    }
+                let weights = Weights { visited, triangle };
+                let value = disagreement(weights);
+                if value < least {
+                    (best, least) = (weights, value);
                 }
             }
         }

@@ -182,25 +182,6 @@ fn what_a_triangle_takes_is_learned() {
 }
 
 #[test]
-fn what_the_pixels_of_splats_take_is_learned() {
-    // Blended splats: the larger, the longer each takes. Without that, twice the threshold would seem to be much less work.
-    let work = |px: f32| Work {
-        splats: (1e6 / f64::from(px).powf(1.4)) as u64,
-        ..Work::default()
-    };
-    let ms = |px: f32| 2e-4 * work(px).splats as f64 * (1.0 + 0.01 * f64::from(px).powi(2));
-    let mut control = Control::new(TARGET, 1.0);
-    for i in 0..60 {
-        let px = 2.0 + 0.1 * i as f32;
-        control.frame(px, &work(px), ms(px));
-    }
-    control.moved();
-    let px = control.plan(work);
-    let foreseen = ms(px) / TARGET;
-    assert!((foreseen - 1.0).abs() < 0.1, "{foreseen} at {px}");
-}
-
-#[test]
 fn one_slow_frame_changes_nothing() {
     let device = Device::reaching(2.0, 0.15);
     let mut control = Control::new(TARGET, 1.0);
