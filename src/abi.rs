@@ -64,7 +64,7 @@ pub struct FilteredSplat {
     pub unused: u32,
 }
 
-/// What every pass of a frame knows, 208 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 216 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -97,6 +97,8 @@ pub struct FrameConstants {
     pub shininess: f32,
     /// Standard deviation of the Gaussian that fuzzy splats are widened by, pixels.
     pub low_pass_px: f32,
+    /// Distances along the view direction between which the ramp of colors by depth goes, view-space units.
+    pub depth_range: [f32; 2],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -213,6 +215,7 @@ same_layout!(
     specular = SPECULAR,
     shininess = SHININESS,
     low_pass_px = LOW_PASS_PX,
+    depth_range = DEPTH_RANGE,
 );
 same_layout!(
     ListConstants,

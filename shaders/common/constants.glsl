@@ -18,6 +18,12 @@ const float LEAST_BACK = 0.2;
 const float FULL_HIGHLIGHT = 0.1;
 // Frame flag: visibility splats show the class of each pixel instead of its color.
 const uint FLAG_COLOR_BY_CLASSIFICATION = 128u;
+// Frame flag: levels of the tree as colors, without light.
+const uint FLAG_COLOR_BY_LEVEL = 256u;
+// Frame flag: normals as colors, without light.
+const uint FLAG_COLOR_BY_NORMAL = 512u;
+// Frame flag: depth as color, without light.
+const uint FLAG_COLOR_BY_DEPTH = 1024u;
 // Diffuse albedo.
 const float ALBEDO = 0.8;
 // A pixel of fuzzy splats shows something when the sum of its weights is at least this.

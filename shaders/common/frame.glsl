@@ -26,4 +26,6 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     float shininess;
     // Standard deviation of the Gaussian that fuzzy splats are widened by, pixels.
     float low_pass_px;
+    // Distances along the view direction between which the ramp of FLAG_COLOR_BY_DEPTH goes, view-space units.
+    vec2 depth_range;
 } frame;

@@ -1,5 +1,6 @@
 // What light makes of a surface: the default shading 0.8 |n . l|, light in the eye (or parallel to the view
 // direction), or one lamp; the equation of the latter is in src/draw/light.rs.
+#include "common/falsecolor.glsl"
 #include "common/frame.glsl"
 
 // Color of the surface itself. `tint` is the color used when coloring by primitive.
@@ -66,8 +67,12 @@ bool is_turned_when_deferred(bool has_lamp, float facing) {
     return (frame.flags & FLAG_TWO_SIDED) != 0u && is_back;
 }
 
-// A surface point in whatever light the frame has: what a method calls that shades whole splats.
+// A surface point in whatever light the frame has, or as the data that the frame shows: what a method calls that shades
+// whole splats.
 vec3 shade_at(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
+    if (shows_data()) {
+        return data_color(position_in_view, normal, color);
+    }
     if ((frame.flags & FLAG_PHONG) != 0u) {
         return phong(position_in_view, normal, color, tint);
     }
@@ -75,8 +80,9 @@ vec3 shade_at(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
 }
 
 // The same for a pixel of a surface, whose position is that of gl_FragCoord. The direction to the headlight depends
-// on the pixel alone, so no position is interpolated. `has_lamp` is a specialization constant that says what FLAG_PHONG
-// says: a device that does not skip branches takes three times as long for the headlight if it must ask the flag.
+// on the pixel alone, so no position is interpolated. `has_lamp` is a specialization constant that says whether it is
+// anything but the headlight (a lamp, or data): a device that does not skip branches takes three times as long for the
+// headlight if it must ask the flags. The surface is that of a triangle.
 vec3 shade_pixel(bool has_lamp, vec4 frag_coord, vec3 normal, vec3 color, vec3 tint) {
     vec2 at = frag_coord.xy * frame.ray_scale + frame.ray_offset;
     if (has_lamp) {
@@ -84,6 +90,9 @@ vec3 shade_pixel(bool has_lamp, vec4 frag_coord, vec3 normal, vec3 color, vec3 t
         vec3 position_in_view = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u
             ? vec3(at, depth_in_view)
             : vec3(at, -1.0) / frag_coord.w;
+        if (shows_data()) {
+            return data_color(position_in_view, normal, ramp(1.0));
+        }
         return phong(position_in_view, normal, color, tint);
     }
     vec3 l = vec3(0.0, 0.0, 1.0);

@@ -174,11 +174,18 @@ impl From<SizeName> for SizeMetric {
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum ColorByName {
     /// Light and vertex colors
+    #[value(alias = "none")]
     Shading,
     /// Splats red, triangles blue
     Primitive,
     /// With --splat visibility: foreground white, holes gray, holes out of reach of any foreground red
     Classification,
+    /// Levels of the tree, not lit: the root dark, leaves and triangles bright (--method pop and splats)
+    Level,
+    /// Normals in the axes of the world, not lit: (n + 1) / 2 as red, green, blue
+    Normal,
+    /// Distance along the view direction, not lit: the near side of the bounding sphere bright, the far one dark
+    Depth,
 }
 
 /// How the model is drawn.
@@ -364,12 +371,16 @@ impl LookArgs {
                 ColorByName::Shading => ColorBy::Shading,
                 ColorByName::Primitive => ColorBy::Primitive,
                 ColorByName::Classification => ColorBy::Classification,
+                ColorByName::Level => ColorBy::Level,
+                ColorByName::Normal => ColorBy::Normal,
+                ColorByName::Depth => ColorBy::Depth,
             },
             light: self.light.lighting()?,
             two_sided: !self.one_sided,
             use_colors: !self.no_colors,
             background: self.background,
             size: self.size_metric.into(),
+            cut_view: None,
         })
     }
 }

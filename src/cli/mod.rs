@@ -316,6 +316,22 @@ pub(crate) fn say(line: &str) {
     let _ = std::io::stderr().write_all(format!("{line}\n").as_bytes());
 }
 
+/// Fails at once, before minutes of work, when an output of a command would be written over by another of its outputs or over
+/// its model, or into a folder that is not there.
+pub(crate) fn check_outputs(paths: &[&std::path::PathBuf], model: &Path) -> Outcome {
+    for (i, path) in paths.iter().enumerate() {
+        let is_model = path.as_path() == model && path.as_path() != Path::new("-");
+        if paths[..i].contains(path) || is_model {
+            return Err(usage(format!(
+                "{} would be written over by another output of this run, or is its model",
+                path.display()
+            )));
+        }
+        require_folder(path)?;
+    }
+    Ok(())
+}
+
 /// Fails at once, before minutes of work, when the folder that `path` is to be written to is not there.
 pub(crate) fn require_folder(path: &Path) -> Outcome {
     let folder = folder_of(path);

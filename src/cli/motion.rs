@@ -2,9 +2,7 @@
 
 use super::look::LookArgs;
 use super::progress::Bar;
-use super::render::{
-    DeviceArgs, orbit_cameras, parse_orbit, parse_size, read_camera, resized, validated,
-};
+use super::render::{CameraArgs, DeviceArgs, orbit_cameras, parse_orbit, validated};
 use super::source::Source;
 use super::stats::{device_of, settings_of};
 use super::{Failure, Outcome, print, usage, write_text};
@@ -88,12 +86,8 @@ pub(crate) struct Args {
     /// Write one row a step, comma-separated; - for standard output
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
-    /// Size of the picture in pixels [default: 500x500, or the camera's]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    size: Option<(u32, u32)>,
-    /// Camera file to begin at (JSON: width, height, view, proj)
-    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
-    camera: Option<PathBuf>,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Where the path begins [default: 30,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
@@ -136,18 +130,8 @@ impl Args {
                 self.pop_level
             )));
         }
-        for path in [&self.json, &self.csv].into_iter().flatten() {
-            if *path == self.source.model && *path != Path::new("-") {
-                return Err(usage(format!(
-                    "{} is the model of this run",
-                    path.display()
-                )));
-            }
-            super::require_folder(path)?;
-        }
-        if self.json.is_some() && self.json == self.csv {
-            return Err(usage("--json and --csv name one file"));
-        }
+        let paths: Vec<&PathBuf> = [&self.json, &self.csv].into_iter().flatten().collect();
+        super::check_outputs(&paths, &self.source.model)?;
         if let Some(folder) = &self.output {
             // Now, and not after minutes of work.
             std::fs::create_dir_all(folder).map_err(|e| {
@@ -211,7 +195,7 @@ fn name(settings: &Settings) -> String {
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let mut subjects = args.subjects()?;
-    let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    let camera = args.camera.read()?;
     let ready = args.source.ready(quiet)?;
     let model = &ready.model;
     if model.triangles.is_empty() {
@@ -220,8 +204,8 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     let fits_planes = camera.is_none();
     let start = match camera {
-        Some(camera) => resized(camera, args.size)?,
-        None => orbit_cameras(&ready, args.size, args.orbit, 1).remove(0),
+        Some(camera) => camera,
+        None => orbit_cameras(&ready, args.camera.size(), args.orbit, 1).remove(0),
     };
     let steps = Steps {
         path: args.along.into(),

@@ -2,9 +2,7 @@
 
 use super::look::LookArgs;
 use super::progress::Bar;
-use super::render::{
-    DeviceArgs, orbit_cameras, parse_orbit, parse_size, read_camera, resized, validated,
-};
+use super::render::{CameraArgs, DeviceArgs, orbit_cameras, parse_orbit, validated};
 use super::source::{Ready, Source};
 use super::stats::{device_of, settings_of};
 use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
@@ -51,12 +49,8 @@ pub(crate) struct Args {
     /// Write a trace for Perfetto or chrome://tracing; - for standard output
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Size of the picture in pixels [default: 500x500, or the camera's]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    size: Option<(u32, u32)>,
-    /// Camera file (JSON: width, height, view, proj)
-    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
-    camera: Option<PathBuf>,
+    #[command(flatten)]
+    camera: CameraArgs,
     /// Where the orbit begins, its elevation and its fill [default: 0,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
@@ -84,17 +78,7 @@ impl Args {
             .into_iter()
             .flatten()
             .collect();
-        for (i, path) in paths.iter().enumerate() {
-            let is_model = **path == self.source.model && **path != Path::new("-");
-            if paths[..i].contains(path) || is_model {
-                return Err(usage(format!(
-                    "{} would be written over by another output of this run, or is its model",
-                    path.display()
-                )));
-            }
-            super::require_folder(path)?;
-        }
-        Ok(())
+        super::check_outputs(&paths, &self.source.model)
     }
 
     /// Whether standard output is taken by data for programs.
@@ -107,11 +91,11 @@ impl Args {
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
-    let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    let camera = args.camera.read()?;
     let ready = args.source.ready(quiet)?;
     let cameras = match camera {
-        Some(camera) => vec![resized(camera, args.size)?; args.frames as usize],
-        None => orbit_cameras(&ready, args.size, args.orbit, args.frames),
+        Some(camera) => vec![camera; args.frames as usize],
+        None => orbit_cameras(&ready, args.camera.size(), args.orbit, args.frames),
     };
     let size = (cameras[0].width, cameras[0].height);
     let views = cameras

@@ -65,6 +65,7 @@ Examples:
   surfel render horse.ply -o turn.png --frames 36        writes turn-000.png to turn-035.png
   surfel render horse.ply --frames 36 --stats -          times only
   surfel render horse.ply -o horse.png --device mirror   without Vulkan
+  surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 
 /// Draw a model into a picture file.
@@ -99,6 +100,9 @@ pub(crate) struct Args {
     /// Look at the model's middle from azimuth and elevation in degrees; fill 1 has the bounding sphere fill the picture [default: 30,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
+    /// Draw the cut of this camera, which shows from elsewhere what it draws (--method pop and splats)
+    #[arg(long, value_name = "FILE")]
+    cut_camera: Option<PathBuf>,
     /// Write the camera that was used
     #[arg(long, value_name = "FILE")]
     save_camera: Option<PathBuf>,
@@ -175,6 +179,30 @@ fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
     path.with_file_name(format!("{stem}-{frame:0digits$}.{extension}"))
 }
 
+/// The size of the picture, and a camera file.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct CameraArgs {
+    /// Size of the picture in pixels [default: 500x500, or the camera's]
+    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    size: Option<(u32, u32)>,
+    /// Camera file to begin with (JSON: width, height, view, proj)
+    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
+    camera: Option<PathBuf>,
+}
+
+impl CameraArgs {
+    /// The camera of the file, in the size asked for; none where an orbit decides.
+    pub(crate) fn read(&self) -> Result<Option<Camera>, Failure> {
+        let camera = self.camera.as_deref().map(read_camera).transpose()?;
+        camera.map(|camera| resized(camera, self.size)).transpose()
+    }
+
+    /// The size asked for.
+    pub(crate) fn size(&self) -> Option<(u32, u32)> {
+        self.size
+    }
+}
+
 /// The camera of `orbit` for a model.
 pub(crate) fn orbit_camera(
     ready: &Ready,
@@ -203,7 +231,7 @@ pub(crate) fn read_camera(path: &Path) -> Result<Camera, Failure> {
 }
 
 /// The camera of a file, in the size asked for.
-pub(crate) fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failure> {
+fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failure> {
     if let Some((width, height)) = size {
         if u64::from(width) * u64::from(camera.height)
             != u64::from(height) * u64::from(camera.width)
@@ -280,17 +308,7 @@ impl Args {
                 "nothing to write: give -o FILE.png (or --depth, --normals, --coverage, --stats)",
             ));
         }
-        for (i, path) in paths.iter().enumerate() {
-            let is_model = **path == self.source.model && **path != Path::new("-");
-            if paths[..i].contains(path) || is_model {
-                return Err(usage(format!(
-                    "{} would be written over by another output of this run, or is its model",
-                    path.display()
-                )));
-            }
-            super::require_folder(path)?;
-        }
-        Ok(())
+        super::check_outputs(&paths, &self.source.model)
     }
 
     fn wants_picture(&self) -> bool {
@@ -357,6 +375,12 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     args.auto.check(args.look.is_auto())?;
     let mut settings = args.look.settings_to_choose()?;
     let read = args.camera.as_deref().map(read_camera).transpose()?;
+    let cut_camera = args.cut_camera.as_deref().map(read_camera).transpose()?;
+    if cut_camera.is_some() && (args.look.is_auto() || !settings.has_cut()) {
+        return Err(usage(
+            "--cut-camera: only --method pop and --method splats draw a cut",
+        ));
+    }
     let camera = read.or(camera);
     let ready = args.source.ready(quiet)?;
     let cameras = match camera {
@@ -378,6 +402,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         settings = args
             .auto
             .choose(settings, &backend, &ready, &views[0], quiet)?;
+    }
+    if let Some(camera) = cut_camera {
+        settings.cut_view = Some(camera.view(ready.model.origin)?);
     }
     if let Some(path) = &args.save_camera {
         let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;

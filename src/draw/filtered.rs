@@ -36,10 +36,11 @@ use crate::abi::constants::FILTERED_SKIRT;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::cut::{Cut, StripRun, strip_center};
 use crate::draw::parts::{self, Sink};
-use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source};
+use crate::draw::splats::pixels_of_unit;
+use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, falsecolor};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
-use crate::tree::{Leaf, Model};
+use crate::tree::{Leaf, Model, Tree};
 use glam::Vec3;
 use patch::{Patch, in_pieces, mean_color};
 use prefetch_index::prefetch_index;
@@ -73,6 +74,8 @@ pub struct Shade {
     pub max_size_px: f32,
     /// Draw every triangle as a splat.
     pub splats_only: bool,
+    /// The view of the cut, where it is not the one that is drawn: nodes are as large as they are allowed to be there.
+    pub cut_view: Option<View>,
     /// Factor of the depth offset, see [`crate::method::Settings::depth_offset`].
     pub depth_offset: f32,
     /// What faces away is dropped; else both sides count.
@@ -153,6 +156,7 @@ pub fn splat_count(cut: &Cut, first_large: FirstLarge) -> usize {
 
 /// The part of the frame that every splat needs.
 struct Eye<'a> {
+    tree: &'a Tree,
     view: &'a View,
     shade: Shade,
     /// Pixels of a model unit at distance 1 (perspective), or everywhere.
@@ -162,6 +166,8 @@ struct Eye<'a> {
     /// To the right and up in the picture, unit vectors in model space.
     right: Vec3,
     up: Vec3,
+    /// [`falsecolor::depth_range`].
+    depth_range: [f32; 2],
     /// What surfaces make of the lamp, and the lamp; none with the headlight.
     lamp: Option<(Phong, Source)>,
 }
@@ -232,15 +238,25 @@ impl Eye<'_> {
         } else {
             self.focal_px * self.focal_px * front
         };
-        let base = match self.shade.color_by {
-            ColorBy::Primitive => [1.0, 0.2, 0.2],
-            ColorBy::Shading | ColorBy::Classification if self.shade.use_colors => {
-                [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0)
-            }
-            ColorBy::Shading | ColorBy::Classification => [1.0; 3],
+        let own = || [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0);
+        let lit = |base: [f32; 3]| base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0));
+        let color = match self.shade.color_by {
+            ColorBy::Primitive => lit([1.0, 0.2, 0.2]),
+            ColorBy::Shading | ColorBy::Classification if self.shade.use_colors => lit(own()),
+            ColorBy::Shading | ColorBy::Classification => lit([1.0; 3]),
+            ColorBy::Level => falsecolor::of_item(self.tree, patch.node),
+            ColorBy::Normal => falsecolor::of_normal(self.normal(patch)),
+            ColorBy::Depth => falsecolor::of_depth(view.distance(center), self.depth_range),
         };
         let limit = (self.shade.max_size_px - MARGIN_PX).max(1.0);
-        let diameter = size.diameter_px.min(limit);
+        let node_px = match &self.shade.cut_view {
+            Some(of_cut) => {
+                let grown = pixels_of_unit(view, center) / pixels_of_unit(of_cut, center);
+                self.shade.side_px * grown
+            }
+            None => 0.0,
+        };
+        let diameter = size.diameter_px.max(node_px).min(limit);
         // Area in the mean plane, and pixels of a model unit there.
         let area = size.share * patch.vector_area.length().max(front);
         let scale = self.focal_px / z;
@@ -263,8 +279,8 @@ impl Eye<'_> {
         Some(FilteredSplat {
             center,
             offset: self.offset_px
-                * Self::depth_range(patch, side * z / (2.0 * self.focal_px), facing, size.is_own),
-            color: base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0)),
+                * Self::depth_reach(patch, side * z / (2.0 * self.focal_px), facing, size.is_own),
+            color,
             area_px: size.share * area_px,
             extent_px: [extent(self.right), extent(self.up)],
             side_px: side,
@@ -276,7 +292,7 @@ impl Eye<'_> {
     /// world: as far as the plane falls off over that length, a little for what is next to a patch and not parallel to
     /// it, and their thickness along the ray; at most what a sphere of that radius takes, which a triangle has that is
     /// drawn as one large splat.
-    fn depth_range(patch: &Patch, half: f32, facing: f32, is_own: bool) -> f32 {
+    fn depth_reach(patch: &Patch, half: f32, facing: f32, is_own: bool) -> f32 {
         if is_own {
             return half / facing;
         }
@@ -285,6 +301,15 @@ impl Eye<'_> {
         let range =
             half * (tangent + neighbors) + OFFSET_OF_THICKNESS * patch.half_thickness / facing;
         range.min(half / facing)
+    }
+
+    /// The mean shading normal of a patch, zero where there is none.
+    fn normal(&self, patch: &Patch) -> Vec3 {
+        match patch.node {
+            _ if patch.is_bare => Vec3::ZERO,
+            Some(id) => octahedral::decode(self.tree.attributes[id as usize].normal),
+            None => patch.normals.normalize_or_zero(),
+        }
     }
 
     /// The factor of the albedo and the highlight of a patch whose fronts and backs cover `both` as seen along `v`.
@@ -344,6 +369,7 @@ pub fn splats(
 ) -> usize {
     let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
     let eye = Eye {
+        tree: &model.tree,
         view,
         shade,
         focal_px: if view.is_perspective {
@@ -354,6 +380,7 @@ pub fn splats(
         offset_px: shade.depth_offset,
         right: axis(0),
         up: axis(1),
+        depth_range: falsecolor::depth_range(model, view),
         lamp: match shade.light {
             Lighting::Headlight => None,
             Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),

@@ -1,5 +1,6 @@
 //! Draw lists: the cut as plain arrays of the records in [`crate::abi`], the same bytes for device and mirror.
 
+pub mod falsecolor;
 pub mod filtered;
 mod light;
 pub mod pack;
@@ -75,6 +76,8 @@ pub struct Style {
     pub background: [f32; 3],
     /// What decides the color.
     pub color_by: ColorBy,
+    /// [`falsecolor::depth_range`] of [`ColorBy::Depth`].
+    pub depth_range: [f32; 2],
     /// Draw no triangle that shows its back (clockwise on the screen).
     pub cull_back_faces: bool,
     /// How surfaces are lit; positions in model space.
@@ -97,6 +100,7 @@ impl Default for Style {
             is_deferred: false,
             background: [0.0; 3],
             color_by: ColorBy::Shading,
+            depth_range: [0.0, 1.0],
             cull_back_faces: false,
             light: Lighting::Headlight,
             two_sided: true,
@@ -133,4 +137,19 @@ pub enum ColorBy {
     /// What visibility splatting made of each pixel: foreground (the center of a splat, or a triangle) white; holes
     /// gray, red where no foreground was within reach; background as it is. No other splats have these classes.
     Classification,
+    /// The level of a node in the tree, from the root (dark) to the leaves and triangles (bright), without light
+    /// ([`falsecolor`]). Only what has a cut has levels.
+    Level,
+    /// The normal in model space, (n + 1) / 2, without light; gray where there is none.
+    Normal,
+    /// The distance along the view direction, from the near side of the model's bounding sphere (bright) to the far one
+    /// (dark), without light. A splat has that of its center.
+    Depth,
+}
+
+impl ColorBy {
+    /// Whether the color is data that no light changes.
+    pub fn is_data(self) -> bool {
+        matches!(self, Self::Level | Self::Normal | Self::Depth)
+    }
 }

@@ -3,8 +3,8 @@
 
 use crate::abi::{Splat, Vertex, WeightedSplat};
 use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center};
-use crate::draw::Footprint;
 use crate::draw::parts::{self, Sink};
+use crate::draw::{Footprint, falsecolor};
 use crate::math::camera::View;
 use crate::math::octahedral;
 use crate::tree::{Leaf, Model, Node, NodeAttributes};
@@ -24,6 +24,10 @@ pub struct Plan {
     pub draws_large_leaves: bool,
     /// Standard deviation of the Gaussian that footprints are widened by, pixels.
     pub low_pass_px: f32,
+    /// Color by level of the tree.
+    pub by_level: bool,
+    /// The view of the cut, where it is not the one that is drawn: splats without a size of their own have that of there.
+    pub cut_view: Option<View>,
     /// Largest point that the device draws, pixels.
     pub max_point_px: f32,
 }
@@ -59,6 +63,15 @@ impl Record for WeightedSplat {
 const SLACK_PX: f32 = 1.0;
 
 impl Plan {
+    /// The color of a splat of a node (none: of a leaf) whose own color is `color`.
+    fn color_of(&self, model: &Model, node: Option<u32>, color: [u8; 4]) -> [u8; 4] {
+        if self.by_level {
+            falsecolor::of_record(&model.tree, node, color)
+        } else {
+            color
+        }
+    }
+
     /// Whether every splat of a cut of this plan is smaller than the largest point, so that none is looked at.
     ///
     /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
@@ -66,6 +79,7 @@ impl Plan {
     fn fits_always(&self, model: &Model) -> bool {
         self.bound_px() <= self.max_point_px
             && !self.draws_large_leaves
+            && self.cut_view.is_none()
             && (self.footprint != Footprint::Oriented || self.size == SizeMetric::Exact)
             && !model.triangles.is_empty()
     }
@@ -232,6 +246,16 @@ fn alpha_of(thickness: f32) -> u8 {
     255 - (thickness.clamp(0.0, 1.0) * 254.0).ceil().min(254.0) as u8
 }
 
+/// Pixels of a unit of the model, parallel to the picture, at the depth of a point.
+pub(super) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
+    let z = if view.is_perspective {
+        view.distance(at).max(view.near)
+    } else {
+        1.0
+    };
+    view.focal_px() * view.model_scale / z
+}
+
 struct Writer<'a> {
     model: &'a Model,
     view: &'a View,
@@ -257,7 +281,7 @@ impl Writer<'_> {
                 center: nodes[id as usize].center,
                 radius: self.own(a.splat_radius),
                 normal: a.normal,
-                color: a.color,
+                color: self.plan.color_of(self.model, Some(id), a.color),
             };
             self.write(splat, a.area, sink);
         }
@@ -277,7 +301,7 @@ impl Writer<'_> {
             let normal = octahedral::decode(a.normal);
             for i in 0..count {
                 let center = strip_center(node, count, i);
-                let [r, g, b, alpha] = a.color;
+                let [r, g, b, alpha] = self.plan.color_of(self.model, Some(id), a.color);
                 // The slab lies around the node's center, and its thickness counts in the radii of the ball.
                 let half =
                     thickness_of(alpha) * a.splat_radius + normal.dot(center - node.center).abs();
@@ -296,6 +320,7 @@ impl Writer<'_> {
     fn leaves<R: Record>(&self, ids: &[u32], is_large: bool, sink: &mut Sink<'_, R>) {
         let model = self.model;
         let leaves: &[Leaf] = &model.tree.leaves;
+        let of_cut = self.plan.cut_view.as_ref().unwrap_or(self.view);
         for (index, &leaf) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + parts::AHEAD) {
                 prefetch_index(leaves, next as usize);
@@ -331,10 +356,12 @@ impl Writer<'_> {
                     (splat, -1.0)
                 }
             };
+            splat.color = self.plan.color_of(model, None, splat.color);
             // A square or circle has the threshold's size unless its leaf is larger.
             if !self.is_oriented
                 && sphere.radius > 0.0
-                && self.side_px(sphere.center, sphere.radius) > self.plan.threshold_px
+                && 2.0 * sphere.radius * pixels_of_unit(of_cut, sphere.center)
+                    > self.plan.threshold_px
             {
                 splat.radius = sphere.radius;
             }
@@ -348,9 +375,14 @@ impl Writer<'_> {
     }
 
     #[inline]
-    fn write<R: Record>(&self, splat: Splat, area: f32, sink: &mut Sink<'_, R>) {
+    fn write<R: Record>(&self, mut splat: Splat, area: f32, sink: &mut Sink<'_, R>) {
         if area == 0.0 && self.has_triangles {
             return;
+        }
+        if let Some(of_cut) = &self.plan.cut_view
+            && splat.radius <= 0.0
+        {
+            splat.radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
         }
         let record = R::new(splat, area);
         if self.is_checked && !self.fits(&splat) {
@@ -362,13 +394,7 @@ impl Writer<'_> {
 
     /// Diameter in pixels of a ball at the depth of its center.
     fn side_px(&self, center: Vec3, radius: f32) -> f32 {
-        let view = self.view;
-        let z = if view.is_perspective {
-            view.distance(center).max(view.near)
-        } else {
-            1.0
-        };
-        2.0 * view.focal_px() * radius * view.model_scale / z
+        2.0 * radius * pixels_of_unit(self.view, center)
     }
 
     /// Whether the footprint is surely smaller than the largest point. A point q of the disc around c is at most r

@@ -176,7 +176,10 @@ impl MirrorEngine {
         let start = Instant::now();
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
-        let style = style(settings, model);
+        let style = Style {
+            depth_range: draw::falsecolor::depth_range(model, view),
+            ..style(settings, model)
+        };
         let used = &model.vertices[..model.used_vertices as usize];
         let mut splats = Vec::new();
         let mut filtered = Vec::new();
@@ -285,7 +288,7 @@ impl MirrorEngine {
     }
 }
 
-/// How primitives look under `settings`.
+/// How primitives look under `settings`, but for [`Style::depth_range`].
 pub fn style(settings: &Settings, model: &Model) -> Style {
     Style {
         splat_size_px: settings.threshold_px.max(1.0),
@@ -295,7 +298,9 @@ pub fn style(settings: &Settings, model: &Model) -> Style {
         is_deferred: settings.shading == Shading::Deferred,
         background: settings.background,
         color_by: settings.color_by,
-        cull_back_faces: settings.culls_back(model.is_closed),
+        // Of the frame, whose camera is not known here.
+        depth_range: Style::default().depth_range,
+        cull_back_faces: settings.draws_fronts_only(model.is_closed),
         light: settings.light.in_model(model.origin),
         two_sided: settings.two_sided,
         use_colors: settings.use_colors,

@@ -19,10 +19,11 @@ const LARGEST_HIDDEN_PX: [f32; 2] = [2.0, 4.0];
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away.
 pub fn for_view(settings: &Settings, model: &Model, view: &View) -> Settings {
+    let of_cut = settings.view_of_cut(view);
     let is_inside = settings.culling == Culling::Auto
         && model.is_closed
-        && view.is_perspective
-        && model.surrounds(view.eye);
+        && of_cut.is_perspective
+        && model.surrounds(of_cut.eye);
     Settings {
         culling: if is_inside {
             Culling::Off
@@ -84,15 +85,20 @@ pub(super) fn select<'a>(
     into: &mut cut::Cut,
 ) {
     let with = &cut_settings(settings, model);
+    let of_cut = settings.view_of_cut(view);
     match footprints(settings, model, undrawn) {
-        Some(footprints) => selector.select_seen(model, view, with, footprints, into),
-        None => selector.select(model, view, with, into),
+        // From elsewhere what the cut's own view does not show is seen.
+        Some(footprints) if !settings.holds_cut() => {
+            selector.select_seen(model, of_cut, with, footprints, into);
+        }
+        _ => selector.select(model, of_cut, with, into),
     }
 }
 
 /// No splat is larger than this, pixels: infinite where splats have sizes of their own.
 pub(super) fn largest_splat_px(model: &Model, settings: &Settings) -> f32 {
-    if settings.method == Method::Splats || (settings.has_cut() && model.triangles.is_empty()) {
+    let have_own = settings.method == Method::Splats || settings.holds_cut();
+    if have_own || (settings.has_cut() && model.triangles.is_empty()) {
         f32::INFINITY
     } else {
         settings.threshold_px.max(1.0)
@@ -135,6 +141,8 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> draw::splats::Plan 
         size: settings.size,
         draws_large_leaves: settings.method == Method::Splats,
         low_pass_px: settings.low_pass_px(),
+        by_level: settings.color_by == ColorBy::Level,
+        cut_view: settings.cut_view,
         max_point_px,
     }
 }
@@ -145,11 +153,12 @@ pub fn filtered_shade(
     model: &Model,
     max_size_px: f32,
 ) -> draw::filtered::Shade {
-    let cull_back = cut_settings(settings, model).cull_back;
+    let cull_back = settings.draws_fronts_only(model.is_closed) && !model.triangles.is_empty();
     draw::filtered::Shade {
         side_px: settings.threshold_px.max(1.0),
         max_size_px,
         splats_only: settings.method == Method::Splats,
+        cut_view: settings.cut_view,
         // Both sides of a part are near the front at its rim: a smaller offset keeps the far one out.
         depth_offset: settings
             .depth_offset
@@ -176,6 +185,12 @@ pub fn check(
         return Err(Error::Unsupported {
             what: "the classification of pixels",
             why: "only visibility splats have one; add --splat visibility".into(),
+        });
+    }
+    if settings.color_by == ColorBy::Level && !settings.has_cut() {
+        return Err(Error::Unsupported {
+            what: "color by level",
+            why: "only what is drawn from the tree has levels; use --method pop or splats".into(),
         });
     }
     let is_device = max_size_px.is_finite();
@@ -225,6 +240,10 @@ fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
             refuse("deferred shading", "use --blend two-pass")
         }
         Blend::Opaque => Ok(()),
+        _ if settings.shading == Shading::Deferred && settings.color_by.is_data() => refuse(
+            "deferred shading",
+            "colors by level, normal and depth are not lit; leave --shading deferred out",
+        ),
         _ => Ok(()),
     }
 }
@@ -286,6 +305,18 @@ pub(super) fn frame_constants(
             constants::FLAG_COLOR_BY_CLASSIFICATION,
         ),
         (
+            settings.color_by == ColorBy::Level,
+            constants::FLAG_COLOR_BY_LEVEL,
+        ),
+        (
+            settings.color_by == ColorBy::Normal,
+            constants::FLAG_COLOR_BY_NORMAL,
+        ),
+        (
+            settings.color_by == ColorBy::Depth,
+            constants::FLAG_COLOR_BY_DEPTH,
+        ),
+        (
             view.light == Light::Directional || !view.is_perspective,
             constants::FLAG_PARALLEL_LIGHT,
         ),
@@ -339,5 +370,6 @@ pub(super) fn frame_constants(
         specular: phong.specular,
         shininess: phong.shininess,
         low_pass_px: settings.low_pass_px(),
+        depth_range: context.depth_range,
     }
 }

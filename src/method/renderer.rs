@@ -23,7 +23,7 @@ use super::triangles::{self, Variant};
 use super::visibility::Visibility;
 use super::{Method, Occlusion, Settings};
 use crate::cut::{self, Cut};
-use crate::draw::{ColorBy, Lighting};
+use crate::draw::{self, ColorBy};
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
 use crate::gpu::image::Image as Target;
@@ -178,9 +178,10 @@ impl Renderer {
             },
             rect_px: compute::rect::rect_px(model, view, largest_px / 2.0 + 3.0),
             background: settings.background,
-            cull_back: settings.culls_back(model.is_closed),
+            cull_back: settings.draws_fronts_only(model.is_closed),
             is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
             light: settings.light.in_model(model.origin),
+            depth_range: draw::falsecolor::depth_range(model, view),
         }
     }
 
@@ -278,7 +279,7 @@ impl Renderer {
         settings: &Settings,
     ) -> Result<(), Error> {
         let normals = self.outputs.normal;
-        let lamp = settings.light != Lighting::Headlight;
+        let lamp = !settings.has_headlight();
         if settings.method == Method::Triangles {
             scene.ensure_indices(model)?;
         }
@@ -295,7 +296,7 @@ impl Renderer {
         let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets)?;
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
         let is_gray =
-            settings.color_by != ColorBy::Primitive && !(settings.use_colors && scene.has_colors);
+            settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);
         if by_compute && is_opaque && self.small.is_none() {
             self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
         }

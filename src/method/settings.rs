@@ -2,6 +2,7 @@
 
 use crate::cut::SizeMetric;
 use crate::draw::{ColorBy, Footprint, Lighting};
+use crate::math::camera::View;
 
 /// How the model is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -165,6 +166,10 @@ pub struct Settings {
     pub background: [f32; 3],
     /// What "projected diameter" means.
     pub size: SizeMetric,
+    /// Draw the cut of this view, held while the camera looks at it from elsewhere; none: that of the view which is drawn.
+    /// Splats have the size in the model that they have in that view, and what it does not see is not there. Methods without
+    /// a cut draw as ever.
+    pub cut_view: Option<View>,
 }
 
 impl Default for Settings {
@@ -188,11 +193,17 @@ impl Default for Settings {
             use_colors: true,
             background: [0.0; 3],
             size: SizeMetric::Exact,
+            cut_view: None,
         }
     }
 }
 
 impl Settings {
+    /// Whether the headlight and nothing else decides how bright a surface is: no lamp, and no data as colors.
+    pub fn has_headlight(&self) -> bool {
+        self.light == Lighting::Headlight && !self.color_by.is_data()
+    }
+
     /// Whether what faces away is dropped for a model that is closed or not, seen from outside.
     pub fn culls_back(&self, is_closed: bool) -> bool {
         match self.culling {
@@ -200,6 +211,21 @@ impl Settings {
             Culling::On => true,
             Culling::Off => false,
         }
+    }
+
+    /// Whether only what faces the eye is drawn: where the cut drops what faces away, unless it is looked at from elsewhere.
+    pub fn draws_fronts_only(&self, is_closed: bool) -> bool {
+        self.culls_back(is_closed) && !self.holds_cut()
+    }
+
+    /// Whether the cut is that of another view.
+    pub fn holds_cut(&self) -> bool {
+        self.cut_view.is_some() && self.has_cut()
+    }
+
+    /// The view whose cut is drawn in `view`.
+    pub fn view_of_cut<'a>(&'a self, view: &'a View) -> &'a View {
+        self.cut_view.as_ref().unwrap_or(view)
     }
 
     /// Whether any splat is drawn.

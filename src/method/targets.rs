@@ -81,6 +81,8 @@ pub(crate) struct Context {
     pub(crate) is_mirrored: bool,
     /// Positions in model space.
     pub(crate) light: Lighting,
+    /// Of colors by depth.
+    pub(crate) depth_range: [f32; 2],
 }
 
 impl Context {

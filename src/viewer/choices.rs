@@ -156,6 +156,21 @@ pub const COLORS_BY: &[Choice<ColorBy>] = &[
         "classification",
         "Of visibility splats: centers white, holes gray, what stays a hole red",
     ),
+    (
+        ColorBy::Level,
+        "level",
+        "Levels of the tree: the root dark, leaves and triangles bright",
+    ),
+    (
+        ColorBy::Normal,
+        "normal",
+        "Normals: x, y and z as red, green and blue",
+    ),
+    (
+        ColorBy::Depth,
+        "depth",
+        "Distance: near is bright, far dark",
+    ),
 ];
 
 /// The backgrounds that a key goes through.

@@ -6,10 +6,16 @@
 //! of the coming frame is counted before it is drawn, and the last frames say what a unit of work takes. The threshold
 //! stays as it is while the foreseen time is near the wanted one, so noise moves nothing.
 //!
+//! Small squares are drawn by compute and larger ones by the rasterizer, which takes several times as long for each, so
+//! the time of a frame jumps where the threshold crosses that size. What a unit takes, and how the work goes with the
+//! threshold, is kept for each of the two ways. Cuts that are counted and not drawn take time as well; they count as work
+//! of the frame that they are made for.
+//!
 //! A frame that draws nothing takes time too, but how much cannot be told from frames that are all held at the same
 //! time (tried: the estimate drifts to all of it, and thresholds swing). So all time counts as work: a correction comes
 //! out too small rather than too large, and the next frames make up for it.
 
+use crate::method::LARGEST_COMPUTE_SQUARE_PX;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -18,17 +24,28 @@ pub const COARSEST_PX: f32 = 50.0;
 /// A frame foreseen to miss the wanted time by less than this share keeps the threshold of the one before.
 const DEAD_BAND: f64 = 0.045;
 /// The search for another threshold ends at this share.
-const AIM: f64 = 0.015;
+const AIM: f64 = 0.02;
+/// The largest squares that compute draws may take so much longer: one size up takes far longer.
+const EDGE_BAND: f64 = 0.1;
 /// Cuts that are counted for a frame at most.
 const MOST_CUTS: usize = 4;
+/// What a node takes that is visited for a cut which is not drawn, in splats.
+const COUNTED: f64 = 0.05;
+/// A frame is made shorter for such cuts by at most this part: so much less than the dead band that the next frame, which
+/// has none, is still in it.
+const MOST_LOST: f64 = 0.02;
+/// A splat of the rasterizer over one by compute, until frames of both were seen.
+const USUAL_RATIO: f64 = 1.6;
 /// Factor of the threshold from step to step at rest (theirs).
 const REFINE: f32 = 0.7;
 /// Frames whose median says what a unit of work takes.
 const RATES: usize = 9;
 /// A threshold that differs by less than this factor is about the same.
 const NEAR: f32 = 1.6;
-/// Frames that are kept.
+/// Frames that are kept of each of the two ways.
 const FRAMES: usize = 96;
+/// What was drawn within so many frames tells more than what was drawn before.
+const RECENT: u64 = 40;
 /// Frames from which on weights are chosen by them.
 const LEAST_FRAMES: usize = 10;
 /// Other weights must leave less than this part of what is not explained.
@@ -48,6 +65,8 @@ pub struct Work {
     pub triangles: u64,
     /// Small ones are drawn by compute: a unit takes another time then.
     pub by_compute: bool,
+    /// Nodes that cuts looked at which were counted for this frame and not drawn.
+    pub counted: u64,
 }
 
 /// What nodes visited and triangles take, in splats.
@@ -67,7 +86,8 @@ impl Weights {
     fn units(self, work: &Work) -> f64 {
         let visited = self.visited * work.visited as f64;
         let triangles = self.triangle * work.triangles as f64;
-        (visited + work.splats as f64 + triangles).max(1.0)
+        let drawn = visited + work.splats as f64 + triangles;
+        (drawn + COUNTED * work.counted as f64).max(1.0)
     }
 }
 
@@ -88,6 +108,25 @@ struct Frame {
     work: Work,
     px: f32,
     ms: f64,
+    number: u64,
+}
+
+/// What is known of one way to draw small splats.
+#[derive(Debug, Clone, PartialEq)]
+struct Way {
+    /// Its last frames, oldest first.
+    frames: VecDeque<Frame>,
+    /// Work goes with the threshold to minus this power.
+    power: f64,
+}
+
+impl Default for Way {
+    fn default() -> Self {
+        Self {
+            frames: VecDeque::with_capacity(FRAMES),
+            power: 2.0,
+        }
+    }
 }
 
 /// Chooses thresholds for a wanted time of a frame.
@@ -100,8 +139,14 @@ pub struct Control {
     /// Now.
     shown_px: f32,
     is_moving: bool,
-    /// The last frames, oldest first.
-    frames: VecDeque<Frame>,
+    /// By the rasterizer, and by compute.
+    ways: [Way; 2],
+    /// Frames so far.
+    count: u64,
+    /// What the last of them took, oldest first.
+    last_ms: VecDeque<f64>,
+    /// Nodes looked at to plan the present frame, by cuts that are not drawn.
+    counted: u64,
     weights: Weights,
     report: Report,
 }
@@ -124,7 +169,10 @@ impl Control {
             moving_px: finest_px,
             shown_px: finest_px,
             is_moving: false,
-            frames: VecDeque::with_capacity(FRAMES),
+            ways: [Way::default(), Way::default()],
+            count: 0,
+            last_ms: VecDeque::new(),
+            counted: 0,
             weights: Weights::USUAL,
             report: Report::Adapting,
         }
@@ -144,7 +192,9 @@ impl Control {
 
     /// Other things are drawn, or in another way: what frames cost before tells nothing any more.
     pub fn forget(&mut self) {
-        self.frames.clear();
+        self.ways = [Way::default(), Way::default()];
+        self.last_ms.clear();
+        self.count = 0;
         self.weights = Weights::USUAL;
         self.report = Report::Adapting;
     }
@@ -177,64 +227,87 @@ impl Control {
         std::mem::replace(&mut self.shown_px, next) != next
     }
 
-    /// Milliseconds of a unit of work that is drawn so with a threshold of about `px`; in any way, then with any threshold,
-    /// where there was none; none before the first frame.
+    /// Milliseconds of a unit of work that is drawn so with a threshold of about `px`: of late, else ever; else with any
+    /// threshold; else what the other way takes and is usually different by. None before the first frame.
     fn rate(&self, px: f32, by_compute: bool) -> Option<f64> {
-        let of = |is_wanted: &dyn Fn(&Frame) -> bool| {
-            let frames = self.frames.iter().rev().filter(|f| is_wanted(f));
-            let rates = frames
-                .take(RATES)
-                .map(|f| f.ms / self.weights.units(&f.work));
-            let rates: Vec<f64> = rates.collect();
+        let of = |by_compute: bool, is_wanted: &dyn Fn(&Frame) -> bool| {
+            let frames = &self.ways[usize::from(by_compute)].frames;
+            let rates = frames.iter().rev().filter(|f| is_wanted(f)).take(RATES);
+            let rates: Vec<f64> = rates.map(|f| f.ms / self.weights.units(&f.work)).collect();
             (!rates.is_empty()).then(|| median(rates))
         };
-        let is_alike = |f: &Frame| f.work.by_compute == by_compute;
         let is_near = |f: &Frame| (NEAR.recip()..=NEAR).contains(&(f.px / px));
-        of(&|f| is_alike(f) && is_near(f))
-            .or_else(|| of(&is_near))
-            .or_else(|| of(&is_alike))
-            .or_else(|| of(&|_| true))
+        let is_recent = |f: &Frame| f.number + RECENT > self.count;
+        let ratio = if by_compute {
+            1.0 / USUAL_RATIO
+        } else {
+            USUAL_RATIO
+        };
+        of(by_compute, &|f| is_near(f) && is_recent(f))
+            .or_else(|| of(by_compute, &is_near))
+            .or_else(|| of(by_compute, &|_| true))
+            .or_else(|| of(!by_compute, &is_near).map(|rate| ratio * rate))
+            .or_else(|| of(!by_compute, &|_| true).map(|rate| ratio * rate))
     }
 
     /// The threshold for the next frame, pixels. `work` says what would be drawn with a threshold; it is asked only while
-    /// the camera moves, and the last answer is not always that for the result.
+    /// the camera moves, and the last answer is that for the result. [`counted`](Control::counted) says what asking took.
     pub fn plan(&mut self, mut work: impl FnMut(f32) -> Work) -> f32 {
-        if !self.is_moving {
-            return self.shown_px;
-        }
-        if self.frames.is_empty() {
+        self.counted = 0;
+        if !self.is_moving || self.count == 0 {
             return self.shown_px;
         }
         let (finest, coarsest) = (self.finest_px, COARSEST_PX.max(self.finest_px));
-        // Foreseen over wanted time.
-        let mut foresee = |px: f32| {
-            let work = work(px);
-            let rate = self.rate(px, work.by_compute).unwrap_or(0.0);
-            (self.weights.units(&work) * rate / self.target_ms).max(1e-6)
-        };
-        let (mut px, mut share) = (self.moving_px, foresee(self.moving_px));
-        // Work goes with the threshold to minus this power.
-        let mut power = 2.0;
-        let mut allowed = DEAD_BAND;
+        let edge = LARGEST_COMPUTE_SQUARE_PX;
+        let mut px = self.moving_px;
+        let mut now = work(px);
+        let (mut aim, mut allowed) = (1.0, DEAD_BAND);
         for _ in 1..MOST_CUTS {
-            if (share - 1.0).abs() <= allowed {
+            // Units of work that take the wanted time, drawn in either way.
+            let wanted = |by_compute: bool| {
+                let rate = self.rate(px, by_compute).unwrap_or(0.0);
+                self.target_ms / rate.max(1e-12)
+            };
+            let units = self.weights.units(&now);
+            let share = (units / wanted(now.by_compute)).max(1e-6);
+            let is_largest = now.by_compute && px == edge && share > 1.0;
+            let is_held = (share - aim).abs() <= allowed;
+            if is_held || is_largest && share <= 1.0 + EDGE_BAND {
                 break;
             }
-            allowed = AIM;
-            let next = (px * share.powf(1.0 / power) as f32).clamp(finest, coarsest);
+            // What is coarser than the largest is drawn in the other way.
+            let by_compute = now.by_compute && !is_largest;
+            let wanted = wanted(by_compute);
+            // This cut will have been counted for nothing. All of that would make the frames after this one too short.
+            let lost = COUNTED * (self.counted + now.visited) as f64 / wanted;
+            (aim, allowed) = (1.0 - lost.min(MOST_LOST), AIM);
+            let power = self.ways[usize::from(by_compute)].power;
+            let less = units / (aim * wanted);
+            let mut next = (px * less.powf(1.0 / power) as f32).clamp(finest, coarsest);
+            if now.by_compute && px < edge && next > edge {
+                next = edge.clamp(finest, coarsest);
+            }
             if next == px {
                 break;
             }
-            let next_share = foresee(next);
+            self.counted += now.visited;
+            let other = work(next);
             let steps = f64::from(next / px).ln();
-            if steps.abs() > 1e-3 {
-                power = (-(next_share / share).ln() / steps).clamp(0.7, 4.0);
+            if steps.abs() > 1e-3 && other.by_compute == now.by_compute {
+                let change = self.weights.units(&other) / units;
+                self.ways[usize::from(now.by_compute)].power =
+                    (-change.ln() / steps).clamp(0.7, 4.0);
             }
-            (px, share) = (next, next_share);
+            (px, now) = (next, other);
         }
         self.moving_px = px;
         self.shown_px = px;
         px
+    }
+
+    /// Nodes that the last [`plan`](Control::plan) had looked at in vain, by cuts for other thresholds than its result.
+    pub fn counted(&self) -> u64 {
+        self.counted
     }
 
     /// A frame of `work`, drawn with `drawn_px`, took `ms` milliseconds.
@@ -242,20 +315,26 @@ impl Control {
         if !(ms.is_finite() && ms > 0.0 && drawn_px > 0.0) {
             return;
         }
-        if self.frames.len() == FRAMES {
-            self.frames.pop_front();
+        let frames = &mut self.ways[usize::from(work.by_compute)].frames;
+        if frames.len() == FRAMES {
+            frames.pop_front();
         }
-        self.frames.push_back(Frame {
+        self.count += 1;
+        frames.push_back(Frame {
             work: *work,
             px: drawn_px,
             ms,
+            number: self.count,
         });
         self.weigh();
         tracing::debug!(ms, drawn_px, ?work, "frame");
         let coarsest = COARSEST_PX.max(self.finest_px);
-        let last: Vec<f64> = self.frames.iter().rev().take(3).map(|f| f.ms).collect();
-        let is_enough = last.len() == 3;
-        let ratio = median(last) / self.target_ms;
+        if self.last_ms.len() == 3 {
+            self.last_ms.pop_front();
+        }
+        self.last_ms.push_back(ms);
+        let is_enough = self.last_ms.len() == 3;
+        let ratio = median(self.last_ms.iter().copied().collect()) / self.target_ms;
         self.report = if !is_enough {
             Report::Adapting
         } else if ratio > 1.0 + HELD && drawn_px >= coarsest {
@@ -269,18 +348,17 @@ impl Control {
 
     /// Chooses the weights by which the frames agree best on what a unit takes.
     fn weigh(&mut self) {
-        if self.frames.len() < LEAST_FRAMES {
+        if self.ways.iter().map(|way| way.frames.len()).sum::<usize>() < LEAST_FRAMES {
             return;
         }
         // Mean square of the distance of logarithms from their mean, of the frames that are drawn alike.
         let disagreement = |weights: Weights| {
             let mut sum = 0.0;
-            for by_compute in [false, true] {
-                let frames = self
+            for way in &self.ways {
+                let rates = way
                     .frames
                     .iter()
-                    .filter(|f| f.work.by_compute == by_compute);
-                let rates = frames.map(|f| (f.ms / weights.units(&f.work)).ln());
+                    .map(|f| (f.ms / weights.units(&f.work)).ln());
                 let (count, mean) = rates.clone().fold((0.0, 0.0), |(n, m), r| (n + 1.0, m + r));
                 let mean = mean / f64::max(count, 1.0);
                 // A frame that waited for something must not decide.
@@ -304,232 +382,4 @@ impl Control {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use proptest::prelude::*;
-
-    const TARGET: f64 = 33.0;
-
-    /// The oracle: splats go with the inverse square of the threshold, and a frame takes `a` and `b` for each of them.
-    struct Device {
-        a: f64,
-        b: f64,
-        splats: f64,
-    }
-
-    impl Device {
-        /// One that takes the wanted time at `px`, of which `share` without any splat.
-        fn reaching(px: f32, share: f64) -> Self {
-            let (a, splats) = (share * TARGET, 4e6);
-            let b = (TARGET - a) / (splats / f64::from(px).powi(2));
-            Self { a, b, splats }
-        }
-
-        fn work(&self, px: f32) -> Work {
-            Work {
-                splats: (self.splats / f64::from(px).powi(2)) as u64,
-                ..Work::default()
-            }
-        }
-
-        fn ms(&self, px: f32) -> f64 {
-            self.a + self.b * self.work(px).splats as f64
-        }
-
-        /// Draws frames of a moving camera, each told two frames later as on a window; their thresholds.
-        fn drive(&self, control: &mut Control, frames: usize) -> Vec<f32> {
-            let mut under_way = VecDeque::new();
-            (0..frames)
-                .map(|_| {
-                    control.moved();
-                    let px = control.plan(|px| self.work(px));
-                    under_way.push_back(px);
-                    if under_way.len() > 2
-                        && let Some(px) = under_way.pop_front()
-                    {
-                        control.frame(px, &self.work(px), self.ms(px));
-                    }
-                    px
-                })
-                .collect()
-        }
-    }
-
-    proptest! {
-        #[test]
-        fn the_time_is_reached_and_then_nothing_moves(share in 0.0..0.5f64, px in 1.2..30.0f32) {
-            let device = Device::reaching(px, share);
-            let mut control = Control::new(TARGET, 1.0);
-            device.drive(&mut control, 40);
-            let reached = device.ms(control.threshold_px());
-            prop_assert!((reached / TARGET - 1.0).abs() < 0.1, "{reached} at {}", control.threshold_px());
-            let rest = device.drive(&mut control, 30);
-            prop_assert!(rest.windows(2).all(|w| w[0] == w[1]), "{rest:?}");
-            prop_assert_eq!(control.report(), Report::Held);
-        }
-
-        #[test]
-        fn noise_moves_nothing(noise in prop::collection::vec(-0.05..0.05f64, 60)) {
-            let device = Device::reaching(3.0, 0.2);
-            let mut control = Control::new(TARGET, 1.0);
-            device.drive(&mut control, 60);
-            let settled = control.threshold_px();
-            for n in noise {
-                control.frame(settled, &device.work(settled), device.ms(settled) * (1.0 + n));
-                let px = control.plan(|px| device.work(px));
-                prop_assert!((px / settled - 1.0).abs() < 0.06, "{px} after {settled}");
-            }
-        }
-
-        #[test]
-        fn thresholds_stay_between_the_wanted_one_and_fifty(times in prop::collection::vec(0.0..1e4f64, 1..50), finest in 0.5..60.0f32) {
-            let device = Device::reaching(3.0, 0.2);
-            let mut control = Control::new(TARGET, finest);
-            for ms in times {
-                control.moved();
-                let px = control.plan(|px| device.work(px));
-                prop_assert!(px >= finest && px <= COARSEST_PX.max(finest));
-                control.frame(px, &device.work(px), ms);
-            }
-        }
-
-        #[test]
-        fn no_numbers_of_a_device_make_it_panic(frames in prop::collection::vec((any::<f32>(), any::<u32>(), any::<f64>()), 1..80)) {
-            let mut control = Control::new(TARGET, 1.0);
-            for (px, splats, ms) in frames {
-                let work = Work { splats: u64::from(splats), ..Work::default() };
-                control.frame(px, &work, ms);
-                control.moved();
-                let px = control.plan(|_| work);
-                prop_assert!((1.0..=COARSEST_PX).contains(&px), "{px}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_sudden_view_of_other_cost_is_foreseen() {
-        let near = Device::reaching(3.0, 0.1);
-        let mut control = Control::new(TARGET, 1.0);
-        near.drive(&mut control, 60);
-        // Four times as much to draw, from one frame to the next.
-        let far = Device {
-            splats: 4.0 * near.splats,
-            ..near
-        };
-        let first = far.drive(&mut control, 1)[0];
-        assert!((far.ms(first) / TARGET - 1.0).abs() < 0.1, "{first}");
-    }
-
-    #[test]
-    fn at_most_four_cuts_are_counted_for_a_frame_and_none_at_rest() {
-        let device = Device::reaching(3.0, 0.1);
-        let mut control = Control::new(TARGET, 1.0);
-        device.drive(&mut control, 30);
-        let asked = |control: &mut Control, splats: f64| {
-            let mut count = 0;
-            control.plan(|px| {
-                count += 1;
-                Device { splats, ..device }.work(px)
-            });
-            count
-        };
-        assert_eq!(asked(&mut control, device.splats), 1, "nothing has changed");
-        for factor in [1e-6, 0.1, 10.0, 1e6] {
-            assert!(asked(&mut control, factor * device.splats) <= MOST_CUTS);
-        }
-        control.refine();
-        assert_eq!(asked(&mut control, 1e9), 0, "at rest");
-    }
-
-    #[test]
-    fn a_time_that_no_threshold_reaches_is_reported_with_what_remains() {
-        for a in [1.2, 1.5, 4.0] {
-            let device = Device {
-                a: a * TARGET,
-                b: TARGET / 1e5,
-                splats: 2e6,
-            };
-            let mut control = Control::new(TARGET, 1.0);
-            device.drive(&mut control, 400);
-            let Report::Unreachable(ms) = control.report() else {
-                panic!("{a}: {:?}", control.report())
-            };
-            assert!((ms / TARGET - a).abs() < 0.02, "{a}: {ms}");
-            assert_eq!(control.threshold_px(), COARSEST_PX);
-            // A view that is cheaper takes the word back.
-            let cheap = Device {
-                a: 0.1 * TARGET,
-                ..device
-            };
-            cheap.drive(&mut control, 400);
-            assert_eq!(control.report(), Report::Held, "{a}");
-        }
-    }
-
-    #[test]
-    fn what_a_triangle_takes_is_learned() {
-        let ms = |work: &Work| 1e-4 * work.splats as f64 + 8e-4 * work.triangles as f64;
-        let mut control = Control::new(TARGET, 1.0);
-        for i in 0..40 {
-            let work = Work {
-                splats: 200_000,
-                triangles: 1000 * i,
-                ..Work::default()
-            };
-            control.frame(3.0, &work, ms(&work));
-        }
-        control.moved();
-        let only_triangles = |px: f32| Work {
-            triangles: (4e5 / f64::from(px).powi(2)) as u64,
-            ..Work::default()
-        };
-        let px = control.plan(only_triangles);
-        let foreseen = ms(&only_triangles(px)) / TARGET;
-        assert!((foreseen - 1.0).abs() < 0.25, "{foreseen} at {px}");
-    }
-
-    #[test]
-    fn one_slow_frame_changes_nothing() {
-        let device = Device::reaching(2.0, 0.15);
-        let mut control = Control::new(TARGET, 1.0);
-        device.drive(&mut control, 60);
-        let settled = control.threshold_px();
-        control.frame(settled, &device.work(settled), 10.0 * TARGET);
-        let after = device.drive(&mut control, 20);
-        assert!(after.iter().all(|px| *px == settled), "{after:?}");
-    }
-
-    #[test]
-    fn at_rest_the_picture_becomes_finer_step_by_step_and_moving_ends_that_at_once() {
-        let device = Device::reaching(10.0, 0.0);
-        let mut control = Control::new(TARGET, 1.0);
-        assert!(!control.is_coarse() && !control.refine(), "nothing to do");
-        device.drive(&mut control, 40);
-        let moving = control.threshold_px();
-        assert!((moving - 10.0).abs() < 0.6, "{moving}");
-        let mut steps = Vec::new();
-        while control.refine() {
-            steps.push(control.threshold_px());
-        }
-        assert_eq!(*steps.last().unwrap_or(&0.0), 1.0);
-        assert!(
-            (6..=8).contains(&steps.len()) && !control.is_coarse(),
-            "{steps:?}"
-        );
-        assert!(
-            steps[..steps.len() - 1]
-                .windows(2)
-                .all(|w| (w[1] / w[0] - 0.7).abs() < 1e-5)
-        );
-        control.moved();
-        assert_eq!(control.threshold_px(), moving);
-        control.refine();
-        control.moved();
-        assert_eq!(control.threshold_px(), moving, "from the middle as well");
-        control.refine();
-        control.set_finest(3.0);
-        assert_eq!(control.threshold_px(), 3.0, "at rest as fine as wished");
-        control.moved();
-        assert_eq!(control.threshold_px(), moving, "and moving as before");
-    }
-}
+mod tests;

@@ -60,8 +60,13 @@ fn group(ui: &mut egui::Ui, heading: &str, keys: &[(&str, &str)]) {
 pub const ACCENT: Color32 = Color32::from_rgb(130, 190, 255);
 const WARNING: Color32 = Color32::from_rgb(255, 170, 90);
 
-/// Shows the messages at the lower edge. Returns which one was dismissed.
-pub fn notices(context: &Context, notices: &Notices, size: egui::Vec2, left: f32) -> Option<usize> {
+/// Shows the messages at the lower edge, `left` and `right` points of which are taken. Returns which one was dismissed.
+pub fn notices(
+    context: &Context,
+    notices: &Notices,
+    size: egui::Vec2,
+    (left, right): (f32, f32),
+) -> Option<usize> {
     if notices.list().is_empty() {
         return None;
     }
@@ -70,7 +75,7 @@ pub fn notices(context: &Context, notices: &Notices, size: egui::Vec2, left: f32
         .anchor(Align2::LEFT_BOTTOM, vec2(left + 12.0, -12.0))
         .order(egui::Order::Foreground)
         .show(context, |ui| {
-            let width = (size.x - left - 24.0).clamp(120.0, 560.0);
+            let width = (size.x - left - right - 24.0).clamp(120.0, 560.0);
             for (index, notice) in notices.list().iter().enumerate() {
                 let (color, fill) = match notice.weight {
                     Weight::Warning => (WARNING, Color32::from_rgba_unmultiplied(52, 28, 8, 240)),

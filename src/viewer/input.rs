@@ -66,7 +66,14 @@ pub const KEYS: &[KeyGroup] = &[
             ("V", "vertex colors"),
             ("I", "background: black, gray, white"),
             ("B", "culling of what faces away"),
-            ("C", "colors by primitive: splats red, triangles blue"),
+            (
+                "C, Shift C",
+                "next or previous coloring: light, primitives, levels, normals, depth",
+            ),
+            (
+                "Y",
+                "hold the cut, to look at it from elsewhere; Y lets it go",
+            ),
             ("E", "next size metric"),
         ],
     ),
@@ -138,8 +145,10 @@ pub enum Command {
     SizeMetric,
     /// Switch culling of what faces away.
     Culling,
-    /// Switch coloring by primitive.
-    Primitive,
+    /// The next (1) or previous (-1) coloring.
+    ColorBy(i32),
+    /// Hold the cut of this view, or let it go.
+    HoldCut,
     /// Switch the statistics in the title.
     Statistics,
     /// Print statistics and camera.
@@ -235,7 +244,8 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
             'i' => Command::Background,
             'e' => Command::SizeMetric,
             'b' => Command::Culling,
-            'c' => Command::Primitive,
+            'c' => Command::ColorBy(if modifiers.shift { -1 } else { 1 }),
+            'y' => Command::HoldCut,
             'f' => Command::Frame,
             'r' => Command::Reset,
             'g' => Command::Fly,

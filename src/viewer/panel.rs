@@ -101,7 +101,7 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     model(ui, state);
     let mut settings = *state.settings;
     heading(ui, "Drawing");
-    drawing(ui, &mut settings, state);
+    drawing(ui, &mut settings, state, wishes);
     heading(ui, "Look");
     let mut light = state.light;
     look(ui, &mut settings, &mut light);
@@ -218,7 +218,7 @@ fn choose<T: Copy + PartialEq>(
     ui.end_row();
 }
 
-fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
+fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>, wishes: &mut Vec<Wish>) {
     ui.horizontal(|ui| {
         for (method, name, tip) in choices::METHODS {
             ui.selectable_value(&mut settings.method, *method, *name)
@@ -273,13 +273,17 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
                     .smallest_positive(0.25)
                     .show_value(false);
                 ui.spacing_mut().slider_width = 78.0;
-                ui.add(slider).on_hover_text(tip);
+                ui.add(slider)
+                    .on_hover_text(tip)
+                    .on_disabled_hover_text(tip);
                 let value = DragValue::new(&mut settings.threshold_px)
                     .range(0.0..=4096.0)
                     .speed(0.02)
                     .max_decimals(2)
                     .suffix(" px");
-                ui.add(value).on_hover_text(tip);
+                ui.add(value)
+                    .on_hover_text(tip)
+                    .on_disabled_hover_text(tip);
             });
         });
         ui.end_row();
@@ -306,6 +310,7 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
                     && ui
                         .small_button("usual")
                         .on_hover_text("Back to the usual one of the kind of splat (O)")
+                        .on_disabled_hover_text("Back to the usual one of the kind of splat (O)")
                         .clicked()
                 {
                     settings.depth_offset = None;
@@ -321,6 +326,17 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>) {
             &mut settings.size,
             "What the size of a node on screen is (E)",
         );
+    });
+    let mut holds_cut = settings.cut_view.is_some();
+    ui.add_enabled_ui(settings.has_cut(), |ui| {
+        let tip = "Keep drawing what this view asks for, to look at it from elsewhere (Y)";
+        let change = ui
+            .checkbox(&mut holds_cut, "hold the cut")
+            .on_hover_text(tip)
+            .on_disabled_hover_text(tip);
+        if change.changed() {
+            wishes.push(Wish::Command(Command::HoldCut));
+        }
     });
     if let Some((px, ..)) = state.control
         && px > settings.threshold_px
@@ -385,7 +401,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
             "color by",
             choices::COLORS_BY,
             &mut settings.color_by,
-            "What decides the color (C)",
+            "What decides the color (C, Shift C)",
         );
         let tip = "Color behind the model (I: black, gray, white)";
         ui.label("background").on_hover_text(tip);
@@ -402,10 +418,12 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
         });
         ui.end_row();
     });
-    ui.checkbox(&mut settings.two_sided, "light both sides")
-        .on_hover_text("Light both sides of a surface, or fronts only (U)");
-    ui.checkbox(&mut settings.use_colors, "vertex colors")
-        .on_hover_text("Multiply by the colors of the vertices (V)");
+    ui.horizontal(|ui| {
+        ui.checkbox(&mut settings.two_sided, "light both sides")
+            .on_hover_text("Light both sides of a surface, or fronts only (U)");
+        ui.checkbox(&mut settings.use_colors, "vertex colors")
+            .on_hover_text("Multiply by the colors of the vertices (V)");
+    });
 }
 
 fn frame(ui: &mut Ui, state: &State<'_>) {
@@ -437,3 +455,6 @@ fn frame(ui: &mut Ui, state: &State<'_>) {
         ui.label("flying: W A S D, E up, Q down, G ends");
     }
 }
+
+#[cfg(test)]
+mod tests;

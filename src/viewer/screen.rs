@@ -318,6 +318,7 @@ impl Screen {
             splats: foreseen.counts.splats,
             triangles: foreseen.counts.triangles,
             by_compute: foreseen.by_compute,
+            counted: 0,
         }
     }
 
@@ -405,13 +406,10 @@ impl Screen {
             };
             self.renderer.submit_again(shown).map(|s| (s, None))
         } else {
-            let look_changes = self.look != Some((settings, size));
-            self.draw_picture(&settings, size, request.has_overlay, onto.as_ref(), camera)
-                .inspect(|_| {
-                    if look_changes {
-                        self.look = Some((settings, size));
-                    }
-                })
+            self.look_as(request, &settings, size).and_then(|()| {
+                let overlay = request.has_overlay;
+                self.draw_picture(&settings, size, overlay, onto.as_ref(), camera)
+            })
         };
         match outcome {
             Ok((submitted, threshold_px)) => {
@@ -440,6 +438,26 @@ impl Screen {
         }
     }
 
+    /// Begins a median of times where the next frame looks other than the last: waits for those on their way. While the
+    /// camera moves in a wanted time, every few frames have another threshold; waiting would make each of them late.
+    fn look_as(
+        &mut self,
+        request: &Request<'_>,
+        settings: &Settings,
+        size: (u32, u32),
+    ) -> Result<(), Error> {
+        let mut look = *settings;
+        if request.is_moving && request.work.is_some() {
+            look.threshold_px = 0.0;
+        }
+        if self.look != Some((look, size)) {
+            self.finish()?;
+            self.frame_times_ms.clear();
+            self.look = Some((look, size));
+        }
+        Ok(())
+    }
+
     fn draw_picture(
         &mut self,
         settings: &Settings,
@@ -448,10 +466,6 @@ impl Screen {
         onto: Option<&crate::gpu::surface::Acquired>,
         camera: impl FnOnce((u32, u32)) -> Option<Camera>,
     ) -> Result<(Submitted, Option<f32>), Error> {
-        if self.look != Some((*settings, size)) {
-            self.finish()?;
-            self.frame_times_ms.clear();
-        }
         let view = match (camera(size), &self.model) {
             // A camera of the turntable is always usable.
             (Some(camera), Some(model)) => camera.view(model.origin).ok(),

@@ -1,10 +1,10 @@
 //! What the window says in words: its title, and the statistics.
 
-use crate::draw::ColorBy;
 use crate::gpu::profile::PassTime;
 use crate::method::renderer::{Counts, FrameTimes};
 use crate::method::{Method, Settings};
 use crate::tree::Model;
+use crate::viewer::choices;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -123,11 +123,7 @@ pub fn statistics(facts: &Facts<'_>, frame_ms: f64, times: &FrameTimes) -> Strin
         method(settings.method),
         settings.threshold_px,
         on(settings.culls_back(model.is_closed)),
-        match settings.color_by {
-            ColorBy::Shading => "shading",
-            ColorBy::Primitive => "primitive",
-            ColorBy::Classification => "classification",
-        },
+        choices::name_of(choices::COLORS_BY, settings.color_by),
     );
     let _ = writeln!(
         out,

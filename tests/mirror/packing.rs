@@ -49,6 +49,7 @@ const SHADE: Shade = Shade {
     use_colors: true,
     color_by: ColorBy::Shading,
     light: surfel::draw::Lighting::Headlight,
+    cut_view: None,
 };
 
 /// The splats of a model, and how many triangles are left.

@@ -2,7 +2,7 @@
 
 use super::display::{Display, Window, changed, lit_pixels, load, must_succeed, run, wait_for};
 use super::render;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Pixels left of `x`, and those right of it.
@@ -10,6 +10,15 @@ fn halves(picture: &image::RgbImage, x: u32) -> (image::RgbImage, image::RgbImag
     let (width, height) = picture.dimensions();
     let part = |left, width| image::imageops::crop_imm(picture, left, 0, width, height).to_image();
     (part(0, x), part(x, width - x))
+}
+
+/// A camera file in `folder` that looks from another side, and the picture that it gives.
+fn elsewhere(look: &[&str], folder: &Path) -> (PathBuf, image::RgbImage) {
+    let camera = folder.join("camera.json");
+    let words = ["--orbit", "100,50,0.5", "--save-camera"];
+    let words = [look, &words, &[camera.to_str().unwrap()]].concat();
+    let picture = render(&words, &folder.join("elsewhere.png"));
+    (camera, picture)
 }
 
 #[test]
@@ -183,14 +192,7 @@ fn a_dropped_model_is_opened_and_a_broken_one_is_told() {
     window.key("BackSpace");
     window.wait_for_picture("the model that was there", &expected);
     // A camera is dropped like a model.
-    let camera = file("camera.json");
-    let save = [
-        "--orbit",
-        "100,50,0.5",
-        "--save-camera",
-        camera.to_str().unwrap(),
-    ];
-    let other = render(&[&look[..], &save].concat(), &file("other.png"));
+    let (camera, other) = elsewhere(&look, folder.path());
     window.drop_file(&camera);
     window.wait_for_picture("the view of the dropped camera", &other);
     window.key("q");
@@ -354,12 +356,22 @@ fn the_window_shows_what_render_draws_with_every_method_and_splat() {
             &["c", "c"],
             "--splat visibility --reconstruct pull-push --color-by classification",
         ),
-        (&["c", "k", "n"], "--splat filtered"),
+        (&["Shift+c", "Shift+c", "k", "n"], "--splat filtered"),
         // Around, to squares, whose usual way of blending is told by its name first.
         (&["n", "m", "m"], "--blend two-pass"),
         // Two ways are passed over with a message.
         (&["m", "c"], "--color-by primitive"),
-        (&["c", "b"], "--culling off"),
+        (&["c"], "--color-by level"),
+        (&["c"], "--color-by normal"),
+        (&["c"], "--color-by depth"),
+        (
+            &["c", "Shift+c", "a"],
+            "--method triangles --color-by depth",
+        ),
+        (&["Shift+c"], "--method triangles --color-by normal"),
+        // There are no levels without a cut: no message, the next.
+        (&["Shift+c", "c", "d"], "--color-by normal"),
+        (&["c", "c", "b"], "--culling off"),
         (&["b", "a"], "--method triangles"),
         (&["u"], "--method triangles --one-sided"),
         (&["u", "s"], "--method points"),
@@ -463,12 +475,7 @@ fn nothing_is_done_while_nothing_moves_and_a_minimised_window_comes_back() {
     window.minimise(true);
     rests("minimised");
     // What comes meanwhile is taken, and shown when the window is.
-    let camera = folder.path().join("camera.json");
-    let words = ["--orbit", "100,50,0.5", "--save-camera"];
-    let other = render(
-        &[&look[..], &words, &[camera.to_str().unwrap()]].concat(),
-        &file,
-    );
+    let (camera, other) = elsewhere(&look, folder.path());
     window.drop_file(&camera);
     std::thread::sleep(Duration::from_millis(100));
     window.minimise(false);

@@ -16,6 +16,8 @@ pub(super) struct Patch {
     pub(super) is_triangle: bool,
     pub(super) second_moment: Mat3,
     pub(super) color: [u8; 4],
+    /// The node; none of a leaf.
+    pub(super) node: Option<u32>,
     /// Nothing is known of its normals.
     pub(super) is_bare: bool,
     /// How far it reaches along its normal to either side, model units.
@@ -66,6 +68,7 @@ impl Patch {
             is_triangle: false,
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
             color: attributes.color,
+            node: Some(id),
             is_bare: !attributes.has_normal(),
             half_thickness: attributes.half_thickness(),
             bend: 0.0,
@@ -86,6 +89,7 @@ impl Patch {
             is_triangle: true,
             second_moment: Mat3::from_cols(vector_area * s.x, vector_area * s.y, vector_area * s.z),
             color,
+            node: None,
             is_bare: false,
             half_thickness: 0.0,
             bend: corners
@@ -126,6 +130,7 @@ impl Patch {
             is_triangle: true,
             second_moment: Mat3::from_cols(n * n.x, n * n.y, n * n.z) * area,
             color: point.color,
+            node: None,
             is_bare,
             half_thickness: spacing,
             bend: 1.0,

@@ -20,7 +20,6 @@ use super::triangles::targets;
 use super::{Method, Path, Settings, Shading, SplatKind};
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::abi::shaders;
-use crate::draw::Lighting;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::frame::{Frame, Load, Uniform};
@@ -104,8 +103,8 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
 
 /// Why squares are not drawn by compute.
 fn not_as_squares(settings: &Settings) -> Option<&'static str> {
-    if settings.light != Lighting::Headlight {
-        Some("it knows the headlight only")
+    if !settings.has_headlight() {
+        Some("it knows the headlight only, and no colors by level, normal or depth")
     } else if settings.threshold_px > LARGEST_SQUARE_PX {
         Some("squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels")
     } else {
@@ -121,6 +120,8 @@ fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str
         Some("it sums colors, not normals; leave --shading out")
     } else if targets.normal().is_some() {
         Some("it sums colors, not normals; leave --normals out")
+    } else if settings.color_by.is_data() {
+        Some("it knows no colors by level, normal or depth")
     } else if settings.sums.is_some() {
         Some("its sums are numbers of fixed point; leave --sums out")
     } else {

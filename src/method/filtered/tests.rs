@@ -71,6 +71,7 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredSplat], by_compute: Option<bool>) -> 
     list.flush(0..bytes.len() as u64);
     let indices = Upload::new(gpu, "indices", 4).unwrap();
     let context = Context {
+        depth_range: [0.0, 1.0],
         width,
         height,
         guard_px: 40,

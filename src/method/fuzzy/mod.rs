@@ -12,8 +12,8 @@ use super::targets::{Context, Targets};
 use super::triangles::targets;
 use super::{Settings, Shading, SplatKind, SumFormat, VERTEX};
 use crate::abi::{Shader, Splat, WeightedSplat, shaders};
+use crate::draw::Footprint;
 use crate::draw::splats::Packed;
-use crate::draw::{Footprint, Lighting};
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
@@ -116,7 +116,7 @@ impl Variant {
             writes_normals,
             has_coverage: settings.sums_coverage(has_triangles),
             from_vertices: !settings.has_cut(),
-            has_lamp: settings.light != Lighting::Headlight,
+            has_lamp: !settings.has_headlight(),
             sums,
             by_compute,
         })

@@ -204,9 +204,9 @@ fn share(frame: &Frame, kind: Kind, position: DVec3, normal: DVec3, color: DVec3
         };
     }
     let color = match (frame.style.color_by, kind) {
-        (ColorBy::Shading | ColorBy::Classification, _) => color,
         (ColorBy::Primitive, Kind::Triangle) => DVec3::new(0.2, 0.35, 1.0),
         (ColorBy::Primitive, Kind::Splat) => DVec3::new(1.0, 0.2, 0.2),
+        _ => color,
     };
     let to_eye = if frame.view.is_perspective {
         (-view.transform_point3(position)).normalize_or_zero()

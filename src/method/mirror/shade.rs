@@ -2,11 +2,11 @@
 //! shading"), or one lamp ([`crate::draw::Lighting`] has the equation).
 
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
-use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, Style};
+use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, Style, falsecolor};
 use crate::image::unorm8;
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
-use glam::DVec3;
+use glam::{DVec3, DVec4, Vec3};
 
 /// Tints of [`ColorBy::Primitive`].
 const SPLAT_TINT: DVec3 = DVec3::new(1.0, 0.2, 0.2);
@@ -32,6 +32,9 @@ pub(super) struct Shading {
     two_sided: bool,
     use_colors: bool,
     color_by: ColorBy,
+    /// Distance along the view direction of a position.
+    distance: DVec4,
+    depth_range: [f32; 2],
 }
 
 impl Shading {
@@ -57,6 +60,8 @@ impl Shading {
             two_sided: style.two_sided,
             use_colors: style.use_colors,
             color_by: style.color_by,
+            distance: -view.view_from_model.row(2).as_dvec4(),
+            depth_range: style.depth_range,
         }
     }
 
@@ -75,6 +80,9 @@ impl Shading {
     /// Red, green and blue of a surface point, 1 is white; `normal` is a unit vector, or zero where the surface
     /// has none and is shaded as if it faced the light. `color` holds value / 255.
     pub(super) fn value(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> DVec3 {
+        if let Some(color) = self.data(kind, position, normal, color) {
+            return color;
+        }
         let to_light = toward(self.light, position);
         let color = self.color_of_surface(kind, color);
         // The shader's constant is single precision; so is this one.
@@ -96,12 +104,27 @@ impl Shading {
         albedo * cosine * color
     }
 
+    /// What is shown without light.
+    fn data(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> Option<DVec3> {
+        let shown = match (self.color_by, kind) {
+            (ColorBy::Shading | ColorBy::Primitive | ColorBy::Classification, _) => return None,
+            (ColorBy::Level, Kind::Splat) => return Some(color),
+            (ColorBy::Level, Kind::Triangle) => falsecolor::ramp(falsecolor::LEAF),
+            (ColorBy::Normal, _) => falsecolor::of_normal(normal.as_vec3()),
+            (ColorBy::Depth, _) => {
+                let distance = self.distance.dot(position.extend(1.0)) as f32;
+                falsecolor::of_depth(distance, self.depth_range)
+            }
+        };
+        Some(Vec3::from(shown).as_dvec3())
+    }
+
     fn color_of_surface(&self, kind: Kind, color: DVec3) -> DVec3 {
         match (self.color_by, kind) {
             (ColorBy::Primitive, Kind::Triangle) => TRIANGLE_TINT,
             (ColorBy::Primitive, Kind::Splat) => SPLAT_TINT,
             (ColorBy::Shading, _) if self.use_colors => color,
-            (ColorBy::Shading | ColorBy::Classification, _) => DVec3::ONE,
+            _ => DVec3::ONE,
         }
     }
 

@@ -48,8 +48,9 @@ impl Renderer {
         let mut times = FrameTimes::default();
         let cut = Stage::Cut.begin();
         let with = (cut_settings(settings, model), settings.occlusion);
+        let of_cut = settings.view_of_cut(view);
         let foreseen_ms = match self.foreseen.take() {
-            Some((of, chosen, ms, _)) if of == *view && chosen == with => ms,
+            Some((of, chosen, ms, _)) if of == *of_cut && chosen == with => ms,
             other => {
                 self.select(model, scene, view, settings);
                 other.map_or(0.0, |(_, _, ms, _)| ms)

@@ -13,7 +13,7 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::method::compute;
 use crate::method::compute::twin::Share;
-use crate::method::plan::{Drawing, cut_settings};
+use crate::method::plan::{Drawing, cut_settings, for_view};
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
 use crate::method::{Method, Settings};
@@ -105,16 +105,18 @@ impl Renderer {
             return Foreseen::default();
         }
         let start = Instant::now();
+        let settings = &for_view(settings, model, view);
         let with = (cut_settings(settings, model), settings.occlusion);
+        let of_cut = settings.view_of_cut(view);
         let (splats, large) = match self.foreseen {
-            Some((of, chosen, _, counts)) if of == *view && chosen == with => counts,
+            Some((of, chosen, _, counts)) if of == *of_cut && chosen == with => counts,
             _ => {
                 let before = self.foreseen.take().map_or(0.0, |(_, _, ms, _)| ms);
                 self.select(model, scene, view, settings);
                 let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
                 let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
                 let counts = (splats, self.cut.triangles.len() as u64);
-                self.foreseen = Some((*view, with, before + super::ms(start), counts));
+                self.foreseen = Some((*of_cut, with, before + super::ms(start), counts));
                 counts
             }
         };
@@ -210,6 +212,7 @@ impl Renderer {
             cull_back: false,
             is_mirrored: false,
             light: Lighting::Headlight,
+            depth_range: [0.0, 1.0],
         };
         let mut frame = self.frames.begin()?;
         self.targets

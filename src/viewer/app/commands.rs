@@ -1,13 +1,13 @@
 //! What keys and buttons ask for.
 
 use super::{App, Ask, FLY_SPEED, Fly};
-use crate::draw::ColorBy;
 use crate::math::camera::{Camera, Light};
 use crate::method::plan;
 use crate::method::renderer::Outputs;
-use crate::method::{Culling, Method, Settings, Shading, SplatKind};
+use crate::method::{Culling, Method, Settings, Shading};
 use crate::viewer::camera::Orbit;
 use crate::viewer::choices::{self, Choice, others};
+use crate::viewer::control::Control;
 use crate::viewer::input::Command;
 use crate::viewer::{Error, text};
 use std::f64::consts::TAU;
@@ -113,22 +113,24 @@ impl App {
                 },
                 ..old
             }),
-            Command::Primitive => self.wish(Settings {
-                color_by: match old.color_by {
-                    ColorBy::Shading => ColorBy::Primitive,
-                    ColorBy::Primitive if old.splat == SplatKind::Visibility => {
-                        ColorBy::Classification
-                    }
-                    ColorBy::Primitive | ColorBy::Classification => ColorBy::Shading,
-                },
-                ..old
-            }),
+            Command::ColorBy(step) => {
+                // Those that cannot be drawn now are no news.
+                let next = others(choices::COLORS_BY, old.color_by, step < 0)
+                    .into_iter()
+                    .map(|color_by| Settings { color_by, ..old })
+                    .find(|settings| self.refusal(settings).is_none());
+                if let Some(settings) = next {
+                    self.wish(settings);
+                }
+            }
+            Command::HoldCut => self.hold_cut(),
             Command::Statistics => self.has_statistics = !self.has_statistics,
             Command::Print => self.print_statistics()?,
-            Command::Screenshot => match self.numbered_screenshot() {
-                Err(Error::Image(error)) => self.warn(&error.to_string()),
-                other => other?,
-            },
+            // The picture of now: one that is to be drawn first is waited for.
+            Command::Screenshot if self.is_dirty && self.orbit.is_some() => {
+                self.wants_screenshot = true
+            }
+            Command::Screenshot => self.numbered_screenshot()?,
             Command::Turntable => match (&self.turntable, free_path("surfel-turn-", "")) {
                 (Some(_), _) => self.end_turntable("stopped; "),
                 (None, Some(folder)) if self.orbit.is_some() => self.start_turntable(folder)?,
@@ -240,6 +242,9 @@ impl App {
         if let Some(control) = &mut self.control {
             control.set_finest(settings.threshold_px);
         }
+        if settings.threshold_px != self.settings.threshold_px {
+            self.held_px = settings.threshold_px;
+        }
         let looks_other = Settings {
             threshold_px: self.settings.threshold_px,
             ..settings
@@ -321,16 +326,44 @@ impl App {
     }
 
     /// Writes the first `surfel-NNN.png` that is not there yet.
-    fn numbered_screenshot(&mut self) -> Result<(), Error> {
+    pub(super) fn numbered_screenshot(&mut self) -> Result<(), Error> {
+        self.wants_screenshot = false;
         match free_path("surfel-", ".png") {
-            Some(path) if self.orbit.is_some() => {
-                self.save(&path)?;
-                self.inform(&format!("wrote {}", path.display()));
-            }
+            Some(path) if self.orbit.is_some() => match self.save(&path) {
+                Err(Error::Image(error)) => self.warn(&error.to_string()),
+                Err(error) => return Err(error),
+                Ok(()) => self.inform(&format!("wrote {}", path.display())),
+            },
             Some(_) => {}
             None => self.warn("surfel-000.png to surfel-999.png are all there; move some away"),
         }
         Ok(())
+    }
+
+    /// Draws the cut of the present view from now on, wherever the camera goes, or that of the camera again.
+    fn hold_cut(&mut self) {
+        let view = match (self.settings.cut_view, self.screen.model(), self.camera()) {
+            (None, Some(model), Some(camera)) => camera.view(model.origin).ok(),
+            _ => None,
+        };
+        if view.is_none() && self.settings.cut_view.is_none() {
+            return;
+        }
+        if view.is_some() {
+            if !self.settings.has_cut() {
+                self.warn("there is no cut to hold: all of the model is drawn; D and X draw a cut");
+                return;
+            }
+            let shown_px = self.control.as_ref().map_or(0.0, Control::threshold_px);
+            self.held_px = shown_px.max(self.settings.threshold_px);
+            self.inform("the cut is held; Y lets it go");
+        } else {
+            self.inform("the cut follows the camera again");
+        }
+        self.wish(Settings {
+            cut_view: view,
+            ..self.settings
+        });
     }
 
     /// Writes pictures into `folder` from the next frame on, which is made if it is not there.

@@ -94,6 +94,10 @@ impl App {
             settings.splat = SplatKind::Disc;
             (settings.blend, settings.shading) = (None, Shading::PerSplat);
         }
+        if settings.holds_cut() {
+            settings.threshold_px = self.held_px;
+            return (settings, None);
+        }
         let is_planned = is_new_picture && self.is_moving();
         let camera = self.camera();
         if let (Some(control), Some(camera)) = (&mut self.control, camera)
@@ -114,7 +118,11 @@ impl App {
             };
             settings.threshold_px = px.max(settings.threshold_px);
             // Of the drawn frame only this is comparable with what is foreseen of others.
-            let work = is_new_picture.then(|| self.screen.foresee(&settings, &camera));
+            let counted = if is_planned { control.counted() } else { 0 };
+            let work = is_new_picture.then(|| Work {
+                counted,
+                ..self.screen.foresee(&settings, &camera)
+            });
             return (settings, work);
         }
         (settings, None)
@@ -194,6 +202,9 @@ impl App {
             self.is_dirty = shown == Shown::Again;
             if orbit_is_there && shown == Shown::Frame {
                 self.frames += 1;
+                if self.wants_screenshot {
+                    self.numbered_screenshot()?;
+                }
                 if !self.is_preview {
                     self.good = Some(self.settings);
                     self.after_frame()?;

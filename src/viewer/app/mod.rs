@@ -108,6 +108,10 @@ pub(super) struct App {
     /// When the camera moved last.
     moved_at: f64,
     turntable: Option<Turntable>,
+    /// The threshold of a cut that is held, pixels.
+    held_px: f32,
+    /// The next picture of the model is to be written.
+    wants_screenshot: bool,
     /// How often the device was lost since the last frame.
     losses: u32,
     /// Number and time of the frame whose figures are shown.
@@ -165,6 +169,8 @@ impl App {
             again_at: None,
             moved_at: f64::NEG_INFINITY,
             turntable: None,
+            held_px: 0.0,
+            wants_screenshot: false,
             losses: 0,
             shown_figures: (0, 0),
             messages,
@@ -282,6 +288,8 @@ impl App {
         self.path = path.to_owned();
         self.name = text::name(path);
         self.history.clear();
+        // A view of another model.
+        self.settings.cut_view = None;
         if let Some(control) = &mut self.control {
             control.forget();
         }

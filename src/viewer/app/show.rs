@@ -50,7 +50,13 @@ impl App {
                         });
                     });
             }
-            dismissed = help::notices(context, &self.notices, size, left);
+            // Beside the graph, which has the other corner.
+            let right = if self.has_graph {
+                GRAPH_WIDTH + 40.0
+            } else {
+                0.0
+            };
+            dismissed = help::notices(context, &self.notices, size, (left, right));
             if self.has_help {
                 closes_help = help::keys(context, size);
             }
