@@ -81,15 +81,17 @@ pub struct Found {
 }
 
 /// Frames of which the least counts; one more goes before, in which shaders are compiled.
-const FRAMES: usize = 3;
-/// At this fill the statue's triangles are about as large as a pixel, whatever the picture's size: their number goes with
-/// its area.
-const FILL_OF_ONE: f64 = 0.4;
+const FRAMES: usize = 2;
+/// At this fill no triangle of the statue is larger than a pixel, whatever the picture's size: their number goes with its
+/// area. At twice this fill they are about as large, at five times two to three pixels.
+const FILL_OF_ONE: f64 = 0.2;
 
 /// One view drawn in one way.
 struct Drawn {
-    /// Nanoseconds of the passes over primitives.
-    primitives_ns: f64,
+    /// Nanoseconds of the passes over splats.
+    splats_ns: f64,
+    /// Nanoseconds of the passes over triangles.
+    triangles_ns: f64,
     /// Nanoseconds of the passes over the picture.
     pixels_ns: f64,
     splats: f64,
@@ -97,24 +99,38 @@ struct Drawn {
     covered: f64,
 }
 
-/// Milliseconds of a frame's passes over primitives, and of those over the whole picture: such as clear, resolve or
-/// normalize, and passes of triangles that have none and only clear. Without timestamps all counts as the first.
-pub fn split(times: &FrameTimes) -> [f64; 2] {
+/// Milliseconds of a frame's passes by what they go over.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Split {
+    /// Splats, and where they are blended triangles with them.
+    pub splats_ms: f64,
+    /// Triangles alone.
+    pub triangles_ms: f64,
+    /// The whole picture: clear, resolve, normalize and the like, and passes of triangles that have none and only clear.
+    pub pixels_ms: f64,
+}
+
+/// Divides the passes of a frame by their names. Without timestamps all counts as splats, or where there are none as
+/// triangles.
+pub fn split(times: &FrameTimes) -> Split {
+    let mut split = Split::default();
     if times.passes.is_empty() {
-        return [times.submit_ms + times.wait_ms, 0.0];
+        let all = times.submit_ms + times.wait_ms;
+        if times.counts.splats > 0 {
+            split.splats_ms = all;
+        } else {
+            split.triangles_ms = all;
+        }
     }
-    let mut sums = [0.0; 2];
     for pass in &times.passes {
-        let last = pass.name.rsplit('.').next().unwrap_or_default();
-        let is_over_picture = match last {
-            "triangles" => times.counts.triangles == 0,
-            "clear" | "resolve" | "normalize" | "pull" | "push" | "fill" | "gaussian"
-            | "density" => true,
-            _ => false,
-        };
-        sums[usize::from(is_over_picture)] += pass.ms;
+        *match pass.name.rsplit('.').next().unwrap_or_default() {
+            "triangles" if times.counts.triangles > 0 => &mut split.triangles_ms,
+            "triangles" | "clear" | "resolve" | "normalize" | "pull" | "push" | "fill"
+            | "gaussian" | "density" => &mut split.pixels_ms,
+            _ => &mut split.splats_ms,
+        } += pass.ms;
     }
-    sums
+    split
 }
 
 impl Calibration {
@@ -212,7 +228,7 @@ impl Stand<'_> {
     fn draw(&mut self, fill: f64, settings: &Settings) -> Result<Option<Drawn>, Error> {
         use crate::gpu::Error as E;
         let view = self.view(fill)?;
-        let mut least = [f64::INFINITY; 2];
+        let mut least = [f64::INFINITY; 3];
         let mut counts = Default::default();
         for frame in 0..=FRAMES {
             let times = match self.engine.draw(&view, settings) {
@@ -221,7 +237,9 @@ impl Stand<'_> {
                 Err(error) => return Err(error.into()),
             };
             if frame > 0 {
-                for (least, ms) in least.iter_mut().zip(split(&times)) {
+                let of = split(&times);
+                let parts = [of.splats_ms, of.triangles_ms, of.pixels_ms];
+                for (least, ms) in least.iter_mut().zip(parts) {
                     *least = least.min(ms);
                 }
             }
@@ -229,8 +247,9 @@ impl Stand<'_> {
         }
         let covered = self.engine.read(&view)?.covered_pixels();
         Ok(Some(Drawn {
-            primitives_ns: least[0] * 1e6,
-            pixels_ns: least[1] * 1e6,
+            splats_ns: least[0] * 1e6,
+            triangles_ns: least[1] * 1e6,
+            pixels_ns: least[2] * 1e6,
             splats: counts.splats as f64,
             triangles: counts.triangles as f64,
             covered: covered as f64,
@@ -251,7 +270,7 @@ impl Stand<'_> {
                 let Some(found) = self.draw(FILL_OF_ONE * f64::from(size), &settings)? else {
                     return Ok(None);
                 };
-                *ns = found.primitives_ns / found.splats.max(1.0);
+                *ns = found.splats_ns / found.splats.max(1.0);
                 drawn.push(found);
             }
             Ok(Some(SplatCosts {
@@ -273,7 +292,7 @@ impl Stand<'_> {
                 ..Settings::default()
             };
             let mut drawn = Vec::new();
-            for fill in [FILL_OF_ONE, 1.0] {
+            for fill in [2.0 * FILL_OF_ONE, 5.0 * FILL_OF_ONE] {
                 match self.draw(fill, &settings)? {
                     Some(found) => drawn.push(found),
                     None => return Ok(None),
@@ -281,7 +300,7 @@ impl Stand<'_> {
             }
             // From both distances together: triangles of one and of two and a half pixels.
             let (ns, count) = drawn.iter().fold((0.0, 0.0), |(ns, count), d| {
-                (ns + d.primitives_ns, count + d.triangles)
+                (ns + d.triangles_ns, count + d.triangles)
             });
             Ok(Some(TriangleCosts {
                 triangle_ns: ns / f64::max(count, 1.0),
@@ -299,7 +318,7 @@ impl Stand<'_> {
         let settings = cut_settings(&Settings::default(), self.model);
         let (mut selector, mut cut) = (Selector::default(), Cut::default());
         let mut least = f64::INFINITY;
-        for _ in 0..=4 * FRAMES {
+        for _ in 0..=8 {
             let start = Instant::now();
             selector.select(self.model, &view, &settings, &mut cut);
             let ns = start.elapsed().as_nanos() as f64;
@@ -332,18 +351,22 @@ mod tests {
 
     #[test]
     fn passes_over_the_picture_are_told_from_those_over_primitives() {
-        let frame = |triangles, passes: &[(&'static str, f64)]| FrameTimes {
-            passes: passes
-                .iter()
-                .map(|&(name, ms)| PassTime { name, ms })
-                .collect(),
-            counts: Counts {
-                triangles,
-                ..Counts::default()
-            },
-            submit_ms: 1.0,
-            wait_ms: 2.0,
-            ..FrameTimes::default()
+        let parts = |triangles, passes: &[(&'static str, f64)]| {
+            let of = split(&FrameTimes {
+                passes: passes
+                    .iter()
+                    .map(|&(name, ms)| PassTime { name, ms })
+                    .collect(),
+                counts: Counts {
+                    triangles,
+                    splats: 9,
+                    ..Counts::default()
+                },
+                submit_ms: 1.0,
+                wait_ms: 2.0,
+                ..FrameTimes::default()
+            });
+            [of.splats_ms, of.triangles_ms, of.pixels_ms]
         };
         let passes = [
             ("hybrid.triangles", 1.0),
@@ -352,19 +375,18 @@ mod tests {
             ("small.splats", 8.0),
             ("small.resolve", 16.0),
         ];
-        assert_eq!(split(&frame(7, &passes)), [13.0, 18.0]);
-        assert_eq!(split(&frame(0, &passes)), [8.0, 23.0]);
-        assert_eq!(
-            split(&frame(0, &[("fuzzy.depth", 1.0), ("fuzzy.normalize", 2.0)])),
-            [1.0, 2.0]
-        );
-        assert_eq!(split(&frame(0, &[])), [3.0, 0.0]);
+        assert_eq!(parts(7, &passes), [8.0, 5.0, 18.0]);
+        assert_eq!(parts(0, &passes), [8.0, 0.0, 23.0]);
+        let fuzzy = [("fuzzy.depth", 1.0), ("fuzzy.normalize", 2.0)];
+        assert_eq!(parts(5, &fuzzy), [1.0, 0.0, 2.0]);
+        assert_eq!(parts(0, &[]), [3.0, 0.0, 0.0]);
     }
 
     #[test]
     fn pixels_and_covered_pixels_are_a_line() {
         let at = |covered, pixels_ns| Drawn {
-            primitives_ns: 0.0,
+            splats_ns: 0.0,
+            triangles_ns: 0.0,
             pixels_ns,
             splats: 0.0,
             triangles: 0.0,

@@ -64,7 +64,7 @@ mod tests {
             matches!(
                 &error,
                 Err(Error::Memory {
-                    needed: 8_960_000_000,
+                    needed: 6_400_000_000,
                     ..
                 })
             ),

@@ -230,19 +230,15 @@ pub fn figures(
 fn rate(place: &Place, line: &str, name: &str, frames: &[FrameTimes]) -> Figure {
     let splats = frames.last().map_or(0, |t| t.counts.splats);
     let triangles = frames.last().map_or(0, |t| t.counts.triangles);
-    // Those of their own that triangles have do not count; in blended methods they share the passes of the splats.
-    let of_triangles = |t: &FrameTimes| -> f64 {
-        let own = t.passes.iter().filter(|p| p.name.ends_with(".triangles"));
-        if t.counts.triangles > 0 {
-            own.map(|p| p.ms).sum()
-        } else {
-            0.0
-        }
-    };
+    if splats == 0 {
+        let why =
+            format!("{triangles} triangles and no splat: the model is too small for this view");
+        return Figure::absent(PART, place, line, name, "M/s", why);
+    }
     let rates = |is_all: bool| -> Vec<f64> {
         let ms = frames.iter().map(|t| {
-            let [primitives, pixels] = split(t);
-            primitives - of_triangles(t) + if is_all { pixels } else { 0.0 }
+            let of = split(t);
+            of.splats_ms + if is_all { of.pixels_ms } else { 0.0 }
         });
         ms.map(|ms| splats as f64 / ms.max(1e-9) / 1e3).collect()
     };

@@ -206,3 +206,45 @@ fn what_cannot_be_measured_is_refused_by_name() {
         run.err
     );
 }
+
+#[cfg(unix)]
+#[test]
+fn the_script_needs_the_program_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/gpu-bench.sh");
+    let run = |program: &str, words: &str| {
+        std::process::Command::new("sh")
+            .arg(&script)
+            .args(words.split_whitespace())
+            .current_dir(folder.path())
+            .env("SURFEL", program)
+            .env("SURFEL_CACHE", folder.path().join("cache"))
+            .env_remove("SURFEL_MODELS")
+            .output()
+            .unwrap()
+    };
+    let program = env!("CARGO_BIN_EXE_surfel");
+    let found = run("/dev/null", "out");
+    let text = String::from_utf8_lossy(&found.stderr).into_owned();
+    assert!(
+        found.status.code() == Some(2) && text.contains("no program"),
+        "{text}"
+    );
+    if !has_device() {
+        return;
+    }
+    // The program's own exit code comes through, and its usage errors.
+    let found = run(program, "out --case horse");
+    assert_eq!(found.status.code(), Some(2), "{found:?}");
+    let found = run(
+        program,
+        "out --quick --case sphere --triangles 500 --only cut",
+    );
+    assert_eq!(found.status.code(), Some(0), "{found:?}");
+    let out = folder.path().join("out");
+    assert_eq!(names(&out), ["bench.csv", "bench.txt", "devices.txt"]);
+    let text = |name: &str| std::fs::read_to_string(out.join(name)).unwrap();
+    assert!(rows(&text("bench.csv")).iter().any(|r| &r[6] == "cut"));
+    assert!(text("bench.txt").contains("still camera"));
+    assert!(text("devices.txt").contains("costs in nanoseconds"));
+}
