@@ -284,6 +284,10 @@ mod tests {
         // Side 3: 10 ns saved a splat, 180 for its pixels, until all pixels are covered: 250,000 (20 + 2) / 10.
         assert_eq!(path(500_000, 3.0), Path::Raster);
         assert_eq!(path(560_000, 3.0), Path::Compute);
+        // Side 2: 60 ns saved a splat, 80 for its four pixels, until all are covered: 5,500,000 / 60.
+        assert_eq!(path(50_000, 2.0), Path::Raster);
+        assert_eq!(path(91_000, 2.0), Path::Raster);
+        assert_eq!(path(92_000, 2.0), Path::Compute);
         assert_eq!(path(u64::MAX, 6.0), Path::Raster);
         assert_eq!(path(0, 1.0), Path::Raster);
         // What the rasterizer cannot goes by compute however few there are.
