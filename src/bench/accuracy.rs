@@ -1,13 +1,14 @@
 //! Time against error: the default method and filtered splats, beside rays and simplified meshes at equal footing.
 //!
-//! The reference is triangles, 16 samples a pixel. Everything is drawn in turn from the same views.
+//! The reference is triangles, 16 samples a pixel (in a quick run rays, where they are built in: the same surface, and the
+//! same picture but for single pixels on edges). Everything is drawn in turn from the same views.
 
 use super::cases::{self, Line, SIZE, views};
-use super::rivals::{self, Rivals};
+use super::rivals::{self, Caster, Rivals};
 use super::verdict::{EQUAL_FLIP, Offer, Target, at_equal_flip, at_psnr, most_accurate};
 use super::{Case, Error, Figure, Place, Plan, Session};
 use crate::chart::errors::object_flip;
-use crate::image::{FloatImage, Image, compare};
+use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::Distribution;
 use crate::method::engine::Engine;
@@ -156,7 +157,10 @@ fn at_distance(
         if progress.is_cancelled() {
             return Err(Error::Cancelled);
         }
-        let reference = engine.supersample(view, &plain, plan.grid)?;
+        let reference = match &rivals.caster {
+            Some(caster) if plan.has_ray_reference => by_rays(caster.as_ref(), view, plan.grid)?,
+            _ => engine.supersample(view, &plain, plan.grid)?,
+        };
         progress.advance(u64::from(plan.grid * plan.grid));
         for ((line, found), refused) in lines.iter().zip(&mut found).zip(&mut refused) {
             match engine.render(view, &line.settings) {
@@ -199,6 +203,15 @@ fn at_distance(
     }
     found.extend([rays, chain]);
     Ok(found)
+}
+
+/// The mean of `grid` x `grid` rays a pixel, at the places where [`Engine::supersample`] has its samples.
+fn by_rays(caster: &dyn Caster, view: &View, grid: u32) -> Result<FloatImage, Error> {
+    let mut mean = Accumulator::new();
+    for i in 0..grid * grid {
+        mean.add(&caster.draw(&jittered(view, i, grid)))?;
+    }
+    Ok(mean.mean())
 }
 
 fn describe(place: &Place, found: &[Found], figures: &mut Vec<Figure>) {

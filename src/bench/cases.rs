@@ -186,6 +186,8 @@ pub struct Plan {
     pub error_views: u32,
     /// Samples a pixel of the reference, along one side of its grid.
     pub grid: u32,
+    /// The samples are rays where this build can cast them: the same surface in a tenth of the time, for large models.
+    pub has_ray_reference: bool,
     /// Rounds of what is measured from one view.
     pub rounds: usize,
 }
@@ -205,6 +207,7 @@ impl Plan {
             ],
             error_views: 2,
             grid: 4,
+            has_ray_reference: false,
             rounds: 9,
         }
     }
@@ -216,6 +219,7 @@ impl Plan {
             sizes: vec![SIZE],
             thresholds: vec![1.0, 3.0, 8.0],
             has_blended: false,
+            has_ray_reference: true,
             accurate: [vec![0.25, 0.5, 1.0, 2.0], vec![1.0, 2.0, 3.0]],
             error_views: 1,
             rounds: 3,

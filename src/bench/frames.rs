@@ -25,7 +25,8 @@ type Frames = Vec<(usize, FrameTimes)>;
 /// the calibrated rate of the cheaper path, with the picture's own passes and the cut.
 ///
 /// Bytes are those that have to move whatever the program does: a node visited, a record of a draw list written and read,
-/// of plain triangles vertices and indices, and color and depth of the picture once written.
+/// of plain triangles vertices and indices, and color and depth of the picture once written. The rates are those of some
+/// ten thousand primitives: what they say of plain triangles, millions of which lie behind others or face away, is nothing.
 pub fn roofs(
     session: &Session,
     model: &Model,
@@ -51,17 +52,19 @@ pub fn roofs(
         way.frame_ns(c.splats, settings.threshold_px, pixels)
     };
     let triangles = |way: &crate::method::costs::TriangleCosts| way.frame_ns(c.triangles, pixels);
-    let small = if settings.method == Method::Triangles {
-        None
-    } else {
-        costs.triangle.compute.as_ref().map(triangles)
-    };
     let ns = least(
         ways.raster.as_ref().map(splats),
         ways.compute.as_ref().map(splats),
-    ) + least(costs.triangle.raster.as_ref().map(triangles), small)
-        + costs.node_ns * c.nodes_visited as f64;
-    [bytes as f64 / session.bandwidth.host / 1e6, ns / 1e6]
+    ) + least(
+        costs.triangle.raster.as_ref().map(triangles),
+        costs.triangle.compute.as_ref().map(triangles),
+    ) + costs.node_ns * c.nodes_visited as f64;
+    let primitives = if settings.method == Method::Triangles {
+        f64::NAN
+    } else {
+        ns / 1e6
+    };
+    [bytes as f64 / session.bandwidth.host / 1e6, primitives]
 }
 
 /// Every line at every size and distance, in turn; the ratios to triangles of the same views.

@@ -19,7 +19,7 @@ pub const ARE_BUILT_IN: bool = cfg!(feature = "rivals");
 
 /// Casts one ray through the center of each pixel, on two threads.
 pub trait Caster: std::fmt::Debug {
-    /// The picture: the default light, black background. Without depth and normals.
+    /// The picture of a perspective view: the default light, black background. Without depth and normals.
     fn draw(&self, view: &View) -> Image;
 }
 
@@ -166,6 +166,16 @@ mod tests {
         assert!(
             off.missing + off.extra <= 12 && off.object.past_level * 100 <= off.object.pixels,
             "{off:?}"
+        );
+        // Shifted by a part of a pixel, as samples of a reference are.
+        let shifted = crate::image::jittered(&view, 1, 4);
+        let mut engine = Engine::new(&Backend::Mirror, &model, size, Outputs::default()).unwrap();
+        let moved = engine.render(&shifted, &settings).unwrap();
+        let rays = rivals.caster.as_ref().unwrap().draw(&shifted);
+        let [own, other] = [&moved, &picture].map(|p| compare(p, &rays, 8.0).unwrap());
+        assert!(
+            own.missing + own.extra <= 12 && other.object.past_level > 4 * own.object.past_level,
+            "{own:?} {other:?}"
         );
         // Ever fewer triangles, ever larger errors, and what is within a pixel looks alike.
         assert!(rivals.chain.len() > 3, "{} levels", rivals.chain.len());

@@ -116,8 +116,12 @@ impl Caster for Rays<'_> {
                     for x in left..(left + BLOCK).min(width) {
                         let x_ndc = (2.0 * x as f32 + 1.0) / width as f32 - 1.0;
                         let y_ndc = 1.0 - (2.0 * y as f32 + 1.0) / height as f32;
-                        let direction =
-                            Vec3::new(x_ndc / view.scale[0], y_ndc / view.scale[1], -1.0);
+                        // Inverse of clip.xy / clip.w at distance 1.
+                        let direction = Vec3::new(
+                            (x_ndc + view.offset[0]) / view.scale[0],
+                            (y_ndc + view.offset[1]) / view.scale[1],
+                            -1.0,
+                        );
                         let direction = model_from_view.transform_vector3(direction);
                         pixels[((y - top) * width + x) as usize] = self.cast(view.eye, direction);
                     }
