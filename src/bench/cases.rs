@@ -208,7 +208,7 @@ impl Plan {
             error_views: 2,
             grid: 4,
             has_ray_reference: false,
-            rounds: 9,
+            rounds: 7,
         }
     }
 
