@@ -9,8 +9,8 @@
 //! orders it into a bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`draw`] packs them into
 //! lists of plain records, [`method`] turns the lists into a picture on the device (or, as its mirror, on the CPU),
 //! [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors, [`chart`] lays times and errors side
-//! by side, [`bench`] holds the times to what they have to reach. [`scenes`] are models that methods fail at, [`failures`] says how far and why. [`gpu`] is the only place with
-//! Vulkan.
+//! by side, [`mod@bench`] holds the times to what they have to reach. [`scenes`] are models that methods fail at,
+//! [`failures`] says how far and why. [`gpu`] is the only place with Vulkan.
 //!
 //! # From a file to a picture, without a window
 //!
