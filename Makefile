@@ -34,9 +34,9 @@ test:
 	@scripts/setup.sh test
 	scripts/setup-test.sh
 	$(CARGO) fmt --all -- --check
-	$(CARGO) clippy --locked $(FEATURES) --all-targets -- -D warnings
+	$(CARGO) clippy --locked $(FEATURES) --features rivals --all-targets -- -D warnings
 	$(CARGO) clippy --locked --no-default-features --all-targets -- -D warnings
-	$(CARGO) test --locked $(FEATURES) --no-fail-fast
+	$(CARGO) test --locked $(FEATURES) --features rivals --no-fail-fast
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --locked $(FEATURES) --no-deps
 
 check:

@@ -31,4 +31,7 @@ pub enum Error {
     /// A chart could not be made.
     #[error(transparent)]
     Chart(#[from] crate::chart::Error),
+    /// Something could not be measured.
+    #[error(transparent)]
+    Bench(#[from] crate::bench::Error),
 }

@@ -9,8 +9,8 @@
 //! orders it into a bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`draw`] packs them into
 //! lists of plain records, [`method`] turns the lists into a picture on the device (or, as its mirror, on the CPU),
 //! [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors, [`chart`] lays times and errors side
-//! by side. [`scenes`] are models that methods fail at, [`failures`] says how far and why. [`gpu`] is the only place with
-//! Vulkan.
+//! by side, [`mod@bench`] holds the times to what they have to reach. [`scenes`] are models that methods fail at,
+//! [`failures`] says how far and why. [`gpu`] is the only place with Vulkan.
 //!
 //! # From a file to a picture, without a window
 //!
@@ -47,9 +47,10 @@
 //! # Features
 //!
 //! `viewer` (default) adds the window to the program. Without default features everything headless builds with
-//! rustc and a C++ compiler alone.
+//! rustc and a C++ compiler alone. `rivals` adds a ray caster and simplified meshes to what `surfel bench` compares.
 
 pub mod abi;
+pub mod bench;
 pub mod chart;
 pub mod cut;
 pub mod draw;

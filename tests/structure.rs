@@ -62,25 +62,35 @@ const LAYERS: &[Layer] = &[
             "progress", "math", "tree", "cut", "image", "gpu", "method", "measure",
         ],
     ),
+    // Measures whole frames of generated models, and holds them to bounds.
+    layer(
+        "bench",
+        &[
+            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "gpu", "method",
+            "measure", "chart",
+        ],
+    ),
     // Wraps the error of every layer; no layer may use it.
     layer(
         "error",
         &[
             "math", "input", "generate", "tree", "image", "gpu", "measure", "failures", "chart",
+            "bench",
         ],
     ),
     layer(
         "viewer",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "tree", "cut", "draw", "image",
-            "gpu", "method", "measure", "error",
+            "gpu", "method", "measure", "bench", "error",
         ],
     ),
     layer(
         "cli",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
-            "draw", "image", "gpu", "method", "measure", "failures", "chart", "error", "viewer",
+            "draw", "image", "gpu", "method", "measure", "failures", "chart", "bench", "error",
+            "viewer",
         ],
     ),
 ];
@@ -513,6 +523,7 @@ fn the_documents_name_only_what_is_there() {
     );
     for (document, at_least) in [
         ("docs/ARCHITECTURE.md", 20),
+        ("docs/PERFORMANCE.md", 2),
         ("README.md", 1),
         ("assets/README.md", 0),
     ] {

@@ -9,7 +9,7 @@
 use super::run::{Bench, orbit};
 use super::{Choice, Error, Plan};
 use crate::math::camera::View;
-use crate::measure::Distribution;
+use crate::measure::{Distribution, store};
 use crate::method::engine::Backend;
 use crate::progress::Progress;
 use crate::tree::Model;
@@ -120,27 +120,14 @@ impl Key {
 
     /// The file of its calibration in a folder.
     pub fn path(&self, folder: &Path) -> PathBuf {
-        // FNV-1a of all parts: names of devices are no names of files. The file repeats the key, so a collision is seen.
-        let text = format!("{self:?}");
-        let hash = text.bytes().fold(0xcbf2_9ce4_8422_2325u64, |h, b| {
-            (h ^ u64::from(b)).wrapping_mul(0x0100_0000_01b3)
-        });
-        folder.join(format!("calibration-{hash:016x}.json"))
+        store::path(folder, "calibration", self)
     }
 }
 
 impl Calibration {
     /// Reads one; `None` where there is none, or it is damaged, or of another key.
     pub fn read(folder: &Path, key: &Key) -> Option<Self> {
-        let path = key.path(folder);
-        let text = std::fs::read_to_string(&path).ok()?;
-        let found: Self = match serde_json::from_str(&text) {
-            Ok(found) => found,
-            Err(error) => {
-                tracing::warn!("{}: ignored: {error}", path.display());
-                return None;
-            }
-        };
+        let found: Self = store::read(&key.path(folder))?;
         let is_whole = |e: &Entry| {
             let is_error = |v: &f64| (0.0..=1.0).contains(v);
             e.choice().is_some()
@@ -159,18 +146,7 @@ impl Calibration {
     /// # Errors
     /// When the folder cannot be made or the file not be written.
     pub fn write(&self, folder: &Path) -> Result<(), Error> {
-        let path = self.key.path(folder);
-        let fail = |source| crate::image::Error::Write {
-            path: path.clone(),
-            source,
-        };
-        std::fs::create_dir_all(folder).map_err(fail)?;
-        let text =
-            serde_json::to_string_pretty(self).map_err(|e| fail(std::io::Error::other(e)))?;
-        crate::image::write(&path, |file| {
-            std::io::Write::write_all(file, text.as_bytes())
-        })?;
-        Ok(())
+        Ok(store::write(&self.key.path(folder), self)?)
     }
 
     /// Measures the choices for a model: minutes on a software device for a million triangles.

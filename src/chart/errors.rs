@@ -96,7 +96,7 @@ fn part(picture: &impl Picture, tile: &Tile) -> FloatImage {
 
 /// Mean FLIP over the picture and over object pixels. The background is the same in both, so only what lies around the
 /// object is looked at: farther out than its filters reach, FLIP is 0.
-fn object_flip(
+pub(crate) fn object_flip(
     reference: &(impl Picture + Sync),
     picture: &(impl Picture + Sync),
 ) -> Result<[f64; 2], Error> {

@@ -56,7 +56,7 @@ impl AutoArgs {
         let model = &ready.model;
         let size = (view.width, view.height);
         let key = Key::of(backend, model, size);
-        let folder = dirs::cache_dir().map(|f| f.join("surfel"));
+        let folder = surfel::measure::store::folder();
         let kept = folder.as_ref().and_then(|f| Calibration::read(f, &key));
         let calibration = match kept {
             Some(kept) => kept,

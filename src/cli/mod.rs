@@ -2,6 +2,7 @@
 //! it with the library. Data goes to standard output, talk to standard error.
 
 mod auto;
+mod bench;
 mod build;
 mod chart;
 mod check;
@@ -55,10 +56,12 @@ impl From<surfel::Error> for Failure {
             E::Generate(G::Write { .. } | G::Stream(_) | G::Cancelled) => false,
             E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) => true,
             E::Image(surfel::image::Error::Read { .. }) => true,
+            E::Bench(surfel::bench::Error::Memory { .. } | surfel::bench::Error::Camera(_)) => true,
             E::Chart(surfel::chart::Error::Rows { .. } | surfel::chart::Error::Camera(_)) => true,
             E::Gpu(g)
             | E::Profile(surfel::measure::profile::Error::Gpu(g))
-            | E::Chart(surfel::chart::Error::Gpu(g)) => matches!(
+            | E::Chart(surfel::chart::Error::Gpu(g))
+            | E::Bench(surfel::bench::Error::Gpu(g)) => matches!(
                 g,
                 surfel::gpu::Error::UnknownDevice { .. }
                     | surfel::gpu::Error::Limit { .. }
@@ -93,7 +96,8 @@ failure_from!(
     surfel::generate::Error,
     surfel::measure::profile::Error,
     surfel::failures::Error,
-    surfel::chart::Error
+    surfel::chart::Error,
+    surfel::bench::Error
 );
 
 /// A usage error with the given text.
@@ -117,6 +121,7 @@ Examples:
   surfel motion scan.ply --threshold 3               how much flickers and pops when the camera moves
   surfel stability -o failures                       where the methods fail, measured: a table with pictures
   surfel chart scan.ply -o chart --quick             time against error of every method, as a chart and a page
+  surfel bench --quick                               every figure that has to be reached, with pass or miss
   surfel devices                                     what can draw here
 
 A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
@@ -179,6 +184,8 @@ enum Command {
     Stability(stability::Args),
     /// Measure time and error of every method, splat and threshold, and draw them as a chart
     Chart(Box<chart::Args>),
+    /// Measure every figure that the program has to reach, with pass or miss
+    Bench(bench::Args),
     /// Print published tables beside what is measured here
     Reproduce(reproduce::Args),
     /// List the devices of this machine and the limits that matter
@@ -263,6 +270,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Motion(args)) => motion::run(*args, quiet),
         Some(Command::Stability(args)) => stability::run(args, quiet),
         Some(Command::Chart(args)) => chart::run(*args, quiet),
+        Some(Command::Bench(args)) => bench::run(args, quiet),
         Some(Command::Reproduce(args)) => reproduce::run(args, quiet),
         Some(Command::Devices(args)) => devices::run(args),
         Some(Command::Demo(args)) => demo::run(args, quiet),

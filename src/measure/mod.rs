@@ -13,6 +13,7 @@ pub mod profile;
 pub mod report;
 mod silhouette;
 mod spread;
+pub mod store;
 mod surface;
 pub mod temporal;
 mod tile;

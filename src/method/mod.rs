@@ -2,6 +2,7 @@
 //! mirror on the CPU that tests compare it with.
 
 mod compute;
+pub mod costs;
 pub mod engine;
 pub mod filtered;
 pub mod fuzzy;

@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod auto;
+mod bench;
 mod chart;
 mod compare;
 mod damage;

@@ -14,6 +14,7 @@ const COMMANDS: &[&str] = &[
     "motion",
     "stability",
     "chart",
+    "bench",
     "reproduce",
     "devices",
     "demo",

@@ -1,0 +1,396 @@
+//! Time against error: the default method and filtered splats, beside rays and simplified meshes at equal footing.
+//!
+//! The reference is triangles, 16 samples a pixel (in a quick run rays, where they are built in: the same surface, and the
+//! same picture but for single pixels on edges). Everything is drawn in turn from the same views.
+
+use super::cases::{self, Line, SIZE, views};
+use super::rivals::{self, Caster, Rivals};
+use super::verdict::{EQUAL_FLIP, Offer, Target, at_equal_flip, at_psnr, most_accurate};
+use super::{Case, Error, Figure, Place, Plan, Session};
+use crate::chart::errors::object_flip;
+use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
+use crate::math::camera::View;
+use crate::measure::Distribution;
+use crate::method::engine::Engine;
+use crate::method::renderer::Outputs;
+use crate::method::times::FrameTimes;
+use crate::progress::Progress;
+use crate::tree::Model;
+use std::time::Instant;
+
+const PART: &str = "accuracy";
+const RAYS: &str = "rays, one a pixel";
+const CHAIN: &str = "simplified meshes, 1 px";
+
+/// One way to draw, measured.
+#[derive(Debug, Default)]
+struct Found {
+    name: String,
+    ms: Vec<f64>,
+    flip: Vec<f64>,
+    psnr_db: Vec<f64>,
+    /// Of the last frame, where the device drew it.
+    times: Option<FrameTimes>,
+}
+
+impl Found {
+    fn new(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            ..Self::default()
+        }
+    }
+
+    fn judge(&mut self, reference: &FloatImage, picture: &Image) -> Result<(), Error> {
+        self.flip.push(object_flip(reference, picture)?[0]);
+        let difference = compare(reference, picture, 8.0)?;
+        self.psnr_db.push(difference.object.psnr_db);
+        Ok(())
+    }
+
+    fn offer(&self) -> Offer {
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        Offer {
+            name: self.name.clone(),
+            frame_ms: Distribution::of(&self.ms).median,
+            flip: mean(&self.flip),
+            psnr_db: mean(&self.psnr_db),
+        }
+    }
+
+    /// What its frame was made of.
+    fn cause(&self) -> String {
+        self.times.as_ref().map_or_else(String::new, |t| {
+            format!(
+                "cut {:.1}, packing {:.1}, device {:.1} ms for {} splats and {} triangles",
+                t.cut_ms, t.pack_ms, t.wait_ms, t.counts.splats, t.counts.triangles
+            )
+        })
+    }
+}
+
+/// Measures a model from every distance.
+///
+/// # Errors
+/// When a picture cannot be drawn, or `progress` is cancelled.
+pub fn figures(
+    session: &Session,
+    case: &Case<'_>,
+    plan: &Plan,
+    progress: &dyn Progress,
+) -> Result<Vec<Figure>, Error> {
+    let model = case.model;
+    let rivals = Rivals::build(model, progress)?;
+    let mut figures = Vec::new();
+    let place = case.place((0, 0), 0.0);
+    for (line, name, ms) in [
+        (RAYS, "building the hierarchy", rivals.caster_build_ms),
+        (CHAIN, "building the chain", rivals.chain_build_ms),
+    ] {
+        if rivals::ARE_BUILT_IN {
+            figures.push(Figure::new(PART, &place, line, name, ms / 1e3, "s"));
+        }
+    }
+    let mut engine = Engine::new(&session.backend, model, SIZE, Outputs::default())?;
+    let [default, filtered] = plan.accurate_lines();
+    let mut lines = vec![cases::triangles()];
+    lines.extend(default.iter().chain(&filtered).cloned());
+    let frames = u64::from(plan.grid * plan.grid) + plan.rounds as u64;
+    let all = plan.fills.len() as u64 * u64::from(plan.error_views) * frames;
+    progress.stage(&format!("errors of {}", case.name), all);
+    for &fill in &plan.fills {
+        let place = case.place(SIZE, fill);
+        let views = views(model, SIZE, fill, plan.error_views.max(1))?;
+        let coarse = coarse_model(model, &rivals, &views[0])?;
+        let mut found = at_distance(
+            (&mut engine, &coarse, session),
+            (&lines, &rivals, plan),
+            &views,
+            progress,
+        )?;
+        found.retain(|f| !f.ms.is_empty());
+        describe(&place, &found, &mut figures);
+        let is_of = |f: &&Found, lines: &[Line]| lines.iter().any(|l| l.name == f.name);
+        let default: Vec<&Found> = found.iter().filter(|f| is_of(f, &default)).collect();
+        let filtered: Vec<&Found> = found.iter().filter(|f| is_of(f, &filtered)).collect();
+        for rival in [RAYS, CHAIN] {
+            let other = found.iter().find(|f| f.name == rival);
+            figures.push(beside(case, &place, &default, other, rival));
+        }
+        if let Some((db, target)) = case.filtered_target(fill) {
+            let offers: Vec<Offer> = filtered.iter().map(|f| f.offer()).collect();
+            figures.push(in_time(&place, &offers, db).target(Some(target)));
+        }
+    }
+    Ok(figures)
+}
+
+/// The level of the chain for a view, as a model; `None` where there is no chain.
+fn coarse_model(model: &Model, rivals: &Rivals<'_>, view: &View) -> Result<Option<Model>, Error> {
+    let errors: Vec<f32> = rivals.chain.iter().map(|l| l.error).collect();
+    let level = rivals.chain.get(rivals::level_for(&errors, model, view));
+    level.map(|level| rivals::model(model, level)).transpose()
+}
+
+/// Errors and times of everything from one distance.
+fn at_distance(
+    (engine, coarse, session): (&mut Engine<'_>, &Option<Model>, &Session),
+    (lines, rivals, plan): (&[Line], &Rivals<'_>, &Plan),
+    views: &[View],
+    progress: &dyn Progress,
+) -> Result<Vec<Found>, Error> {
+    use crate::gpu::Error as E;
+    let plain = cases::triangles().settings;
+    let mut coarse = match coarse {
+        Some(model) => Some(Engine::new(
+            &session.backend,
+            model,
+            SIZE,
+            Outputs::default(),
+        )?),
+        None => None,
+    };
+    let mut found: Vec<Found> = lines.iter().map(|l| Found::new(&l.name)).collect();
+    let (mut rays, mut chain) = (Found::new(RAYS), Found::new(CHAIN));
+    let mut refused = vec![false; lines.len()];
+    for view in views {
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        let reference = match &rivals.caster {
+            Some(caster) if plan.has_ray_reference => by_rays(caster.as_ref(), view, plan.grid)?,
+            _ => engine.supersample(view, &plain, plan.grid)?,
+        };
+        progress.advance(u64::from(plan.grid * plan.grid));
+        for ((line, found), refused) in lines.iter().zip(&mut found).zip(&mut refused) {
+            match engine.render(view, &line.settings) {
+                Ok(picture) => found.judge(&reference, &picture)?,
+                Err(E::Unsupported { .. } | E::Limit { .. }) => *refused = true,
+                Err(error) => return Err(error.into()),
+            }
+        }
+        if let Some(caster) = &rivals.caster {
+            rays.judge(&reference, &caster.draw(view))?;
+        }
+        if let Some(engine) = &mut coarse {
+            chain.judge(&reference, &engine.render(view, &plain)?)?;
+        }
+        for round in 0..plan.rounds {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
+            for ((line, found), refused) in lines.iter().zip(&mut found).zip(&refused) {
+                // Every frame of plain triangles is alike, and slow.
+                if *refused || (line.is_rare && round > 1) {
+                    continue;
+                }
+                let times = engine.draw(view, &line.settings)?;
+                found.ms.push(times.frame_ms);
+                found.times = Some(times);
+            }
+            if let Some(caster) = &rivals.caster {
+                let start = Instant::now();
+                std::hint::black_box(caster.draw(view));
+                rays.ms.push(start.elapsed().as_secs_f64() * 1e3);
+            }
+            if let Some(engine) = &mut coarse {
+                let times = engine.draw(view, &plain)?;
+                chain.ms.push(times.frame_ms);
+                chain.times = Some(times);
+            }
+            progress.advance(1);
+        }
+    }
+    found.extend([rays, chain]);
+    Ok(found)
+}
+
+/// The mean of `grid` x `grid` rays a pixel, at the places where [`Engine::supersample`] has its samples.
+fn by_rays(caster: &dyn Caster, view: &View, grid: u32) -> Result<FloatImage, Error> {
+    let mut mean = Accumulator::new();
+    for i in 0..grid * grid {
+        mean.add(&caster.draw(&jittered(view, i, grid)))?;
+    }
+    Ok(mean.mean())
+}
+
+fn describe(place: &Place, found: &[Found], figures: &mut Vec<Figure>) {
+    for found in found {
+        let offer = found.offer();
+        let line = &found.name;
+        let note = format!(
+            "mean FLIP {:.5}, PSNR over object pixels {:.1} dB",
+            offer.flip, offer.psnr_db
+        );
+        figures.push(Figure::median(PART, place, line, "frame", &found.ms, "ms").note(note));
+        figures.push(Figure::new(PART, place, line, "mean FLIP", offer.flip, "").detail());
+        let psnr = Figure::new(
+            PART,
+            place,
+            line,
+            "PSNR over object pixels",
+            offer.psnr_db,
+            "dB",
+        );
+        figures.push(psnr.detail());
+    }
+}
+
+/// How much faster the default method is than a rival, with a threshold at which it is as close to the reference.
+fn beside(
+    case: &Case<'_>,
+    place: &Place,
+    default: &[&Found],
+    rival: Option<&Found>,
+    name: &str,
+) -> Figure {
+    let is_rays = name == RAYS;
+    // From a million triangles up the default method has to be ahead of rays.
+    let target =
+        (is_rays && case.model.triangles.len() >= 1_000_000).then_some(Target::AtLeast(1.0));
+    let figure_name = format!("times faster than {name} at equal FLIP");
+    let Some(rival) = rival else {
+        let why = if rivals::ARE_BUILT_IN {
+            "it drew nothing"
+        } else {
+            "this build is without the feature rivals"
+        };
+        return Figure::absent(PART, place, "default", &figure_name, "x", why).target(target);
+    };
+    let offers: Vec<Offer> = default.iter().map(|f| f.offer()).collect();
+    let against = rival.offer();
+    let Some(best) = at_equal_flip(&offers, &against) else {
+        let nearest = most_accurate(&offers).map_or_else(String::new, |o| {
+            format!(
+                "; the closest, {}, has {:.5} in {:.1} ms",
+                o.name, o.flip, o.frame_ms
+            )
+        });
+        let note = format!(
+            "no threshold comes to its mean FLIP of {:.5} in {:.1} ms{nearest}",
+            against.flip, against.frame_ms
+        );
+        return Figure::new(PART, place, "default", &figure_name, 0.0, "x")
+            .target(target)
+            .note(note);
+    };
+    let times = against.frame_ms / best.frame_ms;
+    let cause = default
+        .iter()
+        .find(|f| f.name == best.name)
+        .map_or_else(String::new, |f| f.cause());
+    let mut note = format!(
+        "{}: {:.1} ms, FLIP {:.5}; {name}: {:.1} ms, FLIP {:.5}; equal within {:.0} %",
+        best.name,
+        best.frame_ms,
+        best.flip,
+        against.frame_ms,
+        against.flip,
+        100.0 * EQUAL_FLIP
+    );
+    if times < 1.0 {
+        note += &format!("; ahead because here {cause}");
+        if !is_rays {
+            note += &format!(", there {}", rival.cause());
+        }
+    }
+    Figure::new(PART, place, "default", &figure_name, times, "x")
+        .target(target)
+        .note(note)
+}
+
+/// The time of the fastest filtered splats that are as accurate as asked.
+fn in_time(place: &Place, offers: &[Offer], least_db: f64) -> Figure {
+    let name = format!("frame of at least {least_db} dB over object pixels");
+    match at_psnr(offers, least_db) {
+        Some(best) => Figure::new(PART, place, "pop filtered", &name, best.frame_ms, "ms")
+            .note(format!("{}: {:.1} dB", best.name, best.psnr_db)),
+        None => {
+            let best = offers
+                .iter()
+                .map(|o| o.psnr_db)
+                .fold(f64::NEG_INFINITY, f64::max);
+            let why = format!("no threshold comes to it: at most {best:.1} dB");
+            // An infinite time misses every bound.
+            Figure::new(PART, place, "pop filtered", &name, f64::INFINITY, "ms").note(why)
+        }
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
+mod tests {
+    use super::super::verdict::Verdict;
+    use super::*;
+    use crate::generate::{self, Shape, Spec};
+    use crate::progress::Silent;
+    use crate::tree::{self, BuildOptions};
+
+    fn found(name: &str, ms: f64, flip: f64, psnr_db: f64) -> Found {
+        Found {
+            name: name.into(),
+            ms: vec![ms],
+            flip: vec![flip],
+            psnr_db: vec![psnr_db],
+            times: Some(FrameTimes::default()),
+        }
+    }
+
+    #[test]
+    fn ahead_behind_and_out_of_reach() {
+        let spec = Spec::with_triangles(Shape::Square, 2).unwrap();
+        let model = tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap();
+        let case = Case {
+            name: "square",
+            model: &model,
+        };
+        let place = case.place(SIZE, 1.0);
+        let fine = found("default, 1 px", 20.0, 0.0101, 30.0);
+        let coarse = found("default, 3 px", 5.0, 0.05, 20.0);
+        let default = [&fine, &coarse];
+        let beside = |ms, flip, name| {
+            let rival = found(name, ms, flip, 26.0);
+            super::beside(&case, &place, &default, Some(&rival), name)
+        };
+        let ahead = beside(40.0, 0.01, RAYS);
+        assert_eq!(ahead.value, 2.0);
+        assert!(
+            ahead.note.contains("default, 1 px: 20.0 ms") && !ahead.note.contains("ahead because")
+        );
+        let behind = beside(10.0, 0.01, CHAIN);
+        assert_eq!(behind.value, 0.5);
+        assert!(
+            behind.note.contains("ahead because here cut 0.0"),
+            "{}",
+            behind.note
+        );
+        let out_of_reach = beside(10.0, 0.001, CHAIN);
+        assert_eq!(out_of_reach.value, 0.0);
+        assert!(
+            out_of_reach
+                .note
+                .contains("the closest, default, 1 px, has 0.01010")
+        );
+        // No target: the model is small.
+        assert_eq!(ahead.verdict(), Verdict::None);
+        let none = super::beside(&case, &place, &default, None, RAYS);
+        assert_eq!(none.verdict(), Verdict::Absent);
+    }
+
+    #[test]
+    fn accuracy_that_is_not_reached_is_a_miss() {
+        let offers = [
+            found("a", 20.0, 0.01, 31.0).offer(),
+            found("b", 9.0, 0.02, 29.0).offer(),
+        ];
+        let target = Some(Target::AtMost(15.0));
+        let verdict = |db| {
+            in_time(&Place::default(), &offers, db)
+                .target(target)
+                .verdict()
+        };
+        assert_eq!(verdict(28.0), Verdict::Pass);
+        assert_eq!(verdict(30.0), Verdict::Miss);
+        assert_eq!(verdict(40.0), Verdict::Miss);
+    }
+}

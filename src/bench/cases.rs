@@ -1,0 +1,332 @@
+//! What is measured: the standard models, how they are drawn, from where, and how often.
+
+use super::report::Place;
+use super::verdict::Target;
+use crate::chart::run::orbit;
+use crate::math::camera::{Camera, View};
+use crate::method::{Method, Path, Settings, SplatKind};
+use crate::tree::Model;
+use glam::DVec3;
+
+/// A model of the run.
+#[derive(Debug, Clone, Copy)]
+pub struct Case<'m> {
+    /// Its name.
+    pub name: &'m str,
+    /// The model.
+    pub model: &'m Model,
+}
+
+/// The models that targets are stated for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Standard {
+    /// A sphere of a million triangles.
+    Sphere,
+    /// A torus of four million needles.
+    Torus,
+    /// The statue of eight million triangles.
+    Statue,
+    /// The scanned dragon of 871,414 triangles.
+    Dragon,
+}
+
+impl Standard {
+    /// All of them, in the order of a run.
+    pub const ALL: [Self; 4] = [Self::Sphere, Self::Torus, Self::Statue, Self::Dragon];
+
+    /// Name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sphere => "sphere",
+            Self::Torus => "torus",
+            Self::Statue => "statue",
+            Self::Dragon => "dragon",
+        }
+    }
+
+    /// Its triangles.
+    pub fn triangles(self) -> u64 {
+        match self {
+            Self::Sphere => 1_000_000,
+            Self::Torus => 4_000_000,
+            Self::Statue => 7_990_272,
+            Self::Dragon => 871_414,
+        }
+    }
+
+    /// The one of a name and a number of triangles; `None` of any other size: targets hold for the full size only.
+    pub fn of(name: &str, triangles: u64) -> Option<Self> {
+        Self::ALL
+            .into_iter()
+            .find(|s| s.name() == name && s.triangles() == triangles)
+    }
+}
+
+/// The picture size that targets are stated for.
+pub const SIZE: (u32, u32) = (500, 500);
+
+impl Case<'_> {
+    /// The standard model that it is.
+    pub fn standard(&self) -> Option<Standard> {
+        Standard::of(self.name, self.model.triangles.len() as u64)
+    }
+
+    /// It, in pictures of a size at a distance.
+    pub fn place(&self, size: (u32, u32), fill: f64) -> Place {
+        Place {
+            model: self.name.to_owned(),
+            triangles: self.model.triangles.len() as u64,
+            size,
+            fill,
+        }
+    }
+
+    /// How much faster than triangles the default method has to be at threshold 1.
+    pub fn speed_target(&self, size: (u32, u32), fill: f64) -> Option<Target> {
+        let standard = self.standard()?;
+        if size != SIZE {
+            return None;
+        }
+        let times = match (standard, fill) {
+            (Standard::Statue, 1.0) => 40.0,
+            (Standard::Torus, 1.0) => 8.0,
+            (Standard::Statue | Standard::Torus, 0.125) => 100.0,
+            _ => return None,
+        };
+        Some(Target::AtLeast(times))
+    }
+
+    /// The accuracy that filtered splats have to have at a distance, decibels, and the milliseconds in which.
+    pub fn filtered_target(&self, fill: f64) -> Option<(f64, Target)> {
+        let (db, ms) = match (self.standard()?, fill) {
+            (Standard::Statue, 1.0) => (30.0, 15.0),
+            (Standard::Statue, 0.5) => (28.0, 6.0),
+            (Standard::Statue, 0.125) => (27.0, 2.0),
+            _ => return None,
+        };
+        Some((db, Target::AtMost(ms)))
+    }
+}
+
+/// One way to draw.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Line {
+    /// Its name in tables.
+    pub name: String,
+    /// How.
+    pub settings: Settings,
+    /// It is slow and always the same: drawn from every third view only.
+    pub is_rare: bool,
+}
+
+/// Plain triangles.
+pub fn triangles() -> Line {
+    Line {
+        name: "triangles".into(),
+        settings: Settings {
+            method: Method::Triangles,
+            path: Path::Raster,
+            ..Settings::default()
+        },
+        is_rare: true,
+    }
+}
+
+/// The default method, splat and path at a threshold.
+pub fn default(threshold_px: f32) -> Line {
+    Line {
+        name: format!("default, {threshold_px} px"),
+        settings: Settings {
+            threshold_px,
+            ..Settings::default()
+        },
+        is_rare: false,
+    }
+}
+
+/// `pop` with a kind of splat, by one path.
+pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> Line {
+    let word = |value: &dyn Fn() -> serde_json::Result<serde_json::Value>| match value() {
+        Ok(serde_json::Value::String(word)) => word,
+        _ => String::new(),
+    };
+    let kind = word(&|| serde_json::to_value(splat));
+    let by = match path {
+        Path::Auto => String::new(),
+        _ => format!(" by {}", word(&|| serde_json::to_value(path))),
+    };
+    Line {
+        name: format!("pop {kind}{by}, {threshold_px} px"),
+        settings: Settings {
+            splat,
+            path,
+            threshold_px,
+            ..Settings::default()
+        },
+        is_rare: false,
+    }
+}
+
+/// How much is measured.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Views of the standard orbit at each distance.
+    pub views: u32,
+    /// Sizes of the pictures; [`SIZE`] first, the others get every third view.
+    pub sizes: Vec<(u32, u32)>,
+    /// Distances.
+    pub fills: Vec<f64>,
+    /// Thresholds of the default method; 1 is among them.
+    pub thresholds: Vec<f32>,
+    /// Whether blended splats are among the whole frames; the parts that ask for rates and errors have them anyway.
+    pub has_blended: bool,
+    /// Thresholds at which the errors of the default method are measured, and those of filtered splats.
+    pub accurate: [Vec<f32>; 2],
+    /// Views in which errors are measured.
+    pub error_views: u32,
+    /// Samples a pixel of the reference, along one side of its grid.
+    pub grid: u32,
+    /// The samples are rays where this build can cast them: the same surface in a tenth of the time, for large models.
+    pub has_ray_reference: bool,
+    /// Rounds of what is measured from one view.
+    pub rounds: usize,
+}
+
+impl Plan {
+    /// 36 views, two sizes, three distances: less than ten minutes on two cores and a software device.
+    pub fn full() -> Self {
+        Self {
+            views: 36,
+            sizes: vec![SIZE, (1024, 768)],
+            fills: vec![1.0, 0.5, 0.125],
+            thresholds: vec![1.0, 1.5, 2.0, 3.0, 6.0, 8.0, 16.0],
+            has_blended: true,
+            accurate: [
+                vec![0.25, 0.5, 1.0, 1.5, 2.0, 3.0],
+                vec![1.0, 1.5, 2.0, 3.0],
+            ],
+            error_views: 2,
+            grid: 4,
+            has_ray_reference: false,
+            rounds: 7,
+        }
+    }
+
+    /// Every figure from few views: less than two minutes there.
+    pub fn quick() -> Self {
+        Self {
+            views: 3,
+            sizes: vec![SIZE],
+            thresholds: vec![1.0, 3.0, 8.0],
+            has_blended: false,
+            has_ray_reference: true,
+            accurate: [vec![0.25, 0.5, 1.0, 2.0], vec![1.0, 2.0, 3.0]],
+            error_views: 1,
+            rounds: 3,
+            ..Self::full()
+        }
+    }
+
+    /// The ways that whole frames are measured in.
+    pub fn lines(&self) -> Vec<Line> {
+        use SplatKind::{Filtered, Gauss, Square};
+        let mut lines = vec![triangles()];
+        lines.extend(self.thresholds.iter().map(|t| default(*t)));
+        for path in [Path::Raster, Path::Compute] {
+            lines.push(pop(Square, path, 1.0));
+            if self.has_blended {
+                lines.extend(
+                    [(Filtered, 1.0), (Gauss, 3.0)].map(|(kind, threshold)| Line {
+                        is_rare: true,
+                        ..pop(kind, path, threshold)
+                    }),
+                );
+            }
+        }
+        lines
+    }
+
+    /// The ways whose errors are measured: the default method, and filtered splats.
+    pub fn accurate_lines(&self) -> [Vec<Line>; 2] {
+        let [of_default, of_filtered] = &self.accurate;
+        let filtered = |t: &f32| pop(SplatKind::Filtered, Path::Auto, *t);
+        [
+            of_default.iter().map(|t| default(*t)).collect(),
+            of_filtered.iter().map(filtered).collect(),
+        ]
+    }
+}
+
+/// Views of the standard orbit.
+///
+/// # Errors
+/// When the model has no size that a camera can show.
+pub fn views(
+    model: &Model,
+    size: (u32, u32),
+    fill: f64,
+    count: u32,
+) -> Result<Vec<View>, crate::math::camera::Error> {
+    (0..count)
+        .map(|k| orbit(model, size, fill, k, count))
+        .collect()
+}
+
+/// A view from the standard orbit with the back to the model: nothing is in it.
+///
+/// # Errors
+/// When the model has no size that a camera can show.
+pub fn empty_view(model: &Model, size: (u32, u32)) -> Result<View, crate::math::camera::Error> {
+    let center = model.origin + model.orbit_center.as_dvec3();
+    let radius = f64::from(model.orbit_radius).max(f64::MIN_POSITIVE);
+    let eye = center + 3.0 * radius * DVec3::Z;
+    let away = eye + radius * DVec3::Z;
+    Camera::look_at(
+        size,
+        eye,
+        away,
+        DVec3::Y,
+        45f64.to_radians(),
+        (radius, 4.0 * radius),
+    )
+    .view(model.origin)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn targets_are_those_of_the_standard_models_only() {
+        assert_eq!(Standard::of("statue", 7_990_272), Some(Standard::Statue));
+        assert_eq!(Standard::of("statue", 20_000), None);
+        assert_eq!(Standard::of("horse", 871_414), None);
+        for standard in Standard::ALL {
+            assert_eq!(
+                Standard::of(standard.name(), standard.triangles()),
+                Some(standard)
+            );
+        }
+    }
+
+    #[test]
+    fn lines_have_names_of_their_own_and_begin_with_triangles() {
+        for plan in [Plan::full(), Plan::quick()] {
+            let mut names: Vec<String> = plan.lines().into_iter().map(|l| l.name).collect();
+            assert_eq!(names[0], "triangles");
+            assert!(names.contains(&"default, 1 px".to_owned()), "{names:?}");
+            let count = names.len();
+            names.sort();
+            names.dedup();
+            assert_eq!(names.len(), count);
+            assert_eq!(plan.sizes[0], SIZE);
+            let [default, filtered] = plan.accurate_lines();
+            assert!(default.len() >= 4 && filtered.len() >= 3);
+            assert!(
+                filtered[0].name.starts_with("pop filtered, 1 px"),
+                "{}",
+                filtered[0].name
+            );
+        }
+    }
+}

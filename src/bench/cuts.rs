@@ -1,0 +1,123 @@
+//! The cut on the processor: visited nodes a second, and what a still camera costs.
+
+use super::cases::{self, SIZE, views};
+use super::verdict::Target;
+use super::{Case, Error, Figure, Plan, Session};
+use crate::cut::{Coherent, Cut, Selector};
+use crate::method::Settings;
+use crate::method::engine::Engine;
+use crate::method::plan::{cut_settings, for_view};
+use crate::method::renderer::Outputs;
+use crate::progress::Progress;
+use std::time::Instant;
+
+const PART: &str = "cut";
+
+fn ms(work: impl FnOnce()) -> f64 {
+    let start = Instant::now();
+    work();
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+/// Visited nodes a second on one thread and on two, in turn, and the frame of a camera that does not move.
+///
+/// # Errors
+/// When a frame cannot be drawn, or `progress` is cancelled.
+pub fn figures(
+    session: &Session,
+    case: &Case<'_>,
+    plan: &Plan,
+    progress: &dyn Progress,
+) -> Result<Vec<Figure>, Error> {
+    let model = case.model;
+    let views = views(model, SIZE, 1.0, plan.views.clamp(1, 12))?;
+    let place = case.place(SIZE, 1.0);
+    let is_standard = case.standard().is_some();
+    let target = |target| is_standard.then_some(target);
+    let mut figures = Vec::new();
+    progress.stage("cut", 2);
+    for threshold_px in [1.0, 3.0] {
+        let settings = Settings {
+            threshold_px,
+            ..Settings::default()
+        };
+        let mut selectors = [1, 2].map(Selector::with_threads);
+        let mut cut = Cut::default();
+        let mut rates = [vec![], vec![]];
+        for round in 0..=2 {
+            for view in &views {
+                if progress.is_cancelled() {
+                    return Err(Error::Cancelled);
+                }
+                let settings = cut_settings(&for_view(&settings, model, view), model);
+                for (selector, rates) in selectors.iter_mut().zip(&mut rates) {
+                    let time = ms(|| selector.select(model, view, &settings, &mut cut));
+                    if round > 0 {
+                        rates.push(cut.stats.visited as f64 / time / 1e3);
+                    }
+                }
+            }
+        }
+        let [one, two] = &rates;
+        let visits = format!("{} visits in the last view", cut.stats.visited);
+        for (name, rates, bound) in [
+            ("visited nodes a second, one thread", one, None),
+            (
+                "visited nodes a second, two threads",
+                two,
+                target(Target::AtLeast(150.0)),
+            ),
+        ] {
+            let line = format!("threshold {threshold_px}");
+            let figure = Figure::median(PART, &place, &line, name, rates, "M/s");
+            figures.push(figure.target(bound).note(visits.clone()));
+        }
+        progress.advance(1);
+    }
+    still(session, case, plan, &mut figures, progress)?;
+    Ok(figures)
+}
+
+/// The same view again and again, as a viewer at rest asks for it.
+fn still(
+    session: &Session,
+    case: &Case<'_>,
+    plan: &Plan,
+    figures: &mut Vec<Figure>,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let (model, line) = (case.model, cases::default(1.0));
+    let place = case.place(SIZE, 1.0);
+    let view = views(model, SIZE, 1.0, plan.views.max(1))?[0];
+    let mut engine = Engine::new(&session.backend, model, SIZE, Outputs::default())?;
+    let (mut cut_ms, mut pack_ms, mut frame_ms) = (vec![], vec![], vec![]);
+    for round in 0..2 * plan.rounds + 2 {
+        if progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
+        let times = engine.draw(&view, &line.settings)?;
+        // Each of the ring's draw lists is written once before one could be kept.
+        if round > 1 {
+            cut_ms.push(times.cut_ms);
+            pack_ms.push(times.pack_ms);
+            frame_ms.push(times.frame_ms);
+        }
+    }
+    let bound = case.standard().map(|_| Target::AtMost(0.2));
+    let figure = |name, values| Figure::median(PART, &place, &line.name, name, values, "ms");
+    figures.push(figure("still camera, cut", &cut_ms).target(bound));
+    figures.push(figure("still camera, packing", &pack_ms));
+    figures.push(figure("still camera, frame", &frame_ms));
+    // The list that the library keeps from frame to frame.
+    let settings = cut_settings(&for_view(&line.settings, model, &view), model);
+    let (mut kept, mut cut) = (Coherent::default(), Cut::default());
+    let mut times = Vec::new();
+    for round in 0..=plan.rounds {
+        let time = ms(|| kept.update(model, &view, &settings, &mut cut));
+        if round > 0 {
+            times.push(time);
+        }
+    }
+    figures.push(figure("still camera, coherent cut", &times));
+    Ok(())
+}

@@ -1,0 +1,120 @@
+//! `surfel bench`: every figure that the program has to reach, measured in one run, with pass or miss.
+//!
+//! A [`Session`] is a device with what it costs there ([`calibrate`]) and how fast it moves bytes. The parts each measure a
+//! [`Case`] and return [`Figure`]s: [`rates`] what a primitive and an empty frame cost, [`cuts`] the cut on the processor,
+//! [`frames`] whole frames beside plain triangles, [`accuracy`] time against error beside ray casting and simplified
+//! meshes ([`rivals`]), [`growth`] one view of ever larger models. [`verdict`] decides, [`report`] writes.
+//!
+//! What is compared is drawn in turn, frame by frame, so that what slows the machine down for a while slows all of it.
+//! `docs/PERFORMANCE.md` says what the figures mean.
+
+pub mod accuracy;
+pub mod calibrate;
+pub mod cases;
+pub mod cuts;
+pub mod frames;
+pub mod growth;
+pub mod memory;
+pub mod rates;
+pub mod report;
+pub mod rivals;
+pub mod verdict;
+
+pub use cases::{Case, Line, Plan};
+pub use report::{About, Figure, Place};
+
+use crate::gpu::Gpu;
+use crate::method::engine::Backend;
+use calibrate::{Calibration, Found};
+use rates::Bandwidth;
+use std::path::Path;
+use std::sync::Arc;
+
+/// Why something could not be measured.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// The device could not do what was asked.
+    #[error(transparent)]
+    Gpu(#[from] crate::gpu::Error),
+    /// Pictures could not be compared.
+    #[error(transparent)]
+    Image(#[from] crate::image::Error),
+    /// The model has no camera that shows it.
+    #[error(transparent)]
+    Camera(#[from] crate::math::camera::Error),
+    /// A model could not be generated.
+    #[error(transparent)]
+    Generate(#[from] crate::generate::Error),
+    /// A tree could not be built.
+    #[error(transparent)]
+    Tree(#[from] crate::tree::Error),
+    /// Less memory is free than a model needs.
+    #[error(
+        "{model} needs about {needed} bytes of memory, and {available} are free; leave it out or close something"
+    )]
+    Memory {
+        /// The model.
+        model: String,
+        /// Bytes that building and drawing it takes at most.
+        needed: u64,
+        /// Bytes that are free.
+        available: u64,
+    },
+    /// Another crate could not do its part of a comparison.
+    #[error("{name}: {cause}")]
+    Rival {
+        /// Which.
+        name: &'static str,
+        /// What it says.
+        cause: String,
+    },
+    /// The user asked for the end.
+    #[error("cancelled")]
+    Cancelled,
+}
+
+/// Threads that the machine runs at once.
+pub fn threads() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+/// What all parts of a run share.
+#[derive(Debug)]
+pub struct Session {
+    /// The device.
+    pub backend: Backend,
+    /// Its calibration, measured anew for this run.
+    pub found: Found,
+    /// How fast bytes move.
+    pub bandwidth: Bandwidth,
+}
+
+impl Session {
+    /// Measures a device's costs and bandwidths, and keeps the costs in `folder`.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn open(gpu: &Arc<Gpu>, folder: Option<&Path>) -> Result<Self, Error> {
+        Ok(Self {
+            backend: Backend::Device(gpu.clone()),
+            found: Calibration::kept(gpu, folder, true)?,
+            bandwidth: Bandwidth::measure(gpu)?,
+        })
+    }
+
+    /// What measured; `settings` are the options of the run.
+    pub fn about(&self, settings: String) -> About {
+        About {
+            version: env!("CARGO_PKG_VERSION").into(),
+            commit: option_env!("SURFEL_COMMIT").unwrap_or_default().into(),
+            device: self.backend.name().into(),
+            driver: match &self.backend {
+                Backend::Device(gpu) => gpu.info().driver.clone(),
+                Backend::Mirror => String::new(),
+            },
+            threads: threads(),
+            settings,
+        }
+    }
+}

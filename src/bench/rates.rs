@@ -1,0 +1,317 @@
+//! What the device makes of primitives, bytes and empty frames: the figures that bound all others.
+
+use super::calibrate::split;
+use super::cases::{self, SIZE, empty_view, views};
+use super::verdict::Target;
+use super::{Case, Error, Figure, Place, Plan, Session};
+use crate::gpu::Gpu;
+use crate::gpu::buffer::{Buffer, Usage};
+use crate::gpu::frame::Frames;
+use crate::gpu::profile::self_test;
+use crate::method::costs::{Costs, SIZES_PX, SplatCosts};
+use crate::method::engine::{Backend, Engine};
+use crate::method::renderer::Outputs;
+use crate::method::times::FrameTimes;
+use crate::method::{Path, SplatKind};
+use crate::progress::Progress;
+use rayon::prelude::*;
+use std::sync::Arc;
+use std::time::Instant;
+
+const PART: &str = "rates";
+
+/// Bytes that are moved to measure how fast they move: more than caches hold.
+const MOVED: usize = 64 << 20;
+
+/// How fast bytes move, bytes a nanosecond (GB/s), reads and writes together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Bandwidth {
+    /// Copies on the processor, all threads together.
+    pub host: f64,
+    /// The device fills a buffer.
+    pub device: f64,
+}
+
+impl Bandwidth {
+    /// The best of several copies and fills.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn measure(gpu: &Arc<Gpu>) -> Result<Self, Error> {
+        let source = vec![1u8; MOVED];
+        let mut target = vec![0u8; MOVED];
+        let mut host = f64::INFINITY;
+        for _ in 0..4 {
+            let start = Instant::now();
+            let chunk = MOVED.div_ceil(rayon::current_num_threads());
+            target
+                .par_chunks_mut(chunk)
+                .zip(source.par_chunks(chunk))
+                .for_each(|(to, from)| to.copy_from_slice(from));
+            host = host.min(start.elapsed().as_nanos() as f64);
+        }
+        std::hint::black_box(&target);
+        let buffer = Buffer::new(gpu, "bytes to fill", Usage::Storage, MOVED as u64)?;
+        let mut frames = Frames::new(gpu, 1, true)?;
+        let mut device = f64::INFINITY;
+        for _ in 0..4 {
+            let mut frame = frames.begin()?;
+            frame.pass("bench.fill").fill(&[&buffer], 1);
+            let ticket = frame.submit()?;
+            let finished = frames.finish(ticket)?;
+            let ns = match finished.passes.first() {
+                Some(pass) => pass.ms * 1e6,
+                None => finished.host.as_nanos() as f64,
+            };
+            device = device.min(ns.max(1.0));
+        }
+        Ok(Self {
+            host: 2.0 * MOVED as f64 / host.max(1.0),
+            device: MOVED as f64 / device,
+        })
+    }
+}
+
+/// The calibration and the bandwidths as figures.
+pub fn calibration(session: &Session) -> Vec<Figure> {
+    let costs = &session.found.calibration.costs;
+    let place = Place::default();
+    let figure = |line: &str, name: &str, value: f64, unit| {
+        Figure::new("calibration", &place, line, name, value, unit)
+    };
+    let mut figures = vec![
+        figure(
+            "host",
+            "bytes copied, reads and writes",
+            session.bandwidth.host,
+            "GB/s",
+        ),
+        figure("device", "bytes filled", session.bandwidth.device, "GB/s"),
+        figure(
+            "host",
+            "a visited node of a small model",
+            costs.node_ns,
+            "ns",
+        ),
+    ];
+    for (name, ways) in kinds(costs) {
+        for (by, way) in [("raster", &ways.raster), ("compute", &ways.compute)] {
+            let line = format!("{name} by {by}");
+            let Some(way) = way else {
+                let why = "the device or the program cannot";
+                figures.push(Figure::absent(
+                    "calibration",
+                    &place,
+                    &line,
+                    "a splat",
+                    "ns",
+                    why,
+                ));
+                continue;
+            };
+            for (size, ns) in SIZES_PX.iter().zip(way.splat_ns) {
+                figures.push(figure(&line, &format!("a splat of {size} px"), ns, "ns"));
+            }
+            let pixels = way.pixels;
+            figures.push(figure(&line, "a pixel of the picture", pixels.any_ns, "ns"));
+            figures.push(figure(
+                &line,
+                "a covered pixel on top",
+                pixels.covered_ns,
+                "ns",
+            ));
+        }
+    }
+    for (by, way) in [
+        ("raster", &costs.triangle.raster),
+        ("compute", &costs.triangle.compute),
+    ] {
+        let Some(way) = way else { continue };
+        let line = format!("triangles by {by}");
+        figures.push(figure(
+            &line,
+            "a triangle of 1 to 3 px",
+            way.triangle_ns,
+            "ns",
+        ));
+        figures.push(figure(
+            &line,
+            "a pixel of the picture",
+            way.pixels.any_ns,
+            "ns",
+        ));
+        figures.push(figure(
+            &line,
+            "a covered pixel on top",
+            way.pixels.covered_ns,
+            "ns",
+        ));
+    }
+    figures
+}
+
+/// The kinds of splats that are calibrated, with their names.
+pub fn kinds(costs: &Costs) -> [(&'static str, &crate::method::costs::Ways<SplatCosts>); 3] {
+    [
+        ("square", &costs.square),
+        ("gauss", &costs.gauss),
+        ("filtered", &costs.filtered),
+    ]
+}
+
+/// Splats a second by compute, as they have to be drawn, and what an empty frame costs. The largest model of a run is the
+/// one to ask: its parts are all splats.
+///
+/// # Errors
+/// When a frame cannot be drawn, or `progress` is cancelled.
+pub fn figures(
+    session: &Session,
+    case: &Case<'_>,
+    plan: &Plan,
+    progress: &dyn Progress,
+) -> Result<Vec<Figure>, Error> {
+    use crate::gpu::Error as E;
+    let view = views(case.model, SIZE, 1.0, plan.views.max(1))?[0];
+    let place = case.place(SIZE, 1.0);
+    let mut engine = Engine::new(&session.backend, case.model, SIZE, Outputs::default())?;
+    let wanted = [
+        ("1-pixel squares", SplatKind::Square, 1.0, Some(100.0)),
+        ("3-pixel discs", SplatKind::Disc, 3.0, Some(30.0)),
+        (
+            "normalized fuzzy 3-pixel splats",
+            SplatKind::Gauss,
+            3.0,
+            Some(10.0),
+        ),
+        ("filtered splats of a pixel", SplatKind::Filtered, 1.0, None),
+    ];
+    let lines: Vec<_> = wanted
+        .iter()
+        .flat_map(|&(name, kind, threshold, target)| {
+            [(Path::Compute, target), (Path::Raster, None)]
+                .map(|(path, target)| (name, cases::pop(kind, path, threshold), target))
+        })
+        .collect();
+    let mut frames: Vec<Result<Vec<FrameTimes>, String>> = vec![Ok(Vec::new()); lines.len()];
+    progress.stage("rates", plan.rounds as u64 + 1);
+    for round in 0..=plan.rounds {
+        for ((_, line, _), found) in lines.iter().zip(&mut frames) {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let Ok(list) = found else { continue };
+            match engine.draw(&view, &line.settings) {
+                Ok(times) if round > 0 => list.push(times),
+                Ok(_) => {}
+                Err(why @ (E::Unsupported { .. } | E::Limit { .. })) => {
+                    *found = Err(why.to_string());
+                }
+                Err(error) => return Err(error.into()),
+            }
+        }
+        progress.advance(1);
+    }
+    let mut figures = Vec::new();
+    for ((name, line, target), found) in lines.iter().zip(frames) {
+        let target = target
+            .filter(|_| case.standard().is_some())
+            .map(Target::AtLeast);
+        let figure = match found {
+            Ok(list) => rate(&place, &line.name, name, &list),
+            Err(why) => Figure::absent(PART, &place, &line.name, name, "M/s", why),
+        };
+        figures.push(figure.target(target));
+    }
+    floor(session, case, &mut engine, plan, &mut figures, progress)?;
+    Ok(figures)
+}
+
+/// Splats a second in the passes over splats, and with those over the picture in the remark.
+fn rate(place: &Place, line: &str, name: &str, frames: &[FrameTimes]) -> Figure {
+    let splats = frames.last().map_or(0, |t| t.counts.splats);
+    let triangles = frames.last().map_or(0, |t| t.counts.triangles);
+    if splats == 0 {
+        let why =
+            format!("{triangles} triangles and no splat: the model is too small for this view");
+        return Figure::absent(PART, place, line, name, "M/s", why);
+    }
+    let rates = |is_all: bool| -> Vec<f64> {
+        let ms = frames.iter().map(|t| {
+            let of = split(t);
+            of.splats_ms + if is_all { of.pixels_ms } else { 0.0 }
+        });
+        ms.map(|ms| splats as f64 / ms.max(1e-9) / 1e3).collect()
+    };
+    let [own, all] =
+        [false, true].map(|is_all| Figure::median(PART, place, line, name, &rates(is_all), "M/s"));
+    let others = match triangles {
+        0 => String::new(),
+        n => format!(", beside {n} triangles"),
+    };
+    let note = format!(
+        "{splats} splats{others}; {:.1} M/s with the passes over the picture",
+        all.value
+    );
+    own.note(note)
+}
+
+/// What a frame costs in which nothing is drawn.
+fn floor(
+    session: &Session,
+    case: &Case<'_>,
+    engine: &mut Engine<'_>,
+    plan: &Plan,
+    figures: &mut Vec<Figure>,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let place = case.place(SIZE, 0.0);
+    let mut take = |line: &str, settings, view| -> Result<(), Error> {
+        let mut frames = Vec::new();
+        for round in 0..=plan.rounds {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
+            match engine.draw(view, settings) {
+                Ok(times) if round > 0 => frames.push(times),
+                Ok(_) => {}
+                Err(crate::gpu::Error::Unsupported { .. }) => return Ok(()),
+                Err(error) => return Err(error.into()),
+            }
+        }
+        let mut add = |name: &str, of: &dyn Fn(&FrameTimes) -> f64| {
+            let values: Vec<f64> = frames.iter().map(of).collect();
+            figures.push(Figure::median("floor", &place, line, name, &values, "ms"));
+        };
+        add("frame", &|t| t.frame_ms);
+        add("submit", &|t| t.submit_ms);
+        let names: Vec<&'static str> = crate::measure::frames::pass_names(&frames);
+        for name in names {
+            add(name, &|t| {
+                crate::measure::frames::pass_ms(t, name).unwrap_or_default()
+            });
+        }
+        Ok(())
+    };
+    let (empty, pop) = (empty_view(case.model, SIZE)?, cases::default(1.0).settings);
+    take("nothing in view", &pop, &empty)?;
+    let tiny = crate::chart::run::orbit(case.model, SIZE, 0.01, 0, 9)?;
+    let by_compute = cases::pop(SplatKind::Square, Path::Compute, 1.0).settings;
+    take(
+        "five pixels by compute: clear and resolve",
+        &by_compute,
+        &tiny,
+    )?;
+    if let Backend::Device(gpu) = &session.backend {
+        let test = self_test(gpu)?;
+        let name = "submission with nothing in it";
+        figures.push(Figure::new(
+            "floor",
+            &Place::default(),
+            "",
+            name,
+            test.empty_ms,
+            "ms",
+        ));
+    }
+    Ok(())
+}

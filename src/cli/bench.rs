@@ -1,0 +1,358 @@
+//! `surfel bench`
+
+use super::progress::Bar;
+use super::render::{DeviceArgs, validated};
+use super::source::{Ready, Source};
+use super::{Failure, Outcome, print, say, usage, write_text};
+use std::path::{Path, PathBuf};
+use surfel::bench::cases::Standard;
+use surfel::bench::report::{csv, line, summary};
+use surfel::bench::{
+    Case, Error, Figure, Plan, Session, accuracy, cuts, frames, growth, memory, rates, rivals,
+};
+use surfel::measure::store;
+use surfel::method::engine::Backend;
+use surfel::progress::Progress;
+
+const EXAMPLES: &str = "\
+Examples:
+  surfel bench --quick                         every figure from few views, less than two minutes
+  surfel bench --csv bench.csv                 36 views, two picture sizes, less than ten minutes
+  surfel bench --large --only growth           one view of up to 64 million triangles; needs 8 GB of memory
+  surfel bench --case statue --only cut --only rates
+  surfel bench scan.ply                        a model of your own beside the standard ones
+
+Parts: rates (primitives a second, the empty frame), cut, frames (beside plain triangles), accuracy (time against error,
+beside rays and simplified meshes where built with the feature rivals), growth. The standard models are generated; the
+dragon is read from SURFEL_MODELS/thesis/dragon_vrip.ply.gz, or is a file of 871,414 triangles given here. What is missed
+is no failure of the run: the exit code is 0. docs/PERFORMANCE.md says what each figure means.";
+
+/// Measure every figure that the program has to reach, with pass or miss.
+#[derive(Debug, clap::Args)]
+#[command(after_help = EXAMPLES)]
+pub(crate) struct Args {
+    /// More model files
+    #[arg(value_name = "FILE")]
+    files: Vec<PathBuf>,
+    /// Few views, one picture size
+    #[arg(long)]
+    quick: bool,
+    /// Write every figure as a row; - for standard output, which then has nothing else
+    #[arg(long, value_name = "FILE")]
+    csv: Option<PathBuf>,
+    /// Only this standard model (sphere, torus, statue, dragon); may be given several times
+    #[arg(long = "case", value_name = "NAME", value_parser = parse_case)]
+    cases: Vec<Standard>,
+    /// Only this part of the run; may be given several times
+    #[arg(long, value_name = "PART")]
+    only: Vec<Part>,
+    /// Also models of up to 64 million triangles, for their growth
+    #[arg(long)]
+    large: bool,
+    /// Triangles of the generated models instead, to see that it runs: targets hold for the full size only
+    #[arg(long, value_name = "N", hide = true)]
+    triangles: Option<u64>,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+/// A part of the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Part {
+    Rates,
+    Cut,
+    Frames,
+    Accuracy,
+    Growth,
+}
+
+fn parse_case(text: &str) -> Result<Standard, String> {
+    Standard::ALL
+        .into_iter()
+        .find(|s| s.name() == text)
+        .ok_or_else(|| "there are sphere, torus, statue and dragon".to_owned())
+}
+
+impl Args {
+    fn check(&self) -> Outcome {
+        for (i, file) in self.files.iter().enumerate() {
+            if self.files[..i].contains(file) {
+                return Err(usage(format!("{} is named twice", file.display())));
+            }
+            if self.csv.as_ref() == Some(file) {
+                return Err(usage(format!(
+                    "{} would be written over by the figures",
+                    file.display()
+                )));
+            }
+        }
+        if self
+            .triangles
+            .is_some_and(|n| !(100..=100_000_000).contains(&n))
+        {
+            return Err(usage("--triangles: expected 100 to 100000000"));
+        }
+        if self.large {
+            let all = growth::TRIANGLES.iter().sum();
+            memory::require(
+                "the statue of 1 to 64 million triangles",
+                all,
+                memory::available(),
+            )?;
+        }
+        self.csv.as_deref().map_or(Ok(()), super::require_folder)
+    }
+
+    fn wants(&self, part: Part) -> bool {
+        self.only.is_empty() || self.only.contains(&part)
+    }
+
+    fn wants_case(&self, case: Standard) -> bool {
+        self.cases.is_empty() || self.cases.contains(&case)
+    }
+
+    /// The options, for the rows.
+    fn words(&self) -> String {
+        let mut words = vec![if self.quick { "quick" } else { "full" }.to_owned()];
+        words.extend(self.large.then(|| "large".to_owned()));
+        words.extend(self.triangles.map(|n| format!("triangles {n}")));
+        if rivals::ARE_BUILT_IN {
+            words.push("rivals".into());
+        }
+        words.join(" ")
+    }
+}
+
+/// Where the dragon is, if anywhere: in the folder that SURFEL_MODELS names.
+fn dragon() -> Option<PathBuf> {
+    let folder = PathBuf::from(std::env::var_os("SURFEL_MODELS")?);
+    let path = folder.join("thesis/dragon_vrip.ply.gz");
+    path.is_file().then_some(path)
+}
+
+/// The figures so far, printed as they come.
+struct Figures {
+    all: Vec<Figure>,
+    prints: bool,
+}
+
+impl Figures {
+    fn add(&mut self, title: &str, figures: Vec<Figure>) -> Outcome {
+        if self.prints && !figures.is_empty() {
+            let mut text = format!("\n{title}\n");
+            for figure in figures.iter().filter(|f| !f.is_detail) {
+                text += &line(figure);
+                text.push('\n');
+            }
+            print(&text)?;
+        }
+        self.all.extend(figures);
+        Ok(())
+    }
+}
+
+pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+    args.check()?;
+    let backend = args.device.open()?;
+    let Backend::Device(gpu) = &backend else {
+        return Err(usage(
+            "bench measures a Vulkan device: --device mirror has none of what it asks for",
+        ));
+    };
+    let plan = if args.quick {
+        Plan::quick()
+    } else {
+        Plan::full()
+    };
+    let bar = Bar::new(quiet);
+    bar.stage("calibrate", 0);
+    let folder = store::folder();
+    let session = Session::open(gpu, folder.as_deref())?;
+    let about = session.about(args.words());
+    let mut figures = Figures {
+        all: Vec::new(),
+        prints: args.csv.as_deref() != Some(Path::new("-")),
+    };
+    let of_device = rates::calibration(&session);
+    let head = format!(
+        "surfel {} on {}, {}, {} threads; {}",
+        about.version, about.device, about.driver, about.threads, about.settings
+    );
+    figures.add(&head, of_device)?;
+    let measured = models(&args, &session, &plan, &mut figures, &bar);
+    drop(bar);
+    // What is measured is kept, whatever ended the run.
+    if let Some(path) = &args.csv {
+        let rows = csv(&about, &figures.all).map_err(|e| Failure::Run(e.into()))?;
+        write_text(path, &rows)?;
+    }
+    measured.map_err(|failure| with_hint(failure, &args))?;
+    if figures.prints {
+        print(&format!("\n{}", summary(&figures.all)))?;
+    }
+    validated(&backend)
+}
+
+/// Tells a user who cancelled what is left.
+fn with_hint(failure: Failure, args: &Args) -> Failure {
+    match failure {
+        Failure::Run(error) if is_cancelled(&error) => Failure::Run(anyhow::anyhow!(
+            "cancelled{}",
+            args.csv.as_ref().map_or_else(String::new, |path| format!(
+                "; {} has what was measured",
+                path.display()
+            ))
+        )),
+        other => other,
+    }
+}
+
+fn is_cancelled(error: &anyhow::Error) -> bool {
+    use surfel::Error as E;
+    matches!(
+        error.downcast_ref(),
+        Some(
+            E::Bench(Error::Cancelled)
+                | E::Input(surfel::input::Error::Cancelled)
+                | E::Tree(surfel::tree::Error::Cancelled)
+        )
+    )
+}
+
+/// A model of the run, once it is needed: name and file.
+fn sources(args: &Args) -> Vec<(String, PathBuf)> {
+    let mut sources = Vec::new();
+    for standard in Standard::ALL {
+        if !args.wants_case(standard) {
+            continue;
+        }
+        let name = standard.name().to_owned();
+        if standard == Standard::Dragon {
+            match dragon() {
+                Some(path) => sources.push((name, path)),
+                None if args.files.is_empty() => say(
+                    "surfel: the dragon is absent: SURFEL_MODELS names no folder with thesis/dragon_vrip.ply.gz, and no FILE is given",
+                ),
+                None => {}
+            }
+        } else {
+            let triangles = args.triangles.unwrap_or(standard.triangles());
+            sources.push((name.clone(), format!("generate:{name}:{triangles}").into()));
+        }
+    }
+    sources.extend(args.files.iter().map(|file| {
+        let name = file.file_stem().unwrap_or_default().to_string_lossy();
+        (name.into_owned(), file.clone())
+    }));
+    sources
+}
+
+fn load(path: &Path, bar: &Bar) -> Result<Ready, Failure> {
+    let source = Source {
+        model: path.to_owned(),
+        weld: false,
+    };
+    let ready = source.ready_with(bar, &mut |_| ())?;
+    if ready.model.triangles.is_empty() {
+        return Err(usage(format!(
+            "{}: bench compares with triangles, and there are none in it",
+            ready.name
+        )));
+    }
+    Ok(ready)
+}
+
+fn models(
+    args: &Args,
+    session: &Session,
+    plan: &Plan,
+    figures: &mut Figures,
+    bar: &Bar,
+) -> Outcome {
+    let sources = sources(args);
+    let wants_models = [Part::Rates, Part::Cut, Part::Frames, Part::Accuracy]
+        .iter()
+        .any(|part| args.wants(*part));
+    if sources.is_empty() && wants_models {
+        return Err(usage("nothing is left to measure: no case is there"));
+    }
+    // Rates are asked of the largest model: its parts are all splats.
+    let rated = sources
+        .iter()
+        .position(|(name, _)| name == Standard::Statue.name())
+        .unwrap_or(0);
+    let sources = if wants_models { &sources[..] } else { &[] };
+    for (i, (name, path)) in sources.iter().enumerate() {
+        let is_rated = i == rated && args.wants(Part::Rates);
+        if !is_rated
+            && ![Part::Cut, Part::Frames, Part::Accuracy]
+                .iter()
+                .any(|p| args.wants(*p))
+        {
+            continue;
+        }
+        let ready = load(path, bar)?;
+        let is_dragon = ready.model.triangles.len() as u64 == Standard::Dragon.triangles();
+        let name = if is_dragon {
+            Standard::Dragon.name()
+        } else {
+            name
+        };
+        let case = Case {
+            name,
+            model: &ready.model,
+        };
+        let count = super::count(ready.model.triangles.len() as u64);
+        if is_rated {
+            let title = format!("rates and the empty frame: {name}, {count} triangles");
+            figures.add(&title, rates::figures(session, &case, plan, bar)?)?;
+        }
+        type Measure = fn(&Session, &Case<'_>, &Plan, &dyn Progress) -> Result<Vec<Figure>, Error>;
+        let parts: [(Part, &str, Measure); 3] = [
+            (Part::Cut, "cut", cuts::figures),
+            (Part::Frames, "frames", frames::figures),
+            (Part::Accuracy, "time against error", accuracy::figures),
+        ];
+        for (part, what, measure) in parts {
+            if args.wants(part) {
+                let found = measure(session, &case, plan, bar)?;
+                figures.add(&format!("{what}: {name}, {count} triangles"), found)?;
+            }
+        }
+    }
+    if args.wants(Part::Growth) && args.wants_case(Standard::Statue) {
+        grow(args, session, plan, figures, bar)?;
+    }
+    Ok(())
+}
+
+/// One view of the statue with ever more triangles.
+fn grow(args: &Args, session: &Session, plan: &Plan, figures: &mut Figures, bar: &Bar) -> Outcome {
+    let scale = |n: u64| {
+        args.triangles
+            .map_or(n, |small| small * n / 8_000_000)
+            .max(12)
+    };
+    let counts = if args.large {
+        &growth::TRIANGLES[..]
+    } else {
+        &growth::TRIANGLES[..2]
+    };
+    let mut models = Vec::new();
+    for &count in counts {
+        let path = format!("generate:statue:{}", scale(count));
+        models.push(load(Path::new(&path), bar)?.model);
+    }
+    let cases: Vec<Case<'_>> = models
+        .iter()
+        .map(|model| Case {
+            name: "statue",
+            model,
+        })
+        .collect();
+    let mut found = growth::figures(session, &cases, plan.rounds, bar)?;
+    if !args.large {
+        found.push(growth::not_asked());
+    }
+    figures.add("growth: one view of the statue", found)
+}
