@@ -56,7 +56,7 @@ impl Bandwidth {
         let mut device = f64::INFINITY;
         for _ in 0..4 {
             let mut frame = frames.begin()?;
-            frame.pass("bench.fill").fill(&[&buffer], 1);
+            frame.pass("bench.fill").fill(&[(&buffer, MOVED as u64)], 1);
             let ticket = frame.submit()?;
             let finished = frames.finish(ticket)?;
             let ns = match finished.passes.first() {
