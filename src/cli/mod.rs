@@ -328,6 +328,11 @@ pub(crate) fn say(line: &str) {
 /// its model, or into a folder that is not there.
 pub(crate) fn check_outputs(paths: &[&std::path::PathBuf], model: &Path) -> Outcome {
     for (i, path) in paths.iter().enumerate() {
+        if path.as_path() == Path::new("-") && paths[..i].contains(path) {
+            return Err(usage(
+                "- (standard output) takes one file, and another output of this run goes there as well",
+            ));
+        }
         let is_model = path.as_path() == model && path.as_path() != Path::new("-");
         if paths[..i].contains(path) || is_model {
             return Err(usage(format!(

@@ -193,7 +193,7 @@ fn all_files_agree_and_every_field_can_be_true() {
             &["hybrid.triangles", "hybrid.splats"][..],
         ),
         (
-            "--splat filtered",
+            "--splat filtered --path raster",
             &["filtered.depth", "filtered.blend", "filtered.normalize"][..],
         ),
     ] {

@@ -40,7 +40,9 @@ impl Renderer {
         };
         let is_whole = settings.method == Method::Splats;
         let largest = match Drawing::of(settings) {
-            Drawing::Filtered if is_whole || model.triangles.is_empty() => max_point,
+            Drawing::Filtered if is_whole || model.triangles.is_empty() || settings.holds_cut() => {
+                max_point
+            }
             Drawing::Filtered => (settings.threshold_px.max(3.0) + 2.0).min(max_point),
             _ => splat_plan(settings, max_point).largest_point_px(model),
         };
@@ -105,7 +107,7 @@ impl Renderer {
             splat_count: packed.points as u32,
         };
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
-        let has_large = is_whole || model.triangles.is_empty();
+        let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
         let others = triangles.len() + packed.quads;
         let share = Share::of(
             settings,
