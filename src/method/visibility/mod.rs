@@ -23,6 +23,7 @@ use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
+use crate::method::compute::rect;
 use pyramid::Pyramid;
 use std::sync::Arc;
 
@@ -230,13 +231,24 @@ impl Visibility {
         constants: Uniform,
     ) {
         self.record_splats(frame, targets, list, context, constants);
+        // Only quads may be larger than the margin that the rectangle has.
+        let has_quads = match list.splats {
+            Splats::List(_, packed, _) => packed.quads > 0,
+            Splats::Vertices { as_quads } => as_quads,
+        };
+        let rect_px = if has_quads {
+            [0, 0, context.width, context.height]
+        } else {
+            context.rect_px
+        };
         let pipeline = match (reconstruction, &self.gaussian, &self.density, &self.pyramid) {
             (Reconstruction::Gaussian, Some(pipeline), _, _)
             | (Reconstruction::Density, _, Some(pipeline), _) => pipeline,
             (Reconstruction::PullPush, _, _, Some(pyramid)) => {
                 let finest = [&self.picked, &self.fronts];
                 let largest = list.largest_px;
-                return pyramid.record(frame, targets, finest, largest, context, constants);
+                let how = (context, rect_px);
+                return pyramid.record(frame, targets, finest, largest, how, constants);
             }
             _ => unreachable!("ensure made what the reconstruction needs"),
         };
@@ -249,6 +261,7 @@ impl Visibility {
             .sampled(&self.fronts)
             .draw(whole(targets.color()), |draw| {
                 draw.cull_back_faces(false, false);
+                draw.scissor(rect::area(rect_px));
                 draw.bind(pipeline, &[constants], &[&self.picked, &self.fronts]);
                 draw.draw(0, 3);
             });

@@ -9,6 +9,7 @@ use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
+use crate::method::compute::rect;
 use crate::method::targets::{Context, Targets};
 use std::sync::Arc;
 
@@ -48,6 +49,12 @@ fn level_count(largest_px: f32) -> usize {
     (1..NAMES.len())
         .find(|&count| (1u32 << count) as f32 >= 2.0 * largest_px)
         .unwrap_or(NAMES.len())
+}
+
+/// The pixels of a level that have part of a rectangle of the picture below them.
+fn halved([left, top, right, bottom]: [u32; 4], level: usize) -> [u32; 4] {
+    let up = |end: u32| end.div_ceil(1 << level);
+    [left >> level, top >> level, up(right), up(bottom)]
 }
 
 /// Pipelines and levels.
@@ -116,14 +123,15 @@ impl Pyramid {
         })
     }
 
-    /// All passes over the pyramid; `finest` are colors and fronts of the picture. No splat is larger than `largest_px`.
+    /// All passes over the pyramid, within what `rect_px` covers of each level: beside it there is nothing. `finest` are
+    /// colors and fronts of the picture. No splat is larger than `largest_px`.
     pub(super) fn record(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
         finest: [&Target; 2],
         largest_px: f32,
-        context: &Context,
+        (context, rect_px): (&Context, [u32; 4]),
         constants: Uniform,
     ) {
         let levels = &self.levels[..level_count(largest_px).min(self.levels.len())];
@@ -135,7 +143,7 @@ impl Pyramid {
             _ => &levels[at].pulled,
         };
         let mut from = finest;
-        for (level, [name, _]) in levels.iter().zip(NAMES) {
+        for (at, (level, [name, _])) in levels.iter().zip(NAMES).enumerate() {
             frame
                 .pass(name)
                 .color(&level.pulled, Load::Clear([0.0; 4]))
@@ -144,6 +152,7 @@ impl Pyramid {
                 .sampled(from[1])
                 .draw(whole(&level.pulled), |draw| {
                     draw.cull_back_faces(false, false);
+                    draw.scissor(rect::area(halved(rect_px, at + 1)));
                     draw.bind(&self.pull, &[constants], &from);
                     draw.draw(0, 3);
                 });
@@ -163,6 +172,7 @@ impl Pyramid {
             }
             pass.draw(whole(pushed), |draw| {
                 draw.cull_back_faces(false, false);
+                draw.scissor(rect::area(halved(rect_px, at + 1)));
                 draw.bind(&self.push, &[constants], &images);
                 draw.draw(0, 3);
             });
@@ -174,6 +184,7 @@ impl Pyramid {
         }
         pass.draw(whole(targets.color()), |draw| {
             draw.cull_back_faces(false, false);
+            draw.scissor(rect::area(rect_px));
             draw.bind(&self.fill, &[constants], &images);
             draw.draw(0, 3);
         });
