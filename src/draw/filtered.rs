@@ -46,11 +46,11 @@ use patch::{Patch, in_pieces, mean_color};
 use prefetch_index::prefetch_index;
 
 /// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
-const OFFSET_OF_NEIGHBORS: f32 = 1.0 / 12.0;
+const OFFSET_OF_NEIGHBORS: f32 = 1.0 / 7.0;
 /// Depth offset of a triangle beside others of the angle that its corners have with it, in half sides over the sine.
 const OFFSET_OF_BEND: f32 = 2.0;
-/// Depth offset of the thickness of a patch, in half thicknesses. With the factor 3 it is twice that.
-const OFFSET_OF_THICKNESS: f32 = 2.0 / 3.0;
+/// Depth offset of the thickness of a patch, in half thicknesses.
+const OFFSET_OF_THICKNESS: f32 = 1.5;
 /// Where most triangles have at most this diameter, triangles are drawn as splats: one sample a pixel says little of the
 /// area of such a triangle.
 const SMALL_PX: f32 = 3.0;
