@@ -4,7 +4,7 @@ use super::{App, MOST_LOSSES};
 use crate::gpu::device::Kind;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
-use crate::method::{Method, Settings, Shading, SplatKind};
+use crate::method::{Method, Occlusion, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
 use crate::viewer::control::Work;
@@ -104,6 +104,10 @@ impl App {
             && settings.has_cut()
             && self.turntable.is_none()
         {
+            // Looking for what is hidden saves time, but takes one that counts of a cut do not tell.
+            if settings.occlusion == Occlusion::Auto {
+                settings.occlusion = Occlusion::Off;
+            }
             let px = if is_planned {
                 let screen = &mut self.screen;
                 control.plan(|threshold_px| {
