@@ -19,7 +19,9 @@ pub use coherent::{Coherent, Update};
 pub use facing::Facing;
 pub use footprints::{Footprints, Undrawn};
 pub use select::{Selector, select};
-pub use strip::{MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers};
+pub use strip::{
+    MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers, strip_steps,
+};
 pub use tester::Tester;
 
 use crate::tree::Tree;

@@ -181,7 +181,7 @@ pub fn strip_center(node: &Node, count: u32, index: u32) -> Vec3 {
 
 /// The first of these centers, and the way from one to the next.
 #[inline]
-pub(super) fn strip_steps(node: &Node, count: u32) -> (Vec3, Vec3) {
+pub fn strip_steps(node: &Node, count: u32) -> (Vec3, Vec3) {
     let half = node.strip.direction() * (relative_size(node).0 * node.radius);
     let step = 2.0 / count.max(1) as f32;
     (node.center + half * (0.5 * step - 1.0), half * step)

@@ -28,21 +28,22 @@
 //! center, as wide as a node may be, gets a weight as well, too small to count where any area is ([`FILTERED_SKIRT`]).
 //! A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
 
+mod four;
 mod patch;
 
-use crate::abi::FilteredSplat;
 #[cfg(doc)]
 use crate::abi::constants::FILTERED_SKIRT;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
-use crate::cut::{Cut, StripRun, strip_center};
+use crate::abi::{FilteredSplat, Vertex};
+use crate::cut::{Cut, StripRun, strip_steps};
 use crate::draw::parts::{self, Sink};
-use crate::draw::splats::pixels_of_unit;
-use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, falsecolor};
-use crate::math::camera::{Light, View};
+use crate::draw::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::math::camera::View;
 use crate::math::octahedral;
-use crate::tree::{Leaf, Model, Tree};
-use glam::Vec3;
-use patch::{Patch, in_pieces, mean_color};
+use crate::tree::{Leaf, Model, Node, Tree};
+use four::{Four, Size, Slope, Vectors};
+use glam::{Vec3, Vec4};
+use patch::{Corner, Patch, in_pieces, mean_color};
 use prefetch_index::prefetch_index;
 
 /// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
@@ -60,6 +61,10 @@ const LARGEST_PX: f32 = 4.0 * PIECE_PX;
 const PIECE_PX: f32 = 1.5;
 /// The share of a cut's triangles that must be small for that. A pixel of both kinds is less exact than one of either.
 const LEAST_SMALL: f32 = 0.9;
+/// How far below a node it is looked for how the color changes along its row.
+const SLOPE_LEVELS: u32 = 4;
+/// Fewest splats of a row along which the color changes. Shorter rows are many, and the eye does not tell.
+const LEAST_SLOPED: u32 = 4;
 /// The least width of a splat's rectangle.
 const LEAST_EXTENT_PX: f32 = 1.0 / 16.0;
 /// Largest point size that is spent on the spread of a rectangle's edges over pixels.
@@ -161,6 +166,8 @@ struct Eye<'a> {
     shade: Shade,
     /// Pixels of a model unit at distance 1 (perspective), or everywhere.
     focal_px: f32,
+    /// Distance along the view direction of a point in model units: of its coordinates, and alone.
+    forward: Vec4,
     /// Depth offset in half sides.
     offset_px: f32,
     /// To the right and up in the picture, unit vectors in model space.
@@ -172,137 +179,7 @@ struct Eye<'a> {
     lamp: Option<(Phong, Source)>,
 }
 
-/// How large a splat is drawn.
-#[derive(Clone, Copy)]
-struct Size {
-    /// Share of its patch.
-    share: f32,
-    /// The way from one splat of a row to the next, model space; zero for a splat alone.
-    step: Vec3,
-    /// Diameter in pixels; the rectangle is not larger.
-    diameter_px: f32,
-    /// The rectangle is as large as the diameter, tilted: for patches that are not dense.
-    is_own: bool,
-}
-
 impl Eye<'_> {
-    fn splat(&self, patch: &Patch, size: Size, center: Vec3) -> Option<FilteredSplat> {
-        let view = self.view;
-        let (w, z) = if view.is_perspective {
-            // Both in model units: the scale of the view cancels in the projected area.
-            (view.eye - center, view.distance(center) / view.model_scale)
-        } else {
-            (view.backward, 1.0)
-        };
-        let distance = w.length();
-        if !(z > 0.0 && distance > 0.0 && patch.area > 0.0) {
-            return None;
-        }
-        let v = w / distance;
-        let light = match view.light {
-            Light::Point if view.is_perspective => v,
-            _ => view.backward,
-        };
-        let (front, (lambert, highlight), facing, unit, flat) = if patch.is_bare {
-            (patch.area, (1.0, 0.0), 1.0, Vec3::ZERO, 0.0)
-        } else {
-            let mut toward = patch.vector_area.dot(v);
-            if !self.shade.cull_back {
-                toward = toward.abs();
-            }
-            let both = patch.projection(v).max(toward.abs());
-            let front = 0.5 * (both + toward);
-            // Seen edge-on or from behind: covers nothing.
-            if front <= 1e-4 * patch.area {
-                return None;
-            }
-            let lit = match &self.lamp {
-                None => {
-                    let lambert = v.dot(patch.second_moment * light).abs() / both;
-                    (lambert.min(1.0), 0.0)
-                }
-                Some((phong, source)) => self.in_lamp(phong, *source, patch, center, v, both),
-            };
-            let length = patch.vector_area.length();
-            let cosine = if length > 0.0 { toward / length } else { 0.0 };
-            (
-                front,
-                lit,
-                cosine.clamp(0.1, 1.0),
-                patch.vector_area.normalize_or_zero(),
-                (length / patch.area).min(1.0),
-            )
-        };
-        let area_px = if view.is_perspective {
-            self.focal_px * self.focal_px * front * distance / (z * z * z)
-        } else {
-            self.focal_px * self.focal_px * front
-        };
-        let own = || [0, 1, 2].map(|i| f32::from(patch.color[i]) / 255.0);
-        let lit = |base: [f32; 3]| base.map(|c| (c * ALBEDO * lambert + highlight).min(1.0));
-        let color = match self.shade.color_by {
-            ColorBy::Primitive => lit([1.0, 0.2, 0.2]),
-            ColorBy::Shading | ColorBy::Classification if self.shade.use_colors => lit(own()),
-            ColorBy::Shading | ColorBy::Classification => lit([1.0; 3]),
-            ColorBy::Level => falsecolor::of_item(self.tree, patch.node),
-            ColorBy::Normal => falsecolor::of_normal(self.normal(patch)),
-            ColorBy::Depth => falsecolor::of_depth(view.distance(center), self.depth_range),
-        };
-        let limit = (self.shade.max_size_px - MARGIN_PX).max(1.0);
-        let node_px = match &self.shade.cut_view {
-            Some(of_cut) => {
-                let grown = pixels_of_unit(view, center) / pixels_of_unit(of_cut, center);
-                self.shade.side_px * grown
-            }
-            None => 0.0,
-        };
-        let diameter = size.diameter_px.max(node_px).min(limit);
-        // Area in the mean plane, and pixels of a model unit there.
-        let area = size.share * patch.vector_area.length().max(front);
-        let scale = self.focal_px / z;
-        let extent = |axis: Vec3| {
-            let across = unit.dot(axis);
-            let wide = if size.is_own {
-                diameter * (1.0 - across * across * flat).max(0.0).sqrt()
-            } else if patch.is_bare {
-                diameter.max(1.0)
-            } else if size.step == Vec3::ZERO {
-                scale * (area * (1.0 - across * across).max(0.0)).sqrt()
-            } else {
-                let length = size.step.length();
-                let beside = unit.cross(size.step / length).dot(axis);
-                scale * (size.step.dot(axis).abs() + area / length * beside.abs())
-            };
-            wide.clamp(LEAST_EXTENT_PX, diameter.max(1.0))
-        };
-        let side = diameter.max(self.shade.side_px);
-        Some(FilteredSplat {
-            center,
-            offset: self.offset_px
-                * Self::depth_reach(patch, side * z / (2.0 * self.focal_px), facing, size.is_own),
-            color,
-            area_px: size.share * area_px,
-            extent_px: [extent(self.right), extent(self.up)],
-            side_px: side,
-            unused: 0,
-        })
-    }
-
-    /// How far behind one another the middles of neighboring patches lie whose squares are `half` to either side, in the
-    /// world: as far as the plane falls off over that length, a little for what is next to a patch and not parallel to
-    /// it, and their thickness along the ray; at most what a sphere of that radius takes, which a triangle has that is
-    /// drawn as one large splat.
-    fn depth_reach(patch: &Patch, half: f32, facing: f32, is_own: bool) -> f32 {
-        if is_own {
-            return half / facing;
-        }
-        let tangent = (1.0 - facing * facing).max(0.0).sqrt() / facing;
-        let neighbors = OFFSET_OF_NEIGHBORS + OFFSET_OF_BEND * patch.bend;
-        let range =
-            half * (tangent + neighbors) + OFFSET_OF_THICKNESS * patch.half_thickness / facing;
-        range.min(half / facing)
-    }
-
     /// The mean shading normal of a patch, zero where there is none.
     fn normal(&self, patch: &Patch) -> Vec3 {
         match patch.node {
@@ -377,6 +254,7 @@ pub fn splats(
         } else {
             view.focal_px() * view.model_scale
         },
+        forward: -view.view_from_model.row(2) / view.model_scale,
         offset_px: shade.depth_offset,
         right: axis(0),
         up: axis(1),
@@ -430,46 +308,132 @@ impl Eye<'_> {
     /// The size of a splat that stands for all of a patch no larger than the threshold.
     fn dense(&self) -> Size {
         Size {
-            share: 1.0,
-            step: Vec3::ZERO,
-            diameter_px: self.shade.side_px,
+            share: Vec4::ONE,
+            is_row: false,
+            step: [Vec4::ZERO; 3],
+            diameter_px: Vec4::splat(self.shade.side_px),
             is_own: false,
         }
     }
 
-    fn write(&self, patch: &Patch, size: Size, center: Vec3, sink: &mut Sink<'_, FilteredSplat>) {
-        if let Some(splat) = self.splat(patch, size, center) {
-            sink.point(splat);
-        }
-    }
-
     fn nodes(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
-        let dense = self.dense();
-        for (index, &id) in ids.iter().enumerate() {
-            if let Some(&next) = ids.get(index + parts::AHEAD) {
+        let size = self.dense();
+        for (index, group) in ids.chunks(4).enumerate() {
+            for &next in ids.iter().skip(4 * index + parts::AHEAD).take(4) {
                 ask_for(model, next);
             }
-            let patch = Patch::of_node(model, id);
-            self.write(&patch, dense, patch.center, sink);
+            let four = Four::of_nodes(model, filled(group));
+            let seen = self.seen(&four);
+            let colors = self.lit(&four, &seen);
+            let patch = |lane: usize| Patch::of_node(model, group[lane]);
+            let group = (&four, &seen, group.len());
+            self.splats(group, &size, &colors, patch, |splat| sink.point(splat));
         }
     }
 
     fn rows(&self, model: &Model, rows: &[StripRun], sink: &mut Sink<'_, FilteredSplat>) {
+        let nodes: &[Node] = &model.tree.nodes;
+        // Splats of several rows together, so that no lane is idle.
+        let mut group = RowGroup::default();
         for (index, &StripRun { node: id, count }) in rows.iter().enumerate() {
-            if let Some(next) = rows.get(index + parts::AHEAD) {
+            if let Some(next) = rows.get(index + 2 * parts::AHEAD) {
                 ask_for(model, next.node);
             }
-            let patch = Patch::of_node(model, id);
-            let node = &model.tree.nodes[id as usize];
-            let size = Size {
-                share: 1.0 / count as f32,
-                step: strip_center(node, count, 1) - strip_center(node, count, 0),
-                ..self.dense()
-            };
-            for i in 0..count {
-                self.write(&patch, size, strip_center(node, count, i), sink);
+            if let Some(next) = rows.get(index + parts::AHEAD)
+                && next.count >= LEAST_SLOPED
+            {
+                let node = &nodes[next.node as usize];
+                if !node.has_leaves() {
+                    ask_for(model, node.first_child);
+                }
+            }
+            let node = &nodes[id as usize];
+            let (start, step) = strip_steps(node, count);
+            let slope = (count >= LEAST_SLOPED && self.is_plain())
+                .then(|| self.slope(model, node))
+                .flatten();
+            if let Some(slope) = &slope {
+                self.row_group(model, &mut group, None, sink);
+                let of_row = Four::of_nodes(model, [id; 4]);
+                let mean = self.lit(&of_row, &self.seen(&of_row));
+                let slope = (slope, &mean, of_row.center);
+                for i in 0..count {
+                    if group.add(id, start + step * i as f32, step, count) {
+                        self.row_group(model, &mut group, Some(slope), sink);
+                    }
+                }
+                self.row_group(model, &mut group, Some(slope), sink);
+            } else {
+                for i in 0..count {
+                    if group.add(id, start + step * i as f32, step, count) {
+                        self.row_group(model, &mut group, None, sink);
+                    }
+                }
             }
         }
+        self.row_group(model, &mut group, None, sink);
+    }
+
+    /// Writes what is in the group, and empties it. A slope is that of all of it.
+    fn row_group(
+        &self,
+        model: &Model,
+        group: &mut RowGroup,
+        slope: Option<(&Slope, &Vectors, Vectors)>,
+        sink: &mut Sink<'_, FilteredSplat>,
+    ) {
+        let Some(ids) = group.ids.get(..group.count).filter(|ids| !ids.is_empty()) else {
+            return;
+        };
+        let four = Four::of_nodes(model, filled(ids)).at(group.centers);
+        let seen = self.seen(&four);
+        let colors = match slope {
+            Some((slope, mean, middle)) => slope.from(mean, middle, &four),
+            None => self.lit(&four, &seen),
+        };
+        let size = Size {
+            share: Vec4::from_array(group.shares),
+            is_row: true,
+            step: four::vectors(group.steps),
+            ..self.dense()
+        };
+        let patch = |lane: usize| Patch::of_node(model, ids[lane]);
+        let splats = (&four, &seen, ids.len());
+        self.splats(splats, &size, &colors, patch, |splat| sink.point(splat));
+        group.count = 0;
+    }
+
+    /// How the color changes along the row of a node: as it does between its children, or where these lie side by side
+    /// (needles do), between theirs.
+    fn slope(&self, model: &Model, node: &Node) -> Option<Slope> {
+        let mut parent = *node;
+        for _ in 0..SLOPE_LEVELS {
+            let (first, count) = (
+                parent.first_child,
+                u32::from(parent.child_count).clamp(1, 4),
+            );
+            let ids = [0, 1, 2, 3].map(|i: u32| first + i.min(count - 1));
+            let four = if !parent.has_leaves() {
+                Four::of_nodes(model, ids)
+            } else if !model.triangles.is_empty() {
+                let patches = ids.map(|leaf| {
+                    let (corners, color) = corners_of(model, leaf as usize);
+                    Patch::of_triangle(corners, color)
+                });
+                Four::of_leaves(patches.each_ref())
+            } else {
+                return None;
+            };
+            let seen = self.seen(&four);
+            let colors = self.lit(&four, &seen);
+            let lanes = seen.lanes & ((1 << count) - 1);
+            let slope = Slope::new((&four, lanes), seen.front, &colors, node);
+            if slope.is_some() || parent.has_leaves() || lanes == 0 {
+                return slope;
+            }
+            parent = model.tree.nodes[(first + lanes.trailing_zeros()) as usize];
+        }
+        None
     }
 
     /// Leaves; those that are not large are drawn with the threshold's size.
@@ -480,8 +444,9 @@ impl Eye<'_> {
         is_large: bool,
         sink: &mut Sink<'_, FilteredSplat>,
     ) {
-        let (view, shade, dense) = (self.view, &self.shade, self.dense());
+        let (view, shade) = (self.view, &self.shade);
         let leaves: &[Leaf] = &model.tree.leaves;
+        let mut group = Group::new(self);
         for (index, &leaf) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + parts::AHEAD) {
                 // Which corners it has was asked for when it was twice as far.
@@ -492,26 +457,15 @@ impl Eye<'_> {
             if let Some(&next) = ids.get(index + 2 * parts::AHEAD) {
                 prefetch_index(&model.triangles, next as usize);
             }
-            let Some(triangle) = model.triangles.get(leaf as usize) else {
+            if model.triangles.is_empty() {
                 let point = &model.vertices[leaf as usize];
                 let patch = Patch::of_point(point, leaves[leaf as usize].radius);
                 let diameter_px = diameter_px(model, leaf, view);
                 let is_own = diameter_px > shade.side_px;
-                let size = Size {
-                    diameter_px: diameter_px.max(shade.side_px),
-                    is_own,
-                    ..dense
-                };
-                self.write(&patch, size, patch.center, sink);
+                group.add(patch, diameter_px.max(shade.side_px), is_own, sink);
                 continue;
-            };
-            let corners = triangle.map(|i| &model.vertices[i as usize]);
-            let color = mean_color(&corners.map(|v| *v));
-            let [a, b, c] = corners.map(|v| {
-                let is_known = v.color[3] != 0;
-                let normal = is_known.then(|| octahedral::decode(v.normal));
-                (v.position, normal.unwrap_or(Vec3::ZERO))
-            });
+            }
+            let (corners, color) = corners_of(model, leaf as usize);
             let diameter_px = if is_large {
                 diameter_px(model, leaf, view)
             } else {
@@ -519,16 +473,112 @@ impl Eye<'_> {
             };
             let is_own = diameter_px > LARGEST_PX.max(shade.side_px);
             let cuts = cuts(diameter_px, shade);
-            let size = Size {
-                diameter_px: diameter_px / (1 << cuts) as f32,
-                is_own,
-                ..dense
-            };
-            in_pieces([a, b, c], cuts, &mut |piece| {
-                let patch = Patch::of_triangle(piece, color);
-                self.write(&patch, size, patch.center, sink);
+            let diameter_px = diameter_px / (1 << cuts) as f32;
+            in_pieces(corners, cuts, &mut |piece| {
+                group.add(Patch::of_triangle(piece, color), diameter_px, is_own, sink);
             });
         }
+        group.flush(sink);
+    }
+}
+
+/// Corners and mean color of a triangle.
+fn corners_of(model: &Model, leaf: usize) -> ([Corner; 3], [u8; 4]) {
+    let corners = model.triangles[leaf].map(|i| model.vertices[i as usize]);
+    let corner = |v: Vertex| {
+        let is_known = v.color[3] != 0;
+        let normal = is_known.then(|| octahedral::decode(v.normal));
+        (v.position, normal.unwrap_or(Vec3::ZERO))
+    };
+    (corners.map(corner), mean_color(&corners))
+}
+
+/// Up to four items, the last of them repeated.
+#[inline]
+fn filled(items: &[u32]) -> [u32; 4] {
+    [0, 1, 2, 3].map(|i: usize| items[i.min(items.len() - 1)])
+}
+
+/// Splats of rows that wait until they are four.
+#[derive(Default)]
+struct RowGroup {
+    ids: [u32; 4],
+    centers: [Vec3; 4],
+    steps: [Vec3; 4],
+    shares: [f32; 4],
+    count: usize,
+}
+
+impl RowGroup {
+    /// Adds one of `count` splats of a row; whether they are four then.
+    #[inline]
+    fn add(&mut self, id: u32, center: Vec3, step: Vec3, count: u32) -> bool {
+        let at = self.count;
+        self.ids[at] = id;
+        self.centers[at] = center;
+        self.steps[at] = step;
+        self.shares[at] = 1.0 / count as f32;
+        self.count += 1;
+        self.count == 4
+    }
+}
+
+/// Leaves that wait until they are four.
+struct Group<'a> {
+    eye: &'a Eye<'a>,
+    patches: [Patch; 4],
+    diameters: [f32; 4],
+    count: usize,
+    is_own: bool,
+}
+
+impl<'a> Group<'a> {
+    fn new(eye: &'a Eye<'a>) -> Self {
+        Self {
+            eye,
+            patches: [Patch::NOTHING; 4],
+            diameters: [0.0; 4],
+            count: 0,
+            is_own: false,
+        }
+    }
+
+    #[inline]
+    fn add(
+        &mut self,
+        patch: Patch,
+        diameter_px: f32,
+        is_own: bool,
+        sink: &mut Sink<'_, FilteredSplat>,
+    ) {
+        if self.count == 4 || is_own != self.is_own {
+            self.flush(sink);
+        }
+        self.is_own = is_own;
+        self.patches[self.count] = patch;
+        self.diameters[self.count] = diameter_px;
+        self.count += 1;
+    }
+
+    fn flush(&mut self, sink: &mut Sink<'_, FilteredSplat>) {
+        let eye = self.eye;
+        let size = Size {
+            diameter_px: Vec4::from_array(self.diameters),
+            is_own: self.is_own,
+            ..eye.dense()
+        };
+        let four = Four::of_leaves(self.patches.each_ref());
+        let seen = eye.seen(&four);
+        let colors = eye.lit(&four, &seen);
+        let group = (&four, &seen, self.count);
+        eye.splats(
+            group,
+            &size,
+            &colors,
+            |lane| self.patches[lane],
+            |splat| sink.point(splat),
+        );
+        self.count = 0;
     }
 }
 

@@ -6,6 +6,7 @@ use crate::tree::{Model, Moments};
 use glam::{Mat3, Vec3};
 
 /// A patch as the sums have it.
+#[derive(Clone, Copy)]
 pub(super) struct Patch {
     pub(super) center: Vec3,
     pub(super) area: f32,
@@ -14,6 +15,9 @@ pub(super) struct Patch {
     pub(super) normals: Vec3,
     /// There is one shading normal, which may differ from that of the area.
     pub(super) is_triangle: bool,
+    /// Of a triangle the ways from its first corner to the others; zero else.
+    pub(super) edges: [Vec3; 2],
+    /// Zero where there is one shading normal.
     pub(super) second_moment: Mat3,
     pub(super) color: [u8; 4],
     /// The node; none of a leaf.
@@ -53,6 +57,22 @@ pub(super) fn in_pieces([a, b, c]: [Corner; 3], cuts: u32, visit: &mut impl FnMu
 }
 
 impl Patch {
+    /// Nothing at all.
+    pub(super) const NOTHING: Self = Self {
+        center: Vec3::ZERO,
+        area: 0.0,
+        vector_area: Vec3::ZERO,
+        normals: Vec3::ZERO,
+        is_triangle: true,
+        edges: [Vec3::ZERO; 2],
+        second_moment: Mat3::ZERO,
+        color: [0; 4],
+        node: None,
+        is_bare: true,
+        half_thickness: 0.0,
+        bend: 0.0,
+    };
+
     pub(super) fn of_node(model: &Model, id: u32) -> Self {
         let node = &model.tree.nodes[id as usize];
         let attributes = &model.tree.attributes[id as usize];
@@ -66,6 +86,7 @@ impl Patch {
             vector_area: Vec3::from(moments.vector_area.map(unit)) * area,
             normals: Vec3::from(moments.vector_area.map(unit)) * area,
             is_triangle: false,
+            edges: [Vec3::ZERO; 2],
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
             color: attributes.color,
             node: Some(id),
@@ -87,7 +108,8 @@ impl Patch {
             vector_area,
             normals: s * vector_area.length(),
             is_triangle: true,
-            second_moment: Mat3::from_cols(vector_area * s.x, vector_area * s.y, vector_area * s.z),
+            edges: [b - a, c - a],
+            second_moment: Mat3::ZERO,
             color,
             node: None,
             is_bare: false,
@@ -102,15 +124,6 @@ impl Patch {
                 )
                 .fold(0.0, f32::max),
         }
-    }
-
-    /// The projected area of its fronts and backs together, as its sums bound it.
-    pub(super) fn projection(&self, v: Vec3) -> f32 {
-        if self.is_triangle {
-            return 0.0;
-        }
-        let least = v.dot(self.second_moment * v).max(0.0);
-        0.5 * (least + (least * self.area).sqrt())
     }
 
     /// A point of a cloud with the distance to its neighbors.
@@ -128,7 +141,8 @@ impl Patch {
             vector_area: n * area,
             normals: n * area,
             is_triangle: true,
-            second_moment: Mat3::from_cols(n * n.x, n * n.y, n * n.z) * area,
+            edges: [Vec3::ZERO; 2],
+            second_moment: Mat3::ZERO,
             color: point.color,
             node: None,
             is_bare,
