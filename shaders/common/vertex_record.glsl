@@ -37,17 +37,24 @@ struct Small {
     int area;
 };
 
-Small set_up(uint item) {
+uvec3 corners_of(uint item) {
+    return uvec3(corners[3 * item], corners[3 * item + 1], corners[3 * item + 2]);
+}
+
+vec3 position_of(VertexRecord v) {
+    return vec3(v.position[0], v.position[1], v.position[2]);
+}
+
+// The triangle of these vertices, whose corners are at these clip positions.
+Small set_up_at(uvec3 index, vec4 clip[3]) {
     Small small;
-    small.index = uvec3(corners[3 * item], corners[3 * item + 1], corners[3 * item + 2]);
+    small.index = index;
     ivec2 at[3];
     for (int i = 0; i < 3; ++i) {
-        VertexRecord v = vertices[small.index[i]];
-        vec4 clip = frame.clip_from_view
-            * (frame.view_from_model * vec4(v.position[0], v.position[1], v.position[2], 1.0));
-        small.inverse_w[i] = 1.0 / clip.w;
-        small.depth[i] = clip.z / clip.w;
-        at[i] = ivec2(roundEven(window_of(clip) * 256.0));
+        small.inverse_w[i] = 1.0 / clip[i].w;
+        precise float depth = clip[i].z / clip[i].w;
+        small.depth[i] = depth;
+        at[i] = ivec2(roundEven(window_of(clip[i]) * 256.0));
     }
     small.origin = at[0];
     small.second = at[1] - at[0];
@@ -65,6 +72,16 @@ Small set_up(uint item) {
         small.index = small.index.xzy;
     }
     return small;
+}
+
+Small set_up(uint item) {
+    uvec3 index = corners_of(item);
+    precise vec4 clip[3];
+    for (int i = 0; i < 3; ++i) {
+        vec3 position = position_of(vertices[index[i]]);
+        clip[i] = frame.clip_from_view * (frame.view_from_model * vec4(position, 1.0));
+    }
+    return set_up_at(index, clip);
 }
 
 int edge(ivec2 from, ivec2 to, ivec2 point) {
@@ -107,20 +124,28 @@ ivec4 pixels_of(Small small) {
     );
 }
 
-// Depth where the edge functions have these values.
+// Depth where the edge functions have these values; the same bits in every pass, so that nothing is behind itself.
 float depth_at(Small small, ivec3 e) {
-    return clamp(dot(vec3(e) / float(small.area), small.depth), 0.0, 1.0);
+    precise vec3 weight = vec3(e) / float(small.area);
+    precise float depth = weight.x * small.depth.x + weight.y * small.depth.y + weight.z * small.depth.z;
+    return clamp(depth, 0.0, 1.0);
 }
 
-struct Shaded {
+// The color of triangles where primitives are told apart.
+const vec3 TRIANGLE_TINT = vec3(0.2, 0.35, 1.0);
+
+struct Surface {
+    // In view space, a unit vector; zero where there is none.
+    vec3 normal;
     vec3 color;
-    vec3 normal_in_view;
+    float inverse_w;
 };
 
-// Shades the triangle at the center of a pixel as `triangles/draw.frag` does.
-Shaded shade(Small small, ivec2 pixel, ivec3 e) {
+// What the corners have, where the edge functions have these values.
+Surface surface_at(Small small, ivec3 e) {
     vec3 w = vec3(e) / float(small.area) * small.inverse_w;
-    w /= w.x + w.y + w.z;
+    float inverse_w = w.x + w.y + w.z;
+    w /= inverse_w;
     vec3 normal_in_view = vec3(0.0);
     vec3 vertex_color = vec3(0.0);
     for (int i = 0; i < 3; ++i) {
@@ -133,10 +158,5 @@ Shaded shade(Small small, ivec2 pixel, ivec3 e) {
         vertex_color += w[i] * rgba.rgb;
     }
     float squared = dot(normal_in_view, normal_in_view);
-    vec3 n = squared > 0.0 ? normal_in_view * inversesqrt(squared) : vec3(0.0);
-    vec3 l = vec3(0.0, 0.0, 1.0);
-    if ((frame.flags & FLAG_PARALLEL_LIGHT) == 0u) {
-        l = -normalize(vec3((vec2(pixel) + 0.5) * frame.ray_scale + frame.ray_offset, -1.0));
-    }
-    return Shaded(headlight(n, l, vertex_color, vec3(0.2, 0.35, 1.0)), n);
+    return Surface(squared > 0.0 ? normal_in_view * inversesqrt(squared) : vec3(0.0), vertex_color, inverse_w);
 }

@@ -22,10 +22,10 @@ void main() {
         discard;
     }
     Small small = set_up(list.begin + item);
-    Shaded shaded = shade(small, pixel, edges(small, pixel));
-    color = vec4(shaded.color, 1.0);
+    Surface surface = surface_at(small, edges(small, pixel));
+    color = vec4(shade_pixel(false, gl_FragCoord, surface.normal, surface.color, TRIANGLE_TINT), 1.0);
     if (WRITE_NORMALS) {
-        normal = vec4(shaded.normal_in_view * mat3(frame.view_from_model) / frame.model_scale, 1.0);
+        normal = vec4(surface.normal * mat3(frame.view_from_model) / frame.model_scale, 1.0);
     }
     gl_FragDepth = uintBitsToFloat(uint(key >> 32));
 }

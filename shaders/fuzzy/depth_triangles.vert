@@ -1,8 +1,6 @@
 #version 460
-// Pass fuzzy.depth: triangles into depth only, pushed away by the offset that the largest splat at that depth
-// would have, so that neither kind cuts the other where they meet.
-#include "common/push.glsl"
-#include "common/octahedral.glsl"
+// Pass fuzzy.depth: triangles into depth only, pushed away.
+#include "common/pushed_triangle.glsl"
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec2 normal;
@@ -11,13 +9,6 @@ layout(location = 2) in vec4 color;
 invariant gl_Position;
 
 void main() {
-    vec3 position_in_view = (frame.view_from_model * vec4(position, 1.0)).xyz;
-    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
-    vec3 to_eye = is_orthographic ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
     // Alpha 0 marks a vertex without normal.
-    vec3 n = mat3(frame.view_from_model) * octahedral_decode(normal) / frame.model_scale;
-    float facing = color.a == 0.0 ? 1.0 : max(abs(dot(n, to_eye)), 0.1);
-    float depth = is_orthographic ? 1.0 : max(-position_in_view.z, 0.0);
-    float radius = frame.background.a * max(frame.splat_size_px, 1.0) * depth / (2.0 * frame.focal_px);
-    gl_Position = frame.clip_from_view * vec4(push_away(position_in_view, radius / facing), 1.0);
+    gl_Position = clip_of_pushed_corner(position, normal, color.a != 0.0);
 }

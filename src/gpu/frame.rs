@@ -127,7 +127,8 @@ impl Frames {
             .map(|kind| {
                 vk::DescriptorPoolSize::default()
                     .ty(kind)
-                    .descriptor_count(4 * MAX_PASSES)
+                    // A set has at most four of a kind.
+                    .descriptor_count(4 * 4 * MAX_PASSES)
             });
             let info = vk::DescriptorPoolCreateInfo::default()
                 .max_sets(4 * MAX_PASSES)

@@ -19,6 +19,36 @@ pub(crate) struct List<'a> {
     pub(crate) splat_count: u32,
 }
 
+/// Triangles of a scene: their corner indices, page by page.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Triangles<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) corners: &'a Upload,
+    pub(crate) runs: &'a [Run],
+}
+
+impl<'a> Triangles<'a> {
+    /// Parts of the list, each with the vertices of its page.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(super) fn bound(
+        &self,
+        frame: &mut Frame<'_>,
+        context: &Context,
+        max_binding: u64,
+    ) -> Result<Vec<(Bound<'a>, Slice<'a>)>, Error> {
+        let mut triangles = Vec::new();
+        for run in self.runs {
+            let range = (run.first / 3, run.count / 3);
+            let own = bound(frame, context, max_binding, (self.corners, 12), range)?;
+            let vertices = Slice::whole(&self.scene.pages[run.page].vertices);
+            triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
+        }
+        Ok(triangles)
+    }
+}
+
 /// A part with its uniform block, ready to be bound.
 pub(crate) type Bound<'a> = (Slice<'a>, Uniform, u32);
 
@@ -58,19 +88,19 @@ impl<'a> List<'a> {
         context: &Context,
         max_binding: u64,
     ) -> Result<Items<'a>, Error> {
-        let mut bind =
-            |buffer, record, range| bound(frame, context, max_binding, (buffer, record), range);
-        let splats = bind(
-            self.splats,
-            size_of::<Splat>() as u64,
+        let splats = bound(
+            frame,
+            context,
+            max_binding,
+            (self.splats, size_of::<Splat>() as u64),
             (0, self.splat_count),
         )?;
-        let mut triangles = Vec::new();
-        for run in self.runs {
-            let own = bind(self.corners, 12, (run.first / 3, run.count / 3))?;
-            let vertices = Slice::whole(&self.scene.pages[run.page].vertices);
-            triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
-        }
+        let triangles = Triangles {
+            scene: self.scene,
+            corners: self.corners,
+            runs: self.runs,
+        };
+        let triangles = triangles.bound(frame, context, max_binding)?;
         Ok(Items { splats, triangles })
     }
 }

@@ -4,17 +4,17 @@
 //! A rasterizer sets every point up before it draws it, which a software device does in 100 ns and more, twice. Here a
 //! splat leaves its pushed depth in the pixels of its footprint by an atomic maximum (pass `depth`), and adds its deposits
 //! where that does not hide it (pass `blend`). Sums are numbers of fixed point, so the order of drawing cannot show.
-//! The rasterizer still draws triangles and what is larger than
+//! The rasterizer still draws large triangles and splats larger than
 //! [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX); its depth is where the compute passes
 //! begin from, and its sums are added to theirs.
 
 use super::NOTHING;
-use super::list::{self, Bound};
+use super::list::{self, Bound, Triangles};
 use super::rect;
 use crate::abi::{FilteredSplat, Shader, WeightedSplat, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{Buffer, Upload, Usage};
-use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
@@ -49,11 +49,14 @@ impl Share {
         let is_many = 8 * splats as u64 >= rect::pixels(rect_px);
         if settings.path != Path::Compute && !is_alone && !is_many {
             Self::Nothing
-        } else if has_large {
-            Self::Small
         } else {
-            Self::All
+            Self::of_all(has_large)
         }
+    }
+
+    /// All that compute can draw of a list; whether there are larger splats in it.
+    pub(crate) fn of_all(has_large: bool) -> Self {
+        if has_large { Self::Small } else { Self::All }
     }
 }
 
@@ -67,6 +70,8 @@ pub(crate) struct Kind {
     normalize: &'static Shader,
     /// Bytes of a splat.
     record: u64,
+    /// Triangles are pushed away in the first pass, as splats are.
+    pushes_triangles: bool,
 }
 
 /// Filtered splats.
@@ -83,6 +88,7 @@ pub(crate) const FILTERED: Kind = Kind {
     blend: &shaders::FILTERED_BLEND_COMP,
     normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
     record: size_of::<FilteredSplat>() as u64,
+    pushes_triangles: false,
 };
 
 /// Fuzzy splats.
@@ -99,8 +105,12 @@ pub(crate) const FUZZY: Kind = Kind {
     blend: &shaders::FUZZY_BLEND_COMP,
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
     record: size_of::<WeightedSplat>() as u64,
+    pushes_triangles: true,
 };
 
+/// Places of those of triangles: a lamp instead of the headlight; they are pushed away.
+const HAS_LAMP: usize = 0;
+const IS_PUSHED: usize = 1;
 /// Place of the specialization constant that says that red, green and blue are the same.
 const IS_GRAY: usize = 7;
 /// Place of the one that says that the rasterizer draws as well, and in vertex shaders that it draws what is large only.
@@ -113,7 +123,9 @@ pub(crate) const CONSTANTS: usize = 11;
 pub(crate) struct Twin {
     kind: &'static Kind,
     depth: Pipeline,
+    depth_triangles: Pipeline,
     blend: Pipeline,
+    blend_triangles: Pipeline,
     merge: Pipeline,
     normalize: Pipeline,
     /// As `normalize`, where the rasterizer drew as well.
@@ -125,10 +137,40 @@ pub(crate) struct Twin {
     is_gray: bool,
 }
 
-/// A list of splats, bound.
-pub(crate) struct Ready<'a> {
-    splats: &'a Upload,
-    parts: Vec<Bound<'a>>,
+/// What compute draws of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Small<'a> {
+    pub(crate) splats: &'a Upload,
+    /// How many of the list are looked at; what is too large is left to the rasterizer.
+    pub(crate) splat_count: u32,
+    pub(crate) triangles: Triangles<'a>,
+}
+
+/// What the rasterizer draws of a frame: its passes depth and blend.
+pub(crate) struct Rastered<'a> {
+    pub(crate) depth: &'a dyn Fn(&mut Frame<'_>),
+    pub(crate) blend: &'a dyn Fn(&mut Frame<'_>),
+}
+
+/// Lists, bound.
+struct Ready<'a> {
+    list: Small<'a>,
+    splats: Vec<Bound<'a>>,
+    triangles: Vec<(Bound<'a>, Slice<'a>)>,
+}
+
+impl Ready<'_> {
+    /// Declares what a pass reads of them.
+    fn declared<'f>(&self, pass: Pass<'f>) -> Pass<'f> {
+        let mut pass = pass.storage_read(self.list.splats);
+        if !self.triangles.is_empty() {
+            pass = pass.storage_read(self.list.triangles.corners);
+            for page in &self.list.triangles.scene.pages {
+                pass = pass.storage_read(&page.vertices);
+            }
+        }
+        pass
+    }
 }
 
 /// Bytes of the sums of a pixel.
@@ -150,12 +192,17 @@ impl Twin {
         gpu: &Arc<Gpu>,
         kind: &'static Kind,
         (width, height): (u32, u32),
-        is_gray: bool,
+        (is_gray, has_lamp): (bool, bool),
         constants: &[bool],
     ) -> Result<Self, Error> {
         let mut all = [false; CONSTANTS];
         all[..constants.len()].copy_from_slice(constants);
         all[IS_GRAY] = is_gray;
+        let mut of_triangles = [false; CONSTANTS];
+        of_triangles[HAS_LAMP] = has_lamp;
+        of_triangles[IS_PUSHED] = kind.pushes_triangles;
+        of_triangles[IS_GRAY] = is_gray;
+        let triangles = |name, shader| Pipeline::compute(gpu, name, shader, &of_triangles);
         let base = Description {
             name: "merge of small splats",
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
@@ -188,7 +235,15 @@ impl Twin {
         Ok(Self {
             kind,
             depth: Pipeline::compute(gpu, "depth of small splats", kind.depth, &all)?,
+            depth_triangles: triangles(
+                "depth of small triangles",
+                &shaders::COMPUTE_DEPTH_TRIANGLES_COMP,
+            )?,
             blend: Pipeline::compute(gpu, "blend of small splats", kind.blend, &all)?,
+            blend_triangles: triangles(
+                "blend of small triangles",
+                &shaders::COMPUTE_BLEND_TRIANGLES_COMP,
+            )?,
             merge: Pipeline::new(gpu, &base)?,
             normalize: normalize("normalize of small splats", false)?,
             normalize_all: normalize("normalize of all splats", true)?,
@@ -199,34 +254,42 @@ impl Twin {
         })
     }
 
-    /// Binds the first `count` splats of a list.
+    /// The passes of a frame, and between them those of the rasterizer, which leaves its sums in `sums`.
     ///
     /// # Errors
     /// When the frame has no room for the constants of so many parts.
-    pub(crate) fn ready<'a>(
+    pub(crate) fn record(
         &self,
         frame: &mut Frame<'_>,
-        splats: &'a Upload,
-        count: u32,
+        targets: &Targets,
+        list: Small<'_>,
+        (rastered, sums): (Option<&Rastered<'_>>, &Target),
         context: &Context,
-    ) -> Result<Ready<'a>, Error> {
-        let parts = list::bound(
-            frame,
-            context,
-            self.max_binding,
-            (splats, self.kind.record),
-            (0, count),
-        )?;
-        Ok(Ready { splats, parts })
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let records = (list.splats as _, self.kind.record);
+        let range = (0, list.splat_count);
+        let ready = Ready {
+            list,
+            splats: list::bound(frame, context, self.max_binding, records, range)?,
+            triangles: list.triangles.bound(frame, context, self.max_binding)?,
+        };
+        if let Some(rastered) = rastered {
+            (rastered.depth)(frame);
+        }
+        self.clear(frame, rastered.map(|_| targets.depth()), context);
+        self.depth(frame, &ready, constants);
+        if let Some(rastered) = rastered {
+            self.merge(frame, targets.depth(), context)?;
+            (rastered.blend)(frame);
+        }
+        self.blend(frame, &ready, constants);
+        let rastered = rastered.map(|_| sums);
+        self.normalize(frame, targets, (rastered, sums), context, constants)
     }
 
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
-    pub(crate) fn clear(
-        &self,
-        frame: &mut Frame<'_>,
-        rastered: Option<&Target>,
-        context: &Context,
-    ) {
+    fn clear(&self, frame: &mut Frame<'_>, rastered: Option<&Target>, context: &Context) {
         let pixels = rect::pixels(context.rect_px);
         let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
         match rastered {
@@ -241,15 +304,18 @@ impl Twin {
         }
     }
 
-    /// Pass `depth` of a list: the nearest pushed depth of each pixel. May be repeated with further lists.
-    pub(crate) fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
+    /// Pass `depth`: the nearest pushed depth of each pixel.
+    fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
         let front = Slice::whole(&self.front);
-        frame
-            .pass(self.kind.names[2])
-            .storage_read(list.splats)
+        list.declared(frame.pass(self.kind.names[2]))
             .storage(&self.front)
             .compute(|compute| {
-                for &(part, uniform, count) in &list.parts {
+                for &((part, uniform, count), vertices) in &list.triangles {
+                    let storage = [part, vertices, front];
+                    compute.bind(&self.depth_triangles, &[constants, uniform], &storage);
+                    compute.items(count);
+                }
+                for &(part, uniform, count) in &list.splats {
                     compute.bind(&self.depth, &[constants, uniform], &[part, front]);
                     compute.items(count);
                 }
@@ -260,12 +326,7 @@ impl Twin {
     ///
     /// # Errors
     /// When the frame has no room for constants.
-    pub(crate) fn merge(
-        &self,
-        frame: &mut Frame<'_>,
-        depth: &Target,
-        context: &Context,
-    ) -> Result<(), Error> {
+    fn merge(&self, frame: &mut Frame<'_>, depth: &Target, context: &Context) -> Result<(), Error> {
         let picture = frame.uniform(&list::constants(context))?;
         frame
             .pass(self.kind.names[3])
@@ -280,16 +341,19 @@ impl Twin {
         Ok(())
     }
 
-    /// Pass `blend` of a list, once the depth of all lists is known.
-    pub(crate) fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
+    /// Pass `blend`, once the depth of all is known.
+    fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
         let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
-        frame
-            .pass(self.kind.names[4])
-            .storage_read(list.splats)
+        list.declared(frame.pass(self.kind.names[4]))
             .storage_read(&self.front)
             .storage(&self.sums)
             .compute(|compute| {
-                for &(part, uniform, count) in &list.parts {
+                for &((part, uniform, count), vertices) in &list.triangles {
+                    let storage = [part, vertices, front, sums];
+                    compute.bind(&self.blend_triangles, &[constants, uniform], &storage);
+                    compute.items(count);
+                }
+                for &(part, uniform, count) in &list.splats {
                     compute.bind(&self.blend, &[constants, uniform], &[part, front, sums]);
                     compute.items(count);
                 }
@@ -300,7 +364,7 @@ impl Twin {
     ///
     /// # Errors
     /// When the frame has no room for constants.
-    pub(crate) fn normalize(
+    fn normalize(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,

@@ -9,6 +9,7 @@
 mod tests;
 
 use super::VERTEX;
+use super::compute::list::Triangles;
 use super::compute::rect;
 use super::compute::twin::{self, Share, Twin};
 use super::hybrid::Run;
@@ -106,6 +107,8 @@ pub(crate) struct List<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) indices: &'a Upload,
     pub(crate) runs: &'a [Run],
+    /// Triangles that compute draws; none where it draws nothing.
+    pub(crate) small: Triangles<'a>,
     pub(crate) splats: &'a Upload,
     pub(crate) splat_count: u32,
 }
@@ -171,7 +174,13 @@ impl Filtered {
         let by_compute = match variant.by_compute {
             None => None,
             Some(is_gray) => Some(ByCompute {
-                twin: Twin::new(gpu, &twin::FILTERED, (width, height), is_gray, &[])?,
+                twin: Twin::new(
+                    gpu,
+                    &twin::FILTERED,
+                    (width, height),
+                    (is_gray, variant.has_lamp),
+                    &[],
+                )?,
                 depth_splats: depth_splats(true)?,
                 blend_splats: blend_splats(true)?,
             }),
@@ -245,7 +254,6 @@ impl Filtered {
             depth_splats,
             blend_splats,
         } = by_compute;
-        let small = twin.ready(frame, list.splats, list.splat_count, context)?;
         let large = List {
             splat_count: if share == Share::Small {
                 list.splat_count
@@ -254,19 +262,22 @@ impl Filtered {
             },
             ..list
         };
+        let rastered = twin::Rastered {
+            depth: &|frame| {
+                self.raster_depth(frame, targets, large, depth_splats, context, constants);
+            },
+            blend: &|frame| {
+                self.raster_blend(frame, targets, large, blend_splats, context, constants);
+            },
+        };
         let is_rastered = large.splat_count > 0 || !list.runs.is_empty();
-        if is_rastered {
-            self.raster_depth(frame, targets, large, depth_splats, context, constants);
-        }
-        twin.clear(frame, is_rastered.then_some(targets.depth()), context);
-        twin.depth(frame, &small, constants);
-        if is_rastered {
-            twin.merge(frame, targets.depth(), context)?;
-            self.raster_blend(frame, targets, large, blend_splats, context, constants);
-        }
-        twin.blend(frame, &small, constants);
-        let rastered = is_rastered.then_some(&self.sums);
-        twin.normalize(frame, targets, (rastered, &self.sums), context, constants)
+        let small = twin::Small {
+            splats: list.splats,
+            splat_count: list.splat_count,
+            triangles: list.small,
+        };
+        let rastered = (is_rastered.then_some(&rastered), &self.sums);
+        twin.record(frame, targets, small, rastered, context, constants)
     }
 
     /// Pass `filtered.depth` by the rasterizer: the pushed depth of splats, that of triangles.

@@ -9,6 +9,7 @@ use crate::gpu::frame::Frames;
 use crate::gpu::{Gpu, Options};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
+use crate::method::compute::list::Triangles;
 use crate::method::compute::twin::Share;
 use crate::method::engine::style;
 use crate::method::mirror::{Outputs, render_filtered};
@@ -90,6 +91,11 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredSplat], by_compute: Option<bool>) -> 
         scene: &scene,
         indices: &indices,
         runs: &[],
+        small: Triangles {
+            scene: &scene,
+            corners: &indices,
+            runs: &[],
+        },
         splats: &list,
         splat_count: splats.len() as u32,
     };

@@ -5,6 +5,7 @@
 //! `fuzzy.blend` sums (color * weight, weight) of all that is not behind it, `fuzzy.normalize` divides. With
 //! deferred shading the sums are those of albedo and normals, and the last pass lights their mean.
 
+use super::compute::list::Triangles;
 use super::compute::twin::{self, Share, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
@@ -174,6 +175,8 @@ pub(crate) struct List<'a> {
     pub(crate) scene: &'a Scene,
     pub(crate) indices: &'a Upload,
     pub(crate) runs: &'a [Run],
+    /// Triangles that compute draws; none where it draws nothing.
+    pub(crate) small: Triangles<'a>,
     pub(crate) splats: Splats<'a>,
 }
 
@@ -308,7 +311,7 @@ impl Fuzzy {
                         gpu,
                         &twin::FUZZY,
                         (width, height),
-                        is_gray,
+                        (is_gray, variant.has_lamp),
                         &constants,
                     )?)
                 }
@@ -342,7 +345,6 @@ impl Fuzzy {
             self.normalize(frame, targets, context, constants);
             return Ok(());
         };
-        let small = twin.ready(frame, splats, packed.points as u32, context)?;
         let left = Packed {
             points: if share == Share::Small {
                 packed.points
@@ -355,19 +357,18 @@ impl Fuzzy {
             splats: Splats::List(splats, left, capacity),
             ..list
         };
+        let rastered = twin::Rastered {
+            depth: &|frame| self.raster_depth(frame, targets, large, share, context, constants),
+            blend: &|frame| self.raster_blend(frame, targets, large, share, context, constants),
+        };
         let is_rastered = left.points + left.quads > 0 || !list.runs.is_empty();
-        if is_rastered {
-            self.raster_depth(frame, targets, large, share, context, constants);
-        }
-        twin.clear(frame, is_rastered.then_some(targets.depth()), context);
-        twin.depth(frame, &small, constants);
-        if is_rastered {
-            twin.merge(frame, targets.depth(), context)?;
-            self.raster_blend(frame, targets, large, share, context, constants);
-        }
-        twin.blend(frame, &small, constants);
-        let rastered = is_rastered.then_some(&self.sums);
-        twin.normalize(frame, targets, (rastered, &self.sums), context, constants)
+        let small = twin::Small {
+            splats,
+            splat_count: packed.points as u32,
+            triangles: list.small,
+        };
+        let rastered = (is_rastered.then_some(&rastered), &self.sums);
+        twin.record(frame, targets, small, rastered, context, constants)
     }
 
     /// Pass `fuzzy.depth` by the rasterizer.

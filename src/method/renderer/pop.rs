@@ -9,6 +9,7 @@ use crate::gpu::buffer::Upload;
 use crate::gpu::frame::Ticket;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::method::compute::list::Triangles;
 use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
 use crate::method::lists::{pack_triangles, records, reserve};
@@ -31,8 +32,9 @@ impl Renderer {
         settings: &Settings,
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
-        let by_compute = Drawing::of(settings) == Drawing::Opaque
-            && compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let is_opaque = Drawing::of(settings) == Drawing::Opaque;
+        let is_wanted = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let by_compute = is_opaque && is_wanted;
         let max_point = if by_compute {
             compute::LARGEST_SQUARE_PX
         } else {
@@ -77,9 +79,14 @@ impl Renderer {
         // on it.
         let all_splats = capacity + self.cut.stats.hidden as usize;
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
-        let takes_triangles = by_compute
-            && compute::pays(triangles.len(), 1.0, context.rect_px, settings)
-            && Small::takes_triangles(&self.gpu, scene);
+        let pays = if is_opaque {
+            compute::pays(triangles.len(), 1.0, context.rect_px, settings)
+        } else {
+            // The passes over the picture are there for splats and triangles alike.
+            let all = packed.points + triangles.len();
+            !triangles.is_empty() && compute::pays(all, 0.125, context.rect_px, settings)
+        };
+        let takes_triangles = is_wanted && pays && Small::takes_triangles(&self.gpu, scene);
         if takes_triangles {
             reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
         }
@@ -109,12 +116,21 @@ impl Renderer {
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
         let others = triangles.len() + packed.quads;
-        let share = Share::of(
-            settings,
-            (packed.points, others),
-            has_large,
-            context.rect_px,
-        );
+        let share = if takes_triangles {
+            Share::of_all(has_large)
+        } else {
+            Share::of(
+                settings,
+                (packed.points, others),
+                has_large,
+                context.rect_px,
+            )
+        };
+        let small_triangles = Triangles {
+            scene,
+            corners: &lists.small,
+            runs: &lists.small_runs,
+        };
         let variant = Splats::variant_of(settings);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
@@ -156,6 +172,7 @@ impl Renderer {
                     scene,
                     indices: &lists.indices,
                     runs: &lists.runs,
+                    small: small_triangles,
                     splats: fuzzy::Splats::List(&lists.splats, packed, capacity),
                 };
                 fuzzy.record(&mut frame, &self.targets, list, share, &context, constants)?;
@@ -165,6 +182,7 @@ impl Renderer {
                     scene,
                     indices: &lists.indices,
                     runs: &lists.runs,
+                    small: small_triangles,
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
                 };

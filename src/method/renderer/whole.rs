@@ -5,6 +5,7 @@ use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
+use crate::method::compute::list::Triangles;
 use crate::method::compute::twin::Share;
 use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
@@ -86,6 +87,11 @@ impl Renderer {
                             scene,
                             indices,
                             runs: &[],
+                            small: Triangles {
+                                scene,
+                                corners: indices,
+                                runs: &[],
+                            },
                             splats: fuzzy::Splats::Vertices { as_quads },
                         };
                         fuzzy.record(frame, targets, list, Share::Nothing, &context, c)?;
