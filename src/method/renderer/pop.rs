@@ -11,7 +11,7 @@ use crate::method::plan::{Choice, Drawing, frame_constants, largest_splat_px, sp
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
 use crate::method::times::{Kept, Stage};
-use crate::method::{Method, Settings, filtered, fuzzy, hybrid, visibility};
+use crate::method::{Method, Settings, SplatKind, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
 
 impl Renderer {
@@ -26,7 +26,7 @@ impl Renderer {
         let by_compute = Drawing::of(settings) == Drawing::Opaque
             && compute::is_wanted(&self.gpu, settings, &self.targets)?;
         let max_point = if by_compute {
-            compute::LARGEST_SQUARE_PX
+            compute::largest_point_px(settings)
         } else {
             self.gpu.info().max_point_size_px
         };
@@ -98,6 +98,7 @@ impl Renderer {
             runs: &lists.small_runs,
             splats: &lists.splats,
             splat_count: packed.points as u32,
+            are_discs: settings.splat == SplatKind::Disc,
         };
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
