@@ -22,6 +22,7 @@ use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::abi::shaders;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::device::Kind;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
@@ -179,8 +180,10 @@ impl Small {
                 },
             )
         };
+        let looks_first = gpu.info().kind != Kind::Cpu;
         let splats = |name, are_discs| {
-            Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &[are_discs])
+            let constants = [are_discs, looks_first];
+            Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
         };
         Ok(Self {
             squares: splats("small squares", false)?,
