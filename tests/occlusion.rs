@@ -279,13 +279,12 @@ fn splats_that_cover_what_cannot_be_told_hide_nothing() {
     );
 }
 
-fn footprints(undrawn: &Undrawn, side_px: f32) -> Footprints<'_> {
+fn footprints(side_px: f32) -> Footprints {
     Footprints {
         side_px,
         are_discs: false,
         large_leaves: false,
         is_cloud: false,
-        undrawn,
     }
 }
 
@@ -365,7 +364,7 @@ fn nothing_is_left_behind_a_plate_that_fills_the_view() {
         &model,
         &view,
         &settings,
-        footprints(&undrawn, 3.0),
+        (footprints(3.0), &undrawn),
         &mut seen,
     );
     assert!(depths(&model, &all).iter().filter(|z| **z < 1.4).count() > 1000);
@@ -419,7 +418,7 @@ fn what_is_left_depends_on_nothing_but_the_view() {
             &model,
             &view,
             &with,
-            footprints(&undrawn, side_px),
+            (footprints(side_px), &undrawn),
             &mut cut,
         );
         let mut all = Cut::default();

@@ -8,7 +8,7 @@ use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::gpu::Error;
 use surfel::image::{Image, compare};
-use surfel::math::camera::View;
+use surfel::math::camera::{Camera, View};
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
 use surfel::method::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
@@ -19,7 +19,7 @@ fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Res
     let backend = Backend::Device(device.gpu().clone());
     let outputs = Outputs {
         depth: true,
-        normal: settings.splat == SplatKind::Square && settings.blend() == Blend::Opaque,
+        normal: settings.splat != SplatKind::Filtered && settings.blend() == Blend::Opaque,
     };
     Engine::new(&backend, model, (view.width, view.height), outputs)?.render(view, settings)
 }
@@ -100,6 +100,149 @@ fn compute_and_rasterizer_draw_the_same_picture() {
                 assert_same(&device, &model, &view, settings, &what);
             }
         }
+    }
+}
+
+fn discs(threshold_px: f32) -> Settings {
+    Settings {
+        splat: SplatKind::Disc,
+        threshold_px,
+        ..Settings::default()
+    }
+}
+
+/// How many pixels have another coverage, a color that is off by more than a level, or a depth by more than a thousandth.
+fn differing(a: &Image, b: &Image) -> usize {
+    (0..a.color.len())
+        .filter(|&i| {
+            let mut colors = a.color[i].iter().zip(b.color[i]);
+            let (near, far) = (a.depth[i], b.depth[i]);
+            a.color[i][3] != b.color[i][3]
+                || colors.any(|(a, b)| a.abs_diff(b) > 1)
+                || (far.is_finite() && (near - far).abs() > 1e-3 * far)
+        })
+        .count()
+}
+
+#[test]
+fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
+    let Some(device) = Device::open() else { return };
+    let mut mesh = surfel::generate::mesh(
+        &surfel::generate::Spec::with_triangles(Shape::Statue, 30_000).unwrap(),
+    );
+    mesh.triangles.clear();
+    let cloud = surfel::tree::build(
+        mesh,
+        &surfel::tree::BuildOptions::default(),
+        &surfel::progress::Silent,
+    )
+    .unwrap();
+    let statue = generated(Shape::Statue, 60_000);
+    let torus = generated(Shape::Torus, 60_000);
+    let size = (400, 320);
+    // Below a diameter of sqrt(2) a disc is a square. Triangles among the discs; beside the picture; points of sizes of
+    // their own; from inside.
+    for (model, threshold_px, fill) in [
+        (&statue, 1.0, 0.3),
+        (&statue, 1.4, 0.3),
+        (&statue, 1.42, 0.3),
+        (&statue, 3.0, 0.7),
+        (&statue, 3.0, 2.5),
+        (&torus, 4.5, 1.0),
+        (&statue, 6.0, 1.5),
+        (&cloud, 2.0, 1.0),
+        (&cloud, 3.0, 4.0),
+        (&statue, 4.0, 60.0),
+    ] {
+        let settings = discs(threshold_px);
+        let view = orbit(model, size, 30.0, 20.0, fill);
+        let what = format!("threshold {threshold_px}, fill {fill}");
+        assert_same(&device, model, &view, settings, &what);
+        let compute = Settings {
+            path: Path::Compute,
+            ..settings
+        };
+        let picture = draw(&device, model, &view, &compute).unwrap();
+        let mirror = Engine::new(
+            &Backend::Mirror,
+            model,
+            size,
+            Outputs {
+                depth: true,
+                normal: false,
+            },
+        )
+        .unwrap()
+        .render(&view, &settings)
+        .unwrap();
+        // A ten-thousandth of the pixels: the last bit of a position moves an outline by about as much of a pixel.
+        let differ = differing(&picture, &mirror);
+        assert!(differ <= 1 + 400 * 320 / 10_000, "{what}: {differ} pixels");
+    }
+}
+
+#[test]
+fn opaque_discs_are_the_same_in_every_projection_and_light() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 60_000);
+    let size = (240, 200);
+    let view = orbit(&model, size, 30.0, 20.0, 0.7);
+    let mut mirrored = view;
+    mirrored.scale[0] = -mirrored.scale[0];
+    mirrored.offset[0] = -mirrored.offset[0];
+    let center = model.origin + model.orbit_center.as_dvec3();
+    let mut camera = Camera::orbit(size, center, f64::from(model.orbit_radius), 0.5, 0.3, 0.7);
+    let (near, far) = (0.1, 100.0);
+    camera.proj = glam::DMat4::from_cols(
+        glam::DVec4::X * 0.6,
+        glam::DVec4::Y * 0.72,
+        glam::DVec4::Z / (near - far),
+        glam::DVec4::new(0.1, -0.05, near / (near - far), 1.0),
+    );
+    let orthographic = camera.view(model.origin).unwrap();
+    assert!(!orthographic.is_perspective);
+    for (name, view) in [
+        ("perspective", view),
+        ("mirrored", mirrored),
+        ("orthographic", orthographic),
+    ] {
+        for threshold_px in [2.0, 3.5] {
+            let plain = discs(threshold_px);
+            assert_same(&device, &model, &view, plain, name);
+            let colored = Settings {
+                color_by: ColorBy::Primitive,
+                culling: Culling::Off,
+                two_sided: false,
+                background: [1.0, 0.5, 0.0],
+                ..plain
+            };
+            assert_same(&device, &model, &view, colored, &format!("{name}, by kind"));
+        }
+    }
+}
+
+/// A view full of small discs is drawn by compute unless it is asked not to, and one of a few pixels is not.
+#[test]
+fn discs_go_by_compute_where_that_pays() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 60_000);
+    let backend = Backend::Device(device.gpu().clone());
+    for (fill, threshold_px, path, is_wanted) in [
+        (1.0, 2.0, Path::Auto, true),
+        (1.0, 2.0, Path::Raster, false),
+        (1.0, 6.5, Path::Auto, false),
+        (0.01, 2.0, Path::Auto, false),
+        (0.01, 2.0, Path::Compute, true),
+    ] {
+        let view = orbit(&model, (200, 200), 30.0, 20.0, fill);
+        let mut engine = Engine::new(&backend, &model, (200, 200), Outputs::default()).unwrap();
+        let settings = Settings {
+            path,
+            ..discs(threshold_px)
+        };
+        let times = engine.draw(&view, &settings).unwrap();
+        let is_there = times.passes.iter().any(|p| p.name == "small.splats");
+        assert_eq!(is_there, is_wanted, "{fill}, {threshold_px}, {path:?}");
     }
 }
 
@@ -219,6 +362,7 @@ fn real_models_with_colors_draw_the_same() {
         let Some(model) = real(name) else { return };
         let view = orbit(&model, (300, 300), 200.0, -10.0, 1.0);
         assert_same(&device, &model, &view, Settings::default(), name);
+        assert_same(&device, &model, &view, discs(2.0), name);
         for settings in blended() {
             let what = format!("{name}, {:?}", settings.splat);
             assert_same(&device, &model, &view, settings, &what);
@@ -234,6 +378,20 @@ fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
     for settings in [
         Settings {
             threshold_px: 7.0,
+            ..Settings::default()
+        },
+        discs(6.5),
+        Settings {
+            method: Method::Splats,
+            ..discs(3.0)
+        },
+        Settings {
+            light: Lighting::Phong(Phong::default()),
+            ..discs(3.0)
+        },
+        Settings {
+            splat: SplatKind::Ellipse,
+            threshold_px: 3.0,
             ..Settings::default()
         },
         Settings {

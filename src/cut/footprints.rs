@@ -4,8 +4,8 @@ use crate::tree::Model;
 use rayon::prelude::*;
 
 /// What nodes and leaves are drawn as, where what is hidden is left out.
-#[derive(Debug, Clone, Copy)]
-pub struct Footprints<'a> {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Footprints {
     /// Side of the squares or diameter of the discs, pixels; at least 1.
     pub side_px: f32,
     /// Discs instead of squares.
@@ -14,8 +14,6 @@ pub struct Footprints<'a> {
     pub large_leaves: bool,
     /// Leaves are points, of sizes of their own.
     pub is_cloud: bool,
-    /// What is not drawn at all.
-    pub undrawn: &'a Undrawn,
 }
 
 /// Nodes and leaves of a mesh that have no area: they are in cuts, and nothing is drawn for them.

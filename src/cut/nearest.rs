@@ -109,7 +109,8 @@ impl Marks {
 #[derive(Debug)]
 pub(super) struct Hiding<'a> {
     nearest: &'a Nearest,
-    footprints: Footprints<'a>,
+    footprints: Footprints,
+    undrawn: &'a Undrawn,
     /// To the right and up in the picture, and what is added.
     axes: [([Vec4; 3], Vec4); 2],
     /// Pixels of a tangent (perspective) or of a unit.
@@ -134,7 +135,7 @@ impl<'a> Hiding<'a> {
         nearest: &'a Nearest,
         tester: &Tester,
         view: &View,
-        footprints: Footprints<'a>,
+        (footprints, undrawn): (Footprints, &'a Undrawn),
     ) -> Self {
         let scale = if view.model_scale > 0.0 {
             view.model_scale
@@ -167,6 +168,7 @@ impl<'a> Hiding<'a> {
         Self {
             nearest,
             footprints,
+            undrawn,
             axes: [axis(0), axis(1)],
             focal: [
                 view.scale[0] * half[0] * unit,
@@ -373,7 +375,7 @@ impl<'a> Hiding<'a> {
         lanes: u8,
         marks: &mut Vec<Mark>,
     ) -> u8 {
-        let undrawn = &self.footprints.undrawn.nodes;
+        let undrawn = &self.undrawn.nodes;
         let is_undrawn = |lane| Undrawn::has(undrawn, first.wrapping_add(lane));
         self.keep(&points(balls), lanes, is_undrawn, marks)
     }
@@ -390,10 +392,10 @@ impl<'a> Hiding<'a> {
         let Footprints {
             large_leaves,
             is_cloud,
-            undrawn,
             ..
         } = self.footprints;
-        let is_undrawn = |lane| Undrawn::has(&undrawn.leaves, first.wrapping_add(lane));
+        let undrawn = &self.undrawn.leaves;
+        let is_undrawn = |lane| Undrawn::has(undrawn, first.wrapping_add(lane));
         let (small, large) = (lanes & splats, lanes & !splats);
         // A small triangle has the constant size, a point of a cloud its own.
         let seen = if is_cloud {
@@ -418,7 +420,7 @@ impl<'a> Hiding<'a> {
         marks: &mut Vec<Mark>,
     ) -> u64 {
         let nodes: &[Node] = &model.tree.nodes;
-        let undrawn = &self.footprints.undrawn.nodes;
+        let undrawn = &self.undrawn.nodes;
         let (mut kept, mut hidden) = (first, 0);
         let mut next = first;
         // Splats of many rows together, so that no lane is idle.

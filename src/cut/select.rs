@@ -11,7 +11,7 @@
 //! in ascending order.
 
 use super::batch::{self, Batch, Group};
-use super::footprints::Footprints;
+use super::footprints::{Footprints, Undrawn};
 use super::nearest::{Hiding, Marks, Nearest};
 use super::tester::Tester;
 use super::{Cut, Settings};
@@ -172,7 +172,7 @@ impl Selector {
     /// does not depend on threads.
     ///
     /// For opaque squares and discs, with the threshold as their size, where the size metric is
-    /// [`Exact`](super::SizeMetric::Exact). In a picture of 65,536 pixels or more to a side nothing is dropped.
+    /// [`Exact`](super::SizeMetric::Exact); `undrawn` is that of the model. In a picture of 65,536 pixels or more to a side nothing is dropped.
     ///
     /// Cost: some nanoseconds a splat, and 4 bytes of memory a pixel.
     pub fn select_seen(
@@ -180,7 +180,7 @@ impl Selector {
         model: &Model,
         view: &View,
         settings: &Settings,
-        footprints: Footprints<'_>,
+        (footprints, undrawn): (Footprints, &Undrawn),
         cut: &mut Cut,
     ) {
         let tester = &Tester::new(model, view, settings);
@@ -188,7 +188,7 @@ impl Selector {
         if !nearest.clear(view.width, view.height) {
             return self.select(model, view, settings, cut);
         }
-        let hiding = &Hiding::new(&nearest, tester, view, footprints);
+        let hiding = &Hiding::new(&nearest, tester, view, (footprints, undrawn));
         let tests = Tests {
             tester,
             hiding: Some(hiding),

@@ -71,7 +71,7 @@ const LEAST_EXTENT_PX: f32 = 1.0 / 16.0;
 const MARGIN_PX: f32 = 2.0;
 
 /// What the weights of a frame depend on besides the model.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shade {
     /// Side of the square of a node, pixels.
     pub side_px: f32,

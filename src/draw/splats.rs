@@ -60,7 +60,7 @@ impl Record for WeightedSplat {
 }
 
 /// What a footprint may be larger by than the disc in the plane: snapping, and one pixel for the low pass and rounding.
-const SLACK_PX: f32 = 1.0;
+pub(crate) const SLACK_PX: f32 = 1.0;
 
 impl Plan {
     /// The color of a splat of a node (none: of a leaf) whose own color is `color`.

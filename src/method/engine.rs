@@ -1,7 +1,7 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use super::plan::{self, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan};
+use super::plan::{Choice, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
 use super::times::Stage;
@@ -117,6 +117,13 @@ impl<'m> Engine<'m> {
         }
     }
 
+    /// As [`Renderer::keep_lists`]; off at first. The mirror never does.
+    pub fn keep_lists(&mut self, keep: bool) {
+        if let Kind::Device { renderer, .. } = &mut self.kind {
+            renderer.keep_lists(keep);
+        }
+    }
+
     /// What the frames from now on report: [`Renderer::measure`]. The mirror has stages and counts only.
     ///
     /// # Errors
@@ -195,8 +202,8 @@ impl MirrorEngine {
             Method::Splats | Method::Pop => {
                 let cut = Stage::Cut.begin();
                 let undrawn = || self.undrawn.get_or_init(|| Undrawn::new(model));
-                let chosen = &mut self.cut;
-                plan::select(&mut self.selector, model, view, settings, undrawn, chosen);
+                let (selector, chosen) = (&mut self.selector, &mut self.cut);
+                Choice::of(settings, model, view).select(selector, model, undrawn, chosen);
                 cut.end(&mut times);
                 let packing = Stage::Pack.begin();
                 let is_whole = settings.method == Method::Splats;

@@ -1,10 +1,17 @@
-//! Draw lists in mapped memory: one set for each frame in flight, grown when a frame needs more.
+//! Draw lists in mapped memory: one set for each frame in flight, grown when a frame needs more, and kept as long as
+//! frames ask for the same.
 
 use super::hybrid::Run;
+use super::plan::{Choice, Drawing, filtered_shade, splat_plan};
 use super::scene::Scene;
-use crate::draw::pack;
+use super::{Method, Settings, compute};
+use crate::abi::{FilteredSplat, Splat, WeightedSplat};
+use crate::cut::{Cut, Stats};
+use crate::draw::splats::{self, Packed};
+use crate::draw::{filtered, pack};
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::{Error, Gpu};
+use crate::math::camera::View;
 use crate::tree::Model;
 use std::sync::Arc;
 
@@ -17,16 +24,201 @@ pub(super) struct Lists {
     /// Corners of the triangles that are small on screen, where those are drawn by compute.
     pub(super) small: Upload,
     pub(super) small_runs: Vec<Run>,
+    /// None before the first frame, and after one that failed.
+    pub(super) held: Option<Held>,
 }
 
+/// What the lists of a slot hold.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Held {
+    key: Key,
+    pub(super) packed: Packed,
+    /// Records of the list of splats, with gaps.
+    pub(super) capacity: usize,
+    pub(super) splat_bytes: u64,
+    /// Of all triangles.
+    pub(super) index_bytes: u64,
+    pub(super) triangles: usize,
+    /// Triangles that are small on screen have a list of their own.
+    pub(super) takes_triangles: bool,
+    /// Of the cut.
+    pub(super) stats: Stats,
+}
+
+/// What decides the lists of a frame: equal ones give the same bytes, but for `takes_triangles`, which depends on what
+/// is found. Made of what cut and packing are told, and they are told nothing else.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Key {
+    /// [`Scene::id`], and so the model.
+    scene: u64,
+    pub(super) choice: Choice,
+    view: View,
+    packing: Packing,
+    /// Triangles of the cut are drawn as such.
+    has_triangles: bool,
+}
+
+/// How the splats of a cut are written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Packing {
+    /// Not at all.
+    Nothing,
+    /// As [`Splat`].
+    Splats(splats::Plan),
+    /// As [`WeightedSplat`].
+    Weighted(splats::Plan),
+    /// As [`FilteredSplat`].
+    Filtered(filtered::Shade),
+}
+
+impl Key {
+    /// That of a frame whose points have at most `max_point_px` pixels; of settings that
+    /// [`for_view`](super::plan::for_view) gave.
+    pub(super) fn of(
+        settings: &Settings,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        max_point_px: f32,
+    ) -> Self {
+        Self {
+            scene: scene.id(),
+            choice: Choice::of(settings, model, view),
+            view: *view,
+            packing: match Drawing::of(settings) {
+                Drawing::Opaque | Drawing::Visibility => {
+                    Packing::Splats(splat_plan(settings, max_point_px))
+                }
+                Drawing::Fuzzy => Packing::Weighted(splat_plan(settings, max_point_px)),
+                Drawing::Filtered => {
+                    Packing::Filtered(filtered_shade(settings, model, max_point_px))
+                }
+                Drawing::Nothing => Packing::Nothing,
+            },
+            has_triangles: settings.method != Method::Splats,
+        }
+    }
+
+    /// What its cut is of, to be compared with others.
+    pub(super) fn cut(&self) -> (u64, Choice) {
+        (self.scene, self.choice)
+    }
+}
+
+impl Lists {
+    /// # Errors
+    /// When memory runs out.
+    pub(super) fn new(gpu: &Arc<Gpu>, slot: usize) -> Result<Self, Error> {
+        let list = |name: &str| Upload::new(gpu, &format!("{name} of frame {slot}"), FIRST_BYTES);
+        Ok(Self {
+            splats: list("splats")?,
+            indices: list("triangles")?,
+            runs: Vec::new(),
+            small: list("small triangles")?,
+            small_runs: Vec::new(),
+            held: None,
+        })
+    }
+
+    /// Whether they are those of `key`, where `takes_triangles` says of numbers of splats and of triangles whether the small ones have
+    /// a list of their own.
+    pub(super) fn hold(&self, key: &Key, takes_triangles: impl Fn(usize, usize) -> bool) -> bool {
+        self.held.as_ref().is_some_and(|held| {
+            held.key == *key
+                && held.takes_triangles == takes_triangles(held.packed.points, held.triangles)
+        })
+    }
+
+    /// Writes the lists of a cut. Nothing may be reading those that were there. Of a cut that is drawn as filtered splats
+    /// triangles may become leaves.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(super) fn pack(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (model, scene): (&Model, &Scene),
+        cut: &mut Cut,
+        key: Key,
+        takes_triangles: impl Fn(usize, usize) -> bool,
+    ) -> Result<(), Error> {
+        self.held = None;
+        let view = &key.view;
+        let (packed, capacity, record_bytes) = match &key.packing {
+            Packing::Splats(plan) => {
+                let count = splats::count(cut, plan);
+                let out = records::<Splat>(gpu, &mut self.splats, count)?;
+                let packed = splats::pack(model, cut, view, plan, out);
+                (packed, count, size_of::<Splat>())
+            }
+            Packing::Weighted(plan) => {
+                let count = splats::count(cut, plan);
+                let out = records::<WeightedSplat>(gpu, &mut self.splats, count)?;
+                let packed = splats::pack(model, cut, view, plan, out);
+                (packed, count, size_of::<WeightedSplat>())
+            }
+            Packing::Filtered(shade) => {
+                let large = filtered::take_triangles(model, view, shade, cut);
+                let most = filtered::splat_count(cut, large);
+                let out = records(gpu, &mut self.splats, most)?;
+                let count = filtered::splats(model, cut, large, view, *shade, out);
+                let packed = Packed {
+                    points: count,
+                    quads: 0,
+                };
+                (packed, count, size_of::<FilteredSplat>())
+            }
+            Packing::Nothing => (Packed::default(), 0, 0),
+        };
+        let triangles: &[u32] = if key.has_triangles {
+            &cut.triangles
+        } else {
+            &[]
+        };
+        let index_bytes = 12 * triangles.len() as u64;
+        reserve(gpu, &mut self.indices, index_bytes)?;
+        let takes_triangles = takes_triangles(packed.points, triangles.len());
+        if takes_triangles {
+            reserve(gpu, &mut self.small, index_bytes)?;
+        }
+        let is_small =
+            takes_triangles.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        pack_triangles(model, scene, triangles, self, is_small);
+        self.held = Some(Held {
+            packed,
+            capacity,
+            splat_bytes: (capacity * record_bytes) as u64,
+            index_bytes,
+            triangles: triangles.len(),
+            takes_triangles,
+            stats: cut.stats,
+            key,
+        });
+        Ok(())
+    }
+
+    /// Makes what was packed visible to the device.
+    pub(super) fn flush(&mut self) {
+        let Some(held) = self.held else { return };
+        self.splats.flush(0..held.splat_bytes);
+        self.indices.flush(0..held.index_bytes);
+        if held.takes_triangles {
+            self.small.flush(0..held.index_bytes);
+        }
+    }
+}
+
+/// First size of a draw list, bytes; it grows by half when a frame needs more.
+const FIRST_BYTES: u64 = 1 << 20;
+
 /// The records that fit a mapped buffer.
-pub(super) fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
+fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
     let whole = bytes.len() / size_of::<T>() * size_of::<T>();
     bytemuck::cast_slice_mut(&mut bytes[..whole])
 }
 
 /// A mapped buffer as `count` records at least, grown if need be.
-pub(super) fn records<'a, T: bytemuck::Pod>(
+fn records<'a, T: bytemuck::Pod>(
     gpu: &Arc<Gpu>,
     buffer: &'a mut Upload,
     count: usize,
@@ -36,7 +228,7 @@ pub(super) fn records<'a, T: bytemuck::Pod>(
 }
 
 /// Grows a mapped buffer; its slot is free, so nothing reads it.
-pub(super) fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
+fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
     if bytes > buffer.bytes() {
         let name = buffer.name().to_owned();
         *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
@@ -45,7 +237,7 @@ pub(super) fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result
 }
 
 /// Writes the corners of the chosen triangles, page by page; those that `is_small` go to a list of their own.
-pub(super) fn pack_triangles(
+fn pack_triangles(
     model: &Model,
     scene: &Scene,
     ids: &[u32],
@@ -92,5 +284,23 @@ pub(super) fn pack_triangles(
             }
         }
         done = end;
+    }
+}
+
+/// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
+fn is_small_on_screen<'a>(
+    model: &'a Model,
+    view: &View,
+    most_px: f32,
+) -> impl Fn(u32) -> bool + use<'a> {
+    let row = view.view_from_model.row(2);
+    let (near, is_perspective) = (view.near, view.is_perspective);
+    // In view space; the bound of the size is that of the sphere's nearest point.
+    let ratio = 2.0 * view.focal_px() * view.model_scale / most_px;
+    let scale = view.model_scale;
+    move |leaf| {
+        let sphere = &model.tree.leaves[leaf as usize];
+        let nearest = -row.dot(sphere.center.extend(1.0)) - sphere.radius * scale;
+        nearest > near && ratio * sphere.radius <= if is_perspective { nearest } else { 1.0 }
     }
 }

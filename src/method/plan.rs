@@ -48,11 +48,7 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
 ///
 /// Only of opaque squares and discs is it known without their attributes what they cover. `Auto` leaves large ones
 /// alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
-pub(super) fn footprints<'a>(
-    settings: &Settings,
-    model: &Model,
-    undrawn: impl FnOnce() -> &'a cut::Undrawn,
-) -> Option<cut::Footprints<'a>> {
+fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
     let is_wanted = match settings.occlusion {
         Occlusion::Auto => {
             let is_costly = settings.splat == SplatKind::Square
@@ -71,27 +67,50 @@ pub(super) fn footprints<'a>(
         are_discs: settings.footprint() == Footprint::Circle,
         large_leaves: settings.method == Method::Splats,
         is_cloud: model.triangles.is_empty(),
-        undrawn: undrawn(),
     })
 }
 
-/// Chooses the cut of a frame.
-pub(super) fn select<'a>(
-    selector: &mut cut::Selector,
-    model: &Model,
-    view: &View,
-    settings: &Settings,
-    undrawn: impl FnOnce() -> &'a cut::Undrawn,
-    into: &mut cut::Cut,
-) {
-    let with = &cut_settings(settings, model);
-    let of_cut = settings.view_of_cut(view);
-    match footprints(settings, model, undrawn) {
-        // From elsewhere what the cut's own view does not show is seen.
-        Some(footprints) if !settings.holds_cut() => {
-            selector.select_seen(model, of_cut, with, footprints, into);
+/// What decides the cut of a frame besides the model. Equal ones choose the same cut: this is all that the selector is
+/// told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Choice {
+    view: View,
+    settings: cut::Settings,
+    /// What splats are taken for, where those that are hidden are left out.
+    seen: Option<cut::Footprints>,
+}
+
+impl Choice {
+    /// That of a frame; of settings that [`for_view`] gave.
+    pub(super) fn of(settings: &Settings, model: &Model, view: &View) -> Self {
+        Self {
+            view: *settings.view_of_cut(view),
+            settings: cut_settings(settings, model),
+            // From elsewhere what the cut's own view does not show is seen.
+            seen: footprints(settings, model).filter(|_| !settings.holds_cut()),
         }
-        _ => selector.select(model, of_cut, with, into),
+    }
+
+    /// Whether it has to be known what of the model is not drawn.
+    pub(super) fn needs_undrawn(&self) -> bool {
+        self.seen.is_some()
+    }
+
+    /// Chooses the cut.
+    pub(super) fn select<'a>(
+        &self,
+        selector: &mut cut::Selector,
+        model: &Model,
+        undrawn: impl FnOnce() -> &'a cut::Undrawn,
+        into: &mut cut::Cut,
+    ) {
+        let (view, settings) = (&self.view, &self.settings);
+        match self.seen {
+            Some(footprints) => {
+                selector.select_seen(model, view, settings, (footprints, undrawn()), into);
+            }
+            None => selector.select(model, view, settings, into),
+        }
     }
 }
 

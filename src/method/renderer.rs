@@ -13,18 +13,18 @@ use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{self, Drawing, check, for_view};
+use super::plan::{Choice, Drawing, check, for_view};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
 pub use super::times::FrameTimes;
-use super::times::Stage;
+use super::times::{Kept, Stage};
 use super::triangles::{self, Variant};
 use super::visibility::Visibility;
-use super::{Method, Occlusion, Settings};
+use super::{Method, Settings};
 use crate::cut::{self, Cut};
 use crate::draw::{self, ColorBy};
-use crate::gpu::buffer::{Readback, Upload};
+use crate::gpu::buffer::Readback;
 use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
@@ -38,7 +38,7 @@ use std::time::Instant;
 /// Counts of one frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counts {
-    /// Nodes and leaves that the cut looked at.
+    /// Nodes and leaves that the cut looked at, when it was chosen.
     pub nodes_visited: u64,
     /// Splats of the cut that are left out because nearer ones hide them.
     pub hidden: u64,
@@ -48,7 +48,7 @@ pub struct Counts {
     pub triangles: u64,
     /// Vertices drawn as points.
     pub points: u64,
-    /// Bytes of draw lists written.
+    /// Bytes of the draw lists.
     pub draw_list_bytes: u64,
 }
 
@@ -85,16 +85,23 @@ pub struct Renderer {
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
     probe: Option<Readback>,
-    /// What the present cut was chosen for, if that was before its frame, what it took, milliseconds, and what it draws:
-    /// splats and triangles.
-    foreseen: Option<(View, Chosen, f64, (u64, u64))>,
+    keeps_lists: bool,
+    /// What the present cut was chosen for, and in which scene; none where packing changed it.
+    chosen: Option<(u64, Choice)>,
+    /// Nodes and leaves that all cuts looked at.
+    visited: u64,
+    /// What was done for the next frame before it is drawn; none: nothing.
+    foreseen: Option<Ahead>,
 }
 
-/// What decides a cut besides model and view.
-type Chosen = (cut::Settings, Occlusion);
-
-/// First size of a draw list, bytes; it grows by half when a frame needs more.
-const FIRST_LIST_BYTES: u64 = 1 << 20;
+/// Cuts that were chosen ahead of their frame.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ahead {
+    /// What they took, milliseconds.
+    ms: f64,
+    /// There were any.
+    is_new: bool,
+}
 
 fn ms(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
@@ -114,23 +121,7 @@ impl Renderer {
     ) -> Result<Self, Error> {
         let frames = Frames::new(gpu, 2, timestamps)?;
         let lists = (0..frames.in_flight())
-            .map(|slot| {
-                Ok(Lists {
-                    splats: Upload::new(gpu, &format!("splats of frame {slot}"), FIRST_LIST_BYTES)?,
-                    indices: Upload::new(
-                        gpu,
-                        &format!("triangles of frame {slot}"),
-                        FIRST_LIST_BYTES,
-                    )?,
-                    runs: Vec::new(),
-                    small: Upload::new(
-                        gpu,
-                        &format!("small triangles of frame {slot}"),
-                        FIRST_LIST_BYTES,
-                    )?,
-                    small_runs: Vec::new(),
-                })
-            })
+            .map(|slot| Lists::new(gpu, slot))
             .collect::<Result<_, Error>>()?;
         Ok(Self {
             gpu: gpu.clone(),
@@ -149,6 +140,9 @@ impl Renderer {
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
+            keeps_lists: false,
+            chosen: None,
+            visited: 0,
             foreseen: None,
         })
     }
@@ -161,7 +155,20 @@ impl Renderer {
         self.frames.measure(measure)
     }
 
-    /// The cut of the last frame drawn with [`Method::Pop`].
+    /// Whether a frame takes over what is there of one before it where that is the same: the draw lists of the last frame
+    /// in its slot of the ring, else the cut that was chosen last. A still camera then has no cut and no packing, and the
+    /// same picture to the bit. Off at first, so that who draws a frame again and again to measure it measures whole
+    /// frames; [`FrameTimes::kept`] says what was taken over.
+    pub fn keep_lists(&mut self, keep: bool) {
+        self.keeps_lists = keep;
+    }
+
+    /// Nodes and leaves that all cuts so far looked at.
+    pub fn nodes_visited(&self) -> u64 {
+        self.visited
+    }
+
+    /// The cut that was chosen last.
     pub fn cut(&self) -> &Cut {
         &self.cut
     }
@@ -221,7 +228,10 @@ impl Renderer {
         times.passes = finished.passes;
         times.device = finished.device;
         times.counters = finished.counters;
-        times.uploaded_bytes = times.counts.draw_list_bytes + finished.uniform_bytes;
+        times.uploaded_bytes = finished.uniform_bytes;
+        if times.kept != Kept::Lists {
+            times.uploaded_bytes += times.counts.draw_list_bytes;
+        }
         Ok(times)
     }
 
@@ -257,7 +267,7 @@ impl Renderer {
         let max_point = self.gpu.info().max_point_size_px;
         check(model, settings, self.outputs, max_point)?;
         let settings = &for_view(settings, model, view);
-        self.prepare(scene, model, settings)?;
+        self.prepare((model, scene), view, settings)?;
         let start = Instant::now();
         let (ticket, times) = match settings.method {
             Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
@@ -274,8 +284,8 @@ impl Renderer {
     /// Makes the pipelines and buffers that `settings` need, outside of the frame.
     fn prepare(
         &mut self,
-        scene: &mut Scene,
-        model: &Model,
+        (model, scene): (&Model, &mut Scene),
+        view: &View,
         settings: &Settings,
     ) -> Result<(), Error> {
         let normals = self.outputs.normal;
@@ -300,8 +310,10 @@ impl Renderer {
         if by_compute && is_opaque && self.small.is_none() {
             self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
         }
-        // Looks at the whole model, once.
-        let _ = plan::footprints(settings, model, || scene.undrawn(model));
+        if settings.has_cut() && Choice::of(settings, model, view).needs_undrawn() {
+            // Looks at the whole model, once.
+            scene.undrawn(model);
+        }
         let source = if settings.method == Method::Points {
             Source::Vertices
         } else {

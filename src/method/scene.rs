@@ -6,6 +6,7 @@ use crate::gpu::buffer::{Buffer, Usage};
 use crate::gpu::{Error, Gpu};
 use crate::tree::Model;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, OnceLock};
 
 /// Largest buffer of a scene unless the device allows less: larger models are split into pages.
@@ -44,8 +45,12 @@ pub struct Scene {
     /// Some vertex has a color other than white, or no normal.
     pub has_colors: bool,
     undrawn: OnceLock<Undrawn>,
+    id: u64,
     gpu: Arc<Gpu>,
 }
+
+/// How many scenes there have been.
+static SCENES: AtomicU64 = AtomicU64::new(0);
 
 impl Scene {
     /// Copies a model to the device, split into pages where a buffer would be larger than the device allows.
@@ -137,6 +142,7 @@ impl Scene {
             pages,
             has_colors,
             undrawn: OnceLock::new(),
+            id: SCENES.fetch_add(1, Ordering::Relaxed),
             gpu: gpu.clone(),
         })
     }
@@ -144,6 +150,11 @@ impl Scene {
     /// What of the model is not drawn, though a cut may name it; looked for at the first call.
     pub(super) fn undrawn(&self, model: &Model) -> &Undrawn {
         self.undrawn.get_or_init(|| Undrawn::new(model))
+    }
+
+    /// Tells it from every other scene of this process, those that are gone included.
+    pub(super) fn id(&self) -> u64 {
+        self.id
     }
 
     /// Whether the copy is on this device, and not on one that was there before it.

@@ -30,8 +30,22 @@ pub struct FrameTimes {
     pub counters: Vec<PassCounters>,
     /// What was drawn.
     pub counts: Counts,
-    /// Bytes that the host wrote for the device: draw lists and uniform blocks.
+    /// What was not made again; the counts are those of what is drawn all the same.
+    pub kept: Kept,
+    /// Bytes that the host wrote for the device: draw lists, unless they were kept, and uniform blocks.
     pub uploaded_bytes: u64,
+}
+
+/// What a frame has from one before it, see [`Renderer::keep_lists`](super::renderer::Renderer::keep_lists).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Kept {
+    /// Nothing, or it has no lists.
+    #[default]
+    Nothing,
+    /// The cut; the lists were written.
+    Cut,
+    /// The draw lists.
+    Lists,
 }
 
 /// A stage of a frame on the CPU. Stages follow each other in this order.

@@ -149,7 +149,8 @@ impl Screen {
         vsync: bool,
     ) -> Result<Self, Error> {
         // The size is that of the first acquired image.
-        let renderer = Renderer::new(gpu, 1, 1, OUTPUTS, true)?;
+        let mut renderer = Renderer::new(gpu, 1, 1, OUTPUTS, true)?;
+        renderer.keep_lists(true);
         let surface = window
             .map(|window| Surface::new(gpu, window, renderer.in_flight(), vsync))
             .transpose()?;

@@ -47,7 +47,7 @@ fn a_small_run_has_every_part_and_valid_rows() {
         "normalized fuzzy 3-pixel splats",
         "nothing in view: frame",
         "visited nodes a second, two threads",
-        "still camera, cut",
+        "still camera, cut and packing",
         "fill 0.125 triangles: frame",
         "default, 1 px: times faster than triangles",
         "default: times faster than rays, one a pixel at equal FLIP",

@@ -68,9 +68,8 @@ fn what_is_dropped_is_covered() {
             are_discs: false,
             large_leaves: false,
             is_cloud: false,
-            undrawn: &undrawn,
         };
-        let hiding = Hiding::new(&nearest, &tester, &view, footprints);
+        let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn));
         // Four layers within the picture, and a little beside it.
         let points: Vec<Vec3> = (0..6000)
             .map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0)
@@ -147,11 +146,10 @@ fn nothing_is_dropped_where_nothing_is_covered() {
         are_discs: false,
         large_leaves: false,
         is_cloud: false,
-        undrawn: &undrawn,
     };
     let mut nearest = Nearest::default();
     assert!(nearest.clear(view.width, view.height));
-    let hiding = Hiding::new(&nearest, &tester, &view, footprints);
+    let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn));
     let mut marks = Vec::new();
     let middle = tester.balls(quad::columns(
         [0.3, 0.0, -0.3, f32::NAN].map(|t| (view.backward * t).extend(0.0)),

@@ -17,6 +17,8 @@ pub(crate) struct List<'a> {
     pub(crate) runs: &'a [Run],
     pub(crate) splats: &'a Upload,
     pub(crate) splat_count: u32,
+    /// Discs instead of squares.
+    pub(crate) are_discs: bool,
 }
 
 /// Triangles of a scene: their corner indices, page by page.

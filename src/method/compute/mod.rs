@@ -1,5 +1,5 @@
-//! Small primitives by compute: the picture of [`super::hybrid`]'s rasterized squares and triangles, at a fraction of
-//! their cost where they are a few pixels large.
+//! Small primitives by compute: the picture of [`super::hybrid`]'s rasterized squares, discs and triangles, at a fraction
+//! of their cost where they are a few pixels large.
 //!
 //! A rasterizer sets every primitive up before it draws it, which on a software device takes some 65 to 150 ns whatever
 //! its size. Here `small.triangles` and `small.splats` let each leave (depth, number) in the pixels it covers by a 64-bit
@@ -22,13 +22,15 @@ use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::abi::shaders;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::device::Kind;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use list::Items;
 use std::sync::Arc;
 
-/// Largest side of a square that is drawn this way, pixels: above it a rasterizer fills faster than atomics do.
+/// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
+/// atomics do.
 pub const LARGEST_SQUARE_PX: f32 = 6.0;
 /// Largest bounding circle of a triangle that is drawn this way, pixels.
 pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
@@ -41,7 +43,8 @@ const NOTHING: Record = Record {
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
 pub(crate) struct Small {
-    splats: Pipeline,
+    squares: Pipeline,
+    discs: Pipeline,
     triangles: Pipeline,
     resolve_splats: Pipeline,
     resolve_triangles: Pipeline,
@@ -67,9 +70,10 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     let color = targets.color();
     let (why, bytes) = match Drawing::of(settings) {
         Drawing::Opaque
-            if settings.method == Method::Pop && settings.splat == SplatKind::Square =>
+            if settings.method == Method::Pop
+                && matches!(settings.splat, SplatKind::Square | SplatKind::Disc) =>
         {
-            (not_as_squares(settings), key_bytes(targets))
+            (not_as_opaque(settings), key_bytes(targets))
         }
         Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
             let bytes = twin::storage_bytes((color.width, color.height));
@@ -77,7 +81,7 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
         }
         _ => (
             Some(
-                "it draws blended and filtered splats of a tree, and the squares of pop that are not blended",
+                "it draws blended and filtered splats of a tree, and the squares and discs of pop that are not blended",
             ),
             0,
         ),
@@ -101,12 +105,14 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     }
 }
 
-/// Why squares are not drawn by compute.
-fn not_as_squares(settings: &Settings) -> Option<&'static str> {
+/// Why opaque squares and discs are not drawn by compute.
+fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
     if !settings.has_headlight() {
         Some("it knows the headlight only, and no colors by level, normal or depth")
     } else if settings.threshold_px > LARGEST_SQUARE_PX {
-        Some("squares of this size are cheaper to rasterize; use a threshold of at most 6 pixels")
+        Some(
+            "squares and discs of this size are cheaper to rasterize; use a threshold of at most 6 pixels",
+        )
     } else {
         None
     }
@@ -127,6 +133,15 @@ fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str
     } else {
         None
     }
+}
+
+/// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: discs with their slack.
+pub(crate) fn largest_point_px(settings: &Settings) -> f32 {
+    LARGEST_SQUARE_PX
+        + match settings.splat {
+            SplatKind::Disc => crate::draw::splats::SLACK_PX,
+            _ => 0.0,
+        }
 }
 
 /// Whether `count` primitives are enough to pay for the pass that shades the picture: `least` of them for each pixel of the
@@ -165,8 +180,14 @@ impl Small {
                 },
             )
         };
+        let looks_first = gpu.info().kind != Kind::Cpu;
+        let splats = |name, are_discs| {
+            let constants = [are_discs, looks_first];
+            Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
+        };
         Ok(Self {
-            splats: Pipeline::compute(gpu, "small.splats", &shaders::COMPUTE_SPLATS_COMP, &[])?,
+            squares: splats("small squares", false)?,
+            discs: splats("small discs", true)?,
             triangles: Pipeline::compute(
                 gpu,
                 "small.triangles",
@@ -232,13 +253,18 @@ impl Small {
             });
         }
         if !splats.is_empty() {
+            let pipeline = if list.are_discs {
+                &self.discs
+            } else {
+                &self.squares
+            };
             frame
                 .pass("small.splats")
                 .storage_read(list.splats)
                 .storage(&self.keys)
                 .compute(|compute| {
                     for &(part, uniform, count) in &splats {
-                        compute.bind(&self.splats, &[constants, uniform], &[part, keys]);
+                        compute.bind(pipeline, &[constants, uniform], &[part, keys]);
                         compute.items(count);
                     }
                 });

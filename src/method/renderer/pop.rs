@@ -1,27 +1,19 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
 use super::{Counts, End, FrameTimes, Renderer};
-use crate::abi::{FilteredSplat, Splat, WeightedSplat};
-use crate::cut::Cut;
-use crate::draw;
-use crate::draw::splats::{self, Packed};
-use crate::gpu::buffer::Upload;
+use crate::gpu::Error;
 use crate::gpu::frame::Ticket;
-use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::method::compute::list::Triangles;
 use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
-use crate::method::lists::{pack_triangles, records, reserve};
-use crate::method::plan::{
-    self, Drawing, cut_settings, filtered_shade, frame_constants, largest_splat_px, splat_plan,
-};
+use crate::method::lists::{Held, Key};
+use crate::method::plan::{Choice, Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
-use crate::method::times::Stage;
-use crate::method::{Method, Settings, filtered, fuzzy, hybrid, visibility};
+use crate::method::times::{Kept, Stage};
+use crate::method::{Method, Settings, SplatKind, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
-use std::sync::Arc;
 
 impl Renderer {
     pub(super) fn draw_pop(
@@ -36,7 +28,7 @@ impl Renderer {
         let is_wanted = compute::is_wanted(&self.gpu, settings, &self.targets)?;
         let by_compute = is_opaque && is_wanted;
         let max_point = if by_compute {
-            compute::LARGEST_SQUARE_PX
+            compute::largest_point_px(settings)
         } else {
             self.gpu.info().max_point_size_px
         };
@@ -50,60 +42,61 @@ impl Renderer {
         };
         let context = self.context(view, settings, model, largest);
         let mut times = FrameTimes::default();
-        let cut = Stage::Cut.begin();
-        let with = (cut_settings(settings, model), settings.occlusion);
-        let of_cut = settings.view_of_cut(view);
-        let foreseen_ms = match self.foreseen.take() {
-            Some((of, chosen, ms, _)) if of == *of_cut && chosen == with => ms,
-            other => {
-                self.select(model, scene, view, settings);
-                other.map_or(0.0, |(_, _, ms, _)| ms)
-            }
+        let gpu = self.gpu.clone();
+        let takes_triangles = |points: usize, triangles: usize| {
+            let pays = if is_opaque {
+                compute::pays(triangles, 1.0, context.rect_px, settings)
+            } else {
+                // The passes over the picture are there for splats and triangles alike.
+                let all = points + triangles;
+                triangles > 0 && compute::pays(all, 0.125, context.rect_px, settings)
+            };
+            is_wanted && pays && Small::takes_triangles(&gpu, scene)
         };
+        let key = Key::of(settings, model, scene, view, max_point);
+        let slot = self.frames.next_slot();
+        let cut = Stage::Cut.begin();
+        let is_new = if self.keeps_lists && self.lists[slot].hold(&key, takes_triangles) {
+            times.kept = Kept::Lists;
+            false
+        } else {
+            self.select(model, scene, key.cut())
+        };
+        let foreseen = self.foreseen.take().unwrap_or_default();
+        if times.kept != Kept::Lists && !is_new && !foreseen.is_new {
+            times.kept = Kept::Cut;
+        }
         cut.end(&mut times);
-        times.cut_ms += foreseen_ms;
+        times.cut_ms += foreseen.ms;
 
         let packing = Stage::Pack.begin();
-        self.frames.wait_for_next()?;
-        let lists = &mut self.lists[self.frames.next_slot()];
-        let (packed, capacity, splat_bytes) = pack_splats(
-            &self.gpu,
-            &mut lists.splats,
-            model,
-            &mut self.cut,
-            view,
-            (settings, max_point),
-        )?;
-        let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
-        // What is hidden counts too: the way that primitives go, and so the last bits of the picture, must not depend
-        // on it.
-        let all_splats = capacity + self.cut.stats.hidden as usize;
-        reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
-        let pays = if is_opaque {
-            compute::pays(triangles.len(), 1.0, context.rect_px, settings)
-        } else {
-            // The passes over the picture are there for splats and triangles alike.
-            let all = packed.points + triangles.len();
-            !triangles.is_empty() && compute::pays(all, 0.125, context.rect_px, settings)
-        };
-        let takes_triangles = is_wanted && pays && Small::takes_triangles(&self.gpu, scene);
-        if takes_triangles {
-            reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
+        if times.kept != Kept::Lists {
+            self.frames.wait_for_next()?;
+            let triangles = self.cut.triangles.len();
+            let cut = &mut self.cut;
+            self.lists[slot].pack(&gpu, (model, scene), cut, key, takes_triangles)?;
+            if self.cut.triangles.len() != triangles {
+                self.chosen = None;
+            }
         }
-        let is_small =
-            takes_triangles.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
-        pack_triangles(model, scene, triangles, lists, is_small);
-        let index_bytes = 12 * triangles.len() as u64;
         packing.end(&mut times);
         let upload = Stage::Upload.begin();
-        lists.splats.flush(0..splat_bytes);
-        lists.indices.flush(0..index_bytes);
-        if takes_triangles {
-            lists.small.flush(0..index_bytes);
+        if times.kept != Kept::Lists {
+            self.lists[slot].flush();
         }
         upload.end(&mut times);
 
         let submit = Stage::Submit.begin();
+        let lists = &self.lists[slot];
+        let Some(held) = lists.held else {
+            unreachable!("packed now or before")
+        };
+        let Held {
+            packed, capacity, ..
+        } = held;
+        // What is hidden counts too: the way that primitives go, and so the last bits of the picture, must not depend
+        // on it.
+        let all_splats = capacity + held.stats.hidden as usize;
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
         let small_list = compute::List {
@@ -112,11 +105,12 @@ impl Renderer {
             runs: &lists.small_runs,
             splats: &lists.splats,
             splat_count: packed.points as u32,
+            are_discs: settings.splat == SplatKind::Disc,
         };
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
-        let others = triangles.len() + packed.quads;
-        let share = if takes_triangles {
+        let others = held.triangles + packed.quads;
+        let share = if held.takes_triangles {
             Share::of_all(has_large)
         } else {
             Share::of(
@@ -150,8 +144,8 @@ impl Renderer {
                     constants,
                 );
                 let mut packed_left = packed;
-                let pays =
-                    takes_triangles || compute::pays(all_splats, 0.125, context.rect_px, settings);
+                let pays = held.takes_triangles
+                    || compute::pays(all_splats, 0.125, context.rect_px, settings);
                 if let (true, Some(small)) = (by_compute && pays, &self.small) {
                     small.record(&mut frame, &self.targets, small_list, &context, constants)?;
                     packed_left.points = 0;
@@ -206,85 +200,32 @@ impl Renderer {
         let ticket = end(frame, &self.targets.color)?;
         submit.end(&mut times);
         times.counts = Counts {
-            nodes_visited: self.cut.stats.visited,
-            hidden: self.cut.stats.hidden,
+            nodes_visited: held.stats.visited,
+            hidden: held.stats.hidden,
             splats: (packed.points + packed.quads) as u64,
-            triangles: triangles.len() as u64,
+            triangles: held.triangles as u64,
             points: 0,
-            draw_list_bytes: splat_bytes + index_bytes,
+            draw_list_bytes: held.splat_bytes + held.index_bytes,
         };
         Ok((ticket, times))
     }
 
-    /// Chooses the cut of a frame.
+    /// Chooses the cut of a frame, unless it is there: that of the last frame, where it may be kept, or one that was
+    /// foreseen for this frame. Returns whether it was chosen.
     pub(super) fn select(
         &mut self,
         model: &Model,
         scene: &Scene,
-        view: &View,
-        settings: &Settings,
-    ) {
+        (of_scene, choice): (u64, Choice),
+    ) -> bool {
+        let may_stay = self.keeps_lists || self.foreseen.is_some();
+        if may_stay && self.chosen == Some((of_scene, choice)) {
+            return false;
+        }
         let undrawn = || scene.undrawn(model);
-        let cut = &mut self.cut;
-        plan::select(&mut self.selector, model, view, settings, undrawn, cut);
-    }
-}
-
-/// Writes the splats of a cut into a mapped list: how many of which kind, of how many records, and their bytes.
-fn pack_splats(
-    gpu: &Arc<Gpu>,
-    list: &mut Upload,
-    model: &Model,
-    cut: &mut Cut,
-    view: &View,
-    (settings, max_point): (&Settings, f32),
-) -> Result<(Packed, usize, u64), Error> {
-    let (packed, capacity, record_bytes) = match Drawing::of(settings) {
-        Drawing::Opaque | Drawing::Visibility => {
-            let plan = splat_plan(settings, max_point);
-            let count = splats::count(cut, &plan);
-            let out = records::<Splat>(gpu, list, count)?;
-            let packed = splats::pack(model, cut, view, &plan, out);
-            (packed, count, size_of::<Splat>())
-        }
-        Drawing::Fuzzy => {
-            let plan = splat_plan(settings, max_point);
-            let count = splats::count(cut, &plan);
-            let out = records::<WeightedSplat>(gpu, list, count)?;
-            let packed = splats::pack(model, cut, view, &plan, out);
-            (packed, count, size_of::<WeightedSplat>())
-        }
-        Drawing::Filtered => {
-            let shade = filtered_shade(settings, model, max_point);
-            let large = draw::filtered::take_triangles(model, view, &shade, cut);
-            let most = draw::filtered::splat_count(cut, large);
-            let out = records(gpu, list, most)?;
-            let count = draw::filtered::splats(model, cut, large, view, shade, out);
-            let packed = Packed {
-                points: count,
-                quads: 0,
-            };
-            (packed, count, size_of::<FilteredSplat>())
-        }
-        Drawing::Nothing => (Packed::default(), 0, 0),
-    };
-    Ok((packed, capacity, (capacity * record_bytes) as u64))
-}
-
-/// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
-fn is_small_on_screen<'a>(
-    model: &'a Model,
-    view: &View,
-    most_px: f32,
-) -> impl Fn(u32) -> bool + use<'a> {
-    let row = view.view_from_model.row(2);
-    let (near, is_perspective) = (view.near, view.is_perspective);
-    // In view space; the bound of the size is that of the sphere's nearest point.
-    let ratio = 2.0 * view.focal_px() * view.model_scale / most_px;
-    let scale = view.model_scale;
-    move |leaf| {
-        let sphere = &model.tree.leaves[leaf as usize];
-        let nearest = -row.dot(sphere.center.extend(1.0)) - sphere.radius * scale;
-        nearest > near && ratio * sphere.radius <= if is_perspective { nearest } else { 1.0 }
+        choice.select(&mut self.selector, model, undrawn, &mut self.cut);
+        self.chosen = Some((of_scene, choice));
+        self.visited += self.cut.stats.visited;
+        true
     }
 }

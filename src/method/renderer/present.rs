@@ -13,7 +13,7 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::method::compute;
 use crate::method::compute::twin::Share;
-use crate::method::plan::{Drawing, cut_settings, for_view};
+use crate::method::plan::{Choice, Drawing, for_view};
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
 use crate::method::{Method, Settings};
@@ -106,20 +106,14 @@ impl Renderer {
         }
         let start = Instant::now();
         let settings = &for_view(settings, model, view);
-        let with = (cut_settings(settings, model), settings.occlusion);
-        let of_cut = settings.view_of_cut(view);
-        let (splats, large) = match self.foreseen {
-            Some((of, chosen, _, counts)) if of == *of_cut && chosen == with => counts,
-            _ => {
-                let before = self.foreseen.take().map_or(0.0, |(_, _, ms, _)| ms);
-                self.select(model, scene, view, settings);
-                let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
-                let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
-                let counts = (splats, self.cut.triangles.len() as u64);
-                self.foreseen = Some((*of_cut, with, before + super::ms(start), counts));
-                counts
-            }
-        };
+        let choice = Choice::of(settings, model, view);
+        let is_new = self.select(model, scene, (scene.id(), choice));
+        let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
+        let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
+        let large = self.cut.triangles.len() as u64;
+        let foreseen = self.foreseen.get_or_insert_default();
+        foreseen.ms += super::ms(start);
+        foreseen.is_new |= is_new;
         let is_whole = settings.method == Method::Splats;
         let splats = if is_whole { splats + large } else { splats };
         let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets).unwrap_or(false);

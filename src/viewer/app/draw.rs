@@ -4,6 +4,7 @@ use super::{App, MOST_LOSSES};
 use crate::gpu::device::Kind;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
+use crate::method::times::Kept;
 use crate::method::{Method, Occlusion, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
@@ -38,6 +39,10 @@ impl App {
                     threshold_px: frame.threshold_px,
                     is_finest: frame.threshold_px <= self.settings.threshold_px,
                 });
+            }
+            // What a frame takes over from one before it costs nothing, and tells nothing of the next.
+            if frame.times.kept != Kept::Nothing {
+                continue;
             }
             events.push(Event::Frame {
                 ms,

@@ -1,0 +1,486 @@
+//! A camera that rests: what is kept from frame to frame is what would be made again, and nothing that is asked for is
+//! missed.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit};
+use surfel::cut::SizeMetric;
+use surfel::draw::{ColorBy, Lamp, Lighting, Phong};
+use surfel::generate::Shape;
+use surfel::gpu::Options;
+use surfel::image::Image;
+use surfel::math::camera::{Light, View};
+use surfel::method::engine::{Backend, Engine};
+use surfel::method::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::method::scene::Scene;
+use surfel::method::times::Kept;
+use surfel::method::{
+    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    SumFormat,
+};
+use surfel::tree::Model;
+
+const SIZE: (u32, u32) = (160, 160);
+
+/// Frames of one model by one renderer that keeps what it may.
+struct Stand<'m> {
+    model: &'m Model,
+    scene: Scene,
+    renderer: Renderer,
+}
+
+impl<'m> Stand<'m> {
+    fn new(device: &Device, model: &'m Model) -> Self {
+        let mut renderer = renderer(device);
+        renderer.keep_lists(true);
+        let scene = Scene::new(device.gpu(), model).unwrap();
+        Self {
+            model,
+            scene,
+            renderer,
+        }
+    }
+
+    /// One that keeps nothing, to compare with.
+    fn plain(device: &Device, model: &'m Model) -> Self {
+        let mut stand = Self::new(device, model);
+        stand.renderer.keep_lists(false);
+        stand
+    }
+
+    fn draw(&mut self, view: &View, settings: &Settings) -> FrameTimes {
+        self.renderer
+            .draw(self.model, &mut self.scene, view, settings)
+            .unwrap()
+    }
+
+    fn render(&mut self, view: &View, settings: &Settings) -> Image {
+        self.draw(view, settings);
+        self.renderer.read(view).unwrap()
+    }
+}
+
+fn renderer(device: &Device) -> Renderer {
+    let outputs = Outputs {
+        depth: true,
+        normal: false,
+    };
+    Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
+}
+
+/// By a renderer that has drawn nothing before.
+fn fresh(device: &Device, model: &Model, view: &View, settings: &Settings) -> Image {
+    let mut renderer = renderer(device);
+    let mut scene = Scene::new(device.gpu(), model).unwrap();
+    renderer.draw(model, &mut scene, view, settings).unwrap();
+    renderer.read(view).unwrap()
+}
+
+fn of_splat(splat: SplatKind, threshold_px: f32) -> Settings {
+    Settings {
+        splat,
+        threshold_px,
+        ..Settings::default()
+    }
+}
+
+/// Every kind of list, by both paths, small triangles among them.
+fn looks() -> Vec<Settings> {
+    let compute = Settings {
+        path: Path::Compute,
+        ..of_splat(SplatKind::Square, 0.7)
+    };
+    vec![
+        compute,
+        Settings {
+            path: Path::Raster,
+            ..compute
+        },
+        Settings {
+            method: Method::Splats,
+            ..of_splat(SplatKind::Disc, 4.0)
+        },
+        of_splat(SplatKind::Filtered, 1.0),
+        of_splat(SplatKind::Gauss, 2.0),
+        of_splat(SplatKind::Visibility, 3.0),
+    ]
+}
+
+#[test]
+fn a_still_camera_is_not_cut_and_packed_again() {
+    let Some(device) = Device::open() else { return };
+    let Some(pretending) = Device::open_with(Options {
+        pretend_noncoherent: true,
+        ..Options::default()
+    }) else {
+        return;
+    };
+    let model = generated(Shape::Statue, 50_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 2.0);
+    for device in [&device, &pretending] {
+        for look in looks() {
+            let what = format!("{:?} {:?}", look.splat, look.path);
+            let mut stand = Stand::new(device, &model);
+            let first = stand.draw(&view, &look);
+            assert_eq!(first.kept, Kept::Nothing, "{what}");
+            assert!(first.counts.nodes_visited > 0 && first.counts.draw_list_bytes > 0);
+            // The other slot of the ring.
+            let second = stand.draw(&view, &look);
+            assert_ne!(second.kept, Kept::Lists, "{what}");
+            // Triangles that become filtered splats are taken out of the cut.
+            if look.splat != SplatKind::Filtered {
+                assert_eq!(second.kept, Kept::Cut, "{what}");
+                assert_eq!(stand.renderer.nodes_visited(), first.counts.nodes_visited);
+            }
+            let visited = stand.renderer.nodes_visited();
+            for _ in 0..3 {
+                let times = stand.draw(&view, &look);
+                assert_eq!(times.kept, Kept::Lists, "{what}");
+                assert_eq!(times.counts, first.counts, "{what}");
+                assert_eq!(
+                    times.uploaded_bytes + first.counts.draw_list_bytes,
+                    first.uploaded_bytes,
+                    "{what}: only uniform blocks"
+                );
+            }
+            assert_eq!(stand.renderer.nodes_visited(), visited, "{what}");
+            let wanted = fresh(device, &model, &view, &look);
+            assert!(
+                wanted.color.iter().any(|c| c[3] > 0),
+                "{what}: an empty picture"
+            );
+            for _ in 0..2 {
+                assert!(stand.render(&view, &look) == wanted, "{what}");
+            }
+        }
+    }
+}
+
+#[test]
+fn nothing_is_kept_unless_it_is_asked_for() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Sphere, 5_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let backend = Backend::Device(device.gpu().clone());
+    let mut engine = Engine::new(&backend, &model, SIZE, Outputs::default()).unwrap();
+    let draw = |engine: &mut Engine<'_>| engine.draw(&view, &Settings::default()).unwrap().kept;
+    for _ in 0..4 {
+        assert_eq!(draw(&mut engine), Kept::Nothing);
+    }
+    engine.keep_lists(true);
+    assert_eq!(draw(&mut engine), Kept::Lists);
+    engine.keep_lists(false);
+    assert_eq!(draw(&mut engine), Kept::Nothing);
+
+    let mut plain = renderer(&device);
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    for round in 1..=4 {
+        let times = plain
+            .draw(&model, &mut scene, &view, &Settings::default())
+            .unwrap();
+        assert_eq!(times.kept, Kept::Nothing);
+        assert_eq!(plain.nodes_visited(), round * times.counts.nodes_visited);
+    }
+}
+
+/// Settings that differ from `base` in one field each, with its name, and whether the picture of the statue must differ.
+fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> {
+    // A new field is missed here at once.
+    let Settings {
+        method: _,
+        splat: _,
+        blend: _,
+        shading: _,
+        sums: _,
+        low_pass_px: _,
+        reconstruction: _,
+        path: _,
+        occlusion: _,
+        threshold_px,
+        depth_offset: _,
+        culling: _,
+        color_by: _,
+        light: _,
+        two_sided: _,
+        use_colors: _,
+        background: _,
+        size: _,
+        cut_view: _,
+    } = *base;
+    let mut all = Vec::new();
+    let mut add = |name, is_seen, change: &dyn Fn(&mut Settings)| {
+        let mut settings = *base;
+        change(&mut settings);
+        all.push((name, settings, is_seen));
+    };
+    let is = base.splat;
+    let is_square = is == SplatKind::Square;
+    let is_gauss = is == SplatKind::Gauss;
+    let lamp = |azimuth: f64| {
+        Lighting::Phong(Phong {
+            lamp: Lamp::FromCamera {
+                azimuth,
+                elevation: 0.3,
+            },
+            ..Phong::default()
+        })
+    };
+    add("splats", true, &|s| s.method = Method::Splats);
+    add("triangles", true, &|s| s.method = Method::Triangles);
+    add("disc", true, &|s| s.splat = SplatKind::Disc);
+    add("ellipse", true, &|s| s.splat = SplatKind::Ellipse);
+    add("raster", false, &|s| s.path = Path::Raster);
+    add("occlusion on", false, &|s| s.occlusion = Occlusion::On);
+    add("occlusion off", false, &|s| s.occlusion = Occlusion::Off);
+    add("threshold", true, &|s| s.threshold_px = threshold_px + 0.5);
+    add("no culling", false, &|s| s.culling = Culling::Off);
+    add("by kind", true, &|s| s.color_by = ColorBy::Primitive);
+    add("by level", true, &|s| s.color_by = ColorBy::Level);
+    add("by depth", true, &|s| s.color_by = ColorBy::Depth);
+    add("lamp", true, &|s| s.light = lamp(-1.0));
+    add("other lamp", true, &|s| s.light = lamp(1.0));
+    add("no colors", true, &|s| s.use_colors = false);
+    add("background", true, &|s| s.background = [0.2, 0.4, 0.6]);
+    add("metric", true, &|s| s.size = SizeMetric::Nearest);
+    add("held cut", true, &|s| s.cut_view = Some(*held));
+    add("depth offset", !is_square, &|s| s.depth_offset = Some(0.3));
+    if is != SplatKind::Filtered {
+        add("one side", false, &|s| s.two_sided = false);
+    }
+    if is_gauss {
+        add("deferred", true, &|s| s.shading = Shading::Deferred);
+        add("half", false, &|s| s.sums = Some(SumFormat::Half));
+        add("low pass", true, &|s| s.low_pass_px = Some(1.5));
+    }
+    if is_square {
+        add("blended", true, &|s| s.blend = Some(Blend::TwoPass));
+        for how in [Reconstruction::Gaussian, Reconstruction::PullPush] {
+            add("visibility", true, &|s| {
+                s.splat = SplatKind::Visibility;
+                s.reconstruction = how;
+            });
+        }
+    }
+    all
+}
+
+/// A statue of many colors.
+fn colored() -> Model {
+    let spec = surfel::generate::Spec::with_triangles(Shape::Statue, 20_000).unwrap();
+    let mut mesh = surfel::generate::mesh(&spec);
+    mesh.colors = (0..mesh.positions.len())
+        .map(|i| [255, (i % 256) as u8, 80, 255])
+        .collect();
+    surfel::tree::build(
+        mesh,
+        &surfel::tree::BuildOptions::default(),
+        &surfel::progress::Silent,
+    )
+    .unwrap()
+}
+
+#[test]
+fn every_change_of_a_setting_is_seen() {
+    let Some(device) = Device::open() else { return };
+    let model = colored();
+    let view = orbit(&model, SIZE, 30.0, 20.0, 0.7);
+    let held = orbit(&model, SIZE, 30.0, 20.0, 0.3);
+    for base in [
+        of_splat(SplatKind::Square, 3.0),
+        of_splat(SplatKind::Filtered, 2.0),
+        of_splat(SplatKind::Gauss, 2.0),
+    ] {
+        let mut stand = Stand::new(&device, &model);
+        let mut plain = Stand::plain(&device, &model);
+        let before = plain.render(&view, &base);
+        for (name, changed, is_seen) in changes(&base, &held) {
+            let what = format!("{:?}: {name}", base.splat);
+            for _ in 0..2 {
+                stand.draw(&view, &base);
+            }
+            let wanted = plain.render(&view, &changed);
+            for _ in 0..2 {
+                // Draws in the slots of the ring in turn: reading takes one as well.
+                stand.draw(&view, &changed);
+                assert!(stand.render(&view, &changed) == wanted, "{what}");
+            }
+            assert!(!is_seen || before != wanted, "{what} shows nothing");
+        }
+        assert!(stand.render(&view, &base) == before);
+    }
+}
+
+#[test]
+fn every_change_of_the_camera_is_seen() {
+    let Some(device) = Device::open() else { return };
+    let model = colored();
+    let view = orbit(&model, SIZE, 30.0, 20.0, 2.0);
+    let mut mirrored = view;
+    mirrored.scale[0] = -mirrored.scale[0];
+    let parallel = View {
+        light: Light::Directional,
+        ..view
+    };
+    let near = View {
+        near: view.near + 0.75 * (view.far - view.near) / 2.0,
+        ..view
+    };
+    let mut shifted = view;
+    shifted.offset[0] += 0.01;
+    let moved = orbit(&model, SIZE, 30.2, 20.0, 2.0);
+    for look in looks() {
+        let mut stand = Stand::new(&device, &model);
+        let mut plain = Stand::plain(&device, &model);
+        let before = plain.render(&view, &look);
+        for (name, other) in [
+            ("mirrored", mirrored),
+            ("parallel light", parallel),
+            ("near plane", near),
+            ("shifted", shifted),
+            ("moved", moved),
+        ] {
+            for _ in 0..2 {
+                stand.draw(&view, &look);
+            }
+            let wanted = plain.render(&other, &look);
+            assert!(wanted != before, "{name} shows nothing");
+            for _ in 0..2 {
+                stand.draw(&other, &look);
+                assert!(
+                    stand.render(&other, &look) == wanted,
+                    "{:?}: {name}",
+                    look.splat
+                );
+            }
+        }
+    }
+}
+
+/// Of a held cut the lists are written anew when the camera moves, the cut is not chosen anew; and what changes neither
+/// leaves both.
+#[test]
+fn what_does_not_change_is_not_made_again() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 20_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let held = Settings {
+        cut_view: Some(view),
+        ..Settings::default()
+    };
+    let mut stand = Stand::new(&device, &model);
+    stand.draw(&view, &held);
+    for azimuth in [31.0, 32.0] {
+        let times = stand.draw(&orbit(&model, SIZE, azimuth, 20.0, 1.0), &held);
+        assert_eq!(times.kept, Kept::Cut);
+    }
+    let mut stand = Stand::new(&device, &model);
+    for _ in 0..2 {
+        stand.draw(&view, &Settings::default());
+    }
+    let background = Settings {
+        background: [1.0, 0.0, 0.0],
+        ..Settings::default()
+    };
+    assert_eq!(stand.draw(&view, &background).kept, Kept::Lists);
+}
+
+#[test]
+fn another_model_and_other_pages_are_seen() {
+    let Some(device) = Device::open() else { return };
+    let statue = generated(Shape::Statue, 20_000);
+    let sphere = generated(Shape::Sphere, 20_000);
+    let view = orbit(&statue, SIZE, 30.0, 20.0, 2.0);
+    for look in looks() {
+        let mut stand = Stand::new(&device, &statue);
+        for _ in 0..2 {
+            stand.draw(&view, &look);
+        }
+        let wanted = fresh(&device, &statue, &view, &look);
+        // The same model in pages: its triangles have other corners.
+        let mut pages = Scene::with_page_limits(device.gpu(), &statue, 1_000, 777).unwrap();
+        assert!(pages.pages.len() > 1);
+        let mut other = Scene::new(device.gpu(), &sphere).unwrap();
+        let renderer = &mut stand.renderer;
+        for _ in 0..2 {
+            renderer.draw(&statue, &mut pages, &view, &look).unwrap();
+            assert!(renderer.read(&view).unwrap() == wanted);
+            renderer.draw(&sphere, &mut other, &view, &look).unwrap();
+            let of_sphere = renderer.read(&view).unwrap();
+            assert!(of_sphere == fresh(&device, &sphere, &view, &look));
+            assert!(of_sphere != wanted);
+        }
+        drop(pages);
+        // A new scene where an old one was.
+        stand.scene = Scene::new(device.gpu(), &statue).unwrap();
+        assert_ne!(stand.draw(&view, &look).kept, Kept::Lists);
+        assert!(stand.render(&view, &look) == wanted);
+    }
+}
+
+/// A device that was lost is opened again, and scene and renderer are made anew.
+#[test]
+fn nothing_is_kept_from_another_device() {
+    let model = generated(Shape::Statue, 20_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let mut pictures = Vec::new();
+    for _ in 0..2 {
+        let Some(device) = Device::open() else { return };
+        let mut stand = Stand::new(&device, &model);
+        let times = stand.draw(&view, &Settings::default());
+        assert_eq!(times.kept, Kept::Nothing);
+        stand.draw(&view, &Settings::default());
+        pictures.push(stand.render(&view, &Settings::default()));
+    }
+    assert!(pictures[0] == pictures[1]);
+}
+
+#[cfg(feature = "viewer")]
+#[test]
+fn what_was_foreseen_for_other_settings_is_not_drawn() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 20_000);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    let square = of_splat(SplatKind::Square, 2.0);
+    let disc = of_splat(SplatKind::Disc, 2.0);
+    for keeps in [false, true] {
+        let mut stand = Stand::new(&device, &model);
+        stand.renderer.keep_lists(keeps);
+        for (foreseen, drawn) in [(square, square), (square, disc), (disc, square)] {
+            let ahead = stand
+                .renderer
+                .foresee(&model, &stand.scene, &view, &foreseen);
+            assert!(ahead.counts.nodes_visited > 0);
+            let before = stand.renderer.nodes_visited();
+            let times = stand.draw(&view, &drawn);
+            let is_same = foreseen == drawn;
+            assert_eq!(stand.renderer.nodes_visited() == before, is_same);
+            assert_eq!(times.kept, Kept::Nothing);
+            let picture = stand.renderer.read(&view).unwrap();
+            assert!(picture == fresh(&device, &model, &view, &drawn));
+        }
+    }
+    // Of another size nothing is kept.
+    let mut stand = Stand::new(&device, &model);
+    for _ in 0..2 {
+        stand.draw(&view, &square);
+    }
+    let wide = orbit(&model, (300, 200), 30.0, 20.0, 1.0);
+    stand.renderer.resize(300, 200).unwrap();
+    assert_eq!(stand.draw(&wide, &square).kept, Kept::Nothing);
+    let mut other = Renderer::new(
+        device.gpu(),
+        300,
+        200,
+        Outputs {
+            depth: true,
+            normal: false,
+        },
+        true,
+    )
+    .unwrap();
+    other
+        .draw(&model, &mut stand.scene, &wide, &square)
+        .unwrap();
+    assert!(stand.renderer.read(&wide).unwrap() == other.read(&wide).unwrap());
+}
