@@ -1,30 +1,73 @@
 //! Calibration: what a splat, a triangle, a pixel and a node cost on one device, measured once and kept.
 //!
 //! A generated statue is drawn from distances at which its parts are 1, 3 and 6 pixels large, by each path, and the passes
-//! of the frame are told apart: what goes over the whole picture (clearing, resolving, normalizing) and what goes over the
-//! primitives. Of several frames the least counts: other work on the machine only ever adds. It takes well under a second,
-//! is kept in the user's cache folder ([`crate::measure::store`]), and decides nothing but times: both paths draw the same
-//! picture.
+//! of the frame are told apart: what goes over the picture (clearing, resolving, normalizing) and what goes over the
+//! primitives. What the passes cost when there is next to nothing in them comes off before: it is that of two triangles,
+//! once far away and once at opposite corners of the picture. Points are compared with quads at sizes of 1 to 64 pixels.
+//! Of several frames the least counts: other work on the machine only ever adds.
+//!
+//! It is measured in [`Part`]s, at first use of what each decides, so that no shader is compiled that is not drawn with
+//! anyway; kept in the user's cache folder ([`crate::measure::store`]); and it decides nothing but times: all paths and
+//! primitives draw the same picture.
+
+mod stand;
 
 use super::Error;
-use crate::chart::run::orbit;
-use crate::cut::{Cut, Selector};
-use crate::generate::{self, Shape, Spec};
 use crate::gpu::Gpu;
-use crate::gpu::device::Kind;
-use crate::math::camera::View;
 use crate::measure::store;
-use crate::method::costs::{Costs, PixelCosts, SIZES_PX, SplatCosts, TriangleCosts, Ways};
-use crate::method::engine::{Backend, Engine};
-use crate::method::plan::cut_settings;
-use crate::method::renderer::Outputs;
+use crate::method::costs::Costs;
 use crate::method::times::FrameTimes;
-use crate::method::{Path, Settings, SplatKind};
-use crate::progress::Silent;
-use crate::tree::{self, BuildOptions, Model};
+use crate::method::{Blend, Method, Path, Settings, SplatKind};
+use stand::Stand;
 use std::path::{Path as File, PathBuf};
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
+
+/// A variable of the environment that keeps the program from calibrating, and from reading what was measured before, when
+/// it is `off`: then rules of thumb decide, and a picture has the same last bits on every run. Tests set it.
+pub const VARIABLE: &str = "SURFEL_CALIBRATE";
+
+/// What is measured together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Part {
+    /// Opaque squares and triangles of a pixel or two by both paths.
+    Opaque,
+    /// Splats that are blended in two passes, by both paths.
+    Blended,
+    /// Filtered splats by both paths.
+    Filtered,
+    /// Opaque splats as points and as quads.
+    Primitives,
+    /// What the cut visits, on the processor. It decides nothing.
+    Nodes,
+}
+
+impl Part {
+    /// All of them.
+    pub const ALL: [Self; 5] = [
+        Self::Opaque,
+        Self::Blended,
+        Self::Filtered,
+        Self::Primitives,
+        Self::Nodes,
+    ];
+
+    /// Those that decide how `settings` are drawn where nobody insists on a path; none where nothing is left to decide.
+    pub fn of(settings: &Settings) -> &'static [Self] {
+        let is_opaque = settings.blend() == Blend::Opaque;
+        match settings.splat {
+            _ if !settings.draws_splats() => &[],
+            SplatKind::Visibility => &[],
+            SplatKind::Filtered => &[Self::Filtered],
+            SplatKind::Square if is_opaque && settings.method == Method::Pop => {
+                &[Self::Opaque, Self::Primitives]
+            }
+            _ if is_opaque || !settings.has_cut() => &[Self::Primitives],
+            _ => &[Self::Blended, Self::Primitives],
+        }
+    }
+}
 
 /// What a calibration holds for.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -61,9 +104,11 @@ impl Key {
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     key: Key,
+    /// What was measured, or tried without success: that is not tried again.
+    pub parts: Vec<Part>,
     /// What was measured.
     pub costs: Costs,
-    /// How long measuring took, milliseconds.
+    /// How long measuring took, all parts together, milliseconds.
     pub took_ms: f64,
 }
 
@@ -74,30 +119,14 @@ pub struct Found {
     pub calibration: Calibration,
     /// Its file; `None` where the system has no cache folder.
     pub file: Option<PathBuf>,
-    /// It was measured just now.
+    /// Some of it was measured just now.
     pub is_new: bool,
     /// Why it could not be kept.
     pub not_kept: Option<crate::image::Error>,
 }
 
-/// Frames of which the least counts; one more goes before, in which shaders are compiled.
-const FRAMES: usize = 2;
-/// At this fill no triangle of the statue is larger than a pixel, whatever the picture's size: their number goes with its
-/// area. At twice this fill they are about as large, at five times two to three pixels.
-const FILL_OF_ONE: f64 = 0.2;
-
-/// One view drawn in one way.
-struct Drawn {
-    /// Nanoseconds of the passes over splats.
-    splats_ns: f64,
-    /// Nanoseconds of the passes over triangles.
-    triangles_ns: f64,
-    /// Nanoseconds of the passes over the picture.
-    pixels_ns: f64,
-    splats: f64,
-    triangles: f64,
-    covered: f64,
-}
+/// What is not measured by then is given up: on such a device, or beside so much other work, rules of thumb have to do.
+const PATIENCE: Duration = Duration::from_secs(5);
 
 /// Milliseconds of a frame's passes by what they go over.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -148,23 +177,39 @@ impl Calibration {
         store::write(&self.key.path(folder), self)
     }
 
-    /// The one that is kept for a device in a folder; where there is none that can be used (or with `again`) it is measured
-    /// and kept. A folder that cannot be written to is no failure: it is measured again next time.
+    /// The one that is kept for a device in a folder, with these parts: what is not in it (or with `again` all of them) is
+    /// measured and kept as well. A folder that cannot be written to is no failure: it is measured again next time.
     ///
     /// # Errors
     /// As [`Calibration::measure`].
-    pub fn kept(gpu: &Arc<Gpu>, folder: Option<&File>, again: bool) -> Result<Found, Error> {
+    pub fn kept(
+        gpu: &Arc<Gpu>,
+        folder: Option<&File>,
+        parts: &[Part],
+        again: bool,
+    ) -> Result<Found, Error> {
         let key = Key::of(gpu);
         let file = folder.map(|f| key.path(f));
-        if !again && let Some(calibration) = folder.and_then(|f| Self::read(f, &key)) {
-            return Ok(Found {
-                calibration,
-                file,
-                is_new: false,
-                not_kept: None,
-            });
-        }
-        let calibration = Self::measure(gpu)?;
+        let old = folder.and_then(|f| Self::read(f, &key));
+        let missing: Vec<Part> = match &old {
+            Some(old) if !again => parts
+                .iter()
+                .copied()
+                .filter(|part| !old.parts.contains(part))
+                .collect(),
+            _ => parts.to_vec(),
+        };
+        let calibration = match old {
+            Some(old) if missing.is_empty() => {
+                return Ok(Found {
+                    calibration: old,
+                    file,
+                    is_new: false,
+                    not_kept: None,
+                });
+            }
+            old => Self::measure(gpu, &missing)?.and(old),
+        };
         let not_kept = folder.and_then(|f| calibration.write(f).err());
         Ok(Found {
             calibration,
@@ -174,179 +219,98 @@ impl Calibration {
         })
     }
 
-    /// Measures a device.
+    /// It, and the parts of an older one that it does not have.
+    fn and(mut self, old: Option<Self>) -> Self {
+        let Some(old) = old else { return self };
+        let kept = old.parts.iter().filter(|part| !self.parts.contains(part));
+        if kept.clone().next().is_some() {
+            self.took_ms += old.took_ms;
+        }
+        self.parts.extend(kept.copied().collect::<Vec<_>>());
+        self.costs = self.costs.or(old.costs);
+        self
+    }
+
+    /// Measures parts of a device. A part that takes too long, or that the device cannot draw, has no costs.
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn measure(gpu: &Arc<Gpu>) -> Result<Self, Error> {
+    pub fn measure(gpu: &Arc<Gpu>, parts: &[Part]) -> Result<Self, Error> {
         let start = Instant::now();
-        // A graphics card needs more to do before its clock can tell.
-        let (side, triangles) = match gpu.info().kind {
-            Kind::Cpu => (300, 60_000),
-            _ => (1000, 660_000),
-        };
-        let spec = Spec::with_triangles(Shape::Statue, triangles)?;
-        let model = tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent)?;
-        let backend = Backend::Device(gpu.clone());
-        let engine = Engine::new(&backend, &model, (side, side), Outputs::default())?;
-        let mut stand = Stand {
-            model: &model,
-            engine,
-            side,
-        };
-        let costs = Costs {
-            square: stand.splats(SplatKind::Square)?,
-            gauss: stand.splats(SplatKind::Gauss)?,
-            filtered: stand.splats(SplatKind::Filtered)?,
-            triangle: stand.triangles()?,
-            node_ns: stand.node_ns()?,
-        };
+        let mut stand = Stand::new(gpu, start + PATIENCE)?;
+        let mut costs = Costs::default();
+        for part in parts {
+            match part {
+                Part::Opaque => {
+                    costs.square = stand.splats(SplatKind::Square)?.0;
+                    costs.triangle = stand.triangles()?;
+                }
+                Part::Blended => {
+                    (costs.gauss, costs.gauss_merge) = stand.splats(SplatKind::Gauss)?;
+                }
+                Part::Filtered => {
+                    (costs.filtered, costs.filtered_merge) = stand.splats(SplatKind::Filtered)?;
+                }
+                Part::Primitives => costs.primitives = stand.primitives()?,
+                Part::Nodes => costs.node_ns = Some(stand.node_ns()?),
+            }
+        }
+        let took_ms = start.elapsed().as_secs_f64() * 1e3;
+        tracing::debug!("calibrated {parts:?} in {took_ms:.0} ms: {costs:?}");
         Ok(Self {
             key: Key::of(gpu),
+            parts: parts.to_vec(),
             costs,
-            took_ms: start.elapsed().as_secs_f64() * 1e3,
+            took_ms,
         })
     }
 }
 
-struct Stand<'m> {
-    model: &'m Model,
-    engine: Engine<'m>,
-    side: u32,
-}
-
-impl Stand<'_> {
-    fn view(&self, fill: f64) -> Result<View, Error> {
-        Ok(orbit(self.model, (self.side, self.side), fill, 0, 9)?)
+/// The costs that are to decide how `settings` are drawn on a device: those kept in the user's cache folder, measured now
+/// where they are not there yet. Measured is nothing where a path is insisted on ([`Path::Raster`], [`Path::Compute`]); then
+/// what is kept decides between points and quads. `None` where [`VARIABLE`] is `off`, and where measuring fails, which the
+/// log says: it never fails a run.
+pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<Costs> {
+    if std::env::var_os(VARIABLE).is_some_and(|v| v == "off") {
+        tracing::debug!("{VARIABLE} is off: rules of thumb decide");
+        return None;
     }
-
-    fn pixels(&self) -> f64 {
-        f64::from(self.side) * f64::from(self.side)
-    }
-
-    /// Draws a view; `None` where the device or the program cannot draw so.
-    fn draw(&mut self, fill: f64, settings: &Settings) -> Result<Option<Drawn>, Error> {
-        use crate::gpu::Error as E;
-        let view = self.view(fill)?;
-        let mut least = [f64::INFINITY; 3];
-        let mut counts = Default::default();
-        for frame in 0..=FRAMES {
-            let times = match self.engine.draw(&view, settings) {
-                Ok(times) => times,
-                Err(E::Unsupported { .. } | E::Limit { .. }) => return Ok(None),
-                Err(error) => return Err(error.into()),
-            };
-            if frame > 0 {
-                let of = split(&times);
-                let parts = [of.splats_ms, of.triangles_ms, of.pixels_ms];
-                for (least, ms) in least.iter_mut().zip(parts) {
-                    *least = least.min(ms);
-                }
+    let folder = store::folder();
+    let mut parts: Vec<Part> = Vec::new();
+    for settings in settings.iter().filter(|s| s.path == Path::Auto) {
+        for part in Part::of(settings) {
+            if !parts.contains(part) {
+                parts.push(*part);
             }
-            counts = times.counts;
         }
-        let covered = self.engine.read(&view)?.covered_pixels();
-        Ok(Some(Drawn {
-            splats_ns: least[0] * 1e6,
-            triangles_ns: least[1] * 1e6,
-            pixels_ns: least[2] * 1e6,
-            splats: counts.splats as f64,
-            triangles: counts.triangles as f64,
-            covered: covered as f64,
-        }))
     }
-
-    fn splats(&mut self, kind: SplatKind) -> Result<Ways<SplatCosts>, Error> {
-        let mut way = |path| -> Result<Option<SplatCosts>, Error> {
-            let mut splat_ns = [0.0; SIZES_PX.len()];
-            let mut drawn = Vec::new();
-            for (ns, size) in splat_ns.iter_mut().zip(SIZES_PX) {
-                let settings = Settings {
-                    splat: kind,
-                    path,
-                    threshold_px: size,
-                    ..Settings::default()
-                };
-                let Some(found) = self.draw(FILL_OF_ONE * f64::from(size), &settings)? else {
-                    return Ok(None);
-                };
-                *ns = found.splats_ns / found.splats.max(1.0);
-                drawn.push(found);
+    if parts.is_empty() {
+        let kept = folder.and_then(|f| Calibration::read(&f, &Key::of(gpu)));
+        return kept.map(|calibration| calibration.costs);
+    }
+    match Calibration::kept(gpu, folder.as_deref(), &parts, false) {
+        Ok(found) => {
+            if let Some(error) = &found.not_kept {
+                tracing::warn!("what drawing costs on this device is not kept: {error}");
             }
-            Ok(Some(SplatCosts {
-                splat_ns,
-                pixels: over_pixels(&drawn, self.pixels()),
-            }))
-        };
-        Ok(Ways {
-            raster: way(Path::Raster)?,
-            compute: way(Path::Compute)?,
-        })
-    }
-
-    fn triangles(&mut self) -> Result<Ways<TriangleCosts>, Error> {
-        let mut way = |path| -> Result<Option<TriangleCosts>, Error> {
-            let settings = Settings {
-                path,
-                threshold_px: 0.0,
-                ..Settings::default()
-            };
-            let mut drawn = Vec::new();
-            for fill in [2.0 * FILL_OF_ONE, 5.0 * FILL_OF_ONE] {
-                match self.draw(fill, &settings)? {
-                    Some(found) => drawn.push(found),
-                    None => return Ok(None),
-                }
-            }
-            // From both distances together: triangles of one and of two and a half pixels.
-            let (ns, count) = drawn.iter().fold((0.0, 0.0), |(ns, count), d| {
-                (ns + d.triangles_ns, count + d.triangles)
-            });
-            Ok(Some(TriangleCosts {
-                triangle_ns: ns / f64::max(count, 1.0),
-                pixels: over_pixels(&drawn, self.pixels()),
-            }))
-        };
-        Ok(Ways {
-            raster: way(Path::Raster)?,
-            compute: way(Path::Compute)?,
-        })
-    }
-
-    fn node_ns(&mut self) -> Result<f64, Error> {
-        let view = self.view(1.0)?;
-        let settings = cut_settings(&Settings::default(), self.model);
-        let (mut selector, mut cut) = (Selector::default(), Cut::default());
-        let mut least = f64::INFINITY;
-        for _ in 0..=8 {
-            let start = Instant::now();
-            selector.select(self.model, &view, &settings, &mut cut);
-            let ns = start.elapsed().as_nanos() as f64;
-            least = least.min(ns / cut.stats.visited.max(1) as f64);
+            Some(found.calibration.costs)
         }
-        Ok(least)
-    }
-}
-
-/// The line through the times of the passes over the picture by covered pixels; neither part is below 0.
-fn over_pixels(drawn: &[Drawn], pixels: f64) -> PixelCosts {
-    let n = drawn.len().max(1) as f64;
-    let mean = |of: &dyn Fn(&Drawn) -> f64| drawn.iter().map(of).sum::<f64>() / n;
-    let (x, y) = (mean(&|d| d.covered), mean(&|d| d.pixels_ns));
-    let xx = mean(&|d| (d.covered - x).powi(2));
-    let xy = mean(&|d| (d.covered - x) * (d.pixels_ns - y));
-    let covered_ns = if xx > 0.0 { (xy / xx).max(0.0) } else { 0.0 };
-    PixelCosts {
-        any_ns: ((y - covered_ns * x) / pixels.max(1.0)).max(0.0),
-        covered_ns,
+        Err(error) => {
+            tracing::warn!(
+                "what drawing costs on this device could not be measured: {error}; rules of thumb decide"
+            );
+            None
+        }
     }
 }
 
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    use super::stand::{Drawn, Nothing};
     use super::*;
     use crate::gpu::profile::PassTime;
+    use crate::method::costs::{PassCosts, SplatCosts, TriangleCosts, Ways};
     use crate::method::renderer::Counts;
 
     #[test]
@@ -382,24 +346,106 @@ mod tests {
         assert_eq!(parts(0, &[]), [3.0, 0.0, 0.0]);
     }
 
-    #[test]
-    fn pixels_and_covered_pixels_are_a_line() {
-        let at = |covered, pixels_ns| Drawn {
-            splats_ns: 0.0,
-            triangles_ns: 0.0,
+    /// A view of so many pixels of a box, covered pixels and primitives.
+    fn at(of_box: f64, covered: f64, count: f64, primitives_ns: f64, pixels_ns: f64) -> Drawn {
+        Drawn {
+            primitives_ns,
             pixels_ns,
-            splats: 0.0,
-            triangles: 0.0,
+            count,
             covered,
+            of_box,
+        }
+    }
+
+    #[test]
+    fn what_passes_cost_without_primitives_comes_off() {
+        // Passes over primitives: 1000 ns, 1 more for a pixel of the box, 50 a primitive. Passes over the picture: 4 ns for
+        // each of its 10,000 pixels, 2 more in the box, 30 more for a covered one.
+        let drawn = |of_box: f64, covered: f64, count: f64| {
+            let primitives = 1000.0 + of_box + 50.0 * count;
+            at(
+                of_box,
+                covered,
+                count,
+                primitives,
+                40_000.0 + 2.0 * of_box + 30.0 * covered,
+            )
         };
-        // 2 ns for each of 1000 pixels and 30 for a covered one.
-        let found = over_pixels(&[at(100.0, 5000.0), at(500.0, 17_000.0)], 1000.0);
-        assert!((found.any_ns - 2.0).abs() < 1e-9 && (found.covered_ns - 30.0).abs() < 1e-9);
-        // Noise: less time with more pixels.
-        let found = over_pixels(&[at(100.0, 3000.0), at(500.0, 1000.0)], 1000.0);
-        assert_eq!((found.any_ns, found.covered_ns), (2.0, 0.0));
-        let found = over_pixels(&[at(100.0, 1000.0)], 1000.0);
-        assert_eq!((found.any_ns, found.covered_ns), (1.0, 0.0));
+        let nothing = Nothing {
+            far: drawn(0.0, 0.0, 0.0),
+            wide: drawn(8000.0, 0.0, 0.0),
+        };
+        let views = [drawn(500.0, 100.0, 10.0), drawn(2000.0, 900.0, 300.0)];
+        let (passes, each) = nothing.costs(&views, 10_000.0);
+        let found = [
+            passes.frame_ns,
+            passes.picture_ns,
+            passes.box_ns,
+            passes.covered_ns,
+        ];
+        for (found, wanted) in found.into_iter().zip([1000.0, 4.0, 3.0, 30.0]) {
+            assert!((found - wanted).abs() < 1e-6, "{passes:?}");
+        }
+        assert!(each.iter().all(|ns| (ns - 50.0).abs() < 1e-6), "{each:?}");
+        // Noise makes no time negative, and what draws nothing divides by nothing.
+        let less = at(9000.0, 500.0, 0.0, 500.0, 10.0);
+        let nothing = Nothing {
+            far: drawn(0.0, 0.0, 0.0),
+            wide: less,
+        };
+        let (passes, each) = nothing.costs(&[less], 10_000.0);
+        assert_eq!((passes.box_ns, passes.covered_ns), (0.0, 0.0));
+        assert_eq!(each, [0.0]);
+    }
+
+    #[test]
+    fn merging_is_what_both_cost_more_than_compute_alone() {
+        let alone = [
+            at(0.0, 0.0, 2.0, 100.0, 200.0),
+            at(1000.0, 0.0, 2.0, 100.0, 300.0),
+            at(500.0, 0.0, 50.0, 600.0, 400.0),
+        ];
+        // 7 more for a frame, 0.1 for each of 10,000 pixels, 3 for one of the box, 4 for a splat.
+        let mut both = alone;
+        for (view, splats) in both.iter_mut().zip([0.0, 0.0, 50.0]) {
+            view.primitives_ns += 7.0 + 4.0 * splats;
+            view.pixels_ns += 1000.0 + 3.0 * view.of_box;
+        }
+        let found = stand::merge(both, alone, 10_000.0);
+        let passes = found.passes;
+        assert_eq!(
+            (passes.frame_ns, passes.picture_ns, passes.box_ns),
+            (7.0, 0.1, 3.0)
+        );
+        assert!((found.splat_ns - 4.0).abs() < 1e-9, "{found:?}");
+        // Cheaper than without is noise.
+        let found = stand::merge(alone, both, 10_000.0);
+        assert_eq!((found.splat_ns, found.passes), (0.0, PassCosts::default()));
+    }
+
+    #[test]
+    fn only_what_decides_is_measured() {
+        let of = |splat, method| {
+            Part::of(&Settings {
+                splat,
+                method,
+                ..Settings::default()
+            })
+        };
+        use Part::{Blended, Filtered, Opaque, Primitives};
+        assert_eq!(of(SplatKind::Square, Method::Pop), [Opaque, Primitives]);
+        assert_eq!(of(SplatKind::Square, Method::Splats), [Primitives]);
+        assert_eq!(of(SplatKind::Ellipse, Method::Pop), [Primitives]);
+        assert_eq!(of(SplatKind::Gauss, Method::Splats), [Blended, Primitives]);
+        assert_eq!(of(SplatKind::Gauss, Method::Points), [Primitives]);
+        assert_eq!(of(SplatKind::Filtered, Method::Pop), [Filtered]);
+        assert_eq!(of(SplatKind::Visibility, Method::Pop), []);
+        assert_eq!(of(SplatKind::Square, Method::Triangles), []);
+        let two_pass = Settings {
+            blend: Some(Blend::TwoPass),
+            ..Settings::default()
+        };
+        assert_eq!(Part::of(&two_pass), [Blended, Primitives]);
     }
 
     fn key(version: &str) -> Key {
@@ -413,34 +459,54 @@ mod tests {
     }
 
     fn made(version: &str) -> Calibration {
-        let pixels = PixelCosts {
-            any_ns: 1.5,
+        let passes = PassCosts {
+            frame_ns: 3.5,
+            picture_ns: 0.5,
+            box_ns: 1.5,
             covered_ns: 20.25,
         };
-        let splat = Ways {
+        let splat = Some(Ways {
             raster: Some(SplatCosts {
                 splat_ns: [100.0, 110.0, 130.5],
-                pixels,
+                passes,
             }),
             compute: None,
-        };
+        });
         Calibration {
             key: key(version),
+            parts: vec![Part::Opaque, Part::Nodes],
             costs: Costs {
                 square: splat,
-                gauss: splat,
-                filtered: splat,
-                triangle: Ways {
+                triangle: Some(Ways {
                     raster: Some(TriangleCosts {
                         triangle_ns: 70.0,
-                        pixels,
+                        passes,
                     }),
                     compute: None,
-                },
-                node_ns: 4.0,
+                }),
+                node_ns: Some(4.0),
+                ..Costs::default()
             },
             took_ms: 300.0,
         }
+    }
+
+    #[test]
+    fn parts_that_were_not_measured_again_stay() {
+        let old = made("1");
+        let mut new = made("1");
+        new.parts = vec![Part::Filtered, Part::Nodes];
+        new.costs = Costs {
+            filtered: old.costs.square,
+            node_ns: Some(5.0),
+            ..Costs::default()
+        };
+        let both = new.clone().and(Some(old.clone()));
+        assert_eq!(both.parts, [Part::Filtered, Part::Nodes, Part::Opaque]);
+        assert_eq!(both.costs.square, old.costs.square);
+        assert_eq!(both.costs.node_ns, Some(5.0));
+        assert_eq!(both.took_ms, 600.0);
+        assert_eq!(new.clone().and(None), new);
     }
 
     #[test]
@@ -465,10 +531,18 @@ mod tests {
             String::new(),
             text.replace("4.0", "-4.0"),
             text.replace("node_ns", "nodes"),
+            text.replace("\"opaque\"", "\"oblique\""),
+            text.replace("130.5", "1e999"),
         ] {
             assert_ne!(damaged, text);
             std::fs::write(&file, damaged).unwrap();
             assert_eq!(Calibration::read(folder, &key("1")), None);
         }
+        // Nor bytes that are no text, nor a folder in its place.
+        std::fs::write(&file, [0xff, 0xfe, 0x00]).unwrap();
+        assert_eq!(Calibration::read(folder, &key("1")), None);
+        std::fs::remove_file(&file).unwrap();
+        std::fs::create_dir(&file).unwrap();
+        assert_eq!(Calibration::read(folder, &key("1")), None);
     }
 }

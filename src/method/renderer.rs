@@ -8,7 +8,9 @@ mod pop;
 pub mod present;
 mod whole;
 
+use super::compute::choice::Asked;
 use super::compute::{self, Small};
+use super::costs::Costs;
 use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
@@ -74,6 +76,7 @@ pub struct Renderer {
     lists: Vec<Lists>,
     cut: Cut,
     selector: cut::Selector,
+    costs: Option<Costs>,
     triangles: Option<(Variant, Pipeline)>,
     /// One for each variant that was drawn, six at most.
     splats: Vec<Splats>,
@@ -140,6 +143,7 @@ impl Renderer {
             lists,
             cut: Cut::default(),
             selector: cut::Selector::default(),
+            costs: None,
             triangles: None,
             splats: Vec::new(),
             small: None,
@@ -159,6 +163,35 @@ impl Renderer {
     /// When the device cannot make the queries.
     pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
         self.frames.measure(measure)
+    }
+
+    /// What drawing costs on the renderer's device, as [`crate::bench::calibrate`] measures it: decides from the next frame
+    /// on what is drawn by compute where [`Path::Auto`](super::Path::Auto) leaves it open, and which splats are quads
+    /// instead of points. Without, and for what was not measured, rules of thumb of a software device decide, and splats
+    /// are points as far as the device has them. The picture is the same within one level.
+    pub fn set_costs(&mut self, costs: Option<Costs>) {
+        self.costs = costs;
+    }
+
+    /// The costs that decide.
+    pub fn costs(&self) -> Option<Costs> {
+        self.costs
+    }
+
+    /// What the cut asks for in a picture.
+    fn asked<'a>(&self, settings: &'a Settings, context: &Context) -> Asked<'a> {
+        let cut = &self.cut;
+        // Which plan does not matter to how many there are but for large leaves.
+        let splats = draw::splats::count(cut, &plan::splat_plan(settings, f32::INFINITY));
+        let is_whole = settings.method == Method::Splats;
+        Asked {
+            settings,
+            costs: self.costs,
+            splats: splats + cut.stats.hidden as usize,
+            triangles: if is_whole { 0 } else { cut.triangles.len() },
+            rect_px: context.rect_px,
+            size: (context.width, context.height),
+        }
     }
 
     /// The cut of the last frame drawn with [`Method::Pop`].

@@ -9,6 +9,7 @@ use crate::gpu::buffer::Upload;
 use crate::gpu::frame::Ticket;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::method::compute::choice::{self, Asked};
 use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
 use crate::method::lists::{pack_triangles, records, reserve};
@@ -18,7 +19,7 @@ use crate::method::plan::{
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
 use crate::method::times::Stage;
-use crate::method::{Method, Settings, filtered, fuzzy, hybrid, visibility};
+use crate::method::{Method, Path, Settings, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
 use std::sync::Arc;
 
@@ -31,8 +32,9 @@ impl Renderer {
         settings: &Settings,
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
-        let by_compute = Drawing::of(settings) == Drawing::Opaque
-            && compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let drawing = Drawing::of(settings);
+        let is_wanted = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let by_compute = drawing == Drawing::Opaque && is_wanted;
         let max_point = if by_compute {
             compute::LARGEST_SQUARE_PX
         } else {
@@ -63,6 +65,26 @@ impl Renderer {
 
         let packing = Stage::Pack.begin();
         self.frames.wait_for_next()?;
+        // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
+        let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
+        let asked = self.asked(settings, &context);
+        let paths = by_compute.then(|| asked.opaque());
+        let takes_triangles = paths.is_some_and(|p| p.triangles == Path::Compute)
+            && Small::takes_triangles(&self.gpu, scene);
+        let is_small = takes_triangles || paths.is_some_and(|p| p.splats == Path::Compute);
+        // Filtered splats are known once they are packed.
+        let early_share = match drawing {
+            _ if by_compute || !is_wanted => Some(Share::Nothing),
+            Drawing::Fuzzy if self.costs.is_some() => {
+                Some(asked.blended(asked.triangles, has_large))
+            }
+            _ => None,
+        };
+        let is_rastered = !is_small && early_share.is_none_or(|share| share == Share::Nothing);
+        let max_point = match &self.costs {
+            Some(costs) if is_rastered => choice::largest_point_px(costs, settings, max_point),
+            _ => max_point,
+        };
         let lists = &mut self.lists[self.frames.next_slot()];
         let (packed, capacity, splat_bytes) = pack_splats(
             &self.gpu,
@@ -73,19 +95,13 @@ impl Renderer {
             (settings, max_point),
         )?;
         let triangles: &[u32] = if is_whole { &[] } else { &self.cut.triangles };
-        // What is hidden counts too: the way that primitives go, and so the last bits of the picture, must not depend
-        // on it.
-        let all_splats = capacity + self.cut.stats.hidden as usize;
         reserve(&self.gpu, &mut lists.indices, 12 * triangles.len() as u64)?;
-        let takes_triangles = by_compute
-            && compute::pays(triangles.len(), 1.0, context.rect_px, settings)
-            && Small::takes_triangles(&self.gpu, scene);
         if takes_triangles {
             reserve(&self.gpu, &mut lists.small, 12 * triangles.len() as u64)?;
         }
-        let is_small =
+        let small =
             takes_triangles.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
-        pack_triangles(model, scene, triangles, lists, is_small);
+        pack_triangles(model, scene, triangles, lists, small);
         let index_bytes = 12 * triangles.len() as u64;
         packing.end(&mut times);
         let upload = Stage::Upload.begin();
@@ -106,15 +122,14 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
         };
-        // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
-        let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
-        let others = triangles.len() + packed.quads;
-        let share = Share::of(
-            settings,
-            (packed.points, others),
-            has_large,
-            context.rect_px,
-        );
+        let share = early_share.unwrap_or_else(|| {
+            let asked = Asked {
+                splats: packed.points,
+                triangles: triangles.len(),
+                ..asked
+            };
+            asked.blended(triangles.len() + packed.quads, has_large)
+        });
         let variant = Splats::variant_of(settings);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
@@ -134,9 +149,7 @@ impl Renderer {
                     constants,
                 );
                 let mut packed_left = packed;
-                let pays =
-                    takes_triangles || compute::pays(all_splats, 0.125, context.rect_px, settings);
-                if let (true, Some(small)) = (by_compute && pays, &self.small) {
+                if let (true, Some(small)) = (is_small, &self.small) {
                     small.record(&mut frame, &self.targets, small_list, &context, constants)?;
                     packed_left.points = 0;
                 }
