@@ -66,24 +66,23 @@ fn costs(path: Path, largest_point_px: f32) -> Costs {
 struct Drawn {
     image: Image,
     passes: Vec<&'static str>,
+    splats: u64,
+    triangles: u64,
 }
 
-/// One picture, the names of its passes, and how often vertices were shaded where the device counts that.
-fn draw(
-    device: &Device,
-    model: &Model,
-    view: &View,
-    settings: &Settings,
-    costs: Option<Costs>,
-) -> Drawn {
+fn engine<'m>(device: &Device, model: &'m Model, size: (u32, u32)) -> Engine<'m> {
     let backend = Backend::Device(device.gpu().clone());
-    let size = (view.width, view.height);
-    let mut engine = Engine::new(&backend, model, size, Outputs::default()).unwrap();
+    Engine::new(&backend, model, size, Outputs::default()).unwrap()
+}
+
+fn draw(engine: &mut Engine<'_>, view: &View, settings: &Settings, costs: Option<Costs>) -> Drawn {
     engine.set_costs(costs);
     let times = engine.draw(view, settings).unwrap();
     Drawn {
         image: engine.read(view).unwrap(),
         passes: times.passes.iter().map(|pass| pass.name).collect(),
+        splats: times.counts.splats,
+        triangles: times.counts.triangles,
     }
 }
 
@@ -110,8 +109,8 @@ fn cases() -> Vec<(Settings, Option<&'static str>)> {
         ..of(Disc, Pop, 3.0)
     };
     vec![
-        (of(Square, Pop, 1.0), Some("small.splats")),
-        (of(Square, Pop, 3.0), Some("small.splats")),
+        (of(Square, Pop, 1.0), Some("small.clear")),
+        (of(Square, Pop, 3.0), Some("small.clear")),
         (of(Square, Pop, 9.0), None),
         (of(Square, Splats, 2.0), None),
         (of(Square, Points, 2.0), None),
@@ -135,25 +134,33 @@ fn costs_decide_the_path_and_the_picture_stays() {
         return;
     }
     let model = generated(Shape::Statue, 20_000);
+    let mut engine = engine(&device, &model, (200, 160));
+    let mut seen = 0;
     // Few splats beside many triangles, and splats alone: rules of thumb would choose differently.
     for fill in [0.7, 2.5] {
         let view = orbit(&model, (200, 160), 30.0, 20.0, fill);
         for (settings, mark) in cases() {
             let what = format!("{settings:?}, fill {fill}");
-            let plain = draw(&device, &model, &view, &settings, None);
+            let plain = draw(&mut engine, &view, &settings, None);
             for path in [Path::Raster, Path::Compute] {
                 let costs = costs(path, f32::INFINITY);
-                let drawn = draw(&device, &model, &view, &settings, Some(costs));
+                let drawn = draw(&mut engine, &view, &settings, Some(costs));
                 assert_same(&drawn.image, &plain.image, 1e4, &what);
-                let wanted = mark.is_some() && path == Path::Compute;
+                // Triangles go the way of squares.
+                let count = match mark {
+                    Some("small.clear") => drawn.splats + drawn.triangles,
+                    _ => drawn.splats,
+                };
+                let wanted = mark.is_some() && path == Path::Compute && count > 0;
                 let is_seen = mark.is_some_and(|mark| drawn.passes.contains(&mark));
                 assert_eq!(is_seen, wanted, "{what}, {path:?}: {:?}", drawn.passes);
+                seen += usize::from(is_seen);
                 // Who insists on a path gets it whatever it costs.
                 let insisting = Settings {
                     path: Path::Raster,
                     ..settings
                 };
-                let drawn = draw(&device, &model, &view, &insisting, Some(costs));
+                let drawn = draw(&mut engine, &view, &insisting, Some(costs));
                 assert!(
                     mark.is_none_or(|mark| !drawn.passes.contains(&mark)),
                     "{what}: {:?}",
@@ -162,12 +169,14 @@ fn costs_decide_the_path_and_the_picture_stays() {
             }
         }
     }
+    assert!(seen >= 8, "{seen} pictures by compute");
 }
 
 #[test]
 fn quads_and_points_draw_the_same() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 20_000);
+    let mut engine = engine(&device, &model, (200, 160));
     for fill in [0.7, 2.5] {
         let view = orbit(&model, (200, 160), 30.0, 20.0, fill);
         for (settings, _) in cases() {
@@ -176,11 +185,11 @@ fn quads_and_points_draw_the_same() {
                 ..settings
             };
             let what = format!("{settings:?}, fill {fill}");
-            let plain = draw(&device, &model, &view, &settings, None);
+            let plain = draw(&mut engine, &view, &settings, None);
             // Quads alone; and where splats differ in size, quads among points.
             for largest in [0.0, 3.0] {
                 let costs = costs(Path::Raster, largest);
-                let drawn = draw(&device, &model, &view, &settings, Some(costs));
+                let drawn = draw(&mut engine, &view, &settings, Some(costs));
                 // Corners of a quad are snapped one by one, a point as a whole; of equally deep splats the first drawn wins,
                 // and quads are drawn last.
                 assert_same(&drawn.image, &plain.image, 250.0, &what);
@@ -244,6 +253,7 @@ fn a_splat_whose_center_is_beside_the_view_is_drawn_as_point_and_as_quad() {
             (true, Method::Points),
         ] {
             let (model, view) = dot(x, y, is_cloud);
+            let mut engine = engine(&device, &model, (100, 100));
             for splat in [SplatKind::Square, SplatKind::Disc, SplatKind::Gauss] {
                 let settings = Settings {
                     method,
@@ -255,7 +265,7 @@ fn a_splat_whose_center_is_beside_the_view_is_drawn_as_point_and_as_quad() {
                 let what = format!("{x}, {y}, {method:?}, {splat:?}");
                 let [points, quads] = [f32::INFINITY, 0.0].map(|largest| {
                     let costs = costs(Path::Raster, largest);
-                    draw(&device, &model, &view, &settings, Some(costs)).image
+                    draw(&mut engine, &view, &settings, Some(costs)).image
                 });
                 let covered = points.covered_pixels();
                 assert_eq!(covered, quads.covered_pixels(), "{what}");

@@ -104,8 +104,10 @@ impl Key {
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
     key: Key,
-    /// What was measured, or tried without success: that is not tried again.
+    /// What was measured, or given up twice: that is not tried again.
     pub parts: Vec<Part>,
+    /// What was given up once. A driver may have compiled its shaders for the first time then, and be quick the next time.
+    pub given_up: Vec<Part>,
     /// What was measured.
     pub costs: Costs,
     /// How long measuring took, all parts together, milliseconds.
@@ -126,7 +128,7 @@ pub struct Found {
 }
 
 /// What is not measured by then is given up: on such a device, or beside so much other work, rules of thumb have to do.
-const PATIENCE: Duration = Duration::from_secs(5);
+const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Milliseconds of a frame's passes by what they go over.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -228,6 +230,15 @@ impl Calibration {
         }
         self.parts.extend(kept.copied().collect::<Vec<_>>());
         self.costs = self.costs.or(old.costs);
+        let (again, once): (Vec<Part>, Vec<Part>) = self
+            .given_up
+            .iter()
+            .partition(|part| old.given_up.contains(part));
+        self.parts.extend(again);
+        self.given_up = once;
+        let rest = old.given_up.into_iter();
+        self.given_up
+            .extend(rest.filter(|part| !self.parts.contains(part)));
         self
     }
 
@@ -236,10 +247,16 @@ impl Calibration {
     /// # Errors
     /// When memory runs out or the device is lost.
     pub fn measure(gpu: &Arc<Gpu>, parts: &[Part]) -> Result<Self, Error> {
+        Self::measure_within(gpu, parts, PATIENCE)
+    }
+
+    fn measure_within(gpu: &Arc<Gpu>, parts: &[Part], patience: Duration) -> Result<Self, Error> {
         let start = Instant::now();
-        let mut stand = Stand::new(gpu, start + PATIENCE)?;
-        let mut costs = Costs::default();
+        let mut stand = Stand::new(gpu, start + patience)?;
+        let mut all = Costs::default();
+        let (mut measured, mut given_up) = (Vec::new(), Vec::new());
         for part in parts {
+            let mut costs = Costs::default();
             match part {
                 Part::Opaque => {
                     costs.square = stand.splats(SplatKind::Square)?.0;
@@ -254,13 +271,26 @@ impl Calibration {
                 Part::Primitives => costs.primitives = stand.primitives()?,
                 Part::Nodes => costs.node_ns = Some(stand.node_ns()?),
             }
+            // Half a part would say that the device cannot do the other half.
+            if stand.gave_up() {
+                given_up.push(*part);
+            } else {
+                measured.push(*part);
+                all = all.or(costs);
+            }
+        }
+        if !given_up.is_empty() {
+            tracing::warn!(
+                "measuring what drawing costs on this device takes too long: {given_up:?} given up, rules of thumb decide"
+            );
         }
         let took_ms = start.elapsed().as_secs_f64() * 1e3;
-        tracing::debug!("calibrated {parts:?} in {took_ms:.0} ms: {costs:?}");
+        tracing::debug!("calibrated {parts:?} in {took_ms:.0} ms: {all:?}");
         Ok(Self {
             key: Key::of(gpu),
-            parts: parts.to_vec(),
-            costs,
+            parts: measured,
+            given_up,
+            costs: all,
             took_ms,
         })
     }
@@ -475,6 +505,7 @@ mod tests {
         Calibration {
             key: key(version),
             parts: vec![Part::Opaque, Part::Nodes],
+            given_up: vec![Part::Filtered, Part::Primitives],
             costs: Costs {
                 square: splat,
                 triangle: Some(Ways {
@@ -492,10 +523,43 @@ mod tests {
     }
 
     #[test]
+    fn what_takes_too_long_is_given_up_and_not_tried_again() {
+        let gpu = match Gpu::open(&crate::gpu::Options::default()) {
+            Ok(gpu) => gpu,
+            Err(error) => {
+                assert!(
+                    std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
+                    "a device is required here: {error}"
+                );
+                eprintln!("no device, nothing tested: {error}");
+                return;
+            }
+        };
+        let parts = [Part::Filtered, Part::Primitives];
+        let found = Calibration::measure_within(&gpu, &parts, Duration::ZERO).unwrap();
+        assert_eq!(found.costs, Costs::default());
+        assert_eq!(
+            (&found.parts[..], &found.given_up[..]),
+            (&[][..], &parts[..])
+        );
+        // Once more, and then no more.
+        let again = found.clone().and(Some(found));
+        assert_eq!(
+            (&again.parts[..], &again.given_up[..]),
+            (&parts[..], &[][..])
+        );
+        let folder = tempfile::tempdir().unwrap();
+        again.write(folder.path()).unwrap();
+        let kept = Calibration::kept(&gpu, Some(folder.path()), &parts, false).unwrap();
+        assert!(!kept.is_new && kept.calibration == again);
+    }
+
+    #[test]
     fn parts_that_were_not_measured_again_stay() {
         let old = made("1");
         let mut new = made("1");
         new.parts = vec![Part::Filtered, Part::Nodes];
+        new.given_up = vec![Part::Blended];
         new.costs = Costs {
             filtered: old.costs.square,
             node_ns: Some(5.0),
@@ -506,6 +570,8 @@ mod tests {
         assert_eq!(both.costs.square, old.costs.square);
         assert_eq!(both.costs.node_ns, Some(5.0));
         assert_eq!(both.took_ms, 600.0);
+        // What was given up before and is measured now is no longer given up.
+        assert_eq!(both.given_up, [Part::Blended, Part::Primitives]);
         assert_eq!(new.clone().and(None), new);
     }
 

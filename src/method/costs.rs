@@ -20,7 +20,8 @@ const COVERED_OF_BOX: f64 = 0.6;
 /// Splats of a surface overlap: each brings at most this part of its own square of new pixels. A cut at 1 pixel has three
 /// splats in a covered pixel, at 3 pixels one for each pixel, which is eight times its square.
 const NEW_OF_SQUARE: f64 = 0.25;
-/// By how much quads must be cheaper to be drawn: less is noise.
+/// By how much compute must be cheaper than the rasterizer, and quads than points, to be taken: less is within the error of
+/// what was measured, and no choice should hang on it.
 const CLEARLY: f64 = 1.1;
 
 /// The part of the picture that a frame works on.
@@ -272,7 +273,7 @@ impl Costs {
     /// The cheapest paths for a frame of opaque squares and triangles; `None` where squares or triangles were not measured.
     ///
     /// Where triangles go by compute the splats do, too: what is left in a pixel by both is shaded by one pass over the
-    /// picture. Passes that both need count once. Of equal costs the rasterizer.
+    /// picture. Passes that both need count once. The rasterizer, unless compute is cheaper by a tenth.
     pub fn opaque_paths(&self, load: &Load) -> Option<Chosen<Paths>> {
         let Load {
             triangles,
@@ -306,8 +307,9 @@ impl Costs {
             (offer([0, 1]), Raster, Compute),
             (offer([1, 1]), Compute, Compute),
         ];
-        // Of equal ones the first.
         let mut best = offers[0];
+        best.0 /= CLEARLY;
+        // Of equal ones the first.
         for offer in offers {
             if offer.0 < best.0 {
                 best = offer;
@@ -323,8 +325,8 @@ impl Costs {
         })
     }
 
-    /// The cheaper path for the blended splats of a frame, [`Path::Raster`] or [`Path::Compute`]; of equal costs the
-    /// rasterizer. `is_beside`: triangles or splats are rasterized in the same frame whatever is chosen; `has_large`: some
+    /// The cheaper path for the blended splats of a frame, [`Path::Raster`] or [`Path::Compute`]: the rasterizer, unless
+    /// compute is cheaper by a tenth. `is_beside`: triangles or splats are rasterized in the same frame whatever is chosen; `has_large`: some
     /// of the splats themselves may be. `None` where the kind was not measured.
     pub fn blended_path(
         &self,
@@ -347,7 +349,7 @@ impl Costs {
             }
         }
         Some(Chosen {
-            choice: if compute_ns < raster_ns {
+            choice: if compute_ns < raster_ns / CLEARLY {
                 Path::Compute
             } else {
                 Path::Raster

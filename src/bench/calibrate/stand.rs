@@ -15,7 +15,7 @@ use crate::method::costs::{
 use crate::method::plan::cut_settings;
 use crate::method::renderer::{Outputs, Renderer};
 use crate::method::scene::Scene;
-use crate::method::{Method, Occlusion, Path, Settings, SplatKind};
+use crate::method::{Culling, Method, Occlusion, Path, Settings, SplatKind};
 use crate::progress::Silent;
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
@@ -123,10 +123,11 @@ fn only(points: bool) -> Costs {
 pub(super) struct Stand {
     renderer: Renderer,
     statue: Stage,
-    /// Two tiny triangles at opposite corners of a cube.
+    /// Two tiny triangles at opposite corners of a cube, each of them from both sides.
     corners: Stage,
     side: u32,
     until: Instant,
+    gave_up: bool,
 }
 
 impl Stand {
@@ -135,13 +136,13 @@ impl Stand {
         // A graphics card needs more to do before its clock can tell.
         let (side, triangles) = match gpu.info().kind {
             Kind::Cpu => (300, 60_000),
-            _ => (1000, 660_000),
+            _ => (600, 240_000),
         };
         let statue = generate::mesh(&Spec::with_triangles(Shape::Statue, triangles)?);
         let corner = |at: Vec3| [at, at + 1e-3 * Vec3::X, at + 1e-3 * Vec3::Y];
         let corners = Mesh {
             positions: [corner(-Vec3::ONE), corner(Vec3::ONE)].concat(),
-            triangles: vec![[0, 1, 2], [3, 4, 5]],
+            triangles: vec![[0, 1, 2], [0, 2, 1], [3, 4, 5], [3, 5, 4]],
             ..Mesh::default()
         };
         Ok(Self {
@@ -150,7 +151,13 @@ impl Stand {
             corners: Stage::new(gpu, corners)?,
             side,
             until,
+            gave_up: false,
         })
+    }
+
+    /// Whether something was not measured because time was up.
+    pub(super) fn gave_up(&self) -> bool {
+        self.gave_up
     }
 
     fn pixels(&self) -> f64 {
@@ -179,7 +186,7 @@ impl Stand {
         };
         for frame in 0..=FRAMES {
             if Instant::now() > self.until {
-                tracing::warn!("measuring what drawing costs takes too long and is given up");
+                self.gave_up = true;
                 return Ok(None);
             }
             let times = match self.renderer.draw(model, scene, &view, settings) {
@@ -255,6 +262,8 @@ impl Stand {
             splat: kind,
             path,
             occlusion: Occlusion::Off,
+            // Of both models, so that drivers that compile a shader for its uniforms do so once.
+            culling: Culling::On,
             ..Settings::default()
         };
         let raster = self.way(&base(Path::Raster))?;
@@ -289,6 +298,7 @@ impl Stand {
         let base = Settings {
             path: Path::Raster,
             occlusion: Occlusion::Off,
+            culling: Culling::On,
             ..Settings::default()
         };
         let mut ns = [[0.0; PRIMITIVE_SIZES_PX.len()]; 2];
@@ -313,6 +323,7 @@ impl Stand {
             let settings = Settings {
                 path,
                 threshold_px: 0.0,
+                culling: Culling::On,
                 ..Settings::default()
             };
             let Some(nothing) = self.nothing(&settings)? else {

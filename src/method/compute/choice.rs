@@ -71,10 +71,12 @@ impl Asked<'_> {
                     true => Path::Compute,
                     false => Path::Raster,
                 };
-                Paths {
+                let paths = Paths {
                     triangles: path(self.triangles, 1.0),
                     splats: path(self.splats, 0.125),
-                }
+                };
+                self.log_guess("squares and small triangles", &paths);
+                paths
             }
         }
     }
@@ -101,12 +103,18 @@ impl Asked<'_> {
                     _ => Share::Nothing,
                 }
             }
-            None => Share::of(
-                self.settings,
-                (self.splats, others),
-                has_large,
-                self.rect_px,
-            ),
+            None => {
+                let counts = (self.splats, others);
+                let share = Share::of(self.settings, counts, has_large, self.rect_px);
+                self.log_guess("blended splats by compute", &share);
+                share
+            }
+        }
+    }
+
+    fn log_guess(&self, what: &str, choice: &impl std::fmt::Debug) {
+        if self.settings.path == Path::Auto {
+            tracing::debug!("{what}: {choice:?}, by rule of thumb: not measured on this device");
         }
     }
 }

@@ -108,12 +108,13 @@ fn many_small_splats_go_by_compute_and_few_or_large_ones_do_not() {
         let chosen = c.blended_path(SplatKind::Gauss, &load(0, count, size), (false, false));
         chosen.unwrap().choice
     };
-    // Side 1: 90 ns saved a splat, less 20 for its pixel; the box's 500,000 ns are paid by 7143 of them.
-    assert_eq!(path(7_142, 1.0), Path::Raster);
-    assert_eq!(path(7_144, 1.0), Path::Compute);
-    // Side 3: 10 ns saved a splat, 45 for its 2.25 pixels until 150,000 are covered: (500,000 + 3,000,000) / 10.
-    assert_eq!(path(349_000, 3.0), Path::Raster);
-    assert_eq!(path(351_000, 3.0), Path::Compute);
+    // Side 1: 100 ns by the rasterizer, 10 and 20 for its pixel by compute, which counts a tenth more, as do the 500,000 of the
+    // box: paid by 550,000 / (100 - 33) of them.
+    assert_eq!(path(8_208, 1.0), Path::Raster);
+    assert_eq!(path(8_210, 1.0), Path::Compute);
+    // Side 3: 1 ns saved a splat (100 less 99), 3,850,000 for the box and the 150,000 pixels that it can have covered.
+    assert_eq!(path(3_849_000, 3.0), Path::Raster);
+    assert_eq!(path(3_851_000, 3.0), Path::Compute);
     assert_eq!(path(u64::MAX, 6.0), Path::Raster);
     assert_eq!(path(0, 1.0), Path::Raster);
     // What the rasterizer cannot goes by compute however few there are, and the other way round.
@@ -140,15 +141,15 @@ fn beside_the_rasterizer_merging_is_paid_for() {
         let chosen = c.blended_path(SplatKind::Gauss, &load(0, count, 1.0), beside);
         chosen.map(|chosen| chosen.choice)
     };
-    // 70 ns saved a splat and its pixel; 500,000 ns of the box, and 1,000,000 and 4 a pixel for merging: 35,715 splats.
+    // 500,000 ns of the box, and 1,000,000 and 4 a pixel for merging, and a tenth: 2,750,000 / (100 - 33) = 41,045 splats.
     for (count, beside, wanted) in [
-        (35_700, (true, false), Path::Raster),
-        (35_720, (true, false), Path::Compute),
-        // 30 ns more for each that the rasterizer looks at: 62,500.
-        (62_400, (true, true), Path::Raster),
-        (62_600, (true, true), Path::Compute),
-        (62_400, (false, true), Path::Raster),
-        (7_200, (false, false), Path::Compute),
+        (41_000, (true, false), Path::Raster),
+        (41_100, (true, false), Path::Compute),
+        // 30 ns more for each that the rasterizer looks at, 33 with the tenth: 80,882.
+        (80_800, (true, true), Path::Raster),
+        (80_900, (true, true), Path::Compute),
+        (80_800, (false, true), Path::Raster),
+        (8_300, (false, false), Path::Compute),
     ] {
         assert_eq!(path(count, beside), Some(wanted), "{count}, {beside:?}");
     }
@@ -170,10 +171,10 @@ fn splats_follow_triangles_and_their_pixels_count_once() {
     assert_eq!(paths(0, 0), (Raster, Raster));
     assert_eq!(paths(1_000, 1_000), (Raster, Raster));
     assert_eq!(paths(1_000, 100_000), (Raster, Compute));
-    // 50 ns saved a triangle; 250,000 pixels of 2 ns, 150,000 of them of 100 more: 310,000 triangles, or 300,000 beside
-    // splats.
-    assert_eq!(paths(309_000, 0), (Raster, Raster));
-    assert_eq!(paths(311_000, 0), (Compute, Compute));
+    // 250,000 pixels of 2 ns, 150,000 of them of 100 more: with a tenth 17,050,000 / (70 - 22) = 355,208 triangles. Beside
+    // splats by compute it is 15,000,000 / (70 - 20).
+    assert_eq!(paths(355_000, 0), (Raster, Raster));
+    assert_eq!(paths(355_400, 0), (Compute, Compute));
     assert_eq!(paths(301_000, 100_000), (Compute, Compute));
     assert_eq!(paths(299_000, 100_000), (Raster, Compute));
     let mut without = c;
