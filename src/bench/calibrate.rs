@@ -127,8 +127,11 @@ pub struct Found {
     pub not_kept: Option<crate::image::Error>,
 }
 
-/// What is not measured by then is given up: on such a device, or beside so much other work, rules of thumb have to do.
-const PATIENCE: Duration = Duration::from_secs(3);
+/// A part that is not measured by then at first use is given up: on such a device, or beside so much other work, rules of
+/// thumb have to do.
+const PATIENCE: Duration = Duration::from_secs(5);
+/// The same where somebody asked for nothing else.
+const MORE_PATIENCE: Duration = Duration::from_secs(60);
 
 /// Milliseconds of a frame's passes by what they go over.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -190,6 +193,16 @@ impl Calibration {
         parts: &[Part],
         again: bool,
     ) -> Result<Found, Error> {
+        Self::kept_within(gpu, folder, parts, again, MORE_PATIENCE)
+    }
+
+    fn kept_within(
+        gpu: &Arc<Gpu>,
+        folder: Option<&File>,
+        parts: &[Part],
+        again: bool,
+        patience: Duration,
+    ) -> Result<Found, Error> {
         let key = Key::of(gpu);
         let file = folder.map(|f| key.path(f));
         let old = folder.and_then(|f| Self::read(f, &key));
@@ -210,7 +223,7 @@ impl Calibration {
                     not_kept: None,
                 });
             }
-            old => Self::measure(gpu, &missing)?.and(old),
+            old => Self::measure_within(gpu, &missing, patience)?.and(old),
         };
         let not_kept = folder.and_then(|f| calibration.write(f).err());
         Ok(Found {
@@ -247,16 +260,17 @@ impl Calibration {
     /// # Errors
     /// When memory runs out or the device is lost.
     pub fn measure(gpu: &Arc<Gpu>, parts: &[Part]) -> Result<Self, Error> {
-        Self::measure_within(gpu, parts, PATIENCE)
+        Self::measure_within(gpu, parts, MORE_PATIENCE)
     }
 
     fn measure_within(gpu: &Arc<Gpu>, parts: &[Part], patience: Duration) -> Result<Self, Error> {
         let start = Instant::now();
-        let mut stand = Stand::new(gpu, start + patience)?;
+        let mut stand = Stand::new(gpu)?;
         let mut all = Costs::default();
         let (mut measured, mut given_up) = (Vec::new(), Vec::new());
         for part in parts {
             let mut costs = Costs::default();
+            stand.begin(patience);
             match part {
                 Part::Opaque => {
                     costs.square = stand.splats(SplatKind::Square)?.0;
@@ -318,7 +332,7 @@ pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<Costs> {
         let kept = folder.and_then(|f| Calibration::read(&f, &Key::of(gpu)));
         return kept.map(|calibration| calibration.costs);
     }
-    match Calibration::kept(gpu, folder.as_deref(), &parts, false) {
+    match Calibration::kept_within(gpu, folder.as_deref(), &parts, false, PATIENCE) {
         Ok(found) => {
             if let Some(error) = &found.not_kept {
                 tracing::warn!("what drawing costs on this device is not kept: {error}");

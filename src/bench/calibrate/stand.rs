@@ -20,7 +20,7 @@ use crate::progress::Silent;
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// Frames of which the least counts; one more goes before, in which shaders are compiled.
 const FRAMES: usize = 2;
@@ -131,8 +131,7 @@ pub(super) struct Stand {
 }
 
 impl Stand {
-    /// Measures until then.
-    pub(super) fn new(gpu: &Arc<Gpu>, until: Instant) -> Result<Self, Error> {
+    pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, Error> {
         // A graphics card needs more to do before its clock can tell.
         let (side, triangles) = match gpu.info().kind {
             Kind::Cpu => (300, 60_000),
@@ -150,12 +149,18 @@ impl Stand {
             statue: Stage::new(gpu, statue)?,
             corners: Stage::new(gpu, corners)?,
             side,
-            until,
+            until: Instant::now(),
             gave_up: false,
         })
     }
 
-    /// Whether something was not measured because time was up.
+    /// Measures for so long from now on.
+    pub(super) fn begin(&mut self, patience: Duration) {
+        self.until = Instant::now() + patience;
+        self.gave_up = false;
+    }
+
+    /// Whether something was not measured since, because time was up.
     pub(super) fn gave_up(&self) -> bool {
         self.gave_up
     }
