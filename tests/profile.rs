@@ -472,22 +472,31 @@ fn cancelling_ends_at_the_next_frame() {
 
 #[test]
 fn what_a_device_costs_is_measured_once_and_again_where_the_file_is_none() {
-    use surfel::bench::calibrate::{Calibration, Key};
+    use surfel::bench::calibrate::{Calibration, Key, Part};
     let Some(device) = Device::open() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let kept = |again| Calibration::kept(device.gpu(), Some(folder.path()), again).unwrap();
-    let first = kept(false);
+    let kept = |parts: &[Part], again| {
+        Calibration::kept(device.gpu(), Some(folder.path()), parts, again).unwrap()
+    };
+    let first = kept(&Part::ALL, false);
     let file = Key::of(device.gpu()).path(folder.path());
     assert!(first.is_new && first.not_kept.is_none());
     assert_eq!(first.file.as_ref(), Some(&file));
     let costs = &first.calibration.costs;
     println!("{costs:#?} in {:.0} ms", first.calibration.took_ms);
-    assert!(costs.is_whole() && costs.node_ns > 0.0);
+    assert!(costs.is_whole() && costs.node_ns.unwrap() > 0.0);
     let info = device.gpu().info();
-    assert!(costs.square.raster.is_some() && costs.triangle.raster.is_some());
-    assert_eq!(costs.square.compute.is_some(), info.has_int64_atomics);
-    assert_eq!(costs.triangle.compute.is_some(), info.has_int64_atomics);
-    let second = kept(false);
+    let (square, triangle) = (costs.square.unwrap(), costs.triangle.unwrap());
+    assert!(square.raster.is_some() && triangle.raster.is_some());
+    assert_eq!(square.compute.is_some(), info.has_int64_atomics);
+    assert_eq!(triangle.compute.is_some(), info.has_int64_atomics);
+    assert_eq!(costs.gauss_merge.is_some(), info.has_int64_atomics);
+    assert_eq!(
+        costs.filtered_merge.is_some(),
+        info.has_int64_atomics && info.has_float_blend
+    );
+    assert!(costs.primitives.is_some() && costs.gauss.is_some());
+    let second = kept(&Part::ALL, false);
     assert!(!second.is_new);
     assert_eq!(second.calibration, first.calibration);
     // Damaged, or of another program: measured again, and kept in its place.
@@ -499,12 +508,12 @@ fn what_a_device_costs_is_measured_once_and_again_where_the_file_is_none() {
         text.replace(&version, "\"version\": \"0.0.1\""),
     ] {
         std::fs::write(&file, damaged).unwrap();
-        let found = kept(false);
+        let found = kept(&[Part::Nodes], false);
         assert!(found.is_new);
-        assert_eq!(kept(false).calibration, found.calibration);
+        assert_eq!(kept(&[Part::Nodes], false).calibration, found.calibration);
     }
-    assert!(kept(true).is_new);
+    assert!(kept(&[Part::Nodes], true).is_new);
     // Nowhere to keep it is no failure.
-    let found = Calibration::kept(device.gpu(), Some(&file), false).unwrap();
+    let found = Calibration::kept(device.gpu(), Some(&file), &[Part::Nodes], false).unwrap();
     assert!(found.is_new && found.not_kept.is_some());
 }

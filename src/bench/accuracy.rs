@@ -91,7 +91,7 @@ pub fn figures(
             figures.push(Figure::new(PART, &place, line, name, ms / 1e3, "s"));
         }
     }
-    let mut engine = Engine::new(&session.backend, model, SIZE, Outputs::default())?;
+    let mut engine = session.engine(model, SIZE)?;
     let [default, filtered] = plan.accurate_lines();
     let mut lines = vec![cases::triangles()];
     lines.extend(default.iter().chain(&filtered).cloned());

@@ -5,9 +5,7 @@ use super::verdict::Target;
 use super::{Case, Error, Figure, Plan, Session};
 use crate::cut::{Coherent, Cut, Selector};
 use crate::method::Settings;
-use crate::method::engine::Engine;
 use crate::method::plan::{cut_settings, for_view};
-use crate::method::renderer::Outputs;
 use crate::method::times::Kept;
 use crate::progress::Progress;
 use std::time::Instant;
@@ -90,7 +88,7 @@ fn still(
     let (model, line) = (case.model, cases::default(1.0));
     let place = case.place(SIZE, 1.0);
     let view = views(model, SIZE, 1.0, plan.views.max(1))?[0];
-    let mut engine = Engine::new(&session.backend, model, SIZE, Outputs::default())?;
+    let mut engine = session.engine(model, SIZE)?;
     // Kept lists, and those of frames that are measured: cut and packing, and all of it.
     let mut found = [(vec![], vec![]), (vec![], vec![])];
     let mut last = Kept::Nothing;

@@ -6,8 +6,8 @@ use super::{Case, Error, Figure, Place, Plan, Session};
 use crate::math::camera::View;
 use crate::measure::Distribution;
 use crate::measure::frames::{pass_ms, pass_names};
+use crate::method::costs::Pixels;
 use crate::method::engine::Engine;
-use crate::method::renderer::Outputs;
 use crate::method::times::{FrameTimes, Stage};
 use crate::method::{Method, Settings};
 use crate::progress::Progress;
@@ -43,22 +43,27 @@ pub fn roofs(
     };
     let bytes = 32 * c.nodes_visited + 2 * c.draw_list_bytes + mesh + 8 * pixels;
     let costs = &session.found.calibration.costs;
-    let least = |a: Option<f64>, b: Option<f64>| match (a, b) {
-        (Some(a), Some(b)) => a.min(b),
-        (a, b) => a.or(b).unwrap_or(f64::NAN),
+    // The model's box counts as the whole picture.
+    let of_pixels = Pixels {
+        picture: pixels,
+        of_box: pixels,
     };
-    let ways = costs.of(settings.splat);
-    let splats = |way: &crate::method::costs::SplatCosts| {
-        way.frame_ns(c.splats, settings.threshold_px, pixels)
+    let least = |ways: [Option<f64>; 2]| match ways {
+        [Some(a), Some(b)] => a.min(b),
+        [a, b] => a.or(b).unwrap_or(f64::NAN),
     };
-    let triangles = |way: &crate::method::costs::TriangleCosts| way.frame_ns(c.triangles, pixels);
-    let ns = least(
-        ways.raster.as_ref().map(splats),
-        ways.compute.as_ref().map(splats),
-    ) + least(
-        costs.triangle.raster.as_ref().map(triangles),
-        costs.triangle.compute.as_ref().map(triangles),
-    ) + costs.node_ns * c.nodes_visited as f64;
+    let splats = costs.of(settings.splat).map_or([None; 2], |ways| {
+        [&ways.raster, &ways.compute].map(|way| {
+            way.as_ref()
+                .map(|way| way.frame_ns(c.splats, settings.threshold_px, of_pixels))
+        })
+    });
+    let triangles = costs.triangle.as_ref().map_or([None; 2], |ways| {
+        [&ways.raster, &ways.compute]
+            .map(|way| way.as_ref().map(|way| way.frame_ns(c.triangles, of_pixels)))
+    });
+    let visited = costs.node_ns.unwrap_or(f64::NAN) * c.nodes_visited as f64;
+    let ns = least(splats) + least(triangles) + visited;
     let primitives = if settings.method == Method::Triangles {
         f64::NAN
     } else {
@@ -94,7 +99,7 @@ pub fn figures(
         all * plan.fills.len() as u64,
     );
     for &size in &plan.sizes {
-        let mut engine = Engine::new(&session.backend, case.model, size, Outputs::default())?;
+        let mut engine = session.engine(case.model, size)?;
         for &fill in &plan.fills {
             let place = case.place(size, fill);
             let views = views(case.model, size, fill, plan.views.max(1))?;

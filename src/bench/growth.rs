@@ -4,8 +4,6 @@ use super::cases::{self, SIZE, views};
 use super::verdict::Target;
 use super::{Case, Error, Figure, Session};
 use crate::measure::Distribution;
-use crate::method::engine::Engine;
-use crate::method::renderer::Outputs;
 use crate::method::times::FrameTimes;
 use crate::progress::Progress;
 
@@ -28,7 +26,7 @@ pub fn figures(
     let line = cases::default(1.0);
     let mut stands = Vec::new();
     for case in models {
-        let engine = Engine::new(&session.backend, case.model, SIZE, Outputs::default())?;
+        let engine = session.engine(case.model, SIZE)?;
         let view = views(case.model, SIZE, 1.0, 9)?[0];
         stands.push((case, engine, view, Vec::<FrameTimes>::new()));
     }

@@ -24,8 +24,10 @@ pub use cases::{Case, Line, Plan};
 pub use report::{About, Figure, Place};
 
 use crate::gpu::Gpu;
-use crate::method::engine::Backend;
-use calibrate::{Calibration, Found};
+use crate::method::engine::{Backend, Engine};
+use crate::method::renderer::Outputs;
+use crate::tree::Model;
+use calibrate::{Calibration, Found, Part};
 use rates::Bandwidth;
 use std::path::Path;
 use std::sync::Arc;
@@ -98,9 +100,19 @@ impl Session {
     pub fn open(gpu: &Arc<Gpu>, folder: Option<&Path>) -> Result<Self, Error> {
         Ok(Self {
             backend: Backend::Device(gpu.clone()),
-            found: Calibration::kept(gpu, folder, true)?,
+            found: Calibration::kept(gpu, folder, &Part::ALL, true)?,
             bandwidth: Bandwidth::measure(gpu)?,
         })
+    }
+
+    /// Draws a model with what was calibrated.
+    ///
+    /// # Errors
+    /// As [`Engine::new`].
+    pub fn engine<'m>(&self, model: &'m Model, size: (u32, u32)) -> Result<Engine<'m>, Error> {
+        let mut engine = Engine::new(&self.backend, model, size, Outputs::default())?;
+        engine.set_costs(Some(self.found.calibration.costs));
+        Ok(engine)
     }
 
     /// What measured; `settings` are the options of the run.

@@ -8,9 +8,10 @@ use crate::gpu::Gpu;
 use crate::gpu::buffer::{Buffer, Usage};
 use crate::gpu::frame::Frames;
 use crate::gpu::profile::self_test;
-use crate::method::costs::{Costs, SIZES_PX, SplatCosts};
+use crate::method::costs::{
+    Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX, SplatCosts, TriangleCosts, Ways,
+};
 use crate::method::engine::{Backend, Engine};
-use crate::method::renderer::Outputs;
 use crate::method::times::FrameTimes;
 use crate::method::{Path, SplatKind};
 use crate::progress::Progress;
@@ -87,13 +88,10 @@ pub fn calibration(session: &Session) -> Vec<Figure> {
             "GB/s",
         ),
         figure("device", "bytes filled", session.bandwidth.device, "GB/s"),
-        figure(
-            "host",
-            "a visited node of a small model",
-            costs.node_ns,
-            "ns",
-        ),
     ];
+    if let Some(ns) = costs.node_ns {
+        figures.push(figure("host", "a visited node of a small model", ns, "ns"));
+    }
     for (name, ways) in kinds(costs) {
         for (by, way) in [("raster", &ways.raster), ("compute", &ways.compute)] {
             let line = format!("{name} by {by}");
@@ -112,51 +110,73 @@ pub fn calibration(session: &Session) -> Vec<Figure> {
             for (size, ns) in SIZES_PX.iter().zip(way.splat_ns) {
                 figures.push(figure(&line, &format!("a splat of {size} px"), ns, "ns"));
             }
-            let pixels = way.pixels;
-            figures.push(figure(&line, "a pixel of the picture", pixels.any_ns, "ns"));
-            figures.push(figure(
-                &line,
-                "a covered pixel on top",
-                pixels.covered_ns,
-                "ns",
-            ));
+            figures.extend(of_passes(&place, &line, &way.passes));
         }
     }
-    for (by, way) in [
-        ("raster", &costs.triangle.raster),
-        ("compute", &costs.triangle.compute),
-    ] {
-        let Some(way) = way else { continue };
+    for (name, merge) in merges(costs) {
+        let line = format!("{name} by compute, beside the rasterizer");
+        figures.push(figure(&line, "a splat on top", merge.splat_ns, "ns"));
+        figures.extend(of_passes(&place, &line, &merge.passes));
+    }
+    for (by, way) in triangles(costs) {
         let line = format!("triangles by {by}");
-        figures.push(figure(
-            &line,
-            "a triangle of 1 to 3 px",
-            way.triangle_ns,
-            "ns",
-        ));
-        figures.push(figure(
-            &line,
-            "a pixel of the picture",
-            way.pixels.any_ns,
-            "ns",
-        ));
-        figures.push(figure(
-            &line,
-            "a covered pixel on top",
-            way.pixels.covered_ns,
-            "ns",
-        ));
+        let name = "a triangle of 1 to 3 px";
+        figures.push(figure(&line, name, way.triangle_ns, "ns"));
+        figures.extend(of_passes(&place, &line, &way.passes));
+    }
+    if let Some(both) = &costs.primitives {
+        for (by, all) in [("points", both.point_ns), ("quads", both.quad_ns)] {
+            let line = format!("squares as {by}");
+            for (size, ns) in PRIMITIVE_SIZES_PX.iter().zip(all) {
+                figures.push(figure(&line, &format!("a splat of {size} px"), ns, "ns"));
+            }
+        }
     }
     figures
 }
 
-/// The kinds of splats that are calibrated, with their names.
-pub fn kinds(costs: &Costs) -> [(&'static str, &crate::method::costs::Ways<SplatCosts>); 3] {
+fn of_passes(place: &Place, line: &str, passes: &PassCosts) -> [Figure; 4] {
+    [
+        ("a frame", passes.frame_ns),
+        ("a pixel of the picture on top", passes.picture_ns),
+        ("a pixel of the model's box on top", passes.box_ns),
+        ("a covered pixel on top", passes.covered_ns),
+    ]
+    .map(|(name, ns)| Figure::new("calibration", place, line, name, ns, "ns"))
+}
+
+/// The kinds of splats that were calibrated, with their names.
+pub fn kinds(costs: &Costs) -> Vec<(&'static str, &Ways<SplatCosts>)> {
     [
         ("square", &costs.square),
         ("gauss", &costs.gauss),
         ("filtered", &costs.filtered),
     ]
+    .into_iter()
+    .filter_map(|(name, ways)| Some((name, ways.as_ref()?)))
+    .collect()
+}
+
+/// What blended kinds cost on top by compute beside the rasterizer, with their names.
+pub fn merges(costs: &Costs) -> Vec<(&'static str, &MergeCosts)> {
+    [
+        ("gauss", &costs.gauss_merge),
+        ("filtered", &costs.filtered_merge),
+    ]
+    .into_iter()
+    .filter_map(|(name, merge)| Some((name, merge.as_ref()?)))
+    .collect()
+}
+
+/// The paths of small triangles that were calibrated, with their names.
+pub fn triangles(costs: &Costs) -> Vec<(&'static str, &TriangleCosts)> {
+    let Some(ways) = &costs.triangle else {
+        return Vec::new();
+    };
+    [("raster", &ways.raster), ("compute", &ways.compute)]
+        .into_iter()
+        .filter_map(|(by, way)| Some((by, way.as_ref()?)))
+        .collect()
 }
 
 /// Splats a second by compute, as they have to be drawn, and what an empty frame costs. The largest model of a run is the
@@ -173,7 +193,7 @@ pub fn figures(
     use crate::gpu::Error as E;
     let view = views(case.model, SIZE, 1.0, plan.views.max(1))?[0];
     let place = case.place(SIZE, 1.0);
-    let mut engine = Engine::new(&session.backend, case.model, SIZE, Outputs::default())?;
+    let mut engine = session.engine(case.model, SIZE)?;
     let wanted = [
         ("1-pixel squares", SplatKind::Square, 1.0, Some(100.0)),
         ("3-pixel discs", SplatKind::Disc, 3.0, Some(30.0)),

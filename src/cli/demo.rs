@@ -1,6 +1,6 @@
 //! `surfel demo`
 
-use super::render::{DeviceArgs, orbit_camera, validated};
+use super::render::{DeviceArgs, costs_of, orbit_camera, validated};
 use super::source::Source;
 use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
@@ -120,6 +120,16 @@ const SHOTS: [Shot; 10] = [
 ];
 
 impl Shot {
+    fn settings(&self) -> Settings {
+        Settings {
+            method: self.method,
+            splat: self.splat,
+            threshold_px: self.threshold_px,
+            color_by: self.color_by,
+            ..Settings::default()
+        }
+    }
+
     /// Whether this can draw a model without triangles.
     fn draws_clouds(&self) -> bool {
         self.method != Method::Triangles && self.splat == SplatKind::Square
@@ -144,6 +154,8 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let backend = args.device.open()?;
     say(&format!("drawing on {}", backend.name()));
     let mut engine = Engine::new(&backend, model, args.size, Outputs::default())?;
+    let settings: Vec<Settings> = SHOTS.iter().map(Shot::settings).collect();
+    engine.set_costs(costs_of(&backend, &settings));
     // Only now, so that a model or device that is not there leaves no folder behind.
     std::fs::create_dir_all(&args.output).map_err(|e| {
         Failure::Run(
@@ -172,13 +184,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         }
         bar.set_message(shot.label);
         let view = orbit_camera(&ready, args.size, [30.0, 20.0, shot.fill]).view(model.origin)?;
-        let settings = Settings {
-            method: shot.method,
-            splat: shot.splat,
-            threshold_px: shot.threshold_px,
-            color_by: shot.color_by,
-            ..Settings::default()
-        };
+        let settings = shot.settings();
         // The first frame compiles shaders and grows buffers.
         engine.draw(&view, &settings)?;
         let mut frames = Vec::new();

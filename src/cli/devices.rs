@@ -2,11 +2,11 @@
 
 use super::{Failure, Outcome, bytes, print, say};
 use std::fmt::Write;
-use surfel::bench::calibrate::{Calibration, Found};
-use surfel::bench::rates::kinds;
+use surfel::bench::calibrate::{Calibration, Found, Part};
+use surfel::bench::rates;
 use surfel::gpu::{self, Gpu, Options, device, profile};
 use surfel::measure::store;
-use surfel::method::costs::{Costs, PixelCosts, SIZES_PX};
+use surfel::method::costs::{Costs, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX};
 
 /// List the devices of this machine and the limits that matter.
 #[derive(Debug, clap::Args)]
@@ -40,41 +40,54 @@ fn costs_text(found: &Found) -> String {
             _ => "not kept".into(),
         }
     );
-    let head: Vec<String> = SIZES_PX.iter().map(|s| format!("{s} px")).collect();
-    let _ = writeln!(
-        out,
-        "      {:<22}{:>10}{:>10}{:>10}{:>10}{:>10}",
-        "", head[0], head[1], head[2], "a pixel", "covered"
-    );
-    let mut row = |name: String, splat: &[f64], pixels: &PixelCosts| {
-        let mut line = format!("      {name:<22}");
-        for i in 0..SIZES_PX.len() {
-            let cell = splat
-                .get(i)
-                .map_or_else(String::new, |ns| format!("{ns:.1}"));
-            line += &format!("{cell:>10}");
-        }
-        line += &format!("{:>10.2}{:>10.2}", pixels.any_ns, pixels.covered_ns);
-        let _ = writeln!(out, "{line}");
+    let mut line = |name: &str, cells: &[String]| {
+        let cells: String = cells.iter().map(|cell| format!("{cell:>10}")).collect();
+        let _ = writeln!(out, "      {name:<26}{}", cells.trim_end());
     };
-    for (name, ways) in kinds(costs) {
+    let sizes = |sizes: &[f32]| sizes.iter().map(|s| format!("{s} px")).collect::<Vec<_>>();
+    let tenths = |ns: &[f64]| ns.iter().map(|ns| format!("{ns:.1}")).collect::<Vec<_>>();
+    let passes = |p: &PassCosts| {
+        let pixels = [p.picture_ns, p.box_ns, p.covered_ns].map(|ns| format!("{ns:.2}"));
+        [vec![format!("{:.0}", p.frame_ns)], pixels.to_vec()].concat()
+    };
+    let rest = ["a frame", "a pixel", "in box", "covered"].map(str::to_owned);
+    line("", &[sizes(&SIZES_PX), rest.to_vec()].concat());
+    // One figure for all sizes.
+    let one = |ns: f64| [tenths(&[ns]), vec![String::new(); SIZES_PX.len() - 1]].concat();
+    for (name, ways) in rates::kinds(costs) {
         for (by, way) in [("raster", &ways.raster), ("compute", &ways.compute)] {
             if let Some(way) = way {
-                row(format!("{name}, {by}"), &way.splat_ns, &way.pixels);
+                let cells = [tenths(&way.splat_ns), passes(&way.passes)].concat();
+                line(&format!("{name}, {by}"), &cells);
             }
         }
     }
-    let triangle = &costs.triangle;
-    for (by, way) in [("raster", &triangle.raster), ("compute", &triangle.compute)] {
-        if let Some(way) = way {
-            row(format!("triangle, {by}"), &[way.triangle_ns], &way.pixels);
-        }
+    for (name, merge) in rates::merges(costs) {
+        let cells = [one(merge.splat_ns), passes(&merge.passes)].concat();
+        line(&format!("{name}, both, on top"), &cells);
     }
-    let _ = write!(
-        out,
-        "      {:<22}{:>10.2}",
-        "visited node, CPU", costs.node_ns
-    );
+    for (by, way) in rates::triangles(costs) {
+        let cells = [one(way.triangle_ns), passes(&way.passes)].concat();
+        line(&format!("triangle, {by}"), &cells);
+    }
+    if let Some(ns) = costs.node_ns {
+        line("visited node, CPU", &[format!("{ns:.2}")]);
+    }
+    if let Some(both) = &costs.primitives {
+        line("", &sizes(&PRIMITIVE_SIZES_PX));
+        line("square as point", &tenths(&both.point_ns));
+        line("square as quad", &tenths(&both.quad_ns));
+        let px = both.largest_point_px();
+        let choice = if px == 0.0 {
+            "quads".to_owned()
+        } else if px.is_finite() {
+            format!("points up to {px:.1} px, then quads")
+        } else {
+            "points up to the largest that there are".to_owned()
+        };
+        line(&format!("by the rasterizer: {choice}"), &[]);
+    }
+    out.truncate(out.trim_end().len());
     out
 }
 
@@ -96,7 +109,7 @@ pub(crate) fn run(args: Args) -> Outcome {
             None
         };
         let costs = if args.calibrate {
-            let found = Calibration::kept(&gpu, store::folder().as_deref(), true)?;
+            let found = Calibration::kept(&gpu, store::folder().as_deref(), &Part::ALL, true)?;
             if let Some(error) = &found.not_kept {
                 say(&format!("surfel: warning: the costs are not kept: {error}"));
             }

@@ -117,7 +117,7 @@ enum SumName {
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
 enum PathName {
-    /// Compute shaders where the device and the splats allow it
+    /// Compute shaders where the device and the splats allow it and they are cheaper, by what was measured on the device
     Auto,
     /// The rasterizer alone
     Raster,

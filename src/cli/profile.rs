@@ -2,7 +2,7 @@
 
 use super::look::LookArgs;
 use super::progress::Bar;
-use super::render::{CameraArgs, DeviceArgs, orbit_cameras, parse_orbit, validated};
+use super::render::{CameraArgs, DeviceArgs, costs_of, orbit_cameras, parse_orbit, validated};
 use super::source::{Ready, Source};
 use super::stats::{device_of, settings_of};
 use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
@@ -104,6 +104,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         .collect::<Result<Vec<_>, _>>()?;
     let backend = args.device.open()?;
     let mut engine = Engine::new(&backend, &ready.model, size, Outputs::default())?;
+    engine.set_costs(costs_of(&backend, &[settings]));
     let plan = Plan {
         views: &views,
         settings: &settings,

@@ -7,9 +7,12 @@ use super::source::{Ready, Source};
 use super::{Failure, Outcome, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
+use surfel::bench::calibrate;
 use surfel::gpu::Options as GpuOptions;
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
+use surfel::method::Settings;
+use surfel::method::costs::Costs;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
 use surfel::progress::Progress;
@@ -36,6 +39,15 @@ impl DeviceArgs {
 
     pub(crate) fn open(&self) -> Result<Backend, Failure> {
         Ok(Backend::open(&self.options())?)
+    }
+}
+
+/// What drawing costs on the device that is to draw with these settings, measured now if it never was: the engine's to
+/// decide by. `None` of the mirror.
+pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<Costs> {
+    match backend {
+        Backend::Device(gpu) => calibrate::for_use(gpu, settings),
+        Backend::Mirror => None,
     }
 }
 
@@ -410,6 +422,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
+    engine.set_costs(costs_of(&backend, &[settings]));
     if args.stats.is_some() {
         for _ in 0..WARM_UP {
             engine.draw(&views[0], &settings)?;

@@ -1,27 +1,71 @@
-//! What drawing costs on one device, and which path is therefore the cheaper.
+//! What drawing costs on one device, and which path and primitive are therefore the cheaper.
 //!
 //! All times are nanoseconds. They are measured by [`crate::bench::calibrate`]; nothing here measures, so a decision
-//! depends on its arguments alone. Both paths draw the same picture: what is decided here changes only its time.
+//! depends on its arguments alone. All ways draw the same picture: what is decided here changes only its time. What was
+//! not measured decides nothing: the renderer falls back to its rules of thumb there.
 
+use super::compute::rect;
 use super::{Path, SplatKind};
+use crate::math::camera::View;
+use crate::tree::Model;
 
-/// The sizes that splats are measured at: sides or diameters in pixels, ascending.
+/// The sizes that splats are measured at on both paths: sides or diameters in pixels, ascending.
 pub const SIZES_PX: [f32; 3] = [1.0, 3.0, 6.0];
+/// The sizes that points and quads are compared at, pixels, ascending.
+pub const PRIMITIVE_SIZES_PX: [f32; 6] = [1.0, 3.0, 8.0, 16.0, 32.0, 64.0];
 
-/// What a pass that goes over the whole picture costs: clearing, resolving, normalizing.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+/// How much of the box around a model in the picture the model covers, at most: a sphere covers 0.79 of it, the scanned
+/// models 0.3 to 0.5.
+const COVERED_OF_BOX: f64 = 0.6;
+/// Splats of a surface overlap: each brings at most this part of its own square of new pixels. A cut at 1 pixel has three
+/// splats in a covered pixel, at 3 pixels one for each pixel, which is eight times its square.
+const NEW_OF_SQUARE: f64 = 0.25;
+/// By how much compute must be cheaper than the rasterizer, and quads than points, to be taken: less is within the error of
+/// what was measured, and no choice should hang on it.
+const CLEARLY: f64 = 1.1;
+
+/// The part of the picture that a frame works on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Pixels {
+    /// All of the picture.
+    pub picture: u64,
+    /// The box around what is drawn.
+    pub of_box: u64,
+}
+
+/// Pixels of the box around a model in the picture: the part that passes over the picture go over.
+pub fn pixels_of(model: &Model, view: &View, largest_px: f32) -> Pixels {
+    let margin_px = largest_px / 2.0 + 3.0;
+    Pixels {
+        picture: u64::from(view.width) * u64::from(view.height),
+        of_box: rect::pixels(rect::rect_px(model, view, margin_px)),
+    }
+}
+
+/// What the passes of a frame cost before any primitive is in them: beginning, clearing, loading, resolving, normalizing.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PixelCosts {
-    /// A pixel of the picture, whether or not anything is in it, nanoseconds.
-    pub any_ns: f64,
-    /// What a covered pixel costs on top of that, nanoseconds.
+pub struct PassCosts {
+    /// A frame, whatever its size, nanoseconds.
+    pub frame_ns: f64,
+    /// A pixel of the picture on top, whether or not anything is near it, nanoseconds.
+    pub picture_ns: f64,
+    /// A pixel of the box around what is drawn, on top of both, nanoseconds.
+    pub box_ns: f64,
+    /// What a covered pixel costs on top of all, nanoseconds.
     pub covered_ns: f64,
 }
 
-impl PixelCosts {
-    /// Nanoseconds of a picture of `pixels`, at most `covered` of them with something in them.
-    fn of(&self, pixels: f64, covered: f64) -> f64 {
-        self.any_ns * pixels + self.covered_ns * covered.min(pixels)
+impl PassCosts {
+    /// Nanoseconds of a picture with at most `covered` pixels of the box covered.
+    fn of(&self, pixels: Pixels, covered: f64) -> f64 {
+        self.of_nothing(pixels)
+            + self.covered_ns * covered.min(COVERED_OF_BOX * pixels.of_box as f64)
+    }
+
+    /// Nanoseconds without those of covered pixels.
+    fn of_nothing(&self, pixels: Pixels) -> f64 {
+        self.frame_ns + self.picture_ns * pixels.picture as f64 + self.box_ns * pixels.of_box as f64
     }
 }
 
@@ -31,8 +75,8 @@ impl PixelCosts {
 pub struct SplatCosts {
     /// A splat of each of [`SIZES_PX`] in all passes that draw it, nanoseconds.
     pub splat_ns: [f64; SIZES_PX.len()],
-    /// The passes over the picture that this path needs on top.
-    pub pixels: PixelCosts,
+    /// What the passes of this path cost before any splat.
+    pub passes: PassCosts,
 }
 
 impl SplatCosts {
@@ -50,16 +94,15 @@ impl SplatCosts {
         if along > 1.0 { ns.max(b) } else { ns.max(0.0) }
     }
 
-    /// Nanoseconds of `count` splats of `size_px` pixels in a picture of `pixels`. They are taken to cover as many pixels
-    /// as they have together, which is too many where they overlap: it errs to the path that needs no pass over the
-    /// picture.
-    pub fn frame_ns(&self, count: u64, size_px: f32, pixels: u64) -> f64 {
+    /// Nanoseconds of `count` splats of `size_px` pixels. How many pixels they cover is not known before they are drawn: a
+    /// quarter of their squares together, and at most 0.6 of the box.
+    pub fn frame_ns(&self, count: u64, size_px: f32, pixels: Pixels) -> f64 {
         if count == 0 {
             return 0.0;
         }
         let count = count as f64;
-        let covered = count * f64::from(size_px.max(1.0)).powi(2);
-        count * self.splat_ns(size_px) + self.pixels.of(pixels as f64, covered)
+        let covered = count * (NEW_OF_SQUARE * f64::from(size_px).powi(2)).max(1.0);
+        count * self.splat_ns(size_px) + self.passes.of(pixels, covered)
     }
 }
 
@@ -69,17 +112,17 @@ impl SplatCosts {
 pub struct TriangleCosts {
     /// A triangle of a pixel or two, nanoseconds.
     pub triangle_ns: f64,
-    /// The passes over the picture that this path needs on top.
-    pub pixels: PixelCosts,
+    /// What the passes of this path cost before any triangle.
+    pub passes: PassCosts,
 }
 
 impl TriangleCosts {
-    /// Nanoseconds of `count` small triangles in a picture of `pixels`; each is taken to cover a pixel.
-    pub fn frame_ns(&self, count: u64, pixels: u64) -> f64 {
+    /// Nanoseconds of `count` small triangles; each is taken to cover a pixel.
+    pub fn frame_ns(&self, count: u64, pixels: Pixels) -> f64 {
         if count == 0 {
             return 0.0;
         }
-        count as f64 * self.triangle_ns + self.pixels.of(pixels as f64, count as f64)
+        count as f64 * self.triangle_ns + self.passes.of(pixels, count as f64)
     }
 }
 
@@ -100,21 +143,88 @@ impl<T> Ways<T> {
     }
 }
 
-/// What one device charges.
+/// What it costs on top that compute and rasterizer both draw blended splats of a frame: depth and sums are handed over.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MergeCosts {
+    /// A splat that is in the rasterizer's list too, because it might have been large, nanoseconds.
+    pub splat_ns: f64,
+    /// The passes.
+    pub passes: PassCosts,
+}
+
+/// A splat as point primitive and as quad, in all passes that draw it.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PrimitiveCosts {
+    /// As a point of each of [`PRIMITIVE_SIZES_PX`], nanoseconds; of a size that the device has no points of, as a quad.
+    pub point_ns: [f64; PRIMITIVE_SIZES_PX.len()],
+    /// As a quad of each, nanoseconds.
+    pub quad_ns: [f64; PRIMITIVE_SIZES_PX.len()],
+}
+
+impl PrimitiveCosts {
+    /// The size above which splats are to be drawn as quads, pixels: 0 where quads are cheaper at every size, infinite where
+    /// they are cheaper at none.
+    ///
+    /// Of all sizes that could part points from quads it is the one with the least product of costs, a quad counting a
+    /// tenth more than measured: one size that noise made wrong moves nothing, and what is equal stays a point. Between
+    /// the last size of points and the first of quads it is where their costs, linear in the area, are equal.
+    pub fn largest_point_px(&self) -> f32 {
+        const SIZES: usize = PRIMITIVE_SIZES_PX.len();
+        let over: [f64; SIZES] = std::array::from_fn(|i| {
+            (self.point_ns[i].max(1e-3) / (CLEARLY * self.quad_ns[i].max(1e-3))).ln()
+        });
+        // What points up to there cost over quads.
+        let mut sum = 0.0;
+        let (mut first_quad, mut least) = (0, 0.0);
+        for (i, ratio) in over.iter().enumerate() {
+            sum += ratio;
+            if sum <= least {
+                (first_quad, least) = (i + 1, sum);
+            }
+        }
+        if first_quad == 0 {
+            return 0.0;
+        }
+        if first_quad == SIZES {
+            return f32::INFINITY;
+        }
+        let more = |i: usize| self.point_ns[i] - CLEARLY * self.quad_ns[i];
+        let (below, above) = (more(first_quad - 1), more(first_quad));
+        let area = |i: usize| f64::from(PRIMITIVE_SIZES_PX[i]).powi(2);
+        let (a, b) = (area(first_quad - 1), area(first_quad));
+        let along = if below <= 0.0 && above > below {
+            (-below / (above - below)).clamp(0.0, 1.0)
+        } else {
+            0.5
+        };
+        (a + (b - a) * along).sqrt() as f32
+    }
+}
+
+/// What one device charges. What is `None` was not measured.
+#[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Costs {
     /// Opaque squares; discs and ellipses count as these.
-    pub square: Ways<SplatCosts>,
+    pub square: Option<Ways<SplatCosts>>,
     /// Splats that are blended in two passes and normalized.
-    pub gauss: Ways<SplatCosts>,
+    pub gauss: Option<Ways<SplatCosts>>,
     /// Filtered splats.
-    pub filtered: Ways<SplatCosts>,
+    pub filtered: Option<Ways<SplatCosts>>,
+    /// What compute costs on top beside the rasterizer: splats that are blended in two passes.
+    pub gauss_merge: Option<MergeCosts>,
+    /// The same of filtered splats.
+    pub filtered_merge: Option<MergeCosts>,
     /// Triangles of a pixel or two.
-    pub triangle: Ways<TriangleCosts>,
+    pub triangle: Option<Ways<TriangleCosts>>,
+    /// Opaque splats as points and as quads. Those that are blended are taken to behave alike: their shaders are larger, for
+    /// vertices (of which a quad has six) as for fragments.
+    pub primitives: Option<PrimitiveCosts>,
     /// A node that the cut visits on the processor, all threads together, nanoseconds. Of a small model, whose nodes lie in
     /// the caches: a lower bound.
-    pub node_ns: f64,
+    pub node_ns: Option<f64>,
 }
 
 /// What one frame has to draw.
@@ -127,7 +237,7 @@ pub struct Load {
     /// Their side or diameter, pixels.
     pub size_px: f32,
     /// Pixels of the picture.
-    pub pixels: u64,
+    pub pixels: Pixels,
 }
 
 /// Which path draws which part of a frame.
@@ -139,208 +249,170 @@ pub struct Paths {
     pub splats: Path,
 }
 
+/// What was chosen, and what was foreseen of both choices for all that there was to choose, nanoseconds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Chosen<T> {
+    /// The choice.
+    pub choice: T,
+    /// Everything by the rasterizer; infinite where it cannot.
+    pub raster_ns: f64,
+    /// Splats (and triangles where that is cheaper) by compute; infinite where it cannot.
+    pub compute_ns: f64,
+}
+
 impl Costs {
     /// The costs of a kind of splat. Visibility splats have no twin and count as blended ones.
-    pub fn of(&self, kind: SplatKind) -> &Ways<SplatCosts> {
+    pub fn of(&self, kind: SplatKind) -> Option<&Ways<SplatCosts>> {
         match kind {
-            SplatKind::Square | SplatKind::Disc | SplatKind::Ellipse => &self.square,
-            SplatKind::Gauss | SplatKind::Visibility => &self.gauss,
-            SplatKind::Filtered => &self.filtered,
+            SplatKind::Square | SplatKind::Disc | SplatKind::Ellipse => self.square.as_ref(),
+            SplatKind::Gauss | SplatKind::Visibility => self.gauss.as_ref(),
+            SplatKind::Filtered => self.filtered.as_ref(),
         }
     }
 
-    /// The cheaper path for `count` splats of `size_px` pixels in a picture of `pixels`: [`Path::Raster`] or
-    /// [`Path::Compute`]. Of equal costs the rasterizer.
-    pub fn path_of_splats(&self, kind: SplatKind, count: u64, size_px: f32, pixels: u64) -> Path {
-        let [raster, compute] = self.of(kind).each(|c| c.frame_ns(count, size_px, pixels));
-        if compute < raster {
-            Path::Compute
-        } else {
-            Path::Raster
-        }
-    }
-
-    /// The cheapest paths for a frame with triangles and splats of one kind. Where triangles go by compute the splats do,
-    /// too: what is left in a pixel by both is shaded by one pass over the picture, whose time counts once.
-    pub fn paths(&self, kind: SplatKind, load: &Load) -> Paths {
+    /// The cheapest paths for a frame of opaque squares and triangles; `None` where squares or triangles were not measured.
+    ///
+    /// Where triangles go by compute the splats do, too: what is left in a pixel by both is shaded by one pass over the
+    /// picture. Passes that both need count once. The rasterizer, unless compute is cheaper by a tenth.
+    pub fn opaque_paths(&self, load: &Load) -> Option<Chosen<Paths>> {
         let Load {
             triangles,
             splats,
             size_px,
             pixels,
         } = *load;
-        let ways = self.of(kind);
-        let splat_ns = ways.each(|c| c.frame_ns(splats, size_px, pixels));
-        let triangle_ns = self.triangle.each(|c| c.frame_ns(triangles, pixels));
-        // Both passes over the picture go over the same pixels.
-        let shared = match (&ways.compute, &self.triangle.compute) {
+        let (squares, small) = (self.square.as_ref()?, self.triangle.as_ref()?);
+        let splat_ns = squares.each(|c| c.frame_ns(splats, size_px, pixels));
+        let triangle_ns = small.each(|c| c.frame_ns(triangles, pixels));
+        // What goes over the same pixels for both is done once: clearing, resolving.
+        let nothing = |of_splats: &Option<SplatCosts>, of_triangles: &Option<TriangleCosts>| match (
+            of_splats,
+            of_triangles,
+        ) {
             (Some(a), Some(b)) if splats > 0 && triangles > 0 => {
-                a.pixels.any_ns.min(b.pixels.any_ns) * pixels as f64
+                a.passes.of_nothing(pixels).min(b.passes.of_nothing(pixels))
             }
             _ => 0.0,
         };
         use Path::{Compute, Raster};
+        let offer = |by: [usize; 2]| {
+            let ways = (
+                [&squares.raster, &squares.compute][by[1]],
+                [&small.raster, &small.compute][by[0]],
+            );
+            triangle_ns[by[0]] + splat_ns[by[1]] - nothing(ways.0, ways.1)
+        };
         let offers = [
-            (triangle_ns[0] + splat_ns[0], Raster, Raster),
-            (triangle_ns[0] + splat_ns[1], Raster, Compute),
-            (triangle_ns[1] + splat_ns[1] - shared, Compute, Compute),
+            (offer([0, 0]), Raster, Raster),
+            (offer([0, 1]), Raster, Compute),
+            (offer([1, 1]), Compute, Compute),
         ];
-        // Of equal ones the first.
         let mut best = offers[0];
+        best.0 /= CLEARLY;
+        // Of equal ones the first.
         for offer in offers {
             if offer.0 < best.0 {
                 best = offer;
             }
         }
-        Paths {
-            triangles: best.1,
-            splats: best.2,
+        Some(Chosen {
+            choice: Paths {
+                triangles: best.1,
+                splats: best.2,
+            },
+            raster_ns: offers[0].0,
+            compute_ns: offers[1].0.min(offers[2].0),
+        })
+    }
+
+    /// The cheaper path for the blended splats of a frame, [`Path::Raster`] or [`Path::Compute`]: the rasterizer, unless
+    /// compute is cheaper by a tenth. `is_beside`: triangles or splats are rasterized in the same frame whatever is chosen; `has_large`: some
+    /// of the splats themselves may be. `None` where the kind was not measured.
+    pub fn blended_path(
+        &self,
+        kind: SplatKind,
+        load: &Load,
+        (is_beside, has_large): (bool, bool),
+    ) -> Option<Chosen<Path>> {
+        let merge = match kind {
+            SplatKind::Filtered => self.filtered_merge.as_ref(),
+            _ => self.gauss_merge.as_ref(),
+        };
+        let ways = self.of(kind)?;
+        let [raster_ns, mut compute_ns] =
+            ways.each(|c| c.frame_ns(load.splats, load.size_px, load.pixels));
+        if is_beside || has_large {
+            let merge = merge?;
+            compute_ns += merge.passes.of_nothing(load.pixels);
+            if has_large {
+                compute_ns += merge.splat_ns * load.splats as f64;
+            }
+        }
+        Some(Chosen {
+            choice: if compute_ns < raster_ns / CLEARLY {
+                Path::Compute
+            } else {
+                Path::Raster
+            },
+            raster_ns,
+            compute_ns,
+        })
+    }
+
+    /// The size above which splats are to be drawn as quads; `None` where that was not measured.
+    pub fn largest_point_px(&self) -> Option<f32> {
+        self.primitives
+            .as_ref()
+            .map(PrimitiveCosts::largest_point_px)
+    }
+
+    /// These, and of `other` what is not among them.
+    pub fn or(self, other: Self) -> Self {
+        Self {
+            square: self.square.or(other.square),
+            gauss: self.gauss.or(other.gauss),
+            filtered: self.filtered.or(other.filtered),
+            gauss_merge: self.gauss_merge.or(other.gauss_merge),
+            filtered_merge: self.filtered_merge.or(other.filtered_merge),
+            triangle: self.triangle.or(other.triangle),
+            primitives: self.primitives.or(other.primitives),
+            node_ns: self.node_ns.or(other.node_ns),
         }
     }
 
     /// Whether every figure is a time that can be: finite and not negative.
     pub fn is_whole(&self) -> bool {
         let is_time = |ns: &f64| ns.is_finite() && *ns >= 0.0;
-        let is_pixels = |p: &PixelCosts| is_time(&p.any_ns) && is_time(&p.covered_ns);
-        let is_splat = |c: &SplatCosts| c.splat_ns.iter().all(is_time) && is_pixels(&c.pixels);
-        let is_triangle = |c: &TriangleCosts| is_time(&c.triangle_ns) && is_pixels(&c.pixels);
-        [&self.square, &self.gauss, &self.filtered]
-            .iter()
-            .all(|w| w.raster.iter().chain(&w.compute).all(is_splat))
-            && [&self.triangle.raster, &self.triangle.compute]
+        let is_pass = |p: &PassCosts| {
+            [p.frame_ns, p.picture_ns, p.box_ns, p.covered_ns]
                 .iter()
-                .all(|c| c.iter().all(is_triangle))
-            && is_time(&self.node_ns)
+                .all(is_time)
+        };
+        let is_splat = |c: &SplatCosts| c.splat_ns.iter().all(is_time) && is_pass(&c.passes);
+        let is_triangle = |c: &TriangleCosts| is_time(&c.triangle_ns) && is_pass(&c.passes);
+        let is_merge = |c: &MergeCosts| is_time(&c.splat_ns) && is_pass(&c.passes);
+        let splats = [&self.square, &self.gauss, &self.filtered];
+        let triangles = self.triangle.iter();
+        splats
+            .into_iter()
+            .flatten()
+            .all(|w| w.raster.iter().chain(&w.compute).all(is_splat))
+            && triangles
+                .flat_map(|w| w.raster.iter().chain(&w.compute))
+                .all(is_triangle)
+            && self
+                .gauss_merge
+                .iter()
+                .chain(&self.filtered_merge)
+                .all(is_merge)
+            && self
+                .primitives
+                .iter()
+                .all(|p| p.point_ns.iter().chain(&p.quad_ns).all(is_time))
+            && self.node_ns.iter().all(is_time)
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const NO_PIXELS: PixelCosts = PixelCosts {
-        any_ns: 0.0,
-        covered_ns: 0.0,
-    };
-
-    fn splat(splat_ns: [f64; 3], any_ns: f64, covered_ns: f64) -> SplatCosts {
-        SplatCosts {
-            splat_ns,
-            pixels: PixelCosts { any_ns, covered_ns },
-        }
-    }
-
-    /// A device on which a raster splat takes 100 ns whatever its size, one by compute 10 ns and 10 more for each pixel
-    /// above the first; shading a pixel takes 2 ns, a covered one 20 more.
-    fn costs() -> Costs {
-        let square = Ways {
-            raster: Some(splat([100.0; 3], 0.0, 0.0)),
-            compute: Some(splat([10.0, 90.0, 360.0], 2.0, 20.0)),
-        };
-        Costs {
-            square,
-            gauss: Ways {
-                raster: Some(splat([400.0; 3], 5.0, 0.0)),
-                compute: None,
-            },
-            filtered: square,
-            triangle: Ways {
-                raster: Some(TriangleCosts {
-                    triangle_ns: 70.0,
-                    pixels: NO_PIXELS,
-                }),
-                compute: Some(TriangleCosts {
-                    triangle_ns: 20.0,
-                    pixels: PixelCosts {
-                        any_ns: 2.0,
-                        covered_ns: 100.0,
-                    },
-                }),
-            },
-            node_ns: 4.0,
-        }
-    }
-
-    #[test]
-    fn sizes_between_and_beyond_are_linear_in_area() {
-        let c = splat([10.0, 90.0, 360.0], 0.0, 0.0);
-        assert_eq!(SIZES_PX.map(|s| c.splat_ns(s)), [10.0, 90.0, 360.0]);
-        // Side 2 has 4 pixels: 3 of the 8 between 1 and 9.
-        assert_eq!(c.splat_ns(2.0), 40.0);
-        // Side 12 has 144: 135 beyond 9, at 270 for 27.
-        assert_eq!(c.splat_ns(12.0), 1440.0);
-        assert_eq!((c.splat_ns(0.2), c.splat_ns(f32::NAN)), (10.0, 10.0));
-        // A measurement that fell with the size is not carried on below its end.
-        assert_eq!(splat([10.0, 90.0, 80.0], 0.0, 0.0).splat_ns(60.0), 80.0);
-    }
-
-    #[test]
-    fn many_small_splats_go_by_compute_and_few_or_large_ones_do_not() {
-        let c = costs();
-        let path = |count, size_px| c.path_of_splats(SplatKind::Square, count, size_px, 250_000);
-        // Side 1: 90 ns saved a splat, less 20 for its pixel; the picture's 500,000 ns are paid by 7143 of them.
-        assert_eq!(path(7_100, 1.0), Path::Raster);
-        assert_eq!(path(7_200, 1.0), Path::Compute);
-        // Side 3: 10 ns saved a splat, 180 for its pixels, until all pixels are covered: 250,000 (20 + 2) / 10.
-        assert_eq!(path(500_000, 3.0), Path::Raster);
-        assert_eq!(path(560_000, 3.0), Path::Compute);
-        // Side 2: 60 ns saved a splat, 80 for its four pixels, until all are covered: 5,500,000 / 60.
-        assert_eq!(path(50_000, 2.0), Path::Raster);
-        assert_eq!(path(91_000, 2.0), Path::Raster);
-        assert_eq!(path(92_000, 2.0), Path::Compute);
-        assert_eq!(path(u64::MAX, 6.0), Path::Raster);
-        assert_eq!(path(0, 1.0), Path::Raster);
-        // What the rasterizer cannot goes by compute however few there are.
-        let mut c = costs();
-        c.filtered.raster = None;
-        let path = c.path_of_splats(SplatKind::Filtered, 1, 1.0, 250_000);
-        assert_eq!(path, Path::Compute);
-        // Without a twin.
-        assert_eq!(
-            c.path_of_splats(SplatKind::Gauss, 1_000_000, 1.0, 250_000),
-            Path::Raster
-        );
-    }
-
-    #[test]
-    fn splats_follow_triangles_and_their_pixels_count_once() {
-        let c = costs();
-        let load = |triangles, splats| Load {
-            triangles,
-            splats,
-            size_px: 1.0,
-            pixels: 250_000,
-        };
-        let paths = |t, s| {
-            let p = c.paths(SplatKind::Square, &load(t, s));
-            (p.triangles, p.splats)
-        };
-        use Path::{Compute, Raster};
-        assert_eq!(paths(0, 0), (Raster, Raster));
-        assert_eq!(paths(1_000, 1_000), (Raster, Raster));
-        assert_eq!(paths(1_000, 100_000), (Raster, Compute));
-        // 50 ns saved a triangle; 250,000 pixels of 102 ns: 510,000 triangles, or 500,000 beside splats.
-        assert_eq!(paths(509_000, 0), (Raster, Raster));
-        assert_eq!(paths(511_000, 0), (Compute, Compute));
-        assert_eq!(paths(503_000, 100_000), (Compute, Compute));
-        assert_eq!(paths(498_000, 100_000), (Raster, Compute));
-        let mut without = c;
-        without.square.compute = None;
-        let p = without.paths(SplatKind::Square, &load(1_000_000, 1_000_000));
-        assert_eq!((p.triangles, p.splats), (Raster, Raster));
-    }
-
-    #[test]
-    fn times_that_cannot_be_are_seen() {
-        assert!(costs().is_whole());
-        let mut c = costs();
-        c.node_ns = f64::NAN;
-        assert!(!c.is_whole());
-        let mut c = costs();
-        c.square.raster = Some(splat([1.0, 1.0, -1.0], 0.0, 0.0));
-        assert!(!c.is_whole());
-        let mut c = costs();
-        c.gauss.compute = Some(splat([1.0, f64::INFINITY, 1.0], 0.0, 0.0));
-        assert!(!c.is_whole());
-    }
-}
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
+mod tests;

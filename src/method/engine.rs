@@ -1,6 +1,7 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
+use super::costs::Costs;
 use super::plan::{Choice, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
@@ -121,6 +122,13 @@ impl<'m> Engine<'m> {
     pub fn keep_lists(&mut self, keep: bool) {
         if let Kind::Device { renderer, .. } = &mut self.kind {
             renderer.keep_lists(keep);
+        }
+    }
+
+    /// What drawing costs on the device: [`Renderer::set_costs`]. The mirror has one way to draw.
+    pub fn set_costs(&mut self, costs: Option<Costs>) {
+        if let Kind::Device { renderer, .. } = &mut self.kind {
+            renderer.set_costs(costs);
         }
     }
 

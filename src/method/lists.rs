@@ -1,10 +1,11 @@
 //! Draw lists in mapped memory: one set for each frame in flight, grown when a frame needs more, and kept as long as
 //! frames ask for the same.
 
+use super::compute::twin::Share;
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, splat_plan};
 use super::scene::Scene;
-use super::{Method, Settings, compute};
+use super::{Method, Path, Settings, compute};
 use crate::abi::{FilteredSplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::draw::splats::{self, Packed};
@@ -39,14 +40,31 @@ pub(super) struct Held {
     /// Of all triangles.
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
-    /// Triangles that are small on screen have a list of their own.
-    pub(super) takes_triangles: bool,
+    pub(super) ways: Ways,
     /// Of the cut.
     pub(super) stats: Stats,
 }
 
-/// What decides the lists of a frame: equal ones give the same bytes, but for `takes_triangles`, which depends on what
-/// is found. Made of what cut and packing are told, and they are told nothing else.
+/// What draws the primitives of a frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Ways {
+    /// Triangles that are small on screen have a list of their own, for compute.
+    pub(super) takes_triangles: bool,
+    /// Compute draws opaque splats.
+    pub(super) is_small: bool,
+    /// What it draws of blended ones, where that is known before they are packed.
+    pub(super) share: Option<Share>,
+}
+
+impl Ways {
+    /// Whether the rasterizer may draw all splats.
+    pub(super) fn is_rastered(&self) -> bool {
+        !self.is_small && self.share.is_none_or(|share| share == Share::Nothing)
+    }
+}
+
+/// What decides the lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same. Made of
+/// what cut and packing are told, and they are told nothing else but what follows from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Key {
     /// [`Scene::id`], and so the model.
@@ -54,13 +72,16 @@ pub(super) struct Key {
     pub(super) choice: Choice,
     view: View,
     packing: Packing,
+    path: Path,
+    /// Compute may draw.
+    is_wanted: bool,
     /// Triangles of the cut are drawn as such.
     has_triangles: bool,
 }
 
 /// How the splats of a cut are written.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Packing {
+pub(super) enum Packing {
     /// Not at all.
     Nothing,
     /// As [`Splat`].
@@ -71,6 +92,20 @@ enum Packing {
     Filtered(filtered::Shade),
 }
 
+impl Packing {
+    /// With points of at most `max_point_px` pixels.
+    pub(super) fn of(settings: &Settings, model: &Model, max_point_px: f32) -> Self {
+        match Drawing::of(settings) {
+            Drawing::Opaque | Drawing::Visibility => {
+                Self::Splats(splat_plan(settings, max_point_px))
+            }
+            Drawing::Fuzzy => Self::Weighted(splat_plan(settings, max_point_px)),
+            Drawing::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
+            Drawing::Nothing => Self::Nothing,
+        }
+    }
+}
+
 impl Key {
     /// That of a frame whose points have at most `max_point_px` pixels; of settings that
     /// [`for_view`](super::plan::for_view) gave.
@@ -79,22 +114,15 @@ impl Key {
         model: &Model,
         scene: &Scene,
         view: &View,
-        max_point_px: f32,
+        (max_point_px, is_wanted): (f32, bool),
     ) -> Self {
         Self {
             scene: scene.id(),
             choice: Choice::of(settings, model, view),
             view: *view,
-            packing: match Drawing::of(settings) {
-                Drawing::Opaque | Drawing::Visibility => {
-                    Packing::Splats(splat_plan(settings, max_point_px))
-                }
-                Drawing::Fuzzy => Packing::Weighted(splat_plan(settings, max_point_px)),
-                Drawing::Filtered => {
-                    Packing::Filtered(filtered_shade(settings, model, max_point_px))
-                }
-                Drawing::Nothing => Packing::Nothing,
-            },
+            packing: Packing::of(settings, model, max_point_px),
+            path: settings.path,
+            is_wanted,
             has_triangles: settings.method != Method::Splats,
         }
     }
@@ -120,13 +148,9 @@ impl Lists {
         })
     }
 
-    /// Whether they are those of `key`, where `takes_triangles` says of numbers of splats and of triangles whether the small ones have
-    /// a list of their own.
-    pub(super) fn hold(&self, key: &Key, takes_triangles: impl Fn(usize, usize) -> bool) -> bool {
-        self.held.as_ref().is_some_and(|held| {
-            held.key == *key
-                && held.takes_triangles == takes_triangles(held.packed.points, held.triangles)
-        })
+    /// Whether they are those of `key`.
+    pub(super) fn hold(&self, key: &Key) -> bool {
+        self.held.as_ref().is_some_and(|held| held.key == *key)
     }
 
     /// Writes the lists of a cut. Nothing may be reading those that were there. Of a cut that is drawn as filtered splats
@@ -139,12 +163,12 @@ impl Lists {
         gpu: &Arc<Gpu>,
         (model, scene): (&Model, &Scene),
         cut: &mut Cut,
-        key: Key,
-        takes_triangles: impl Fn(usize, usize) -> bool,
+        (key, packing): (Key, Packing),
+        ways: Ways,
     ) -> Result<(), Error> {
         self.held = None;
         let view = &key.view;
-        let (packed, capacity, record_bytes) = match &key.packing {
+        let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan) => {
                 let count = splats::count(cut, plan);
                 let out = records::<Splat>(gpu, &mut self.splats, count)?;
@@ -177,12 +201,12 @@ impl Lists {
         };
         let index_bytes = 12 * triangles.len() as u64;
         reserve(gpu, &mut self.indices, index_bytes)?;
-        let takes_triangles = takes_triangles(packed.points, triangles.len());
-        if takes_triangles {
+        if ways.takes_triangles {
             reserve(gpu, &mut self.small, index_bytes)?;
         }
-        let is_small =
-            takes_triangles.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        let is_small = ways
+            .takes_triangles
+            .then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
         pack_triangles(model, scene, triangles, self, is_small);
         self.held = Some(Held {
             packed,
@@ -190,7 +214,7 @@ impl Lists {
             splat_bytes: (capacity * record_bytes) as u64,
             index_bytes,
             triangles: triangles.len(),
-            takes_triangles,
+            ways,
             stats: cut.stats,
             key,
         });
@@ -202,7 +226,7 @@ impl Lists {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
         self.indices.flush(0..held.index_bytes);
-        if held.takes_triangles {
+        if held.ways.takes_triangles {
             self.small.flush(0..held.index_bytes);
         }
     }

@@ -14,7 +14,7 @@ use glam::{Mat4, Vec3, Vec4};
 
 /// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
 /// that may be drawn by compute, which is cheap; and squares that are rasterized.
-const LARGEST_HIDDEN_PX: [f32; 2] = [2.0, 4.0];
+pub(super) const LARGEST_HIDDEN_PX: [f32; 2] = [2.0, 4.0];
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away.

@@ -8,12 +8,14 @@ mod pop;
 pub mod present;
 mod whole;
 
+use super::compute::choice::Asked;
 use super::compute::{self, Small};
+use super::costs::Costs;
 use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{Choice, Drawing, check, for_view};
+use super::plan::{Choice, Drawing, check, for_view, splat_plan};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
@@ -74,6 +76,7 @@ pub struct Renderer {
     lists: Vec<Lists>,
     cut: Cut,
     selector: cut::Selector,
+    costs: Option<Costs>,
     triangles: Option<(Variant, Pipeline)>,
     /// One for each variant that was drawn, six at most.
     splats: Vec<Splats>,
@@ -131,6 +134,7 @@ impl Renderer {
             lists,
             cut: Cut::default(),
             selector: cut::Selector::default(),
+            costs: None,
             triangles: None,
             splats: Vec::new(),
             small: None,
@@ -166,6 +170,37 @@ impl Renderer {
     /// Nodes and leaves that all cuts so far looked at.
     pub fn nodes_visited(&self) -> u64 {
         self.visited
+    }
+
+    /// What drawing costs on the renderer's device, as [`crate::bench::calibrate`] measures it: decides from the next frame
+    /// on what is drawn by compute where [`Path::Auto`](super::Path::Auto) leaves it open, and which splats are quads
+    /// instead of points. Without, and for what was not measured, rules of thumb of a software device decide, and splats
+    /// are points as far as the device has them. The picture is the same within one level.
+    pub fn set_costs(&mut self, costs: Option<Costs>) {
+        // What was packed by others may be of other primitives.
+        self.lists.iter_mut().for_each(|lists| lists.held = None);
+        self.costs = costs;
+    }
+
+    /// The costs that decide.
+    pub fn costs(&self) -> Option<Costs> {
+        self.costs
+    }
+
+    /// What the cut asks for in a picture.
+    fn asked<'a>(&self, settings: &'a Settings, context: &Context) -> Asked<'a> {
+        let cut = &self.cut;
+        // Which plan does not matter to how many there are but for large leaves.
+        let splats = draw::splats::count(cut, &splat_plan(settings, f32::INFINITY));
+        let is_whole = settings.method == Method::Splats;
+        Asked {
+            settings,
+            costs: self.costs,
+            splats: splats + cut.stats.hidden as usize,
+            triangles: if is_whole { 0 } else { cut.triangles.len() },
+            rect_px: context.rect_px,
+            size: (context.width, context.height),
+        }
     }
 
     /// The cut that was chosen last.

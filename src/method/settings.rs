@@ -90,7 +90,8 @@ pub enum Reconstruction {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Path {
-    /// Compute shaders where the device and the splats allow it, else the rasterizer.
+    /// Compute shaders where the device and the splats allow it and they are cheaper ([`costs`](super::costs)), else the
+    /// rasterizer.
     #[default]
     Auto,
     /// The rasterizer alone.

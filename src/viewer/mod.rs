@@ -26,6 +26,7 @@ pub mod text;
 pub mod ui;
 mod window;
 
+use crate::bench::calibrate;
 use crate::gpu::messages::Messages;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
@@ -170,6 +171,7 @@ fn replay_headless(
     let entries = replayed(&options)?.unwrap_or_default();
     let gpu = Gpu::open(&options.gpu)?;
     let mut screen = Screen::new(&gpu, None, options.vsync)?;
+    screen.set_costs(calibrate::for_use(&gpu, &[options.settings]));
     screen.inject(options.faults);
     // The screen holds the device from here on.
     drop(gpu);
@@ -217,6 +219,7 @@ fn show(
         .ok_or_else(|| window_error("Vulkan cannot draw into windows here", &cause.borrow()))?;
     let gpu = Gpu::open(&options.gpu)?;
     let mut screen = Screen::new(&gpu, Some(&window.window), options.vsync)?;
+    screen.set_costs(calibrate::for_use(&gpu, &[options.settings]));
     drop(gpu);
     screen.inject(options.faults);
     let warning = options.warning.take();

@@ -8,6 +8,7 @@ use crate::gpu::surface::Surface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
+use crate::method::costs::Costs;
 use crate::method::renderer::present::Show;
 use crate::method::renderer::{FrameTimes, Outputs, Renderer, Submitted};
 use crate::method::scene::Scene;
@@ -187,6 +188,7 @@ impl Screen {
         self.surface = None;
         self.scene = None;
         let mut new = Self::new(gpu, window, self.vsync)?;
+        new.renderer.set_costs(self.renderer.costs());
         if let Some(old) = self.overlay.take() {
             let in_flight = new.renderer.in_flight();
             new.overlay = Some(Overlay::new(gpu, in_flight)?.with_textures_of(old));
@@ -201,6 +203,11 @@ impl Screen {
         new.frames = self.frames;
         *self = new;
         Ok(())
+    }
+
+    /// What drawing costs on the device: see [`Renderer::set_costs`].
+    pub(super) fn set_costs(&mut self, costs: Option<Costs>) {
+        self.renderer.set_costs(costs);
     }
 
     /// For tests: what goes wrong, and how often.

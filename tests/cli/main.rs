@@ -6,6 +6,7 @@ mod auto;
 mod bench;
 mod chart;
 mod compare;
+mod costs;
 mod damage;
 mod harness;
 mod models;

@@ -7,6 +7,7 @@
 //! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
 //! the near plane, goes to the rasterizer.
 
+pub(crate) mod choice;
 pub(crate) mod list;
 pub(crate) mod rect;
 pub(crate) mod twin;
@@ -144,10 +145,10 @@ pub(crate) fn largest_point_px(settings: &Settings) -> f32 {
         }
 }
 
-/// Whether `count` primitives are enough to pay for the pass that shades the picture: `least` of them for each pixel of the
-/// rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
+/// Whether `count` primitives are enough to pay for the pass that shades the picture, by a rule of thumb for devices whose
+/// costs are not known: `least` of them for each pixel of the rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
 /// (triangles), drawing a primitive by compute instead of the rasterizer saves it about 60 to 80.
-pub(crate) fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
+fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
     settings.path == Path::Compute || count as f64 >= least * rect::pixels(rect_px) as f64
 }
 

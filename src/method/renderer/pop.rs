@@ -4,15 +4,16 @@ use super::{Counts, End, FrameTimes, Renderer};
 use crate::gpu::Error;
 use crate::gpu::frame::Ticket;
 use crate::math::camera::View;
+use crate::method::compute::choice::{self, Asked};
 use crate::method::compute::list::Triangles;
 use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
-use crate::method::lists::{Held, Key};
+use crate::method::lists::{Held, Key, Packing, Ways};
 use crate::method::plan::{Choice, Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
 use crate::method::times::{Kept, Stage};
-use crate::method::{Method, Settings, SplatKind, filtered, fuzzy, hybrid, visibility};
+use crate::method::{Method, Path, Settings, SplatKind, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
 
 impl Renderer {
@@ -24,9 +25,9 @@ impl Renderer {
         settings: &Settings,
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
-        let is_opaque = Drawing::of(settings) == Drawing::Opaque;
+        let drawing = Drawing::of(settings);
         let is_wanted = compute::is_wanted(&self.gpu, settings, &self.targets)?;
-        let by_compute = is_opaque && is_wanted;
+        let by_compute = drawing == Drawing::Opaque && is_wanted;
         let max_point = if by_compute {
             compute::largest_point_px(settings)
         } else {
@@ -43,20 +44,12 @@ impl Renderer {
         let context = self.context(view, settings, model, largest);
         let mut times = FrameTimes::default();
         let gpu = self.gpu.clone();
-        let takes_triangles = |points: usize, triangles: usize| {
-            let pays = if is_opaque {
-                compute::pays(triangles, 1.0, context.rect_px, settings)
-            } else {
-                // The passes over the picture are there for splats and triangles alike.
-                let all = points + triangles;
-                triangles > 0 && compute::pays(all, 0.125, context.rect_px, settings)
-            };
-            is_wanted && pays && Small::takes_triangles(&gpu, scene)
-        };
-        let key = Key::of(settings, model, scene, view, max_point);
+        // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
+        let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
+        let key = Key::of(settings, model, scene, view, (max_point, is_wanted));
         let slot = self.frames.next_slot();
         let cut = Stage::Cut.begin();
-        let is_new = if self.keeps_lists && self.lists[slot].hold(&key, takes_triangles) {
+        let is_new = if self.keeps_lists && self.lists[slot].hold(&key) {
             times.kept = Kept::Lists;
             false
         } else {
@@ -72,9 +65,23 @@ impl Renderer {
         let packing = Stage::Pack.begin();
         if times.kept != Kept::Lists {
             self.frames.wait_for_next()?;
+            let ways = self.ways(
+                &self.asked(settings, &context),
+                scene,
+                (is_wanted, has_large),
+            );
+            // Where the rasterizer draws, what is cheaper as a quad is one.
+            let max_point = match &self.costs {
+                Some(costs) if ways.is_rastered() => {
+                    choice::largest_point_px(costs, settings, max_point)
+                }
+                _ => max_point,
+            };
+            let packing = Packing::of(settings, model, max_point);
             let triangles = self.cut.triangles.len();
             let cut = &mut self.cut;
-            self.lists[slot].pack(&gpu, (model, scene), cut, key, takes_triangles)?;
+            let lists = &mut self.lists[slot];
+            lists.pack(&gpu, (model, scene), cut, (key, packing), ways)?;
             if self.cut.triangles.len() != triangles {
                 self.chosen = None;
             }
@@ -94,9 +101,15 @@ impl Renderer {
         let Held {
             packed, capacity, ..
         } = held;
-        // What is hidden counts too: the way that primitives go, and so the last bits of the picture, must not depend
-        // on it.
-        let all_splats = capacity + held.stats.hidden as usize;
+        let ways = held.ways;
+        let share = ways.share.unwrap_or_else(|| {
+            let asked = Asked {
+                splats: packed.points,
+                triangles: held.triangles,
+                ..self.asked(settings, &context)
+            };
+            asked.blended(held.triangles + packed.quads, has_large)
+        });
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
         let small_list = compute::List {
@@ -106,19 +119,6 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
             are_discs: settings.splat == SplatKind::Disc,
-        };
-        // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
-        let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
-        let others = held.triangles + packed.quads;
-        let share = if held.takes_triangles {
-            Share::of_all(has_large)
-        } else {
-            Share::of(
-                settings,
-                (packed.points, others),
-                has_large,
-                context.rect_px,
-            )
         };
         let small_triangles = Triangles {
             scene,
@@ -144,9 +144,7 @@ impl Renderer {
                     constants,
                 );
                 let mut packed_left = packed;
-                let pays = held.takes_triangles
-                    || compute::pays(all_splats, 0.125, context.rect_px, settings);
-                if let (true, Some(small)) = (by_compute && pays, &self.small) {
+                if let (true, Some(small)) = (ways.is_small, &self.small) {
                     small.record(&mut frame, &self.targets, small_list, &context, constants)?;
                     packed_left.points = 0;
                 }
@@ -208,6 +206,46 @@ impl Renderer {
             draw_list_bytes: held.splat_bytes + held.index_bytes,
         };
         Ok((ticket, times))
+    }
+
+    /// What draws the primitives of a cut, as far as it is known before they are packed. `is_wanted`: compute may draw;
+    /// `has_large`: splats may be too large for it.
+    fn ways(&self, asked: &Asked<'_>, scene: &Scene, (is_wanted, has_large): (bool, bool)) -> Ways {
+        let takes_triangles = is_wanted && Small::takes_triangles(&self.gpu, scene);
+        match Drawing::of(asked.settings) {
+            _ if !is_wanted => Ways {
+                share: Some(Share::Nothing),
+                ..Ways::default()
+            },
+            Drawing::Opaque => {
+                let paths = asked.opaque();
+                let takes_triangles = takes_triangles && paths.triangles == Path::Compute;
+                Ways {
+                    takes_triangles,
+                    is_small: takes_triangles || paths.splats == Path::Compute,
+                    share: Some(Share::Nothing),
+                }
+            }
+            drawing => {
+                let all = match takes_triangles && asked.triangles > 0 {
+                    true => asked.all_blended(has_large),
+                    false => Share::Nothing,
+                };
+                // Filtered splats are known once they are packed.
+                let share = match drawing {
+                    _ if all != Share::Nothing => Some(all),
+                    Drawing::Fuzzy if self.costs.is_some() => {
+                        Some(asked.blended(asked.triangles, has_large))
+                    }
+                    _ => None,
+                };
+                Ways {
+                    takes_triangles: all != Share::Nothing,
+                    is_small: false,
+                    share,
+                }
+            }
+        }
     }
 
     /// Chooses the cut of a frame, unless it is there: that of the last frame, where it may be kept, or one that was

@@ -12,11 +12,12 @@ use crate::gpu::surface::Acquired;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::method::compute;
+use crate::method::compute::choice::Asked;
 use crate::method::compute::twin::Share;
 use crate::method::plan::{Choice, Drawing, for_view};
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
-use crate::method::{Method, Settings};
+use crate::method::{Method, Path, Settings};
 use crate::tree::Model;
 use std::time::Instant;
 
@@ -119,12 +120,19 @@ impl Renderer {
         let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets).unwrap_or(false);
         let rect = compute::rect::rect_px(model, view, settings.threshold_px + 3.0);
         let triangles = if is_whole { 0 } else { large };
+        let asked = Asked {
+            settings,
+            costs: self.costs,
+            splats: (splats + self.cut.stats.hidden) as usize,
+            triangles: triangles as usize,
+            rect_px: rect,
+            size: (self.targets.color.width, self.targets.color.height),
+        };
         let pays = if Drawing::of(settings) == Drawing::Opaque {
-            compute::pays(splats as usize, 0.125, rect, settings)
+            asked.opaque().splats == Path::Compute
         } else {
             let has_large = is_whole || model.triangles.is_empty();
-            let counts = (splats as usize, triangles as usize);
-            Share::of(settings, counts, has_large, rect) != Share::Nothing
+            asked.blended(triangles as usize, has_large) != Share::Nothing
         };
         Foreseen {
             counts: Counts {

@@ -5,6 +5,7 @@ use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
+use crate::method::compute::choice;
 use crate::method::compute::list::Triangles;
 use crate::method::compute::twin::Share;
 use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
@@ -57,9 +58,13 @@ impl Renderer {
     ) -> Result<(Ticket, FrameTimes), Error> {
         let max_point = self.gpu.info().max_point_size_px;
         let largest = splat_plan(settings, max_point).vertex_px(view);
-        // Quads need no guard band.
-        let as_quads = largest > max_point;
-        let guard_px = if as_quads { 0.0 } else { largest };
+        let most = match &self.costs {
+            Some(costs) => choice::largest_point_px(costs, settings, max_point),
+            None => max_point,
+        };
+        let as_quads = largest > most;
+        // Quads need no guard band; those that might be points have the same, so that both give the same picture.
+        let guard_px = if largest > max_point { 0.0 } else { largest };
         let context = self.context(view, settings, model, guard_px);
         let counts = Counts {
             points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),

@@ -1,0 +1,164 @@
+//! Which of a frame's primitives compute draws, and which of its splats are points: by what they cost on the device where
+//! that was measured ([`Costs`]), else by rules of thumb of a software device.
+
+use super::twin::Share;
+use super::{pays, rect};
+use crate::method::costs::{Chosen, Costs, Load, Paths, Pixels};
+use crate::method::plan::{Drawing, LARGEST_HIDDEN_PX};
+use crate::method::{Path, Settings, SplatKind};
+
+/// What a frame asks for, as far as it is known once its cut is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    pub(crate) settings: &'a Settings,
+    /// What the device charges.
+    pub(crate) costs: Option<Costs>,
+    /// Splats of the cut, hidden ones with them: the picture, to the last bit, must not depend on whether those are left
+    /// out.
+    pub(crate) splats: usize,
+    /// Triangles of the cut.
+    pub(crate) triangles: usize,
+    /// The part of the picture that something may be drawn in.
+    pub(crate) rect_px: [u32; 4],
+    /// Width and height of the picture.
+    pub(crate) size: (u32, u32),
+}
+
+impl Asked<'_> {
+    /// The costs where they may decide: nobody insists on a path.
+    fn deciding(&self) -> Option<&Costs> {
+        self.costs
+            .as_ref()
+            .filter(|_| self.settings.path == Path::Auto)
+    }
+
+    fn pixels(&self) -> Pixels {
+        Pixels {
+            picture: u64::from(self.size.0) * u64::from(self.size.1),
+            of_box: rect::pixels(self.rect_px),
+        }
+    }
+
+    fn load(&self, splats: u64) -> Load {
+        Load {
+            triangles: self.triangles as u64,
+            splats,
+            size_px: self.settings.threshold_px.max(1.0),
+            pixels: self.pixels(),
+        }
+    }
+
+    /// The paths of opaque squares and small triangles, in a frame that may be drawn by compute.
+    pub(crate) fn opaque(&self) -> Paths {
+        let settings = self.settings;
+        // Where hidden squares are left out by themselves, about one for each pixel of the box is left, at larger sizes fewer.
+        let pixels = rect::pixels(self.rect_px) as f64;
+        let left = pixels / f64::from(settings.threshold_px.max(1.0));
+        let splats = match settings.threshold_px <= LARGEST_HIDDEN_PX[0] {
+            true => (self.splats as u64).min(left as u64),
+            false => self.splats as u64,
+        };
+        match self
+            .deciding()
+            .and_then(|c| c.opaque_paths(&self.load(splats)))
+        {
+            Some(chosen) => {
+                log("squares and small triangles", &chosen);
+                chosen.choice
+            }
+            None => {
+                let path = |count, least| match pays(count, least, self.rect_px, settings) {
+                    true => Path::Compute,
+                    false => Path::Raster,
+                };
+                let paths = Paths {
+                    triangles: path(self.triangles, 1.0),
+                    splats: path(self.splats, 0.125),
+                };
+                self.log_guess("squares and small triangles", &paths);
+                paths
+            }
+        }
+    }
+
+    /// What compute draws of blended splats beside `others` that are rasterized; `has_large`: splats may be too large.
+    pub(crate) fn blended(&self, others: usize, has_large: bool) -> Share {
+        let kind = match Drawing::of(self.settings) {
+            Drawing::Filtered => SplatKind::Filtered,
+            _ => SplatKind::Gauss,
+        };
+        let chosen = self.deciding().and_then(|costs| {
+            costs.blended_path(
+                kind,
+                &self.load(self.splats as u64),
+                (others > 0, has_large),
+            )
+        });
+        match chosen {
+            Some(chosen) => {
+                log("blended splats", &chosen);
+                match (chosen.choice, has_large) {
+                    (Path::Compute, true) => Share::Small,
+                    (Path::Compute, false) => Share::All,
+                    _ => Share::Nothing,
+                }
+            }
+            None => {
+                let counts = (self.splats, others);
+                let share = Share::of(self.settings, counts, has_large, self.rect_px);
+                self.log_guess("blended splats by compute", &share);
+                share
+            }
+        }
+    }
+
+    /// The same where compute draws the small triangles too, so that little is left to the rasterizer. They are not priced:
+    /// by compute they cost a third of what they cost otherwise, wherever that pays for splats.
+    pub(crate) fn all_blended(&self, has_large: bool) -> Share {
+        if self.deciding().is_some() {
+            return self.blended(0, has_large);
+        }
+        // The passes over the picture are there for splats and triangles alike.
+        let all = self.splats + self.triangles;
+        match pays(all, 0.125, self.rect_px, self.settings) {
+            true => Share::of_all(has_large),
+            false => Share::Nothing,
+        }
+    }
+
+    fn log_guess(&self, what: &str, choice: &impl std::fmt::Debug) {
+        if self.settings.path == Path::Auto {
+            tracing::debug!("{what}: {choice:?}, by rule of thumb: not measured on this device");
+        }
+    }
+}
+
+fn log<T: std::fmt::Debug>(what: &str, chosen: &Chosen<T>) {
+    let Chosen {
+        choice,
+        raster_ns,
+        compute_ns,
+    } = chosen;
+    tracing::debug!(
+        "{what}: {choice:?}, as measured on this device: {:.2} ms by the rasterizer, {:.2} ms by compute",
+        raster_ns / 1e6,
+        compute_ns / 1e6
+    );
+}
+
+/// The largest splat that the rasterizer draws as a point, pixels: what the device allows (`device_px`), or less where quads
+/// are cheaper below that.
+pub(crate) fn largest_point_px(costs: &Costs, settings: &Settings, device_px: f32) -> f32 {
+    match Drawing::of(settings) {
+        Drawing::Opaque | Drawing::Fuzzy => {}
+        // Filtered splats have no quads. Behind quads of visibility splats all of the picture is reconstructed.
+        Drawing::Filtered | Drawing::Visibility | Drawing::Nothing => return device_px,
+    }
+    match costs.largest_point_px() {
+        Some(px) if px < device_px => {
+            tracing::debug!("splats above {px:.1} px are quads, as measured on this device");
+            px
+        }
+        _ => device_px,
+    }
+}
