@@ -437,6 +437,16 @@ impl Eye<'_> {
         }
     }
 
+    /// The side of a square of the threshold's size at a place, model units.
+    fn side_at(&self, center: Vec3) -> f32 {
+        let z = if self.view.is_perspective {
+            self.view.distance(center).max(0.0) / self.view.model_scale
+        } else {
+            1.0
+        };
+        self.shade.side_px * z / self.focal_px
+    }
+
     fn write(&self, patch: &Patch, size: Size, center: Vec3, sink: &mut Sink<'_, FilteredSplat>) {
         if let Some(splat) = self.splat(patch, size, center) {
             sink.point(splat);
@@ -449,7 +459,15 @@ impl Eye<'_> {
             if let Some(&next) = ids.get(index + parts::AHEAD) {
                 ask_for(model, next);
             }
-            let patch = Patch::of_node(model, id);
+            let mut patch = Patch::of_node(model, id);
+            if patch.area == 0.0 && model.is_cloud() {
+                let (node, a) = (
+                    &model.tree.nodes[id as usize],
+                    &model.tree.attributes[id as usize],
+                );
+                let normal = a.has_normal().then(|| a.normal());
+                patch = Patch::alone(node.center, normal, a.color, self.side_at(node.center));
+            }
             self.write(&patch, dense, patch.center, sink);
         }
     }
@@ -494,7 +512,15 @@ impl Eye<'_> {
             }
             let Some(triangle) = model.triangles.get(leaf as usize) else {
                 let point = &model.vertices[leaf as usize];
-                let patch = Patch::of_point(point, leaves[leaf as usize].radius);
+                let patch = match leaves[leaf as usize].radius {
+                    radius if radius > 0.0 => Patch::of_point(point, radius),
+                    _ => {
+                        let normal =
+                            (point.color[3] != 0).then(|| octahedral::decode(point.normal));
+                        let side = self.side_at(point.position);
+                        Patch::alone(point.position, normal, point.color, side)
+                    }
+                };
                 let diameter_px = diameter_px(model, leaf, view);
                 let is_own = diameter_px > shade.side_px;
                 let size = Size {
