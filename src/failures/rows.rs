@@ -84,7 +84,6 @@ const BANDS: &str = "leaves are up to 20 times as long as wide: in a disc around
 const HALF_EACH: &str =
     "the gap is half the offset, and what lies within the offset is mixed by definition: half each";
 const FACETS: &str = "a splat is lit by its facet alone, and of several in a pixel one shows";
-const NO_SPACING: &str = "no spacing, so no area";
 
 /// Every row, scene by scene.
 #[rustfmt::skip]
@@ -266,10 +265,6 @@ pub static ROWS: &[Row] = &[
     row("coincident-vertices", "points", Lost, [5500.0, 9500.0], "the square has four vertices; the rest are points without area"),
     row("coincident-vertices", "points", Stray, [150.0, 204.0], "the square has four vertices; the rest are points without area"),
     row("coincident-vertices", "points", Astray, [95.0, 100.0], "the square has four vertices; the rest are points without area"),
-    row("coincident-points one-point", "filtered|splats-filtered", Covered, [0.0, 25.0], NO_SPACING),
-    row("coincident-points one-point", "filtered|splats-filtered", Center(0), [0.0, 210.0], NO_SPACING),
-    row("coincident-points one-point", "filtered|splats-filtered", Center(1), [0.0, 210.0], NO_SPACING),
-    row("coincident-points one-point", "filtered|splats-filtered", Center(2), [0.0, 210.0], NO_SPACING),
     row("duplicate-points", "points", Center(0), [0.0; 2], SPARSE),
     row("duplicate-points", "points", Center(1), [0.0; 2], SPARSE),
     row("duplicate-points", "points", Center(2), [0.0; 2], SPARSE),
