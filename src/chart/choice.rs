@@ -56,9 +56,15 @@ impl Choice {
 
     /// Whether compute shaders can draw it on a device that has what they need.
     fn has_twin(&self) -> bool {
-        self.method == Method::Pop
-            && self.splat == SplatKind::Square
-            && self.threshold_px <= crate::method::LARGEST_COMPUTE_SQUARE_PX
+        match (self.method, self.splat) {
+            (Method::Pop, SplatKind::Square) => {
+                self.threshold_px <= crate::method::LARGEST_COMPUTE_SQUARE_PX
+            }
+            (Method::Pop | Method::Splats, SplatKind::Gauss | SplatKind::Filtered) => {
+                self.threshold_px <= crate::method::LARGEST_COMPUTE_BLENDED_PX
+            }
+            _ => false,
+        }
     }
 
     /// Everything at the given thresholds that makes sense for a mesh, or for a cloud: triangles, points (up to 3 pixels),
@@ -96,7 +102,7 @@ impl Choice {
         all
     }
 
-    /// A dozen and a half of them, for a first look.
+    /// Two dozen of them, for a first look.
     pub fn few(is_cloud: bool, has_compute: bool) -> Vec<Self> {
         use SplatKind::{Disc, Ellipse, Filtered, Gauss, Square, Visibility};
         let method = if is_cloud {
@@ -119,8 +125,12 @@ impl Choice {
         ] {
             for &threshold in thresholds {
                 let raster = Self::new(method, splat, threshold);
-                few.push(raster);
-                if has_compute && raster.has_twin() && threshold <= 2.0 {
+                let has_twin = has_compute && raster.has_twin();
+                // The slowest of all; its twin has the same picture.
+                if !(has_twin && threshold < 1.0) {
+                    few.push(raster);
+                }
+                if has_twin {
                     few.push(Self {
                         path: Path::Compute,
                         ..raster
@@ -249,7 +259,26 @@ mod tests {
                 .filter(|c| c.path == Path::Compute)
                 .count()
         };
-        // Squares up to 6 pixels.
-        assert_eq!((twins(false), twins(true)), (0, 7));
+        // Squares up to 6 pixels; Gaussians and filtered splats of all ten sizes, in splats and in pop.
+        assert_eq!((twins(false), twins(true)), (0, 7 + 4 * 10));
+        let lines = |is_cloud| {
+            let few = Choice::few(is_cloud, true).into_iter();
+            let mut lines: Vec<String> = few
+                .filter(|c| c.path == Path::Compute)
+                .map(|c| c.line())
+                .collect();
+            lines.dedup();
+            lines
+        };
+        let of_pop = [
+            "pop square, compute",
+            "pop gauss, compute",
+            "pop filtered, compute",
+        ];
+        assert_eq!(lines(false), of_pop);
+        assert_eq!(
+            lines(true),
+            ["splats gauss, compute", "splats filtered, compute"]
+        );
     }
 }

@@ -413,6 +413,7 @@ fn panel_svg(
             points.join(" ")
         );
     }
+    let mut placer = Placer::new([left, top, left + width, top + height]);
     let mut drawn: Vec<String> = Vec::new();
     for point in &panel.points {
         let name = point.choice.line();
@@ -422,11 +423,11 @@ fn panel_svg(
         let of_line = panel.points.iter().filter(|p| p.choice.line() == name);
         let places: Vec<[f64; 2]> = of_line.filter_map(&at).collect();
         if places.len() > 1 {
+            placer.avoid_line(&places);
             let _ = writeln!(out, "{}", stroke(&point.choice, &places));
         }
         drawn.push(name);
     }
-    let mut placer = Placer::new([left, top, left + width, top + height]);
     // What is on the frontier lies on top.
     let others = (0..panel.points.len()).filter(|i| !on_frontier(*i));
     for i in others.chain(panel.frontier.iter().copied()) {

@@ -29,6 +29,7 @@
 //! A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
 
 mod four;
+mod groups;
 mod patch;
 
 #[cfg(doc)]
@@ -43,6 +44,7 @@ use crate::math::octahedral;
 use crate::tree::{Leaf, Model, Node, Tree};
 use four::{Four, Size, Slope, Vectors};
 use glam::{Vec3, Vec4};
+use groups::{Group, RowGroup};
 use patch::{Corner, Patch, in_pieces, mean_color};
 use prefetch_index::prefetch_index;
 
@@ -316,18 +318,58 @@ impl Eye<'_> {
         }
     }
 
+    /// The side of a square of the threshold's size at a place, model units.
+    fn side_at(&self, center: Vec3) -> f32 {
+        let z = if self.view.is_perspective {
+            self.view.distance(center).max(0.0) / self.view.model_scale
+        } else {
+            1.0
+        };
+        self.shade.side_px * z / self.focal_px
+    }
+
     fn nodes(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
         let size = self.dense();
+        let is_cloud = model.is_cloud();
         for (index, group) in ids.chunks(4).enumerate() {
             for &next in ids.iter().skip(4 * index + parts::AHEAD).take(4) {
                 ask_for(model, next);
             }
             let four = Four::of_nodes(model, filled(group));
+            if is_cloud && four.has_nothing() {
+                self.points(model, group, sink);
+                continue;
+            }
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
             let patch = |lane: usize| Patch::of_node(model, group[lane]);
             let group = (&four, &seen, group.len());
             self.splats(group, &size, &colors, patch, |splat| sink.point(splat));
+        }
+    }
+
+    /// Nodes of a cloud, some of which are points in one place.
+    fn points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+        let size = self.dense();
+        for &id in ids {
+            let (node, attributes) = (
+                &model.tree.nodes[id as usize],
+                &model.tree.attributes[id as usize],
+            );
+            let four = if attributes.area > 0.0 {
+                Four::of_nodes(model, [id; 4])
+            } else {
+                let normal = attributes.has_normal().then(|| attributes.normal());
+                let side = self.side_at(node.center);
+                let patch = Patch::alone(node.center, normal, attributes.color, side);
+                Four::of_leaves([&patch; 4])
+            };
+            let seen = self.seen(&four);
+            let colors = self.lit(&four, &seen);
+            let patch = |_| Patch::of_node(model, id);
+            self.splats((&four, &seen, 1), &size, &colors, patch, |splat| {
+                sink.point(splat)
+            });
         }
     }
 
@@ -459,7 +501,15 @@ impl Eye<'_> {
             }
             if model.triangles.is_empty() {
                 let point = &model.vertices[leaf as usize];
-                let patch = Patch::of_point(point, leaves[leaf as usize].radius);
+                let patch = match leaves[leaf as usize].radius {
+                    radius if radius > 0.0 => Patch::of_point(point, radius),
+                    _ => {
+                        let normal =
+                            (point.color[3] != 0).then(|| octahedral::decode(point.normal));
+                        let side = self.side_at(point.position);
+                        Patch::alone(point.position, normal, point.color, side)
+                    }
+                };
                 let diameter_px = diameter_px(model, leaf, view);
                 let is_own = diameter_px > shade.side_px;
                 group.add(patch, diameter_px.max(shade.side_px), is_own, sink);
@@ -497,89 +547,6 @@ fn corners_of(model: &Model, leaf: usize) -> ([Corner; 3], [u8; 4]) {
 #[inline]
 fn filled(items: &[u32]) -> [u32; 4] {
     [0, 1, 2, 3].map(|i: usize| items[i.min(items.len() - 1)])
-}
-
-/// Splats of rows that wait until they are four.
-#[derive(Default)]
-struct RowGroup {
-    ids: [u32; 4],
-    centers: [Vec3; 4],
-    steps: [Vec3; 4],
-    shares: [f32; 4],
-    count: usize,
-}
-
-impl RowGroup {
-    /// Adds one of `count` splats of a row; whether they are four then.
-    #[inline]
-    fn add(&mut self, id: u32, center: Vec3, step: Vec3, count: u32) -> bool {
-        let at = self.count;
-        self.ids[at] = id;
-        self.centers[at] = center;
-        self.steps[at] = step;
-        self.shares[at] = 1.0 / count as f32;
-        self.count += 1;
-        self.count == 4
-    }
-}
-
-/// Leaves that wait until they are four.
-struct Group<'a> {
-    eye: &'a Eye<'a>,
-    patches: [Patch; 4],
-    diameters: [f32; 4],
-    count: usize,
-    is_own: bool,
-}
-
-impl<'a> Group<'a> {
-    fn new(eye: &'a Eye<'a>) -> Self {
-        Self {
-            eye,
-            patches: [Patch::NOTHING; 4],
-            diameters: [0.0; 4],
-            count: 0,
-            is_own: false,
-        }
-    }
-
-    #[inline]
-    fn add(
-        &mut self,
-        patch: Patch,
-        diameter_px: f32,
-        is_own: bool,
-        sink: &mut Sink<'_, FilteredSplat>,
-    ) {
-        if self.count == 4 || is_own != self.is_own {
-            self.flush(sink);
-        }
-        self.is_own = is_own;
-        self.patches[self.count] = patch;
-        self.diameters[self.count] = diameter_px;
-        self.count += 1;
-    }
-
-    fn flush(&mut self, sink: &mut Sink<'_, FilteredSplat>) {
-        let eye = self.eye;
-        let size = Size {
-            diameter_px: Vec4::from_array(self.diameters),
-            is_own: self.is_own,
-            ..eye.dense()
-        };
-        let four = Four::of_leaves(self.patches.each_ref());
-        let seen = eye.seen(&four);
-        let colors = eye.lit(&four, &seen);
-        let group = (&four, &seen, self.count);
-        eye.splats(
-            group,
-            &size,
-            &colors,
-            |lane| self.patches[lane],
-            |splat| sink.point(splat),
-        );
-        self.count = 0;
-    }
 }
 
 /// Asks for the memory of a node that is written a little later.

@@ -203,8 +203,8 @@ enum Part<'a> {
 }
 
 /// A triangle as a patch of surface: its mean color, and the mean normal of its corners with a thickness that reaches
-/// all of it, or with `is_large` its own normal.
-fn of_triangle(corners: [Vertex; 3], center: Vec3, is_large: bool) -> (Splat, f32) {
+/// all of it, or with `is_in_plane` its own normal.
+fn of_triangle(corners: [Vertex; 3], center: Vec3, is_in_plane: bool) -> (Splat, f32) {
     let [a, b, c] = corners.map(|v| v.position);
     let cross = (b - a).cross(c - a);
     let plane = cross.normalize_or_zero();
@@ -214,7 +214,7 @@ fn of_triangle(corners: [Vertex; 3], center: Vec3, is_large: bool) -> (Splat, f3
         .map(|v| octahedral::decode(v.normal))
         .sum();
     let mean = sum.normalize_or(plane);
-    let (normal, thickness) = if is_large && plane != Vec3::ZERO {
+    let (normal, thickness) = if is_in_plane && plane != Vec3::ZERO {
         (if mean.dot(plane) < 0.0 { -plane } else { plane }, 0.0)
     } else {
         // Around the mean normal the triangle is as thick as the sine of the angle between the two.
@@ -336,7 +336,9 @@ impl Writer<'_> {
             let (mut splat, area) = match model.triangles.get(leaf as usize) {
                 Some(corners) => {
                     let corners = corners.map(|i| model.vertices[i as usize]);
-                    let (splat, area) = of_triangle(corners, sphere.center, is_large);
+                    // Its own normal is the plane of the disc; what faces the picture anyway is lit by the mean of its corners.
+                    let is_in_plane = is_large && self.is_oriented;
+                    let (splat, area) = of_triangle(corners, sphere.center, is_in_plane);
                     (
                         Splat {
                             radius: self.own(sphere.radius),

@@ -1,8 +1,9 @@
 //! A scene made ready, and what is measured of its pictures.
 
 use super::Error;
+use super::colors::{self, Range, moire, strays};
 use crate::cut::{Cut, Selector};
-use crate::image::{FloatImage, Image, compare};
+use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
 use crate::method::engine::{Backend, Engine};
@@ -24,19 +25,23 @@ pub enum Figure {
     Missing,
     /// Pixels covered in the picture only.
     Extra,
-    /// Holes inside of the truth's silhouette.
+    /// Holes inside of the truth's silhouette, with a pixel at least of which the surface leaves nothing open: every
+    /// sample of the truth meets it, and so does its center.
     Holes,
-    /// Pixels in them.
+    /// Pixels in holes of both kinds, with such a pixel and without.
     HolePixels,
     /// Pixels of which the truth covers at least a quarter, with nothing in the picture within a pixel around.
     Lost,
     /// Largest distance of a pixel that something is shown in from one that the surface touches, pixels.
     Reach,
-    /// Mean over covered pixels of how far a color lies outside of the range of the truth's colors within
-    /// [`super::reach_px`].
+    /// Mean over covered pixels of how far a color lies outside of the range of the surface's colors within
+    /// [`super::reach_px`]: those of the truth's samples, and of the pixel's center.
     Stray,
     /// Percentage of covered pixels that lie more than 32 levels outside of that range.
     Astray,
+    /// By how much the picture would come nearer to the truth if it were blurred over the window of a node, root of the
+    /// mean squared difference of colors: patterns that are not there.
+    Moire,
     /// Mean difference of a color over object pixels.
     Level,
     /// Root of the mean squared difference over object pixels.
@@ -51,7 +56,7 @@ pub enum Figure {
 
 impl Figure {
     /// The figures of tables, in their order.
-    pub const ALL: [Self; 17] = [
+    pub const ALL: [Self; 18] = [
         Self::Covered,
         Self::Area,
         Self::Missing,
@@ -62,6 +67,7 @@ impl Figure {
         Self::Reach,
         Self::Stray,
         Self::Astray,
+        Self::Moire,
         Self::Level,
         Self::Rmse,
         Self::Silhouette,
@@ -84,6 +90,7 @@ impl Figure {
             Self::Reach => "reach_px",
             Self::Stray => "stray_levels",
             Self::Astray => "astray_percent",
+            Self::Moire => "moire_levels",
             Self::Level => "mean_levels",
             Self::Rmse => "rmse_levels",
             Self::Silhouette => "silhouette_px",
@@ -124,14 +131,15 @@ pub struct Case {
     pub(super) largest_px: f64,
     /// Distance of each pixel from the nearest that the surface touches, pixels.
     distance_px: Vec<f64>,
+    /// What colors the surface has in each pixel, and whether it leaves the center open.
+    ranges: Vec<Range>,
+    is_center_open: Vec<bool>,
 }
 
+/// Samples of the truth along a side of a pixel.
+const GRID: u32 = 4;
 /// Around the picture, pixels: how far outside of it a surface is looked for.
 const MARGIN: usize = 96;
-/// A color this far outside of its range is astray, levels.
-const ASTRAY: f64 = 32.0;
-/// Colors are looked for no farther, pixels.
-pub(super) const FARTHEST_PX: f64 = 64.0;
 
 impl Case {
     /// Builds the scene's tree and draws its truth on `backend`.
@@ -147,6 +155,7 @@ impl Case {
         } = entry.make();
         let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
         let view = camera.view(model.origin)?;
+        let (mut ranges, mut is_center_open) = (Vec::new(), Vec::new());
         let truth = if model.triangles.is_empty() && !model.tree.leaves.is_empty() {
             None
         } else {
@@ -157,7 +166,16 @@ impl Case {
             };
             let size = (view.width, view.height);
             let mut engine = Engine::new(backend, &model, size, Outputs::default())?;
-            Some(engine.supersample(&view, &settings, 4)?)
+            let mut mean = Accumulator::new();
+            let center = engine.render(&view, &settings)?;
+            is_center_open = center.color.iter().map(|c| c[3] == 0).collect();
+            ranges = colors::ranges(&center);
+            for i in 0..GRID * GRID {
+                let samples = engine.render(&jittered(&view, i, GRID), &settings)?;
+                colors::widen(&mut ranges, &samples);
+                mean.add(&samples)?;
+            }
+            Some(mean.mean())
         };
         let cut = |truth: &FloatImage| {
             let is_cut = |c: &&[f32; 4]| c[3] > 0.0 && c[3] < 1.0;
@@ -178,6 +196,8 @@ impl Case {
             has_large_leaves: has_large_leaves(&model, &view, threshold_px),
             largest_px: largest_leaf_px(&model, &view),
             distance_px: distances(&model, &view, truth.as_ref()),
+            ranges,
+            is_center_open,
             model,
             view,
             truth,
@@ -210,15 +230,20 @@ impl Case {
         if let Some(truth) = &self.truth {
             let shape = measure::coverage(truth, picture)?;
             let difference = compare(truth, picture, 8.0)?;
-            let (stray, astray) = strays(truth, picture, reach_px);
+            let (stray, astray) = strays(&self.ranges, picture, reach_px);
+            let holes = whole_holes(truth, &self.is_center_open, picture);
             found.extend([
                 (Figure::Missing, shape.missing as f64),
                 (Figure::Extra, shape.extra as f64),
-                (Figure::Holes, shape.holes as f64),
+                (Figure::Holes, holes as f64),
                 (Figure::HolePixels, shape.hole_pixels as f64),
                 (Figure::Lost, lost(truth, picture) as f64),
                 (Figure::Stray, stray),
                 (Figure::Astray, astray),
+                (
+                    Figure::Moire,
+                    moire(truth, picture, node_reach_px(self.threshold_px)),
+                ),
                 (Figure::Level, 255.0 * difference.object.mean_abs),
                 (Figure::Rmse, 255.0 * difference.object.rmse),
                 (
@@ -336,6 +361,47 @@ fn distances(model: &Model, view: &View, truth: Option<&FloatImage>) -> Vec<f64>
         .collect()
 }
 
+/// [`Figure::Holes`].
+fn whole_holes(truth: &FloatImage, is_center_open: &[bool], picture: &Image) -> usize {
+    let (right, shown) = (measure::Mask::of(truth), measure::Mask::of(picture));
+    let (width, count) = (right.width, right.is_covered.len());
+    let mut is_missing: Vec<bool> = (right.is_covered.iter().zip(&shown.is_covered))
+        .map(|(right, shown)| *right && !*shown)
+        .collect();
+    let (mut holes, mut stack) = (0, Vec::new());
+    for start in 0..count {
+        if !std::mem::take(&mut is_missing[start]) {
+            continue;
+        }
+        stack.push(start);
+        let (mut is_inside, mut is_whole) = (true, false);
+        while let Some(i) = stack.pop() {
+            is_whole |= truth.color[i][3] >= 1.0 && !is_center_open[i];
+            let x = i % width;
+            let beside = [
+                (x > 0).then(|| i - 1),
+                (x + 1 < width).then(|| i + 1),
+                i.checked_sub(width),
+                (i + width < count).then_some(i + width),
+            ];
+            for n in beside.into_iter().flatten() {
+                is_inside &= right.is_covered[n];
+                if std::mem::take(&mut is_missing[n]) {
+                    stack.push(n);
+                }
+            }
+        }
+        holes += usize::from(is_inside && is_whole);
+    }
+    holes
+}
+
+/// Half the side of the windows of [`Figure::Moire`], pixels: the reach of squares of the threshold's size.
+fn node_reach_px(threshold_px: f32) -> usize {
+    let t = f64::from(threshold_px.max(1.0));
+    (t * (0.5 + 0.5f64.sqrt()) + 1.0).ceil() as usize
+}
+
 /// Pixels of which the truth covers a quarter while nothing is shown within a pixel around.
 fn lost(truth: &FloatImage, picture: &Image) -> usize {
     let (width, height) = (truth.width as usize, truth.height as usize);
@@ -349,60 +415,6 @@ fn lost(truth: &FloatImage, picture: &Image) -> usize {
     colors
         .filter(|(i, c)| c[3] >= 0.25 && !is_shown(*i))
         .count()
-}
-
-/// [`Figure::Stray`] and [`Figure::Astray`]; zeros where nothing is covered or the truth is nowhere near.
-fn strays(truth: &FloatImage, picture: &Image, reach_px: f64) -> (f64, f64) {
-    let (width, height) = (truth.width as usize, truth.height as usize);
-    let reach = reach_px.min(FARTHEST_PX).ceil() as usize;
-    // Least and largest of the surface's own color, without the black background.
-    let nothing = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
-    let mut ranges: Vec<[[f32; 3]; 2]> = truth
-        .color
-        .iter()
-        .map(|&[r, g, b, a]| {
-            if a > 0.0 {
-                [[r / a, g / a, b / a]; 2]
-            } else {
-                nothing
-            }
-        })
-        .collect();
-    // Along rows, then along columns.
-    for (step, length, lines, line_step) in [(1, width, height, width), (width, height, width, 1)] {
-        let before = ranges.clone();
-        for line in 0..lines {
-            for i in 0..length {
-                let mut range = nothing;
-                for k in i.saturating_sub(reach)..(i + reach + 1).min(length) {
-                    let [least, most] = before[line * line_step + k * step];
-                    for c in 0..3 {
-                        range[0][c] = range[0][c].min(least[c]);
-                        range[1][c] = range[1][c].max(most[c]);
-                    }
-                }
-                ranges[line * line_step + i * step] = range;
-            }
-        }
-    }
-    let (mut sum, mut astray, mut count) = (0.0, 0u64, 0u64);
-    for ([r, g, b, a], [least, most]) in picture.color.iter().zip(&ranges) {
-        if *a < 128 || least[0] > most[0] {
-            continue;
-        }
-        let alpha = f64::from(*a);
-        let mut off: f64 = 0.0;
-        for (c, value) in [r, g, b].into_iter().enumerate() {
-            let value = 255.0 * f64::from(*value) / alpha;
-            let (least, most) = (255.0 * f64::from(least[c]), 255.0 * f64::from(most[c]));
-            off = off.max(least - value).max(value - most);
-        }
-        sum += off;
-        astray += u64::from(off > ASTRAY);
-        count += 1;
-    }
-    let count = count.max(1) as f64;
-    (sum / count, 100.0 * astray as f64 / count)
 }
 
 #[cfg(test)]
@@ -421,31 +433,21 @@ mod tests {
     }
 
     #[test]
-    fn a_color_that_is_near_in_the_truth_is_not_astray() {
-        // Black on the left, white on the right, half covered between.
-        let truth = truth(20, 5, |x, _| match x {
-            0..=8 => [0.0, 0.0, 0.0, 1.0],
-            9 => [0.5, 0.5, 0.5, 0.5],
-            _ => [1.0; 4],
-        });
-        let mut picture = Image::filled(20, 5, [0, 0, 0, 255]);
-        for (i, pixel) in picture.color.iter_mut().enumerate() {
-            if i % 20 > 11 {
-                *pixel = [255; 4];
-            }
-        }
-        // The step is shown 3 pixels too far right: what is 2 away is within a reach of 3.
-        assert_eq!(strays(&truth, &picture, 3.0), (0.0, 0.0));
-        // Within a pixel it is not: columns 10 and 11 are black where the truth is white, 9 knows column 8.
-        let (stray, astray) = strays(&truth, &picture, 1.0);
-        assert_eq!((stray, astray), (255.0 * 2.0 / 20.0, 10.0));
-        // Colors of partly covered pixels are those of the surface.
-        picture.color[9] = [128, 128, 128, 128];
-        assert_eq!(strays(&truth, &picture, 3.0).1, 0.0);
-        assert_eq!(
-            strays(&truth, &Image::filled(20, 5, [9, 9, 9, 0]), 3.0),
-            (0.0, 0.0)
-        );
+    fn a_hole_counts_where_the_surface_is_whole() {
+        // Two empty pixels apart: at the left one some samples of the truth are open, at the right one none.
+        let truth = truth(9, 3, |x, y| [if (x, y) == (2, 1) { 0.9 } else { 1.0 }; 4]);
+        let mut picture = Image::filled(9, 3, [255; 4]);
+        picture.color[9 + 2] = [0; 4];
+        let mut is_open = vec![false; 27];
+        assert_eq!(whole_holes(&truth, &is_open, &picture), 0);
+        picture.color[9 + 6] = [0; 4];
+        assert_eq!(whole_holes(&truth, &is_open, &picture), 1);
+        is_open[9 + 6] = true;
+        assert_eq!(whole_holes(&truth, &is_open, &picture), 0);
+        is_open[9 + 6] = false;
+        // Together they are one hole, which holds a whole pixel.
+        (3..6).for_each(|x| picture.color[9 + x] = [0; 4]);
+        assert_eq!(whole_holes(&truth, &is_open, &picture), 1);
     }
 
     #[test]

@@ -13,6 +13,7 @@
 //! What breaks a rule is a known limit if a row of [`rows::ROWS`] says how far and why, else a failure. Rows may also
 //! be narrower than the rules, or state figures that have none.
 
+mod colors;
 mod figures;
 pub mod page;
 

@@ -1,6 +1,7 @@
 //! The rules that hold for every scene, and the verdict on a picture.
 
-use super::figures::{Case, FARTHEST_PX, Figure};
+use super::colors::FARTHEST_PX;
+use super::figures::{Case, Figure};
 use super::{Error, Look, rows};
 use crate::image::Image;
 use crate::method::{Method, SplatKind};
@@ -95,6 +96,9 @@ const STRAY: f64 = 4.0;
 /// Percentage of pixels whose color may lie farther than 32 levels outside of it.
 const ASTRAY: f64 = 1.0;
 
+/// How much nearer to the truth a picture may come by being blurred, levels: that of the color at the center.
+const MOIRE: f64 = 6.0;
+
 /// How far from where the surface is a look may show it, pixels; infinite where a splat of its own size reaches the near
 /// plane.
 ///
@@ -171,6 +175,11 @@ pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> 
                     [0.0, ASTRAY],
                     "colors are those of the surface near by",
                 ),
+                (
+                    Figure::Moire,
+                    [0.0, MOIRE],
+                    "no pattern that is not there: blurred over a node it is not much nearer to the truth",
+                ),
             ]);
         }
     }
@@ -230,7 +239,7 @@ impl Case {
             }
             bounds.extend(stated.into_iter().map(|row| {
                 let [least, most] = row.range;
-                let verdict = match ((least..=most).contains(&value), is_right) {
+                let verdict = match ((least..=most).contains(&value), is_right || row.is_bound) {
                     (false, _) => Verdict::Fail,
                     (true, true) => Verdict::Pass,
                     (true, false) => Verdict::Limit,

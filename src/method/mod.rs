@@ -24,6 +24,7 @@ pub use settings::{
     SumFormat,
 };
 
+pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;
 pub use compute::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;
 
 use crate::gpu::image::Format;

@@ -82,8 +82,10 @@ pub struct Renderer {
     splats: Vec<Splats>,
     small: Option<Small>,
     filtered: Option<Filtered>,
+    spare_filtered: Vec<Filtered>,
     visibility: Option<Visibility>,
     fuzzy: Option<Fuzzy>,
+    spare_fuzzy: Vec<Fuzzy>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
@@ -139,8 +141,10 @@ impl Renderer {
             splats: Vec::new(),
             small: None,
             filtered: None,
+            spare_filtered: Vec::new(),
             visibility: None,
             fuzzy: None,
+            spare_fuzzy: Vec::new(),
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
@@ -379,6 +383,9 @@ impl Renderer {
                     normals,
                     by_compute.then_some(is_gray),
                 )?;
+                exchange(&mut self.fuzzy, &mut self.spare_fuzzy, |f| {
+                    f.variant == variant
+                });
                 if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
                     let (width, height) = (self.targets.color.width, self.targets.color.height);
                     self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
@@ -389,6 +396,8 @@ impl Renderer {
                     has_lamp: lamp,
                     by_compute: by_compute.then_some(is_gray),
                 };
+                let spare = &mut self.spare_filtered;
+                exchange(&mut self.filtered, spare, |f| f.variant == variant);
                 if self.filtered.as_ref().is_none_or(|f| f.variant != variant) {
                     let size = (self.targets.color.width, self.targets.color.height);
                     self.filtered = Some(Filtered::new(&self.gpu, size, variant)?);
@@ -460,5 +469,22 @@ impl Renderer {
             image.normal = raw.into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
         }
         Ok(image)
+    }
+}
+
+/// Variants that are kept besides the present one.
+const MOST_SPARE: usize = 2;
+
+/// Puts the one that `is_it` into `place`, if it is there or among the spare ones, and else none; what was there is spare
+/// then. Variants that are drawn in turn, as charts do, are so made once.
+fn exchange<T>(place: &mut Option<T>, spare: &mut Vec<T>, is_it: impl Fn(&T) -> bool) {
+    if place.as_ref().is_some_and(&is_it) {
+        return;
+    }
+    let found = spare.iter().position(is_it).map(|i| spare.remove(i));
+    spare.extend(std::mem::replace(place, found));
+    if spare.len() > MOST_SPARE {
+        // The one that was last drawn longest ago.
+        spare.remove(0);
     }
 }

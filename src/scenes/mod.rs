@@ -227,7 +227,7 @@ pub static ALL: &[Entry] = &[
     Entry {
         name: "under-pixel",
         shows: "a ball of 0.28 square pixels that no pixel center meets",
-        fails: "triangles lose it, a square makes it a whole pixel, filtered splats lose it: its vector area is zero",
+        fails: "triangles lose it, a square makes it a whole pixel; its mean normal is zero",
         make: detail::under_pixel,
     },
     Entry {

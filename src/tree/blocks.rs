@@ -84,6 +84,15 @@ struct LeafSums {
     color: Vec3,
 }
 
+impl LeafSums {
+    /// The sums of this leaf alone, and its normal, zero where it has none.
+    fn alone(&self) -> (Sums, Vec3) {
+        let mut sums = Sums::default();
+        sums.add_leaf(self.area, self.normal, self.known, self.color);
+        (sums, self.normal.normalize_or_zero())
+    }
+}
+
 /// Fills the leaves' radii (of triangles: points bring theirs), all nodes and all attributes. On entry the leaves have
 /// their centers.
 pub(super) fn fill(
@@ -427,6 +436,10 @@ impl Source<'_> {
         *attributes = sums.attributes(splat_radius.min(node.radius), || {
             self.some_normal(first_child, count)
         });
+        let leaves = low.sums[range.clone()].iter().map(LeafSums::alone);
+        if sums.is_all_around(leaves) {
+            attributes.forget_normal(summary::OF_A_BALL);
+        }
         if attributes.has_normal() {
             let normal = attributes.normal();
             attributes.set_half_thickness(if self.triangles.is_empty() {
@@ -515,6 +528,12 @@ impl Source<'_> {
                 .find(|child| child.color[3] != 0)
                 .map_or([0, 0], |child| child.normal)
         });
+        let children = below.sums[local_children.clone()]
+            .iter()
+            .zip(&below.attributes[local_children.clone()]);
+        if sums.is_all_around(children.map(|(sums, a)| (*sums, a.normal_or_zero()))) {
+            attributes.forget_normal(summary::OF_A_BALL);
+        }
         if attributes.has_normal() {
             let normal = attributes.normal();
             attributes.set_half_thickness(match corners {

@@ -116,8 +116,10 @@ impl Strip {
 pub struct NodeAttributes {
     /// Area-weighted mean normal for shading, octahedral 2 x 16 bit.
     pub normal: [i16; 2],
-    /// Area-weighted mean color. Alpha is 0 where nothing below has a normal, else 255 less the thickness along the
-    /// normal, see [`NodeAttributes::half_thickness`].
+    /// Area-weighted mean color. Alpha is 0 where there is no mean normal, else 255 less the thickness along the normal, see
+    /// [`NodeAttributes::half_thickness`]. Where there is none because normals point all around, as in a whole ball, it
+    /// is two thirds of the mean color: without a normal it is lit as if it faced the light, and a ball has that much
+    /// of it on average.
     pub color: [u8; 4],
     /// Radius of the splat that stands for the node: the largest distance of a corner below from the sphere's center
     /// (above 256 leaves a bound of it), at most the bounding radius. For points the bounding radius.
@@ -143,6 +145,16 @@ impl NodeAttributes {
         octahedral::decode(self.normal)
     }
 
+    /// The mean normal; zero where there is none.
+    #[inline]
+    pub(super) fn normal_or_zero(&self) -> Vec3 {
+        if self.has_normal() {
+            self.normal()
+        } else {
+            Vec3::ZERO
+        }
+    }
+
     /// Half the thickness of what lies below, model units: no corner below (no disc of a point, as wide as its spacing) is
     /// farther along the normal from the sphere's center, up or down. Errs to too much, in steps of 1/254 of the splat
     /// radius, but for [`NodeAttributes::THICKNESS_TOLERANCE`]; at most the splat radius, which it is without a normal.
@@ -153,6 +165,14 @@ impl NodeAttributes {
         } else {
             self.splat_radius
         }
+    }
+
+    /// Takes the normal for none, and lights the color as `share` of facing.
+    #[inline]
+    pub(super) fn forget_normal(&mut self, share: f32) {
+        let [r, g, b, _] = self.color;
+        let [r, g, b] = [r, g, b].map(|c| (f32::from(c) * share + 0.5) as u8);
+        self.color = [r, g, b, 0];
     }
 
     /// Stores a half thickness, where there is a normal.

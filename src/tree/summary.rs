@@ -3,13 +3,26 @@
 use super::{Cone, NodeAttributes};
 use crate::math::cone::{self, Cap};
 use crate::math::octahedral;
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Mat3, Vec3};
 
 /// Stands for the area of a triangle without any, so that a node of such still has a mean normal and color.
 const LEAST_WEIGHT: f32 = 1e-30;
 
 /// A vector sum shorter than this share of the sum of lengths has no direction.
 const CANCELLED: f32 = 1e-6;
+
+/// The direction of a vector sum shorter than this share of the sum of lengths is an accident of the triangles.
+const SHORT: f32 = 0.1;
+
+/// Normals point all around where the squared eigenvalues of their second moment (its trace 1) add up to at most this: a
+/// third for a ball, a half for a ring, 1 for a sheet and its back.
+const ALL_AROUND: f32 = 0.6;
+
+/// The mean normal of half a sphere is half a normal long; less for one of few triangles.
+const HEMISPHERE: f32 = 0.4;
+
+/// Mean of n . v over what is seen of a ball from v, by projected area: what lights what has normals all around.
+pub(super) const OF_A_BALL: f32 = 2.0 / 3.0;
 
 /// Sums over the leaves below a node.
 #[derive(Debug, Clone, Copy, Default)]
@@ -128,6 +141,39 @@ impl Sums {
     #[inline]
     pub(super) fn normals_cancel(&self) -> bool {
         self.normal_weight > 0.0 && self.normal.length() <= CANCELLED * self.normal_weight
+    }
+
+    /// Whether the mean normal says nothing: it is short, and the normals below point all around instead of to and fro.
+    /// `parts` are sums of parts and the normals that those have, zero for none.
+    #[inline]
+    pub(super) fn is_all_around(&self, parts: impl Iterator<Item = (Sums, Vec3)>) -> bool {
+        // What has no area has no sides. Weights are taken relative, since squares of small areas vanish.
+        if !(self.area > 0.0 && self.normal_weight > 0.0)
+            || (self.normal / self.normal_weight).length() > SHORT
+        {
+            return false;
+        }
+        let mut moment = Mat3::ZERO;
+        for (sums, normal) in parts {
+            // The normals of a cap around its axis have a mean of (1 + c) / 2, c the cosine of its half angle, and a second
+            // moment of (1 + c + c^2) / 3 along the axis. Less than half a sphere: they point to and fro.
+            let length = (sums.normal / sums.normal_weight.max(f32::MIN_POSITIVE)).length();
+            let along = if normal == Vec3::ZERO {
+                1.0 / 3.0
+            } else if length < HEMISPHERE {
+                1.0
+            } else {
+                let c = (2.0 * length - 1.0).clamp(0.0, 1.0);
+                (1.0 + c + c * c) / 3.0
+            };
+            let across = 0.5 * (1.0 - along);
+            let axis = Mat3::from_cols(normal * normal.x, normal * normal.y, normal * normal.z);
+            moment +=
+                (axis * (along - across) + Mat3::IDENTITY * across) * (sums.weight / self.weight);
+        }
+        let trace = moment.x_axis.x + moment.y_axis.y + moment.z_axis.z;
+        let squares: f32 = moment.to_cols_array().iter().map(|v| v * v).sum();
+        trace > 0.0 && squares <= ALL_AROUND * trace * trace
     }
 
     /// The attributes, as flat as they can be; `substitute` gives the normal where the known ones cancel.
@@ -308,6 +354,46 @@ mod tests {
             (attributes.color, attributes.area),
             ([75, 75, 75, 255], 0.0)
         );
+    }
+
+    #[test]
+    fn normals_all_around_are_none_and_those_to_and_fro_are_one() {
+        let facing = |normals: &[Vec3]| {
+            let mut sums = Sums::default();
+            for &n in normals {
+                sums.add_leaf(2.0, n * 3.0, 3.0, Vec3::splat(90.0));
+            }
+            sums
+        };
+        let is_all_around = |parts: &[(Sums, Vec3)]| {
+            let mut whole = Sums::default();
+            for (part, _) in parts {
+                whole.add_child(part, Vec3::ZERO);
+            }
+            whole.is_all_around(parts.iter().copied())
+        };
+        let leaf = |n: Vec3| (facing(&[n]), n);
+        let [x, y, z] = Vec3::AXES;
+        let all = [x, -x, y, -y, z, -z];
+        assert!(is_all_around(&all.map(leaf)));
+        // The four sides of a tube are; a sheet and its back are not, however uneven.
+        assert!(is_all_around(&[x, -x, y, -y].map(leaf)));
+        assert!(!is_all_around(&[x, -x].map(leaf)));
+        assert!(!is_all_around(&[x, -x, x, -x, x, -x, y, -y].map(leaf)));
+        // Two halves of a box: their means say to and fro, but are half a normal long.
+        let half = |n: Vec3| (facing(&[n, n, n, x, -x, z, -z]), n);
+        assert!((half(y).0.normal.length() / half(y).0.normal_weight - 3.0 / 7.0).abs() < 1e-6);
+        assert!(is_all_around(&[half(y), half(-y)]));
+        // Parts that are a sheet and its back each.
+        let plate = (facing(&[z, -z]), z);
+        assert!(!is_all_around(&[(plate.0, z), (plate.0, -z)]));
+        // With a direction, however spread.
+        assert!(!is_all_around(&[x, y, -y, z, -z].map(leaf)));
+        // Nothing known.
+        assert!(!is_all_around(&[]));
+        let mut attributes = facing(&[x]).attributes(1.0, || [0, 0]);
+        attributes.forget_normal(OF_A_BALL);
+        assert_eq!(attributes.color, [60, 60, 60, 0]);
     }
 
     #[test]

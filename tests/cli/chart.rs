@@ -80,11 +80,18 @@ fn a_chart_of_a_small_model_is_whole() {
         };
         assert!(flip("splats square, 3 px") > flip("splats square, 1 px"));
         // Compute draws the same picture.
-        assert!((flip("pop square, 3 px") - flip("pop square, compute, 3 px")).abs() < 1e-4);
+        for line in ["pop square", "pop gauss", "pop filtered", "splats filtered"] {
+            let twin = flip(&format!("{line}, compute, 3 px"));
+            // Sums in fixed point and in floats round differently: a level here and there.
+            assert!(
+                (flip(&format!("{line}, 3 px")) - twin).abs() < 5e-4,
+                "{line}: {twin}"
+            );
+        }
         let frontier = panel["frontier"].as_array().unwrap();
         assert!(!frontier.is_empty());
     }
-    // 15 points of vertices, 12 each of splats and pop and two twins a threshold, triangles; 2 distances and 2 views.
+    // Vertices as points, splats and pop with six kinds of splats and their twins, triangles; 2 distances and 2 views.
     let choices = panels[0]["points"].as_array().unwrap().len();
     assert_eq!(rows.len(), choices * 4);
 

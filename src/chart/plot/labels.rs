@@ -25,6 +25,9 @@ pub(super) struct Placer {
 /// Width of a character and height of a line at the size of labels, pixels; wide enough for most fonts.
 const CHARACTER: [f64; 2] = [6.6, 13.0];
 
+/// Lines are looked at in steps of so many pixels: half the height of a label.
+const STEP: f64 = 6.0;
+
 /// Tried in this order at equal cost: to the upper right and the lower left a frontier leaves room.
 const DIRECTIONS: [[f64; 2]; 8] = [
     [0.8, -0.6],
@@ -49,6 +52,18 @@ impl Placer {
     /// Keeps labels off a marker of radius `r`, as far as there is room elsewhere.
     pub(super) fn avoid(&mut self, at: [f64; 2], r: f64) {
         self.markers.push((at, r));
+    }
+
+    /// Keeps labels off a line through `places`, less than off markers.
+    pub(super) fn avoid_line(&mut self, places: &[[f64; 2]]) {
+        for pair in places.windows(2) {
+            let ([x0, y0], [x1, y1]) = (pair[0], pair[1]);
+            let steps = ((x1 - x0).hypot(y1 - y0) / STEP).ceil().max(1.0);
+            for i in 0..=steps as u32 {
+                let t = f64::from(i) / steps;
+                self.avoid([x0 + t * (x1 - x0), y0 + t * (y1 - y0)], 1.0);
+            }
+        }
     }
 
     /// The best place for a label of a point; `None` where all would lie over other labels.
@@ -121,6 +136,19 @@ mod tests {
                     .any(|p| overlap(a, &[p[0] - 5.0, p[1] - 5.0, p[0] + 5.0, p[1] + 5.0]))
             );
         }
+        // Off a line too, where there is room beside it.
+        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
+        placer.avoid_line(&[[50.0, 250.0], [350.0, 50.0]]);
+        let label = placer.place([200.0, 150.0], "filtered 2").unwrap();
+        let [left, top, right, bottom] = placer.labels[0];
+        for i in 0..=300 {
+            let (x, y) = (50.0 + f64::from(i), 250.0 - f64::from(i) * 2.0 / 3.0);
+            assert!(
+                !(left < x && x < right && top < y && y < bottom),
+                "{label:?}"
+            );
+        }
+        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
         // What has no room gets none.
         assert_eq!(placer.place([200.0, 150.0], &"x".repeat(100)), None);
     }

@@ -119,7 +119,11 @@ impl Four {
         let colors = colors.to_array().map(f32::to_bits);
         let byte = |at: u32| Vec4::from_array(colors.map(|c| (c >> (8 * at) & 0xff) as i32 as f32));
         let alpha = byte(3);
-        let is_bare = alpha.cmpeq(Vec4::ZERO);
+        // Normals all around have no mean, and the color is that of a ball in the light; the sums know better.
+        let has_none = alpha.cmpeq(Vec4::ZERO);
+        let moments = [xx, yy, zz, xy, xz, yz].map(Vec4::abs);
+        let is_bare = has_none & (moments.into_iter().sum::<Vec4>()).cmpeq(Vec4::ZERO);
+        let of_ball = Vec4::select(has_none & !is_bare, Vec4::splat(1.5), Vec4::ONE);
         let thickness = (Vec4::splat(255.0) - alpha) * (1.0 / 254.0);
         let (reach, sums) = (radius * unit, area * unit);
         Self {
@@ -127,13 +131,18 @@ impl Four {
             area,
             vector_area: [vx, vy, vz].map(|v| v * sums),
             normals: Normals::Second([xx, yy, zz, xy, xz, yz].map(|v| v * sums)),
-            half_thickness: splat_radius * Vec4::select(is_bare, Vec4::ONE, thickness),
+            half_thickness: splat_radius * Vec4::select(has_none, Vec4::ONE, thickness),
             bend: Vec4::ZERO,
-            color: [0, 1, 2].map(|i| byte(i) * (1.0 / 255.0)),
+            color: [0, 1, 2].map(|i| (byte(i) * (1.0 / 255.0) * of_ball).min(Vec4::ONE)),
             bare: Vec4::select(is_bare, Vec4::ONE, Vec4::ZERO),
             has_edges: false,
             edges: [[Vec4::ZERO; 3]; 2],
         }
+    }
+
+    /// Whether any of them has no area.
+    pub(super) fn has_nothing(&self) -> bool {
+        self.area.cmpeq(Vec4::ZERO).any()
     }
 
     /// Triangles, or points.

@@ -80,6 +80,15 @@ impl Patch {
         let unit = |code: i16| f32::from(code) * (1.0 / Moments::UNIT);
         let area = attributes.area;
         let [xx, yy, zz, xy, xz, yz] = moments.second_moment.map(|code| unit(code) * area);
+        // Normals all around have no mean, and the color is that of a ball in the light; the sums know better.
+        let is_bare = !attributes.has_normal() && moments.second_moment == [0; 6];
+        let [r, g, b, alpha] = attributes.color;
+        let color = if attributes.has_normal() || is_bare {
+            attributes.color
+        } else {
+            let whole = |c: u8| (3 * u32::from(c)).div_ceil(2).min(255) as u8;
+            [whole(r), whole(g), whole(b), alpha]
+        };
         Self {
             center: node.center + Vec3::from(moments.centroid.map(unit)) * node.radius,
             area,
@@ -88,9 +97,9 @@ impl Patch {
             is_triangle: false,
             edges: [Vec3::ZERO; 2],
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
-            color: attributes.color,
+            color,
             node: Some(id),
-            is_bare: !attributes.has_normal(),
+            is_bare,
             half_thickness: attributes.half_thickness(),
             bend: 0.0,
         }
@@ -126,28 +135,34 @@ impl Patch {
         }
     }
 
-    /// A point of a cloud with the distance to its neighbors.
-    pub(super) fn of_point(point: &Vertex, spacing: f32) -> Self {
-        let area = crate::tree::area_of_point(spacing);
-        let is_bare = point.color[3] == 0;
-        let n = if is_bare {
-            Vec3::ZERO
-        } else {
-            octahedral::decode(point.normal)
-        };
+    /// Points in one place without a neighbor to say what they stand for: a square of `side`, model units, in the plane of
+    /// their normal.
+    pub(super) fn alone(center: Vec3, normal: Option<Vec3>, color: [u8; 4], side: f32) -> Self {
+        let area = side * side;
+        let n = normal.unwrap_or(Vec3::ZERO);
         Self {
-            center: point.position,
+            center,
             area,
             vector_area: n * area,
             normals: n * area,
             is_triangle: true,
             edges: [Vec3::ZERO; 2],
             second_moment: Mat3::ZERO,
-            color: point.color,
+            color,
             node: None,
-            is_bare,
-            half_thickness: spacing,
+            is_bare: normal.is_none(),
+            half_thickness: 0.5 * side,
             bend: 1.0,
+        }
+    }
+
+    /// A point of a cloud with the distance to its neighbors.
+    pub(super) fn of_point(point: &Vertex, spacing: f32) -> Self {
+        let normal = (point.color[3] != 0).then(|| octahedral::decode(point.normal));
+        let side = crate::tree::area_of_point(spacing).sqrt();
+        Self {
+            half_thickness: spacing,
+            ..Self::alone(point.position, normal, point.color, side)
         }
     }
 }

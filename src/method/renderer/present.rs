@@ -86,9 +86,9 @@ impl Renderer {
             self.targets = Targets::new(&self.gpu, width, height, self.outputs.normal)?;
             self.readback = None;
             self.small = None;
-            self.filtered = None;
+            (self.filtered, self.spare_filtered) = (None, Vec::new());
             self.visibility = None;
-            self.fuzzy = None;
+            (self.fuzzy, self.spare_fuzzy) = (None, Vec::new());
         }
         Ok(())
     }

@@ -1,0 +1,91 @@
+//! Splats that wait until they are four.
+
+use super::Eye;
+use super::four::{Four, Size};
+use super::patch::Patch;
+use crate::abi::FilteredSplat;
+use crate::draw::parts::Sink;
+use glam::{Vec3, Vec4};
+
+/// Splats of rows that wait until they are four.
+#[derive(Default)]
+pub(super) struct RowGroup {
+    pub(super) ids: [u32; 4],
+    pub(super) centers: [Vec3; 4],
+    pub(super) steps: [Vec3; 4],
+    pub(super) shares: [f32; 4],
+    pub(super) count: usize,
+}
+
+impl RowGroup {
+    /// Adds one of `count` splats of a row; whether they are four then.
+    #[inline]
+    pub(super) fn add(&mut self, id: u32, center: Vec3, step: Vec3, count: u32) -> bool {
+        let at = self.count;
+        self.ids[at] = id;
+        self.centers[at] = center;
+        self.steps[at] = step;
+        self.shares[at] = 1.0 / count as f32;
+        self.count += 1;
+        self.count == 4
+    }
+}
+
+/// Leaves that wait until they are four.
+pub(super) struct Group<'a> {
+    eye: &'a Eye<'a>,
+    patches: [Patch; 4],
+    diameters: [f32; 4],
+    count: usize,
+    is_own: bool,
+}
+
+impl<'a> Group<'a> {
+    pub(super) fn new(eye: &'a Eye<'a>) -> Self {
+        Self {
+            eye,
+            patches: [Patch::NOTHING; 4],
+            diameters: [0.0; 4],
+            count: 0,
+            is_own: false,
+        }
+    }
+
+    #[inline]
+    pub(super) fn add(
+        &mut self,
+        patch: Patch,
+        diameter_px: f32,
+        is_own: bool,
+        sink: &mut Sink<'_, FilteredSplat>,
+    ) {
+        if self.count == 4 || is_own != self.is_own {
+            self.flush(sink);
+        }
+        self.is_own = is_own;
+        self.patches[self.count] = patch;
+        self.diameters[self.count] = diameter_px;
+        self.count += 1;
+    }
+
+    pub(super) fn flush(&mut self, sink: &mut Sink<'_, FilteredSplat>) {
+        let eye = self.eye;
+        let size = Size {
+            diameter_px: Vec4::from_array(self.diameters),
+            is_own: self.is_own,
+            ..eye.dense()
+        };
+        let four = Four::of_leaves(self.patches.each_ref());
+        let seen = eye.seen(&four);
+        let colors = eye.lit(&four, &seen);
+        let group = (&four, &seen, self.count);
+        eye.splats(
+            group,
+            &size,
+            &colors,
+            |lane| self.patches[lane],
+            |splat| sink.point(splat),
+        );
+        self.count = 0;
+    }
+}
