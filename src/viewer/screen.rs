@@ -2,6 +2,7 @@
 //! lost.
 
 use super::control::Work;
+use super::lamp::same_cost;
 use super::ui::Painted;
 use crate::gpu::overlay::Overlay;
 use crate::gpu::surface::Surface;
@@ -446,7 +447,7 @@ impl Screen {
         settings: &Settings,
         size: (u32, u32),
     ) -> Result<(), Error> {
-        let mut look = *settings;
+        let mut look = same_cost(settings);
         if request.is_moving && request.work.is_some() {
             look.threshold_px = 0.0;
         }

@@ -1,7 +1,8 @@
 //! What keys and buttons ask for.
 
 use super::{App, Ask, FLY_SPEED, Fly};
-use crate::math::camera::{Camera, Light};
+use crate::draw::Lighting;
+use crate::math::camera::Camera;
 use crate::method::plan;
 use crate::method::renderer::Outputs;
 use crate::method::{Culling, Method, Settings, Shading};
@@ -9,6 +10,7 @@ use crate::viewer::camera::Orbit;
 use crate::viewer::choices::{self, Choice, others};
 use crate::viewer::control::Control;
 use crate::viewer::input::Command;
+use crate::viewer::lamp::same_cost;
 use crate::viewer::{Error, text};
 use std::f64::consts::TAU;
 use std::io::Write as _;
@@ -82,10 +84,9 @@ impl App {
                 depth_offset: None,
                 ..old
             }),
-            Command::Light => self.set_light(match self.light {
-                Light::Point => Light::Directional,
-                Light::Directional => Light::Point,
-            }),
+            Command::Light => self.next_light(),
+            Command::Lamp(change) => self.change_lamp(change),
+            Command::FrameTime(step) => self.next_frame_time(step),
             Command::TwoSided => self.wish(Settings {
                 two_sided: !old.two_sided,
                 ..old
@@ -192,12 +193,6 @@ impl App {
         self.asks.push(Ask::HoldCursor(is_flying));
     }
 
-    /// Another light.
-    pub(super) fn set_light(&mut self, light: Light) {
-        self.light = light;
-        self.is_dirty = true;
-    }
-
     /// Why these settings cannot be drawn with, if so.
     fn refusal(&self, settings: &Settings) -> Option<String> {
         let model = self.screen.model()?;
@@ -245,11 +240,14 @@ impl App {
         if settings.threshold_px != self.settings.threshold_px {
             self.held_px = settings.threshold_px;
         }
+        if let Lighting::Phong(lamp) = settings.light {
+            self.lamp = lamp;
+        }
         let looks_other = Settings {
             threshold_px: self.settings.threshold_px,
             ..settings
-        } != self.settings;
-        if looks_other {
+        };
+        if same_cost(&looks_other) != same_cost(&self.settings) {
             // Other passes: their times are not to be mixed.
             self.history.clear();
             if let Some(control) = &mut self.control {
@@ -440,6 +438,7 @@ impl App {
             name: &self.name,
             model,
             settings: &self.settings,
+            headlight: self.light,
             device: &self.screen.gpu().info().name,
             present_mode: self.screen.present_mode(),
             size: self.size,
