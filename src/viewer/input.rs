@@ -114,6 +114,10 @@ pub const KEYS: &[KeyGroup] = &[
             ("Space", "statistics in the title"),
             ("Enter", "print statistics and the camera"),
             ("P", "write the picture to surfel-NNN.png"),
+            (
+                "Shift P",
+                "write a photo to surfel-photo-NNN.png: twice as wide and high, 16 samples a pixel",
+            ),
             ("Backspace", "dismiss messages"),
             ("Esc", "close the list, the message, or the window"),
             ("Q", "quit"),
@@ -185,6 +189,8 @@ pub enum Command {
     Print,
     /// Write a picture.
     Screenshot,
+    /// Write a larger and smoother one.
+    Photo,
     /// Write pictures from all around.
     Turntable,
     /// Bring the model into the picture.
@@ -320,6 +326,7 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
             'g' => Command::Fly,
             'h' => Command::Graph,
             'z' => Command::Freeze,
+            'p' if modifiers.shift => Command::Photo,
             'p' => Command::Screenshot,
             't' => Command::Turntable,
             'q' => Command::Quit,

@@ -142,6 +142,11 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
                 "Write the picture to surfel-NNN.png (P)",
             ),
             (
+                "Photo",
+                Command::Photo,
+                "Write a picture twice as wide and high, 16 samples a pixel, to surfel-photo-NNN.png (Shift P)",
+            ),
+            (
                 "Turntable",
                 Command::Turntable,
                 "Write 36 pictures from all around to surfel-turn-NNN (T)",

@@ -1,6 +1,8 @@
 //! Frames on the window, or on none: two on their way at a time, rebuilt when the window changes or the device is
 //! lost.
 
+mod photo;
+
 use super::control::Work;
 use super::lamp::same_cost;
 use super::ui::Painted;

@@ -3,13 +3,14 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
+use surfel::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use surfel::cut::{Cut, Selector};
 use surfel::generate::{Shape, Spec};
 use surfel::method::{LARGEST_COMPUTE_SQUARE_PX, Settings, plan};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 use surfel::viewer::camera::Orbit;
-use surfel::viewer::control::{Control, Work};
+use surfel::viewer::control::{Control, Took, Work};
 use surfel::viewer::event::{Event, Key};
 use surfel::viewer::input::{Drag, Gesture, Mouse};
 use surfel::viewer::pace::{Paced, Summary};
@@ -93,16 +94,26 @@ struct Device {
     visited: f64,
     splat: f64,
     triangle: f64,
+    /// For each pixel of a blended splat; none are opaque.
+    pixel: Option<f64>,
+    /// Of the time of a frame, what passes over the picture take, and are told to take.
+    picture: f64,
     /// Splats of up to 6 pixels are drawn by compute, and each takes this part of the time.
     by_compute: Option<f64>,
 }
 
 impl Device {
     fn draws_by_compute(&self, threshold_px: f32) -> bool {
-        self.by_compute.is_some() && threshold_px <= LARGEST_COMPUTE_SQUARE_PX
+        let largest = if self.pixel.is_some() {
+            LARGEST_SMALL_BLENDED_PX
+        } else {
+            LARGEST_COMPUTE_SQUARE_PX
+        };
+        self.by_compute.is_some() && threshold_px <= largest
     }
 
-    fn ms(&self, work: &Work) -> f64 {
+    fn ms(&self, work: &Work, threshold_px: f32) -> f64 {
+        let pixels = work.splats as f64 * f64::from(threshold_px).powi(2);
         let part = match self.by_compute {
             Some(part) if work.by_compute => part,
             _ => 1.0,
@@ -110,7 +121,7 @@ impl Device {
         self.frame
             + self.visited * work.visited as f64
             + COUNTED * work.counted as f64
-            + part * self.splat * work.splats as f64
+            + part * (self.splat * work.splats as f64 + self.pixel.unwrap_or(0.0) * pixels)
             + self.triangle * work.triangles as f64
     }
 }
@@ -128,6 +139,7 @@ fn drive(
     noise: &mut Noise,
 ) -> Vec<Paced> {
     let finest = 1.0;
+    control.set_blended(device.pixel.is_some());
     let mut selector = Selector::default();
     let mut cut = Cut::default();
     let mut under_way: VecDeque<(f32, Work, f64)> = VecDeque::new();
@@ -157,7 +169,7 @@ fn drive(
                 counted: control.counted(),
                 ..work(threshold_px)
             };
-            let exact = device.ms(&drawn);
+            let exact = device.ms(&drawn, threshold_px);
             // One frame in a hundred waits for something else.
             let hiccup = if noise.next() < 0.01 { 2.0 } else { 1.0 };
             let ms = exact * hiccup * (1.0 + 0.03 * noise.normal());
@@ -165,7 +177,11 @@ fn drive(
             if under_way.len() > 2
                 && let Some((px, drawn, ms)) = under_way.pop_front()
             {
-                control.frame(px, &drawn, ms);
+                let took = Took {
+                    ms,
+                    picture_ms: device.picture,
+                };
+                control.frame(px, &drawn, took);
             }
             Paced {
                 ms,
@@ -202,6 +218,8 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 2e-3,
                 triangle: 3e-3,
                 by_compute: None,
+                pixel: None,
+                picture: 0.0,
             },
         ),
         (
@@ -212,6 +230,8 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 5e-4,
                 triangle: 3e-3,
                 by_compute: None,
+                pixel: None,
+                picture: 0.0,
             },
         ),
         (
@@ -222,6 +242,8 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 1e-3,
                 triangle: 1.5e-3,
                 by_compute: None,
+                pixel: None,
+                picture: 0.0,
             },
         ),
         // The time jumps by half where compute ends, in the middle of the thresholds of this walk.
@@ -233,6 +255,34 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 4e-3,
                 triangle: 4e-3,
                 by_compute: Some(0.6),
+                pixel: None,
+                picture: 0.0,
+            },
+        ),
+        // Blended splats: pixels take more than splats do where those are large, and a quarter of the time goes into
+        // passes over the picture.
+        (
+            "blended",
+            Device {
+                frame: TARGET / 4.0,
+                visited: 8e-6,
+                splat: 9e-4,
+                triangle: 2e-3,
+                by_compute: None,
+                pixel: Some(3e-6),
+                picture: TARGET / 4.0 - 1.0,
+            },
+        ),
+        (
+            "blended in two ways",
+            Device {
+                frame: TARGET / 4.0,
+                visited: 8e-6,
+                splat: 9e-4,
+                triangle: 4e-3,
+                by_compute: Some(0.6),
+                pixel: Some(3e-6),
+                picture: TARGET / 4.0 - 1.0,
             },
         ),
     ] {

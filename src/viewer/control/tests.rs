@@ -181,6 +181,89 @@ fn what_a_triangle_takes_is_learned() {
     assert!((foreseen - 1.0).abs() < 0.25, "{foreseen} at {px}");
 }
 
+/// Numbers of blended splats, and what they take: each something, and each of its pixels something, besides 6 ms of
+/// passes over the picture that are told.
+fn blended(splats: f64, px: f32) -> (Work, Took) {
+    let work = Work {
+        splats: (splats / f64::from(px).powi(2)) as u64,
+        ..Work::default()
+    };
+    let each = 2e-4 * (1.0 + 0.01 * f64::from(px).powi(2));
+    let took = Took {
+        ms: 6.0 + each * work.splats as f64,
+        picture_ms: 6.0,
+    };
+    (work, took)
+}
+
+/// Frames of views from far to near, each with a threshold of its own.
+fn approach(control: &mut Control, is_told: bool) {
+    for i in 0..60 {
+        let (splats, px) = (1e6 * 1.02f64.powi(i), 2.0 + 0.1 * i as f32);
+        let (work, took) = blended(splats, px);
+        if is_told {
+            control.frame(px, &work, took);
+        } else {
+            control.frame(px, &work, took.ms);
+        }
+    }
+}
+
+#[test]
+fn what_the_pixels_of_splats_take_is_learned() {
+    let foreseen = |is_blended: bool| {
+        let mut control = Control::new(TARGET, 1.0);
+        control.set_blended(is_blended);
+        approach(&mut control, true);
+        control.moved();
+        // Nearer than before, from one frame to the next.
+        let px = control.plan(|px| blended(1.2e7, px).0);
+        blended(1.2e7, px).1.ms / TARGET
+    };
+    let share = foreseen(true);
+    assert!((share - 1.0).abs() < 0.05, "{share}");
+    let without = foreseen(false);
+    assert!(without > 1.15, "the pixels do not matter here: {without}");
+}
+
+#[test]
+fn what_passes_over_the_picture_take_is_no_work() {
+    // Half of the wanted time. Taken for work, it would seem to grow where more is drawn.
+    let device = Device::reaching(3.0, 0.5);
+    let share = |is_told: bool| {
+        let mut control = Control::new(TARGET, 1.0);
+        for i in 0..40 {
+            let px = 6.0 + 0.02 * i as f32;
+            let took = Took {
+                ms: device.ms(px),
+                picture_ms: if is_told { device.a } else { 0.0 },
+            };
+            control.frame(px, &device.work(px), took);
+        }
+        control.moved();
+        device.ms(control.plan(|px| device.work(px))) / TARGET
+    };
+    let (with, without) = (share(true), share(false));
+    assert!((with - 1.0).abs() < 0.05, "{with}");
+    assert!(without < 0.85, "{without}");
+}
+
+#[test]
+fn times_of_the_picture_that_are_none_change_nothing() {
+    let device = Device::reaching(3.0, 0.2);
+    for picture_ms in [f64::NAN, -5.0, f64::INFINITY, 1e9] {
+        let mut control = Control::new(TARGET, 1.0);
+        control.set_blended(true);
+        for _ in 0..200 {
+            control.moved();
+            let px = control.plan(|px| device.work(px));
+            assert!((1.0..=COARSEST_PX).contains(&px), "{picture_ms}: {px}");
+            let ms = device.ms(px);
+            control.frame(px, &device.work(px), Took { ms, picture_ms });
+        }
+    }
+}
+
 #[test]
 fn one_slow_frame_changes_nothing() {
     let device = Device::reaching(2.0, 0.15);
