@@ -27,9 +27,10 @@ use std::collections::VecDeque;
 
 /// Largest threshold that is chosen, pixels (theirs).
 pub const COARSEST_PX: f32 = 50.0;
-/// A frame foreseen to miss the wanted time by less than this share keeps the threshold of the one before.
+/// A frame foreseen to miss the wanted time by less than this share keeps the threshold of the one before; by less where
+/// the time changes little with the threshold.
 const DEAD_BAND: f64 = 0.045;
-/// The search for another threshold ends at this share.
+/// The search for another threshold ends at this share; at less likewise.
 const AIM: f64 = 0.02;
 /// The largest squares that compute draws may take so much longer: one size up takes far longer.
 const EDGE_BAND: f64 = 0.1;
@@ -355,30 +356,50 @@ impl Control {
             .or_else(|| of(!by_compute, &|_| true).map(as_other))
     }
 
-    /// The threshold with which `work`, which is that of `px`, becomes `units`, if numbers go with the threshold to minus
-    /// `power`; the nearer end where none between `ends` does.
+    /// What `work`, which is that of `px`, becomes with another threshold, if numbers go with the threshold to minus
+    /// `power`. Pixels of splats never grow where those become fewer: where they do, because splats are of single leaves,
+    /// that is found by looking, and a step is too small rather than too large.
+    fn units_at(&self, at: f64, (work, px): (&Work, f32), power: f64) -> f64 {
+        let numbers = Weights {
+            pixel: 0.0,
+            ..self.weights
+        };
+        let numbers = numbers.units(work, px);
+        let pixels = self.weights.units(work, px) - numbers;
+        let coarser = at / f64::from(px);
+        numbers * coarser.powf(-power) + pixels * coarser.powf(2.0 - power.max(2.0))
+    }
+
+    /// How much the time of a frame changes with its threshold, over what it would if all of it went with the numbers: where
+    /// it changes little, a small error of the time is a large one of the threshold. 0.6 to 1.
+    fn steepness(&self, rates: Rates, (work, px): (&Work, f32), power: f64) -> f64 {
+        const STEP: f64 = 1.05;
+        let ms = |at: f64| rates.picture + rates.unit * self.units_at(at, (work, px), power);
+        let change = ms(STEP * f64::from(px)) / ms(f64::from(px));
+        (-change.ln() / (power * STEP.ln())).clamp(0.6, 1.0)
+    }
+
+    /// The threshold with which `work`, which is that of `px`, becomes `units`; the nearer end where none between `ends`
+    /// does.
     fn threshold_for(
         &self,
         units: f64,
         (work, px): (&Work, f32),
         power: f64,
-        ends: (f32, f32),
+        (finest, coarsest): (f32, f32),
     ) -> f32 {
-        let is_too_much = |at: f32| {
-            let fewer = f64::from(at / px).powf(-power);
-            fewer * self.weights.units(work, at) > units
-        };
+        let is_too_much = |at: f64| self.units_at(at, (work, px), power) > units;
         if self.weights.pixel == 0.0 {
-            let less = self.weights.units(work, px) / units;
-            return (px * less.powf(1.0 / power) as f32).clamp(ends.0, ends.1);
+            let less = self.weights.units(work, px) / units.max(1e-12);
+            return (px * less.powf(1.0 / power) as f32).clamp(finest, coarsest);
         }
-        let (mut low, mut high) = ends;
-        if is_too_much(high) {
-            return high;
+        if is_too_much(f64::from(coarsest)) {
+            return coarsest;
         }
-        if !is_too_much(low) {
-            return low;
+        if !is_too_much(f64::from(finest)) {
+            return finest;
         }
+        let (mut low, mut high) = (f64::from(finest), f64::from(coarsest));
         for _ in 0..24 {
             let middle = (low * high).sqrt();
             if is_too_much(middle) {
@@ -387,7 +408,7 @@ impl Control {
                 high = middle;
             }
         }
-        high
+        high as f32
     }
 
     /// The threshold for the next frame, pixels. `work` says what would be drawn with a threshold; it is asked only while
@@ -420,7 +441,9 @@ impl Control {
             let foreseen = |rates: Rates| rates.picture + rates.unit * units;
             let share = (foreseen(rates(now.by_compute)) / self.target_ms).max(1e-6);
             let is_largest = now.by_compute && px == edge && share > 1.0;
-            let is_held = (share - aim).abs() <= allowed;
+            let power = self.ways[usize::from(now.by_compute)].power;
+            let steepness = self.steepness(rates(now.by_compute), (&now, px), power);
+            let is_held = (share - aim).abs() <= allowed * steepness;
             if is_held || is_largest && share <= 1.0 + EDGE_BAND {
                 break;
             }

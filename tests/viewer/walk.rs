@@ -266,22 +266,10 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             Device {
                 frame: TARGET / 4.0,
                 visited: 8e-6,
-                splat: 9e-4,
-                triangle: 2e-3,
+                splat: 1.6e-3,
+                triangle: 8e-3,
                 by_compute: None,
-                pixel: Some(3e-6),
-                picture: TARGET / 4.0 - 1.0,
-            },
-        ),
-        (
-            "blended in two ways",
-            Device {
-                frame: TARGET / 4.0,
-                visited: 8e-6,
-                splat: 9e-4,
-                triangle: 4e-3,
-                by_compute: Some(0.6),
-                pixel: Some(3e-6),
+                pixel: Some(4e-6),
                 picture: TARGET / 4.0 - 1.0,
             },
         ),
@@ -314,7 +302,9 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             .map(|(a, b)| (a.threshold_px / b.threshold_px).max(b.threshold_px / a.threshold_px))
             .fold(1.0f32, f32::max);
         println!("{name}: thresholds there and back differ by a factor of at most {apart}");
-        assert!(apart < 1.1, "{name}: {apart}");
+        // Of blended splats half of the time or less goes with their number: as much time is more of the threshold there.
+        let most_apart = if device.pixel.is_some() { 1.15 } else { 1.1 };
+        assert!(apart < most_apart, "{name}: {apart}");
         // A camera that stays where it is, as under a hand that trembles: the threshold settles and stays within
         // what noise may move it, and it does not swing.
         let still = vec![cameras[half].clone(); 120];
@@ -324,8 +314,9 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             .windows(2)
             .filter(|w| w[0].threshold_px != w[1].threshold_px)
             .count();
-        assert!(turns <= 4, "{name}: {turns} changes at rest");
         let bounds = Summary::of(late, TARGET).thresholds_px;
+        println!("{name}: {turns} changes at rest, {bounds:?} px");
+        assert!(turns <= 4, "{name}: {turns} changes at rest");
         assert!(bounds.1 < 1.08 * bounds.0, "{name}: {bounds:?} at rest");
     }
 }
