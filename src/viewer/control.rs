@@ -12,25 +12,18 @@
 //! of the frame that they are made for.
 //!
 //! A frame that draws nothing takes time too, but how much cannot be told from frames that are all held at the same
-//! time (tried: the estimate drifts to all of it, and thresholds swing). What passes over the whole picture take is
-//! measured, so it is kept apart: only the rest counts as work. Of that rest all counts as work: a correction comes out
-//! too small rather than too large, and the next frames make up for it.
-//!
-//! Blended splats take time for each pixel as well. How much cannot be told from one view either: there the number of
-//! splats goes with the inverse square of the threshold, so all of them together cover as many pixels at any, and what
-//! they take looks like time without work. It is learned only once frames differ in both, threshold and pixels.
+//! time (tried: the estimate drifts to all of it, and thresholds swing). So all time counts as work: a correction comes
+//! out too small rather than too large, and the next frames make up for it.
 
-use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::method::LARGEST_COMPUTE_SQUARE_PX;
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
 /// Largest threshold that is chosen, pixels (theirs).
 pub const COARSEST_PX: f32 = 50.0;
-/// A frame foreseen to miss the wanted time by less than this share keeps the threshold of the one before; by less where
-/// the time changes little with the threshold.
+/// A frame foreseen to miss the wanted time by less than this share keeps the threshold of the one before.
 const DEAD_BAND: f64 = 0.045;
-/// The search for another threshold ends at this share; at less likewise.
+/// The search for another threshold ends at this share.
 const AIM: f64 = 0.02;
 /// The largest squares that compute draws may take so much longer: one size up takes far longer.
 const EDGE_BAND: f64 = 0.1;
@@ -46,7 +39,7 @@ const USUAL_RATIO: f64 = 1.6;
 /// Factor of the threshold from step to step at rest (theirs).
 const REFINE: f32 = 0.7;
 /// Frames whose median says what a unit of work takes.
-const RATES: usize = 7;
+const RATES: usize = 9;
 /// A threshold that differs by less than this factor is about the same.
 const NEAR: f32 = 1.6;
 /// Frames that are kept of each of the two ways.
@@ -55,13 +48,6 @@ const FRAMES: usize = 96;
 const RECENT: u64 = 40;
 /// Frames from which on weights are chosen by them.
 const LEAST_FRAMES: usize = 10;
-/// Of so many frames weights are chosen at each one.
-const WEIGHED: u64 = 4;
-/// Thresholds and pixels of the frames must differ by this factor before what a pixel takes is learned: the ninth tenth of
-/// them over the first.
-const SPREAD: f64 = 1.25;
-/// What passes over the picture take is at most this part of the wanted time: above it nothing would be left to draw in.
-const MOST_OF_PICTURE: f64 = 0.8;
 /// Other weights must leave less than this part of what is not explained.
 const BETTER: f64 = 0.65;
 /// Off by less than this the time counts as held.
@@ -83,47 +69,24 @@ pub struct Work {
     pub counted: u64,
 }
 
-/// What a frame took.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Took {
-    /// All of it, milliseconds.
-    pub ms: f64,
-    /// What passes over the whole picture took of that, whatever was drawn, milliseconds.
-    pub picture_ms: f64,
-}
-
-impl From<f64> for Took {
-    /// So many milliseconds, of which nothing else is known.
-    fn from(ms: f64) -> Self {
-        Self {
-            ms,
-            picture_ms: 0.0,
-        }
-    }
-}
-
-/// What nodes visited, triangles and pixels of splats take, in splats of no size.
+/// What nodes visited and triangles take, in splats.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Weights {
     visited: f64,
     triangle: f64,
-    /// A pixel of a splat of the threshold's size.
-    pixel: f64,
 }
 
 impl Weights {
     const USUAL: Self = Self {
         visited: 0.05,
         triangle: 1.5,
-        pixel: 0.0,
     };
 
-    /// All of the work, drawn with a threshold of `px`, in one number.
-    fn units(self, work: &Work, px: f32) -> f64 {
+    /// All of the work in one number: a splat is 1.
+    fn units(self, work: &Work) -> f64 {
         let visited = self.visited * work.visited as f64;
         let triangles = self.triangle * work.triangles as f64;
-        let splat = 1.0 + self.pixel * f64::from(px).powi(2);
-        let drawn = visited + splat * work.splats as f64 + triangles;
+        let drawn = visited + work.splats as f64 + triangles;
         (drawn + COUNTED * work.counted as f64).max(1.0)
     }
 }
@@ -144,40 +107,8 @@ pub enum Report {
 struct Frame {
     work: Work,
     px: f32,
-    took: Took,
+    ms: f64,
     number: u64,
-}
-
-impl Frame {
-    /// What its work took, milliseconds; above 0.
-    fn work_ms(&self) -> f64 {
-        let Took { ms, picture_ms } = self.took;
-        (ms - picture_ms).max(0.02 * ms)
-    }
-
-    /// Pixels of its splats, if all had the threshold's size.
-    fn pixels(&self) -> f64 {
-        self.work.splats as f64 * f64::from(self.px).powi(2)
-    }
-}
-
-/// What is foreseen of frames that are drawn in one way with about one threshold, milliseconds.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Rates {
-    /// A unit of work.
-    unit: f64,
-    /// The passes over the picture.
-    picture: f64,
-}
-
-impl Rates {
-    fn of(frames: &[&Frame], weights: Weights) -> Option<Self> {
-        let over = |of: &dyn Fn(&Frame) -> f64| median(frames.iter().map(|f| of(f)).collect());
-        (!frames.is_empty()).then(|| Self {
-            unit: over(&|f| f.work_ms() / weights.units(&f.work, f.px)),
-            picture: over(&|f| f.took.picture_ms),
-        })
-    }
 }
 
 /// What is known of one way to draw small splats.
@@ -185,24 +116,8 @@ impl Rates {
 struct Way {
     /// Its last frames, oldest first.
     frames: VecDeque<Frame>,
-    /// Numbers go with the threshold to minus this power.
+    /// Work goes with the threshold to minus this power.
     power: f64,
-}
-
-/// The ninth tenth of some values over the first.
-fn spread(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let at = |tenths: usize| values.get(tenths * values.len() / 10).copied();
-    at(9).unwrap_or(1.0) / at(1).unwrap_or(1.0).max(1e-9)
-}
-
-impl Way {
-    /// Whether what a pixel takes can be told from its frames.
-    fn tells_pixels(&self) -> bool {
-        self.frames.len() >= 2 * LEAST_FRAMES
-            && spread(self.frames.iter().map(|f| f64::from(f.px)).collect()) > SPREAD
-            && spread(self.frames.iter().map(Frame::pixels).collect()) > SPREAD
-    }
 }
 
 impl Default for Way {
@@ -233,8 +148,6 @@ pub struct Control {
     /// Nodes looked at to plan the present frame, by cuts that are not drawn.
     counted: u64,
     weights: Weights,
-    /// Splats are blended: each of their pixels takes time.
-    is_blended: bool,
     report: Report,
 }
 
@@ -261,23 +174,7 @@ impl Control {
             last_ms: VecDeque::new(),
             counted: 0,
             weights: Weights::USUAL,
-            is_blended: false,
             report: Report::Adapting,
-        }
-    }
-
-    /// Whether the splats of the coming frames are blended: they are drawn by compute up to another size then, and each of
-    /// their pixels takes time.
-    pub fn set_blended(&mut self, is_blended: bool) {
-        self.is_blended = is_blended;
-    }
-
-    /// Largest threshold that may be drawn by compute, pixels.
-    fn edge_px(&self) -> f32 {
-        if self.is_blended {
-            LARGEST_SMALL_BLENDED_PX
-        } else {
-            LARGEST_COMPUTE_SQUARE_PX
         }
     }
 
@@ -330,13 +227,14 @@ impl Control {
         std::mem::replace(&mut self.shown_px, next) != next
     }
 
-    /// What frames take that are drawn so with a threshold of about `px`: of late, else ever; else with any threshold; else
-    /// what the other way takes and is usually different by. None before the first frame.
-    fn rates(&self, px: f32, by_compute: bool) -> Option<Rates> {
+    /// Milliseconds of a unit of work that is drawn so with a threshold of about `px`: of late, else ever; else with any
+    /// threshold; else what the other way takes and is usually different by. None before the first frame.
+    fn rate(&self, px: f32, by_compute: bool) -> Option<f64> {
         let of = |by_compute: bool, is_wanted: &dyn Fn(&Frame) -> bool| {
             let frames = &self.ways[usize::from(by_compute)].frames;
-            let wanted = frames.iter().rev().filter(|f| is_wanted(f)).take(RATES);
-            Rates::of(&wanted.collect::<Vec<_>>(), self.weights)
+            let rates = frames.iter().rev().filter(|f| is_wanted(f)).take(RATES);
+            let rates: Vec<f64> = rates.map(|f| f.ms / self.weights.units(&f.work)).collect();
+            (!rates.is_empty()).then(|| median(rates))
         };
         let is_near = |f: &Frame| (NEAR.recip()..=NEAR).contains(&(f.px / px));
         let is_recent = |f: &Frame| f.number + RECENT > self.count;
@@ -345,70 +243,11 @@ impl Control {
         } else {
             USUAL_RATIO
         };
-        let as_other = |rates: Rates| Rates {
-            unit: ratio * rates.unit,
-            ..rates
-        };
         of(by_compute, &|f| is_near(f) && is_recent(f))
             .or_else(|| of(by_compute, &is_near))
             .or_else(|| of(by_compute, &|_| true))
-            .or_else(|| of(!by_compute, &is_near).map(as_other))
-            .or_else(|| of(!by_compute, &|_| true).map(as_other))
-    }
-
-    /// What `work`, which is that of `px`, becomes with another threshold, if numbers go with the threshold to minus
-    /// `power`. Pixels of splats never grow where those become fewer: where they do, because splats are of single leaves,
-    /// that is found by looking, and a step is too small rather than too large.
-    fn units_at(&self, at: f64, (work, px): (&Work, f32), power: f64) -> f64 {
-        let numbers = Weights {
-            pixel: 0.0,
-            ..self.weights
-        };
-        let numbers = numbers.units(work, px);
-        let pixels = self.weights.units(work, px) - numbers;
-        let coarser = at / f64::from(px);
-        numbers * coarser.powf(-power) + pixels * coarser.powf(2.0 - power.max(2.0))
-    }
-
-    /// How much the time of a frame changes with its threshold, over what it would if all of it went with the numbers: where
-    /// it changes little, a small error of the time is a large one of the threshold. 0.6 to 1.
-    fn steepness(&self, rates: Rates, (work, px): (&Work, f32), power: f64) -> f64 {
-        const STEP: f64 = 1.05;
-        let ms = |at: f64| rates.picture + rates.unit * self.units_at(at, (work, px), power);
-        let change = ms(STEP * f64::from(px)) / ms(f64::from(px));
-        (-change.ln() / (power * STEP.ln())).clamp(0.6, 1.0)
-    }
-
-    /// The threshold with which `work`, which is that of `px`, becomes `units`; the nearer end where none between `ends`
-    /// does.
-    fn threshold_for(
-        &self,
-        units: f64,
-        (work, px): (&Work, f32),
-        power: f64,
-        (finest, coarsest): (f32, f32),
-    ) -> f32 {
-        let is_too_much = |at: f64| self.units_at(at, (work, px), power) > units;
-        if self.weights.pixel == 0.0 {
-            let less = self.weights.units(work, px) / units.max(1e-12);
-            return (px * less.powf(1.0 / power) as f32).clamp(finest, coarsest);
-        }
-        if is_too_much(f64::from(coarsest)) {
-            return coarsest;
-        }
-        if !is_too_much(f64::from(finest)) {
-            return finest;
-        }
-        let (mut low, mut high) = (f64::from(finest), f64::from(coarsest));
-        for _ in 0..24 {
-            let middle = (low * high).sqrt();
-            if is_too_much(middle) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        high as f32
+            .or_else(|| of(!by_compute, &is_near).map(|rate| ratio * rate))
+            .or_else(|| of(!by_compute, &|_| true).map(|rate| ratio * rate))
     }
 
     /// The threshold for the next frame, pixels. `work` says what would be drawn with a threshold; it is asked only while
@@ -419,53 +258,32 @@ impl Control {
             return self.shown_px;
         }
         let (finest, coarsest) = (self.finest_px, COARSEST_PX.max(self.finest_px));
-        let edge = self.edge_px();
-        // Thresholds found too fine and too coarse: what is tried next lies between.
-        let (mut too_fine, mut too_coarse) = (0.0f32, f32::INFINITY);
+        let edge = LARGEST_COMPUTE_SQUARE_PX;
         let mut px = self.moving_px;
         let mut now = work(px);
         let (mut aim, mut allowed) = (1.0, DEAD_BAND);
         for _ in 1..MOST_CUTS {
-            let rates = |by_compute: bool| {
-                let none = Rates {
-                    unit: 0.0,
-                    picture: 0.0,
-                };
-                let Rates { unit, picture } = self.rates(px, by_compute).unwrap_or(none);
-                Rates {
-                    unit: unit.max(1e-12),
-                    picture: picture.min(MOST_OF_PICTURE * self.target_ms),
-                }
+            // Units of work that take the wanted time, drawn in either way.
+            let wanted = |by_compute: bool| {
+                let rate = self.rate(px, by_compute).unwrap_or(0.0);
+                self.target_ms / rate.max(1e-12)
             };
-            let units = self.weights.units(&now, px);
-            let foreseen = |rates: Rates| rates.picture + rates.unit * units;
-            let share = (foreseen(rates(now.by_compute)) / self.target_ms).max(1e-6);
+            let units = self.weights.units(&now);
+            let share = (units / wanted(now.by_compute)).max(1e-6);
             let is_largest = now.by_compute && px == edge && share > 1.0;
-            let power = self.ways[usize::from(now.by_compute)].power;
-            let steepness = self.steepness(rates(now.by_compute), (&now, px), power);
-            let is_held = (share - aim).abs() <= allowed * steepness;
+            let is_held = (share - aim).abs() <= allowed;
             if is_held || is_largest && share <= 1.0 + EDGE_BAND {
                 break;
             }
             // What is coarser than the largest is drawn in the other way.
             let by_compute = now.by_compute && !is_largest;
-            let rates = rates(by_compute);
+            let wanted = wanted(by_compute);
             // This cut will have been counted for nothing. All of that would make the frames after this one too short.
-            let lost = COUNTED * (self.counted + now.visited) as f64 * rates.unit / self.target_ms;
+            let lost = COUNTED * (self.counted + now.visited) as f64 / wanted;
             (aim, allowed) = (1.0 - lost.min(MOST_LOST), AIM);
             let power = self.ways[usize::from(by_compute)].power;
-            let wanted = (aim * self.target_ms - rates.picture) / rates.unit;
-            let mut next = self.threshold_for(wanted, (&now, px), power, (finest, coarsest));
-            if share > aim {
-                too_fine = too_fine.max(px);
-            } else {
-                too_coarse = too_coarse.min(px);
-            }
-            if too_fine < too_coarse && (next <= too_fine || next >= too_coarse) && next != px {
-                // Known already: the two ways take different times.
-                let (low, high) = (too_fine.max(finest), too_coarse.min(coarsest));
-                next = (low * high).sqrt();
-            }
+            let less = units / (aim * wanted);
+            let mut next = (px * less.powf(1.0 / power) as f32).clamp(finest, coarsest);
             if now.by_compute && px < edge && next > edge {
                 next = edge.clamp(finest, coarsest);
             }
@@ -476,11 +294,7 @@ impl Control {
             let other = work(next);
             let steps = f64::from(next / px).ln();
             if steps.abs() > 1e-3 && other.by_compute == now.by_compute {
-                let numbers = Weights {
-                    pixel: 0.0,
-                    ..self.weights
-                };
-                let change = numbers.units(&other, next) / numbers.units(&now, px);
+                let change = self.weights.units(&other) / units;
                 self.ways[usize::from(now.by_compute)].power =
                     (-change.ln() / steps).clamp(0.7, 4.0);
             }
@@ -496,17 +310,11 @@ impl Control {
         self.counted
     }
 
-    /// A frame of `work`, drawn with `drawn_px`, took so long.
-    pub fn frame(&mut self, drawn_px: f32, work: &Work, took: impl Into<Took>) {
-        let Took { ms, picture_ms } = took.into();
+    /// A frame of `work`, drawn with `drawn_px`, took `ms` milliseconds.
+    pub fn frame(&mut self, drawn_px: f32, work: &Work, ms: f64) {
         if !(ms.is_finite() && ms > 0.0 && drawn_px > 0.0) {
             return;
         }
-        let picture_ms = if picture_ms.is_finite() {
-            picture_ms.clamp(0.0, ms)
-        } else {
-            0.0
-        };
         let frames = &mut self.ways[usize::from(work.by_compute)].frames;
         if frames.len() == FRAMES {
             frames.pop_front();
@@ -515,13 +323,11 @@ impl Control {
         frames.push_back(Frame {
             work: *work,
             px: drawn_px,
-            took: Took { ms, picture_ms },
+            ms,
             number: self.count,
         });
-        if self.count.is_multiple_of(WEIGHED) {
-            self.weigh();
-        }
-        tracing::debug!(ms, picture_ms, drawn_px, ?work, weights = ?self.weights, "frame");
+        self.weigh();
+        tracing::debug!(ms, drawn_px, ?work, "frame");
         let coarsest = COARSEST_PX.max(self.finest_px);
         if self.last_ms.len() == 3 {
             self.last_ms.pop_front();
@@ -545,13 +351,6 @@ impl Control {
         if self.ways.iter().map(|way| way.frames.len()).sum::<usize>() < LEAST_FRAMES {
             return;
         }
-        let tells_pixels = self.is_blended && self.ways.iter().any(Way::tells_pixels);
-        let pixels: &[f64] = if tells_pixels {
-            &[0.0, 0.003, 0.01, 0.03, 0.1]
-        } else {
-            self.weights.pixel = 0.0;
-            &[0.0]
-        };
         // Mean square of the distance of logarithms from their mean, of the frames that are drawn alike.
         let disagreement = |weights: Weights| {
             let mut sum = 0.0;
@@ -559,7 +358,7 @@ impl Control {
                 let rates = way
                     .frames
                     .iter()
-                    .map(|f| (f.work_ms() / weights.units(&f.work, f.px)).ln());
+                    .map(|f| (f.ms / weights.units(&f.work)).ln());
                 let (count, mean) = rates.clone().fold((0.0, 0.0), |(n, m), r| (n + 1.0, m + r));
                 let mean = mean / f64::max(count, 1.0);
                 // A frame that waited for something must not decide.
@@ -571,16 +370,10 @@ impl Control {
         let (mut best, mut least) = (self.weights, BETTER * now);
         for triangle in [0.4, 0.75, 1.5, 3.0, 6.0, 12.0] {
             for visited in [0.0, 0.05, 0.2] {
-                for &pixel in pixels {
-                    let weights = Weights {
-                        visited,
-                        triangle,
-                        pixel,
-                    };
-                    let value = disagreement(weights);
-                    if value < least {
-                        (best, least) = (weights, value);
-                    }
+                let weights = Weights { visited, triangle };
+                let value = disagreement(weights);
+                if value < least {
+                    (best, least) = (weights, value);
                 }
             }
         }

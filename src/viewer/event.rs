@@ -145,9 +145,6 @@ pub enum Event {
     Frame {
         /// Its work, milliseconds.
         ms: f64,
-        /// What passes over the whole picture took of that, milliseconds.
-        #[serde(default)]
-        picture_ms: f64,
         /// The threshold that it was drawn with, pixels.
         threshold_px: f32,
         /// What it drew.

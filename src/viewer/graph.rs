@@ -52,37 +52,6 @@ pub fn work_ms(times: &FrameTimes, overlaps: bool) -> f64 {
     }
 }
 
-/// What of [`work_ms`] goes over the whole picture, however much is drawn: passes that clear, shade or cover it. Nothing
-/// where the host takes longer.
-pub fn picture_ms(times: &FrameTimes, overlaps: bool) -> f64 {
-    let device: f64 = times.passes.iter().map(|pass| pass.ms).sum();
-    if overlaps && work_ms(times, true) > device {
-        return 0.0;
-    }
-    let passes = times.passes.iter();
-    let of_picture = passes.filter(|pass| is_over_picture(pass.name));
-    of_picture.map(|pass| pass.ms).sum()
-}
-
-/// Whether a pass of this name goes over the picture, not over a list.
-fn is_over_picture(name: &str) -> bool {
-    let (method, what) = name.split_once('.').unwrap_or((name, ""));
-    method == "overlay"
-        || [
-            "clear",
-            "front",
-            "merge",
-            "normalize",
-            "resolve",
-            "density",
-            "fill",
-            "gaussian",
-            "pull",
-            "push",
-        ]
-        .contains(&what)
-}
-
 /// The last frames.
 #[derive(Debug, Clone, Default)]
 pub struct History {

@@ -3,14 +3,13 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
-use surfel::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use surfel::cut::{Cut, Selector};
 use surfel::generate::{Shape, Spec};
 use surfel::method::{LARGEST_COMPUTE_SQUARE_PX, Settings, plan};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 use surfel::viewer::camera::Orbit;
-use surfel::viewer::control::{Control, Took, Work};
+use surfel::viewer::control::{Control, Work};
 use surfel::viewer::event::{Event, Key};
 use surfel::viewer::input::{Drag, Gesture, Mouse};
 use surfel::viewer::pace::{Paced, Summary};
@@ -94,26 +93,16 @@ struct Device {
     visited: f64,
     splat: f64,
     triangle: f64,
-    /// For each pixel of a blended splat; none are opaque.
-    pixel: Option<f64>,
-    /// Of the time of a frame, what passes over the picture take, and are told to take.
-    picture: f64,
     /// Splats of up to 6 pixels are drawn by compute, and each takes this part of the time.
     by_compute: Option<f64>,
 }
 
 impl Device {
     fn draws_by_compute(&self, threshold_px: f32) -> bool {
-        let largest = if self.pixel.is_some() {
-            LARGEST_SMALL_BLENDED_PX
-        } else {
-            LARGEST_COMPUTE_SQUARE_PX
-        };
-        self.by_compute.is_some() && threshold_px <= largest
+        self.by_compute.is_some() && threshold_px <= LARGEST_COMPUTE_SQUARE_PX
     }
 
-    fn ms(&self, work: &Work, threshold_px: f32) -> f64 {
-        let pixels = work.splats as f64 * f64::from(threshold_px).powi(2);
+    fn ms(&self, work: &Work) -> f64 {
         let part = match self.by_compute {
             Some(part) if work.by_compute => part,
             _ => 1.0,
@@ -121,7 +110,7 @@ impl Device {
         self.frame
             + self.visited * work.visited as f64
             + COUNTED * work.counted as f64
-            + part * (self.splat * work.splats as f64 + self.pixel.unwrap_or(0.0) * pixels)
+            + part * self.splat * work.splats as f64
             + self.triangle * work.triangles as f64
     }
 }
@@ -139,7 +128,6 @@ fn drive(
     noise: &mut Noise,
 ) -> Vec<Paced> {
     let finest = 1.0;
-    control.set_blended(device.pixel.is_some());
     let mut selector = Selector::default();
     let mut cut = Cut::default();
     let mut under_way: VecDeque<(f32, Work, f64)> = VecDeque::new();
@@ -169,7 +157,7 @@ fn drive(
                 counted: control.counted(),
                 ..work(threshold_px)
             };
-            let exact = device.ms(&drawn, threshold_px);
+            let exact = device.ms(&drawn);
             // One frame in a hundred waits for something else.
             let hiccup = if noise.next() < 0.01 { 2.0 } else { 1.0 };
             let ms = exact * hiccup * (1.0 + 0.03 * noise.normal());
@@ -177,11 +165,7 @@ fn drive(
             if under_way.len() > 2
                 && let Some((px, drawn, ms)) = under_way.pop_front()
             {
-                let took = Took {
-                    ms,
-                    picture_ms: device.picture,
-                };
-                control.frame(px, &drawn, took);
+                control.frame(px, &drawn, ms);
             }
             Paced {
                 ms,
@@ -218,8 +202,6 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 2e-3,
                 triangle: 3e-3,
                 by_compute: None,
-                pixel: None,
-                picture: 0.0,
             },
         ),
         (
@@ -230,8 +212,6 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 5e-4,
                 triangle: 3e-3,
                 by_compute: None,
-                pixel: None,
-                picture: 0.0,
             },
         ),
         (
@@ -242,8 +222,6 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 1e-3,
                 triangle: 1.5e-3,
                 by_compute: None,
-                pixel: None,
-                picture: 0.0,
             },
         ),
         // The time jumps by half where compute ends, in the middle of the thresholds of this walk.
@@ -255,22 +233,6 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
                 splat: 4e-3,
                 triangle: 4e-3,
                 by_compute: Some(0.6),
-                pixel: None,
-                picture: 0.0,
-            },
-        ),
-        // Blended splats: pixels take more than splats do where those are large, and a quarter of the time goes into
-        // passes over the picture.
-        (
-            "blended",
-            Device {
-                frame: TARGET / 4.0,
-                visited: 8e-6,
-                splat: 1.6e-3,
-                triangle: 8e-3,
-                by_compute: None,
-                pixel: Some(4e-6),
-                picture: TARGET / 4.0 - 1.0,
             },
         ),
     ] {
@@ -302,9 +264,7 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             .map(|(a, b)| (a.threshold_px / b.threshold_px).max(b.threshold_px / a.threshold_px))
             .fold(1.0f32, f32::max);
         println!("{name}: thresholds there and back differ by a factor of at most {apart}");
-        // Of blended splats half of the time or less goes with their number: as much time is more of the threshold there.
-        let most_apart = if device.pixel.is_some() { 1.15 } else { 1.1 };
-        assert!(apart < most_apart, "{name}: {apart}");
+        assert!(apart < 1.1, "{name}: {apart}");
         // A camera that stays where it is, as under a hand that trembles: the threshold settles and stays within
         // what noise may move it, and it does not swing.
         let still = vec![cameras[half].clone(); 120];
@@ -314,9 +274,8 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             .windows(2)
             .filter(|w| w[0].threshold_px != w[1].threshold_px)
             .count();
-        let bounds = Summary::of(late, TARGET).thresholds_px;
-        println!("{name}: {turns} changes at rest, {bounds:?} px");
         assert!(turns <= 4, "{name}: {turns} changes at rest");
+        let bounds = Summary::of(late, TARGET).thresholds_px;
         assert!(bounds.1 < 1.08 * bounds.0, "{name}: {bounds:?} at rest");
     }
 }

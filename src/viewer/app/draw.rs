@@ -4,12 +4,12 @@ use super::{App, MOST_LOSSES};
 use crate::gpu::device::Kind;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
-use crate::method::{Blend, Method, Occlusion, Settings, Shading, SplatKind};
+use crate::method::{Method, Occlusion, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
 use crate::viewer::control::Work;
 use crate::viewer::event::Event;
-use crate::viewer::graph::{picture_ms, work_ms};
+use crate::viewer::graph::work_ms;
 use crate::viewer::pace::{Paced, Summary};
 use crate::viewer::screen::{Request, Shown, Way, way_after};
 use std::sync::Arc;
@@ -43,7 +43,6 @@ impl App {
             }
             events.push(Event::Frame {
                 ms,
-                picture_ms: picture_ms(&frame.times, overlaps),
                 threshold_px: frame.threshold_px,
                 drew,
             });
@@ -111,9 +110,6 @@ impl App {
             if settings.occlusion == Occlusion::Auto {
                 settings.occlusion = Occlusion::Off;
             }
-            let is_blended =
-                settings.splat == SplatKind::Filtered || settings.blend() != Blend::Opaque;
-            control.set_blended(is_blended);
             let px = if is_planned {
                 let screen = &mut self.screen;
                 control.plan(|threshold_px| {

@@ -5,7 +5,7 @@ use super::{App, Ask, LONGEST_TICK_S, REST_S};
 use crate::math::camera::Camera;
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
-use crate::viewer::control::{Control, Took};
+use crate::viewer::control::Control;
 use crate::viewer::event::{Event, Key, Modifiers};
 use crate::viewer::input::{self, Command, Drag, Gesture};
 use crate::viewer::lamp::Change;
@@ -112,16 +112,11 @@ impl App {
             Event::Tick(seconds) => self.tick(*seconds),
             Event::Frame {
                 ms,
-                picture_ms,
                 threshold_px,
                 drew,
             } => {
                 if let Some(control) = &mut self.control {
-                    let took = Took {
-                        ms: *ms,
-                        picture_ms: *picture_ms,
-                    };
-                    control.frame(*threshold_px, drew, took);
+                    control.frame(*threshold_px, drew, *ms);
                 }
             }
             Event::Text(_) | Event::CursorGone | Event::Preview(_) | Event::Loaded(_) => {}
