@@ -8,6 +8,8 @@
 mod display;
 #[path = "viewer/files.rs"]
 mod files;
+#[path = "viewer/light.rs"]
+mod light;
 #[path = "viewer/panel.rs"]
 mod panel;
 #[path = "viewer/walk.rs"]

@@ -205,7 +205,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         orbit: (azimuth.to_radians(), elevation.to_radians(), fill),
         camera,
         settings,
-        frame_ms: args.frame_ms,
+        frame_ms: args.frame_ms.or(window.frame_ms),
         vsync: args.vsync != Some(Switch::Off),
         gpu,
         window,

@@ -180,6 +180,15 @@ pub const BACKGROUNDS: &[Choice<[f32; 3]>] = &[
     ([1.0; 3], "white", "White"),
 ];
 
+/// Times that frames are held to while the camera moves, milliseconds.
+pub const FRAME_TIMES: &[Choice<Option<f64>>] = &[
+    (None, "none", "Frames take the time that they take"),
+    (Some(16.0), "16 ms", "60 frames a second"),
+    (Some(33.0), "33 ms", "30 frames a second"),
+    (Some(50.0), "50 ms", "20 frames a second"),
+    (Some(100.0), "100 ms", "10 frames a second"),
+];
+
 /// Name of a value; "other" of one that is not listed.
 pub fn name_of<T: Copy + PartialEq>(list: &[Choice<T>], value: T) -> &'static str {
     list.iter()
@@ -232,6 +241,7 @@ mod tests {
         names(CULLINGS);
         names(COLORS_BY);
         names(BACKGROUNDS);
+        names(FRAME_TIMES);
         assert_eq!(named(SPLATS, "needle"), None);
         assert_eq!(name_of(BACKGROUNDS, [0.1; 3]), "other");
     }

@@ -1,6 +1,7 @@
 //! What keys and mouse mean. Pure logic.
 
 use super::event::{Button, Key, Modifiers};
+use super::lamp::Change;
 use crate::method::Method;
 use glam::DVec2;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -19,6 +20,7 @@ pub const KEYS: &[KeyGroup] = &[
                 "nearer or farther, to the point under the cursor",
             ),
             ("middle drag, Shift + left drag", "move sideways"),
+            ("Ctrl + left drag", "move the lamp, which turns it on"),
             (
                 "double click",
                 "the point under the cursor becomes the center of rotation",
@@ -61,8 +63,6 @@ pub const KEYS: &[KeyGroup] = &[
             ("J", "light once a splat or once a pixel"),
             (", .", "depth offset smaller, larger"),
             ("O", "depth offset back to the usual one"),
-            ("L", "light: a point in the eye, or parallel"),
-            ("U", "light both sides, or fronts only"),
             ("V", "vertex colors"),
             ("I", "background: black, gray, white"),
             ("B", "culling of what faces away"),
@@ -78,16 +78,46 @@ pub const KEYS: &[KeyGroup] = &[
         ],
     ),
     (
+        "Light",
+        &[
+            ("L", "next light: in the eye, parallel, a lamp"),
+            (
+                "Shift L",
+                "the lamp goes with the viewer, or stays in the world",
+            ),
+            ("Arrows", "move the lamp left, right, up, down"),
+            (
+                "Page Up, Page Down",
+                "a lamp in the world farther away, nearer",
+            ),
+            ("Home, End", "stronger, weaker highlights"),
+            ("Shift Home, Shift End", "smaller, larger highlights"),
+            (
+                "Ctrl Home, Ctrl End",
+                "more, less of the lamp's light from everywhere",
+            ),
+            ("U", "light both sides, or fronts only"),
+        ],
+    ),
+    (
         "Window",
         &[
             ("Tab", "panel"),
             ("? F1", "this list"),
             ("H", "graph of the last frames"),
             ("Z", "freeze the graph"),
+            (
+                "W, Shift W",
+                "next or previous time that frames are held to while the view moves: none, 16, 33, 50, 100 ms",
+            ),
             ("F11", "full screen"),
             ("Space", "statistics in the title"),
             ("Enter", "print statistics and the camera"),
             ("P", "write the picture to surfel-NNN.png"),
+            (
+                "Shift P",
+                "write a photo to surfel-photo-NNN.png: twice as wide and high, 16 samples a pixel",
+            ),
             ("Backspace", "dismiss messages"),
             ("Esc", "close the list, the message, or the window"),
             ("Q", "quit"),
@@ -133,8 +163,12 @@ pub enum Command {
     DepthOffsetBy(f32),
     /// The usual depth offset of the kind of splat.
     UsualDepthOffset,
-    /// A point light or parallel light.
+    /// The next light: in the eye, parallel, the lamp.
     Light,
+    /// Change the lamp, and turn it on.
+    Lamp(Change),
+    /// The next (1) or previous (-1) wanted time of frames.
+    FrameTime(i32),
     /// Light both sides, or fronts only.
     TwoSided,
     /// Switch vertex colors.
@@ -155,6 +189,8 @@ pub enum Command {
     Print,
     /// Write a picture.
     Screenshot,
+    /// Write a larger and smoother one.
+    Photo,
     /// Write pictures from all around.
     Turntable,
     /// Bring the model into the picture.
@@ -188,6 +224,40 @@ const STEP_PX: f32 = 0.25;
 /// Step of the depth offset, a factor.
 const OFFSET_STEP: f32 = 1.25;
 
+/// Step of the lamp, degrees.
+const LAMP_STEP: f64 = 5.0;
+/// Step of its distance and of the exponent of highlights, factors.
+const DISTANCE_STEP: f64 = 1.25;
+const SHININESS_STEP: f32 = 1.25;
+/// Step of the parts of its light.
+const PART_STEP: f32 = 0.05;
+
+/// What a key does to the lamp.
+fn lamp_change(key: Key, modifiers: Modifiers) -> Option<Change> {
+    let Modifiers { shift, control, .. } = modifiers;
+    let change = match key {
+        Key::Home | Key::End => {
+            let is_up = key == Key::Home;
+            let part = if is_up { PART_STEP } else { -PART_STEP };
+            return match (shift, control) {
+                (false, false) => Some(Change::Specular(part)),
+                (true, false) if is_up => Some(Change::Shininess(SHININESS_STEP)),
+                (true, false) => Some(Change::Shininess(1.0 / SHININESS_STEP)),
+                (false, true) => Some(Change::Ambient(part)),
+                (true, true) => None,
+            };
+        }
+        Key::Left => Change::Turn(-LAMP_STEP, 0.0),
+        Key::Right => Change::Turn(LAMP_STEP, 0.0),
+        Key::Up => Change::Turn(0.0, LAMP_STEP),
+        Key::Down => Change::Turn(0.0, -LAMP_STEP),
+        Key::PageUp => Change::Distance(DISTANCE_STEP),
+        Key::PageDown => Change::Distance(1.0 / DISTANCE_STEP),
+        _ => return None,
+    };
+    (!control).then_some(change)
+}
+
 /// The command of a pressed key; `None` for keys without one. The question mark is a typed character
 /// ([`super::event::Event::Text`]), because its place depends on the layout.
 pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
@@ -207,6 +277,9 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
     }
     if modifiers.other {
         return None;
+    }
+    if let Some(change) = lamp_change(key, modifiers) {
+        return Some(Command::Lamp(change));
     }
     if modifiers.control {
         return match key {
@@ -238,7 +311,9 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
             ',' => Command::DepthOffsetBy(1.0 / OFFSET_STEP),
             '.' => Command::DepthOffsetBy(OFFSET_STEP),
             'o' => Command::UsualDepthOffset,
+            'l' if modifiers.shift => Command::Lamp(Change::Anchor),
             'l' => Command::Light,
+            'w' => Command::FrameTime(if modifiers.shift { -1 } else { 1 }),
             'u' => Command::TwoSided,
             'v' => Command::Colors,
             'i' => Command::Background,
@@ -251,6 +326,7 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
             'g' => Command::Fly,
             'h' => Command::Graph,
             'z' => Command::Freeze,
+            'p' if modifiers.shift => Command::Photo,
             'p' => Command::Screenshot,
             't' => Command::Turntable,
             'q' => Command::Quit,
@@ -272,6 +348,8 @@ pub enum Drag {
     Pan,
     /// Moves it nearer or farther.
     Zoom,
+    /// Moves the lamp.
+    Lamp,
 }
 
 /// What the mouse asks for; positions in pixels of the picture, y down.
@@ -339,6 +417,7 @@ impl Mouse {
             return None;
         }
         let drag = match button {
+            Button::Left if modifiers.control => Drag::Lamp,
             Button::Left if modifiers.shift => Drag::Pan,
             Button::Left => Drag::Turn,
             Button::Right => Drag::Zoom,
@@ -362,148 +441,4 @@ impl Mouse {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    const NONE: Modifiers = Modifiers {
-        shift: false,
-        control: false,
-        other: false,
-    };
-    const SHIFT: Modifiers = Modifiers {
-        shift: true,
-        ..NONE
-    };
-    const CONTROL: Modifiers = Modifiers {
-        control: true,
-        ..NONE
-    };
-
-    #[test]
-    fn the_keys_of_the_thesis_and_their_neighbors() {
-        let letter = |c| command(Key::Char(c), NONE);
-        assert_eq!(letter('a'), Some(Command::Method(Method::Triangles)));
-        assert_eq!(letter('s'), Some(Command::Method(Method::Points)));
-        assert_eq!(letter('d'), Some(Command::Method(Method::Pop)));
-        assert_eq!(letter('+'), Some(Command::ThresholdBy(0.25)));
-        assert_eq!(letter('-'), Some(Command::ThresholdBy(-0.25)));
-        assert_eq!(letter('ß'), None);
-        assert_eq!(command(Key::Digit(7), NONE), Some(Command::Threshold(7.0)));
-        assert_eq!(command(Key::Digit(0), NONE), None);
-        assert_eq!(
-            command(Key::Pad(7), NONE),
-            Some(Command::LookFrom(0.0, FRAC_PI_2))
-        );
-        assert_eq!(
-            command(Key::Pad(7), CONTROL),
-            Some(Command::LookFrom(0.0, -FRAC_PI_2))
-        );
-        assert_eq!(
-            command(Key::Char('n'), SHIFT),
-            Some(Command::Splat(-1)),
-            "backward"
-        );
-        assert_eq!(command(Key::Char('c'), CONTROL), Some(Command::CopyCamera));
-    }
-
-    #[test]
-    fn every_key_that_is_listed_has_a_command_of_its_own_and_no_other_letter_has_one() {
-        let listed: String = KEYS[1..]
-            .iter()
-            .flat_map(|(_, keys)| keys.iter())
-            .map(|(key, _)| format!("{key} "))
-            .collect();
-        let words: Vec<&str> = listed.split([' ', ',']).collect();
-        let mut commands = Vec::new();
-        for c in 'a'..='z' {
-            let found = command(Key::Char(c), NONE);
-            // Ctrl C and Ctrl V are listed as well; W is a key of flying only.
-            let is_listed = words.contains(&c.to_ascii_uppercase().to_string().as_str());
-            assert!(found.is_none() || is_listed, "{c} is not listed");
-            commands.extend(found);
-        }
-        for (index, command) in commands.iter().enumerate() {
-            assert!(!commands[..index].contains(command), "{command:?} twice");
-        }
-        for (key, name) in [
-            (Key::Tab, "Tab"),
-            (Key::F(1), "F1"),
-            (Key::F(11), "F11"),
-            (Key::Space, "Space"),
-            (Key::Enter, "Enter"),
-            (Key::Backspace, "Backspace"),
-            (Key::Escape, "Esc"),
-        ] {
-            assert!(command(key, NONE).is_some(), "{key:?}");
-            assert!(words.contains(&name), "{name} is not listed");
-        }
-        assert!(help().contains("F11") && help().contains("turn about"));
-        assert!(help().lines().all(|line| line.len() < 130), "{}", help());
-    }
-
-    #[test]
-    fn shortcuts_of_the_desktop_are_left_alone() {
-        let alt = Modifiers {
-            other: true,
-            ..NONE
-        };
-        assert_eq!(command(Key::Char('q'), CONTROL), None);
-        assert_eq!(command(Key::Digit(1), alt), None);
-        assert_eq!(command(Key::Tab, alt), None);
-    }
-
-    #[test]
-    fn drags_follow_the_button_that_began_them() {
-        let mut mouse = Mouse::default();
-        let at = DVec2::new(10.0, 20.0);
-        assert_eq!(mouse.moved(at), None);
-        let press = |m: &mut Mouse, b, mods| m.button(b, true, mods, 0.0);
-        assert_eq!(
-            press(&mut mouse, Button::Right, NONE),
-            Some(Gesture::Begin(Drag::Zoom, at))
-        );
-        assert_eq!(
-            press(&mut mouse, Button::Left, NONE),
-            None,
-            "one drag at a time"
-        );
-        assert_eq!(
-            mouse.moved(at + DVec2::X),
-            Some(Gesture::Move(Drag::Zoom, DVec2::X))
-        );
-        mouse.button(Button::Left, false, NONE, 0.0);
-        assert!(
-            mouse.is_dragging(),
-            "the other button's release ends nothing"
-        );
-        mouse.button(Button::Right, false, NONE, 0.0);
-        assert!(!mouse.is_dragging());
-        assert_eq!(mouse.moved(at), None);
-        let with_shift = press(&mut mouse, Button::Left, SHIFT);
-        assert_eq!(with_shift, Some(Gesture::Begin(Drag::Pan, at)));
-        mouse.release();
-        let middle = press(&mut mouse, Button::Middle, NONE);
-        assert_eq!(middle, Some(Gesture::Begin(Drag::Pan, at)));
-    }
-
-    #[test]
-    fn two_quick_clicks_in_one_place_are_a_double_click() {
-        let click = |mouse: &mut Mouse, time: f64| {
-            let gesture = mouse.button(Button::Left, true, NONE, time);
-            mouse.button(Button::Left, false, NONE, time + 0.05);
-            gesture
-        };
-        let turn = Some(Gesture::Begin(Drag::Turn, DVec2::ZERO));
-        let mut mouse = Mouse::default();
-        assert_eq!(click(&mut mouse, 1.0), turn);
-        assert_eq!(
-            click(&mut mouse, 1.2),
-            Some(Gesture::DoubleClick(DVec2::ZERO))
-        );
-        assert_eq!(click(&mut mouse, 1.4), turn, "a third click begins anew");
-        assert_eq!(click(&mut mouse, 3.0), turn, "too late");
-        mouse.moved(DVec2::splat(50.0));
-        let elsewhere = Some(Gesture::Begin(Drag::Turn, DVec2::splat(50.0)));
-        assert_eq!(click(&mut mouse, 3.1), elsewhere, "elsewhere");
-    }
-}
+mod tests;

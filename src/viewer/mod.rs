@@ -1,7 +1,7 @@
 //! The window: opens at once, loads on another thread, draws only when something has changed.
 //!
 //! Events of the window system become [`event`]s in `window`; `app` turns them into frames, which `screen` draws
-//! onto the window. [`camera`], [`control`], [`input`], [`loader`], [`notice`], [`pace`], [`preview`], [`record`], [`store`] and [`text`]
+//! onto the window. [`camera`], [`control`], [`input`], [`lamp`], [`loader`], [`notice`], [`pace`], [`preview`], [`record`], [`store`] and [`text`]
 //! are pure logic; [`ui`], [`panel`], [`graph`] and [`help`] know egui. None of them knows Vulkan or the window
 //! system. The main thread owns window and device.
 
@@ -13,6 +13,7 @@ pub mod event;
 pub mod graph;
 pub mod help;
 pub mod input;
+pub mod lamp;
 pub mod loader;
 pub mod notice;
 pub mod pace;
@@ -265,6 +266,7 @@ fn keep(app: &App, window: &Window) {
             graph: app.has_graph,
             statistics: app.has_statistics,
             parallel_light: app.has_parallel_light(),
+            frame_ms: app.frame_time(),
         },
         look: store::Look::of(&app.settings),
     };

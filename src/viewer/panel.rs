@@ -5,8 +5,9 @@ use super::choices::{self, Choice, name_of};
 use super::control::Report;
 use super::help::ACCENT;
 use super::input::Command;
+use super::lamp::Kind;
 use super::text::count;
-use crate::math::camera::Light;
+use crate::draw::Lighting;
 use crate::method::renderer::Counts;
 use crate::method::{Blend, Method, Settings, Shading, SplatKind};
 use egui::{Area, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2};
@@ -36,8 +37,10 @@ pub struct Facts {
 pub struct State<'a> {
     /// How the model is drawn.
     pub settings: &'a Settings,
-    /// Where the light is.
-    pub light: Light,
+    /// What lights the model.
+    pub light: Kind,
+    /// Radius of the model: steps of a lamp in the world follow it.
+    pub radius: f64,
     /// The model, once there is one.
     pub facts: Option<&'a Facts>,
     /// What is being done, such as `building nodes 43%`.
@@ -60,7 +63,9 @@ pub enum Wish {
     /// Draw in another way.
     Settings(Box<Settings>),
     /// Another light.
-    Light(Light),
+    Light(Kind),
+    /// Hold frames to this time, milliseconds, or to none.
+    FrameTime(Option<f64>),
 }
 
 /// Shows the panel at the left edge, `height` points high.
@@ -105,6 +110,9 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     heading(ui, "Look");
     let mut light = state.light;
     look(ui, &mut settings, &mut light);
+    if let Lighting::Phong(phong) = &mut settings.light {
+        lamp::show(ui, phong, state.radius, wishes);
+    }
     if settings != *state.settings {
         wishes.push(Wish::Settings(Box::new(settings)));
     }
@@ -112,7 +120,7 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
         wishes.push(Wish::Light(light));
     }
     heading(ui, "Frame");
-    frame(ui, state);
+    frame(ui, state, wishes);
     ui.add_space(10.0);
     ui.horizontal_wrapped(|ui| {
         for (name, command, tip) in [
@@ -132,6 +140,11 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
                 "Picture",
                 Command::Screenshot,
                 "Write the picture to surfel-NNN.png (P)",
+            ),
+            (
+                "Photo",
+                Command::Photo,
+                "Write a picture twice as wide and high, 16 samples a pixel, to surfel-photo-NNN.png (Shift P)",
             ),
             (
                 "Turntable",
@@ -196,7 +209,7 @@ fn model(ui: &mut Ui, state: &State<'_>) {
 fn choose<T: Copy + PartialEq>(
     ui: &mut Ui,
     what: &str,
-    list: &[Choice<T>],
+    list: &[(T, &str, &str)],
     value: &mut T,
     tip: &str,
 ) {
@@ -369,25 +382,14 @@ fn choose_if<T: Copy + PartialEq>(
     ui.end_row();
 }
 
-fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
+fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Kind) {
     Grid::new("look").num_columns(2).show(ui, |ui| {
         choose(
             ui,
             "light",
-            &[
-                (
-                    Light::Point,
-                    "in the eye",
-                    "A point light where the viewer is",
-                ),
-                (
-                    Light::Directional,
-                    "parallel",
-                    "Parallel light along the view direction",
-                ),
-            ],
+            super::lamp::KINDS,
             light,
-            "Where the light is (L)",
+            "What lights the model (L)",
         );
         choose(
             ui,
@@ -426,8 +428,28 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Light) {
     });
 }
 
-fn frame(ui: &mut Ui, state: &State<'_>) {
+fn frame(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     let counts = &state.counts;
+    let now = state.control.map(|(_, target, _)| target);
+    Grid::new("budget").num_columns(2).show(ui, |ui| {
+        // One that the command line gave is in no list; its name is the time.
+        let own = now.map(|ms| format!("{ms} ms")).unwrap_or_default();
+        let mut list = choices::FRAME_TIMES.to_vec();
+        if list.iter().all(|c| c.0 != now) {
+            list.push((now, &own, "As it was asked for"));
+        }
+        let mut wanted = now;
+        choose(
+            ui,
+            "hold frames to",
+            &list,
+            &mut wanted,
+            "While the view moves, draw as coarsely as it takes to keep frames within this time (W, Shift W)",
+        );
+        if wanted != now {
+            wishes.push(Wish::FrameTime(wanted));
+        }
+    });
     Grid::new("frame").num_columns(2).show(ui, |ui| {
         let ms = state.frame_ms;
         let rate = if ms > 0.0 { 1e3 / ms } else { 0.0 };
@@ -455,6 +477,8 @@ fn frame(ui: &mut Ui, state: &State<'_>) {
         ui.label("flying: W A S D, E up, Q down, G ends");
     }
 }
+
+mod lamp;
 
 #[cfg(test)]
 mod tests;

@@ -1,7 +1,10 @@
 //! Frames on the window, or on none: two on their way at a time, rebuilt when the window changes or the device is
 //! lost.
 
+mod photo;
+
 use super::control::Work;
+use super::lamp::same_cost;
 use super::ui::Painted;
 use crate::gpu::overlay::Overlay;
 use crate::gpu::surface::Surface;
@@ -454,7 +457,7 @@ impl Screen {
         settings: &Settings,
         size: (u32, u32),
     ) -> Result<(), Error> {
-        let mut look = *settings;
+        let mut look = same_cost(settings);
         if request.is_moving && request.work.is_some() {
             look.threshold_px = 0.0;
         }

@@ -1,7 +1,10 @@
 //! The settings file: what the window looked like and how it drew, kept from one time to the next.
 
 use super::choices::{self, name_of, named};
+use super::lamp;
+use crate::draw::{Lamp, Lighting, Phong};
 use crate::method::Settings;
+use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -30,8 +33,11 @@ pub struct Window {
     pub graph: bool,
     /// Statistics are in the title.
     pub statistics: bool,
-    /// The light is parallel, not a point in the eye.
+    /// The headlight is parallel, not a point in the eye.
     pub parallel_light: bool,
+    /// Time that frames are held to while the view moves, milliseconds.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub frame_ms: Option<f64>,
 }
 
 /// How models are drawn; names as on the command line.
@@ -52,6 +58,16 @@ pub struct Look {
     colors: bool,
     color_by: String,
     background: [u8; 3],
+    light: String,
+    /// Azimuth and elevation of a lamp that goes with the viewer, degrees.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    light_at: Option<[f64; 2]>,
+    /// Place of a lamp that stays in the world.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    light_position: Option<[f64; 3]>,
+    ambient: f32,
+    specular: f32,
+    shininess: f32,
 }
 
 impl Default for Stored {
@@ -72,6 +88,7 @@ impl Default for Window {
             graph: false,
             statistics: true,
             parallel_light: false,
+            frame_ms: None,
         }
     }
 }
@@ -85,7 +102,25 @@ impl Default for Look {
 impl Look {
     /// The words for `settings`.
     pub fn of(settings: &Settings) -> Self {
+        let (light, phong) = match settings.light {
+            Lighting::Headlight => ("headlight", Phong::default()),
+            Lighting::Phong(phong) => ("phong", phong),
+        };
+        let (light_at, light_position) = match (settings.light, phong.lamp) {
+            (Lighting::Headlight, _) => (None, None),
+            (_, Lamp::FromCamera { azimuth, elevation }) => (
+                Some([lamp::degrees(azimuth), lamp::degrees(elevation)]),
+                None,
+            ),
+            (_, Lamp::At(position)) => (None, Some(position.to_array())),
+        };
         Self {
+            light: light.into(),
+            light_at,
+            light_position,
+            ambient: phong.ambient,
+            specular: phong.specular,
+            shininess: phong.shininess,
             method: name_of(choices::METHODS, settings.method).into(),
             threshold: settings.threshold_px,
             splat: name_of(choices::SPLATS, settings.splat).into(),
@@ -131,6 +166,7 @@ impl Look {
             ));
         }
         Ok(Settings {
+            light: self.lighting()?,
             method: choice("method", choices::METHODS, &self.method)?,
             threshold_px: self.threshold,
             splat: choice("splat", choices::SPLATS, &self.splat)?,
@@ -146,6 +182,57 @@ impl Look {
             background: self.background.map(|c| f32::from(c) / 255.0),
             ..Settings::default()
         })
+    }
+}
+
+impl Look {
+    /// The light of these words.
+    fn lighting(&self) -> Result<Lighting, String> {
+        let is_lamp = match self.light.as_str() {
+            "headlight" => false,
+            "phong" => true,
+            other => {
+                return Err(format!(
+                    "look.light is {other:?}; it may be headlight, phong"
+                ));
+            }
+        };
+        let within = |key: &str, value: f64, low: f64, high: f64| {
+            if (low..=high).contains(&value) {
+                Ok(())
+            } else {
+                Err(format!("look.{key} is {value}; it may be {low} to {high}"))
+            }
+        };
+        within("ambient", f64::from(self.ambient), 0.0, 1.0)?;
+        within("specular", f64::from(self.specular), 0.0, 1.0)?;
+        let (least, most) = (*lamp::SHININESS.start(), *lamp::SHININESS.end());
+        within(
+            "shininess",
+            f64::from(self.shininess),
+            least.into(),
+            most.into(),
+        )?;
+        if let Some([azimuth, elevation]) = self.light_at {
+            within("light_at", azimuth, -360.0, 360.0)?;
+            within("light_at", elevation, -90.0, 90.0)?;
+        }
+        for value in self.light_position.iter().flatten() {
+            within("light_position", *value, -lamp::FARTHEST, lamp::FARTHEST)?;
+        }
+        if !is_lamp {
+            return Ok(Lighting::Headlight);
+        }
+        Ok(Lighting::Phong(Phong {
+            lamp: match (self.light_position, self.light_at) {
+                (Some(position), _) => Lamp::At(DVec3::from(position)),
+                (None, Some([azimuth, elevation])) => lamp::from_camera(azimuth, elevation),
+                (None, None) => Phong::default().lamp,
+            },
+            ambient: self.ambient,
+            specular: self.specular,
+            shininess: self.shininess,
+        }))
     }
 }
 
@@ -197,6 +284,13 @@ pub fn load(path: &Path) -> Result<(Stored, Settings), String> {
         if !(1..=crate::math::camera::MAX_SIDE).contains(&side) {
             return Err(fail(format!("window.{key} is {side}")));
         }
+    }
+    if let Some(ms) = stored.window.frame_ms
+        && !(1.0..=10_000.0).contains(&ms)
+    {
+        return Err(fail(format!(
+            "window.frame_ms is {ms}; it may be 1 to 10000"
+        )));
     }
     Ok((stored, settings))
 }
@@ -254,6 +348,12 @@ mod tests {
             color_by: ColorBy::Primitive,
             background: [1.0, 0.2, 0.0],
             size: SizeMetric::Area,
+            light: Lighting::Phong(Phong {
+                lamp: lamp::from_camera(-123.4, 56.7),
+                ambient: 0.25,
+                specular: 0.75,
+                shininess: 12.5,
+            }),
             ..Settings::default()
         };
         let stored = Stored {
@@ -264,6 +364,7 @@ mod tests {
                 graph: true,
                 statistics: false,
                 parallel_light: true,
+                frame_ms: Some(33.0),
             },
             look: Look::of(&settings),
         };
@@ -301,6 +402,19 @@ mod tests {
             ("[look]\nthreshold = nan\n", "threshold is NaN"),
             ("[look]\nsplat = \"round\"\n", "square, disc"),
             ("[look]\ndepth_offset = 2e9\n", "depth_offset"),
+            ("[look]\nlight = \"sun\"\n", "headlight, phong"),
+            ("[look]\nspecular = 1.5\n", "specular is 1.5"),
+            (
+                "[look]\nshininess = 0\n",
+                "shininess is 0; it may be 1 to 1000",
+            ),
+            ("[look]\nlight_at = [0, 91]\n", "light_at is 91"),
+            (
+                "[look]\nlight_position = [0, nan, 0]\n",
+                "light_position is NaN",
+            ),
+            ("[look]\nlight_at = [0]\n", "line 2"),
+            ("[window]\nframe_ms = 0.5\n", "window.frame_ms is 0.5"),
             ("\u{0}\u{1}", "line 1"),
         ] {
             std::fs::write(&path, text).unwrap();

@@ -1,10 +1,11 @@
 //! What the window says in words: its title, and the statistics.
 
 use crate::gpu::profile::PassTime;
+use crate::math::camera::Light;
 use crate::method::renderer::{Counts, FrameTimes};
 use crate::method::{Method, Settings};
 use crate::tree::Model;
-use crate::viewer::choices;
+use crate::viewer::{choices, lamp};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -91,6 +92,8 @@ pub struct Facts<'a> {
     pub model: &'a Model,
     /// How it is drawn.
     pub settings: &'a Settings,
+    /// The headlight, where no lamp is on.
+    pub headlight: Light,
     /// Name of the device.
     pub device: &'a str,
     /// How frames reach the screen.
@@ -124,6 +127,11 @@ pub fn statistics(facts: &Facts<'_>, frame_ms: f64, times: &FrameTimes) -> Strin
         settings.threshold_px,
         on(settings.culls_back(model.is_closed)),
         choices::name_of(choices::COLORS_BY, settings.color_by),
+    );
+    let _ = writeln!(
+        out,
+        "  light {}",
+        lamp::words(facts.headlight, &settings.light)
     );
     let _ = writeln!(
         out,

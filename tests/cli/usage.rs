@@ -294,6 +294,30 @@ fn models_that_are_not_there_or_not_models() {
 }
 
 #[test]
+fn the_cut_of_another_camera_is_for_what_draws_a_cut() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let draw = "render generate:square:8 --size 20x20 --device mirror -o";
+    expect(at, 0, &format!("{draw} a.png --save-camera cut.json"));
+    for method in ["triangles", "points", "auto --max-error 0.1"] {
+        let words = format!("{draw} b.png --method {method} --cut-camera cut.json");
+        let run = expect(at, 2, &words);
+        let is_told = run.err.contains("--cut-camera") && run.err.contains("draw a cut");
+        assert!(is_told, "{method}: {}", run.err);
+    }
+    std::fs::write(at.join("bad.json"), "{\"width\": 3}").unwrap();
+    for file in ["none.json", "bad.json"] {
+        let run = expect(at, 2, &format!("{draw} b.png --cut-camera {file}"));
+        assert!(run.err.contains(file), "{}", run.err);
+    }
+    assert_eq!(names(at), ["a.png", "bad.json", "cut.json"]);
+    for method in ["pop", "splats"] {
+        let words = format!("{draw} {method}.png --method {method} --cut-camera cut.json");
+        expect(at, 0, &words);
+    }
+}
+
+#[test]
 fn a_device_that_is_not_there() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();

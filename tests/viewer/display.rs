@@ -64,6 +64,13 @@ fn keysym(name: &str) -> u32 {
         "F11" => 0xffc8,
         "Shift" => 0xffe1,
         "Control" => 0xffe3,
+        "Home" => 0xff50,
+        "Left" => 0xff51,
+        "Up" => 0xff52,
+        "Right" => 0xff53,
+        "Down" => 0xff54,
+        "Page_Down" => 0xff56,
+        "End" => 0xff57,
         "plus" => 0x2b,
         "question" => 0x3f,
         name => {

@@ -212,6 +212,44 @@ fn a_picture_that_is_asked_for_together_with_a_move_shows_the_move() {
 }
 
 #[test]
+fn a_photo_is_twice_as_large_and_the_mean_of_its_samples() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    let model = "generate:statue:20000";
+    let key = r#"{"key":{"key":{"char":"p"},"pressed":true,"modifiers":{"shift":true}}}"#;
+    let input = [
+        r#"{"surfel_input":1}"#.to_owned(),
+        r#"{"step":0,"time":0,"event":{"size":{"width":150,"height":110,"scale":1.0}}}"#.into(),
+        format!(r#"{{"step":0,"time":0,"event":{key}}}"#),
+        format!(r#"{{"step":1,"time":1,"event":{{"loaded":"{model}"}}}}"#),
+        r#"{"step":2,"time":2,"event":{"key":{"key":{"pad":1},"pressed":true}}}"#.into(),
+        format!(r#"{{"step":2,"time":2,"event":{key}}}"#),
+        format!(r#"{{"step":3,"time":3,"event":{key}}}"#),
+    ];
+    std::fs::write(file("input.jsonl"), input.join("\n")).unwrap();
+    // However coarse a moving picture must be, a photo is not.
+    let look = [model, "--splat", "gauss", "--threshold", "2", "--validate"];
+    let mut command = display.surfel(&[&look[..], &["--frame-ms", "1"]].concat());
+    command
+        .args(["--headless", "--replay"])
+        .arg(file("input.jsonl"));
+    must_succeed(&run(command.current_dir(folder.path())));
+    let words = ["--size", "300x220", "--orbit", "0,0,1", "--samples", "16"];
+    let drawn = render(&[&look[..], &words].concat(), &file("drawn.png"));
+    let photo = load(&file("surfel-photo-000.png"));
+    assert_eq!(photo.dimensions(), (300, 220));
+    assert!(photo == drawn, "{} pixels differ", changed(&photo, &drawn));
+    assert!(load(&file("surfel-photo-001.png")) == drawn);
+    assert!(
+        !file("surfel-photo-002.png").exists(),
+        "without a model none"
+    );
+}
+
+#[test]
 fn a_damaged_recording_is_named_with_its_line() {
     let Some(display) = Display::open() else {
         return;

@@ -1,7 +1,9 @@
 //! What keys and buttons ask for.
 
+use super::draw::camera_of;
 use super::{App, Ask, FLY_SPEED, Fly};
-use crate::math::camera::{Camera, Light};
+use crate::draw::Lighting;
+use crate::math::camera::Camera;
 use crate::method::plan;
 use crate::method::renderer::Outputs;
 use crate::method::{Culling, Method, Settings, Shading};
@@ -9,6 +11,8 @@ use crate::viewer::camera::Orbit;
 use crate::viewer::choices::{self, Choice, others};
 use crate::viewer::control::Control;
 use crate::viewer::input::Command;
+use crate::viewer::lamp::same_cost;
+use crate::viewer::screen::{Way, way_after};
 use crate::viewer::{Error, text};
 use std::f64::consts::TAU;
 use std::io::Write as _;
@@ -18,6 +22,8 @@ use std::path::{Path, PathBuf};
 const LARGEST_THRESHOLD_PX: f32 = 4096.0;
 /// Largest depth offset that the keys set, and smallest above 0.
 const DEPTH_OFFSETS: (f32, f32) = (0.01, 1000.0);
+/// Pixels of a photo for one of the window, in each direction.
+const PHOTO: u32 = 2;
 /// Pictures of a turntable that a key asks for.
 const TURNTABLE: u32 = 36;
 
@@ -82,10 +88,9 @@ impl App {
                 depth_offset: None,
                 ..old
             }),
-            Command::Light => self.set_light(match self.light {
-                Light::Point => Light::Directional,
-                Light::Directional => Light::Point,
-            }),
+            Command::Light => self.next_light(),
+            Command::Lamp(change) => self.change_lamp(change),
+            Command::FrameTime(step) => self.next_frame_time(step),
             Command::TwoSided => self.wish(Settings {
                 two_sided: !old.two_sided,
                 ..old
@@ -131,6 +136,7 @@ impl App {
                 self.wants_screenshot = true
             }
             Command::Screenshot => self.numbered_screenshot()?,
+            Command::Photo => self.photo()?,
             Command::Turntable => match (&self.turntable, free_path("surfel-turn-", "")) {
                 (Some(_), _) => self.end_turntable("stopped; "),
                 (None, Some(folder)) if self.orbit.is_some() => self.start_turntable(folder)?,
@@ -192,12 +198,6 @@ impl App {
         self.asks.push(Ask::HoldCursor(is_flying));
     }
 
-    /// Another light.
-    pub(super) fn set_light(&mut self, light: Light) {
-        self.light = light;
-        self.is_dirty = true;
-    }
-
     /// Why these settings cannot be drawn with, if so.
     fn refusal(&self, settings: &Settings) -> Option<String> {
         let model = self.screen.model()?;
@@ -245,11 +245,14 @@ impl App {
         if settings.threshold_px != self.settings.threshold_px {
             self.held_px = settings.threshold_px;
         }
+        if let Lighting::Phong(lamp) = settings.light {
+            self.lamp = lamp;
+        }
         let looks_other = Settings {
             threshold_px: self.settings.threshold_px,
             ..settings
-        } != self.settings;
-        if looks_other {
+        };
+        if same_cost(&looks_other) != same_cost(&self.settings) {
             // Other passes: their times are not to be mixed.
             self.history.clear();
             if let Some(control) = &mut self.control {
@@ -337,6 +340,40 @@ impl App {
             Some(_) => {}
             None => self.warn("surfel-000.png to surfel-999.png are all there; move some away"),
         }
+        Ok(())
+    }
+
+    /// Writes a photo of the present view to the first `surfel-photo-NNN.png` that is not there yet: as fine as the picture
+    /// at rest, however coarse it is while the view moves.
+    fn photo(&mut self) -> Result<(), Error> {
+        let Some(orbit) = &self.orbit else {
+            return Ok(());
+        };
+        if self.is_preview {
+            self.warn("a photo is of the whole model; it is not there yet");
+            return Ok(());
+        }
+        let Some(path) = free_path("surfel-photo-", ".png") else {
+            self.warn("surfel-photo-000.png to surfel-photo-999.png are all there; move some away");
+            return Ok(());
+        };
+        let size = (PHOTO * self.size.0.max(1), PHOTO * self.size.1.max(1));
+        let camera = camera_of(orbit, self.fixed.as_ref(), self.light, size);
+        let mut settings = self.settings;
+        if settings.holds_cut() {
+            settings.threshold_px = self.held_px;
+        }
+        match self.screen.photo(&settings, &camera) {
+            Ok(Some(image)) => match image.save_png(&path) {
+                Ok(()) => self.inform(&format!("wrote {}", path.display())),
+                Err(error) => self.warn(&error.to_string()),
+            },
+            Ok(None) => {}
+            // A device that was lost is noticed by the next frame.
+            Err(error) if way_after(&error) == Way::End => return Err(error.into()),
+            Err(error) => self.warn(&format!("no photo: {error}")),
+        }
+        self.is_dirty = true;
         Ok(())
     }
 
@@ -440,6 +477,7 @@ impl App {
             name: &self.name,
             model,
             settings: &self.settings,
+            headlight: self.light,
             device: &self.screen.gpu().info().name,
             present_mode: self.screen.present_mode(),
             size: self.size,

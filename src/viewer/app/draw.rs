@@ -24,15 +24,17 @@ impl App {
         let overlaps = self.screen.gpu().info().kind != Kind::Cpu;
         for frame in self.screen.take_finished() {
             self.history.add(&frame.times);
-            let Some(drew) = frame.work else { continue };
-            let ms = work_ms(&frame.times, overlaps);
             tracing::debug!(
+                hidden = frame.times.counts.hidden,
+                threshold_px = frame.threshold_px,
                 cut_ms = frame.times.cut_ms,
                 pack_ms = frame.times.pack_ms,
                 submit_ms = frame.times.submit_ms,
                 passes = ?frame.times.passes,
                 "finished"
             );
+            let Some(drew) = frame.work else { continue };
+            let ms = work_ms(&frame.times, overlaps);
             if frame.is_moving {
                 self.paced.push(Paced {
                     ms,

@@ -8,6 +8,7 @@ use crate::viewer::camera::Orbit;
 use crate::viewer::control::Control;
 use crate::viewer::event::{Event, Key, Modifiers};
 use crate::viewer::input::{self, Command, Drag, Gesture};
+use crate::viewer::lamp::Change;
 use crate::viewer::record::Entry;
 use crate::viewer::screen::{Way, way_after};
 use glam::{DVec2, DVec3};
@@ -145,7 +146,18 @@ impl App {
         // Held keys step thresholds and go through kinds; they switch nothing to and fro.
         let steps = matches!(
             command,
-            Some(Command::ThresholdBy(_) | Command::DepthOffsetBy(_) | Command::Splat(_))
+            Some(
+                Command::ThresholdBy(_)
+                    | Command::DepthOffsetBy(_)
+                    | Command::Splat(_)
+                    | Command::Lamp(
+                        Change::Turn(..)
+                            | Change::Distance(_)
+                            | Change::Specular(_)
+                            | Change::Shininess(_)
+                            | Change::Ambient(_)
+                    )
+            )
         );
         match command {
             Some(command) if !repeat || steps => self.command(command),
@@ -263,12 +275,13 @@ impl App {
 
     fn gesture(&mut self, gesture: Gesture) -> Result<(), Error> {
         match gesture {
-            Gesture::Begin(Drag::Turn, _) => {}
+            Gesture::Begin(Drag::Turn | Drag::Lamp, _) => {}
             Gesture::Begin(Drag::Pan | Drag::Zoom, at) => {
                 self.drag_distance = self.distance_at(at)?;
                 self.drag_at = at;
             }
             Gesture::Move(Drag::Turn, by) => self.change(|orbit| orbit.turn(by)),
+            Gesture::Move(Drag::Lamp, by) => self.drag_lamp(by),
             Gesture::Move(Drag::Pan, by) => {
                 let distance = self.drag_distance;
                 self.change(|orbit| orbit.pan(by, distance));

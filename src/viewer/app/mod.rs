@@ -4,6 +4,7 @@
 mod commands;
 mod draw;
 mod events;
+mod light;
 mod show;
 
 use super::camera::Orbit;
@@ -18,6 +19,7 @@ use super::panel::Facts;
 use super::screen::Screen;
 use super::ui::Interface;
 use super::{Error, Options, text};
+use crate::draw::{Lighting, Phong};
 use crate::gpu::messages::Messages;
 use crate::math::camera::{Camera, Light};
 use crate::method::{Method, Settings};
@@ -65,7 +67,10 @@ pub(super) struct App {
     orbit: Option<Orbit>,
     /// A camera as it was given, until it is moved.
     fixed: Option<Camera>,
+    /// The headlight of the camera.
     light: Light,
+    /// The lamp as it was left, on or off.
+    lamp: Phong,
     pub(super) settings: Settings,
     /// Settings that a frame was drawn with.
     good: Option<Settings>,
@@ -140,6 +145,10 @@ impl App {
                 None if options.window.parallel_light => Light::Directional,
                 None => Light::Point,
             },
+            lamp: match options.settings.light {
+                Lighting::Phong(phong) => phong,
+                Lighting::Headlight => Phong::default(),
+            },
             settings: options.settings,
             good: None,
             control,
@@ -188,7 +197,12 @@ impl App {
             || self.options.turntable.is_some()
     }
 
-    /// Whether the light is parallel.
+    /// The time that frames are held to, milliseconds.
+    pub(super) fn frame_time(&self) -> Option<f64> {
+        self.control.as_ref().map(Control::target_ms)
+    }
+
+    /// Whether the headlight is parallel.
     pub(super) fn has_parallel_light(&self) -> bool {
         self.light == Light::Directional
     }

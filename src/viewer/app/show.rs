@@ -25,7 +25,8 @@ impl App {
             .map(|c| (c.threshold_px(), c.target_ms(), c.report()));
         let state = State {
             settings: &self.settings,
-            light: self.light,
+            light: self.light_kind(),
+            radius: self.around().map_or(1.0, |(_, radius)| radius),
             facts: self.facts.as_ref(),
             status: self.status.as_deref(),
             frame_ms: self.screen.frame_ms(),
@@ -84,6 +85,7 @@ impl App {
                 Wish::Command(command) => self.command(command)?,
                 Wish::Settings(settings) => self.wish(*settings),
                 Wish::Light(light) => self.set_light(light),
+                Wish::FrameTime(ms) => self.set_frame_time(ms),
             }
         }
         Ok(())

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use super::*;
+use crate::draw::{Lamp, Phong};
+use crate::math::camera::Light;
 use crate::viewer::event::{Key, Modifiers};
 use crate::viewer::input::{KEYS, command};
 use crate::viewer::store::Look;
@@ -11,6 +13,7 @@ use egui::{Event, PointerButton, Pos2, RawInput, Rect, Shape, vec2};
 /// A control on the screen.
 #[derive(Debug, Clone)]
 struct Seen {
+    id: egui::accesskit::NodeId,
     role: Role,
     name: String,
     middle: Pos2,
@@ -69,7 +72,7 @@ impl Stage {
             texts_of(&shape.shape, &mut texts);
         }
         let nodes = output.platform_output.accesskit_update.unwrap().nodes;
-        let seen = nodes.iter().filter_map(|(_, node)| {
+        let seen = nodes.iter().filter_map(|(id, node)| {
             let is_control = matches!(
                 node.role(),
                 Role::Button
@@ -84,6 +87,7 @@ impl Stage {
             let bounds = node.bounds().filter(|_| is_control)?;
             let middle = |a: f64, b: f64| (0.5 * (a + b)) as f32;
             Some(Seen {
+                id: *id,
                 role: node.role(),
                 name: node.label().or(node.value()).unwrap_or_default().to_owned(),
                 middle: pos2(middle(bounds.x0, bounds.x1), middle(bounds.y0, bounds.y1)),
@@ -153,13 +157,30 @@ fn all_settings() -> Vec<Settings> {
             });
         }
     }
+    for lamp in lamps() {
+        all.push(Settings {
+            light: Lighting::Phong(lamp),
+            ..Settings::default()
+        });
+    }
     all
+}
+
+/// A lamp of each kind.
+fn lamps() -> [Phong; 2] {
+    let usual = Phong::default();
+    let in_world = Phong {
+        lamp: Lamp::At(glam::DVec3::new(1.0, -2.5, 3.0)),
+        ..usual
+    };
+    [usual, in_world]
 }
 
 fn state<'a>(settings: &'a Settings, facts: &'a Facts) -> State<'a> {
     State {
         settings,
-        light: Light::Point,
+        light: Kind::of(Light::Point, &settings.light),
+        radius: 2.0,
         facts: Some(facts),
         status: None,
         frame_ms: 1.0,
@@ -198,6 +219,10 @@ fn names_a_key(tip: &str) -> bool {
 fn commands() -> Vec<Command> {
     let letters = ('!'..='~').map(Key::Char);
     let others = [
+        Key::Left,
+        Key::PageUp,
+        Key::Home,
+        Key::End,
         Key::Tab,
         Key::Space,
         Key::Enter,
@@ -251,6 +276,15 @@ fn every_control_has_a_tooltip_with_its_key() {
         "light both sides",
         "hold the cut",
         "Picture",
+        "none",
+        "goes with the viewer",
+        "stays in the world",
+        "-30.0°",
+        "30.0°",
+        "-2.500",
+        "0.10",
+        "0.20",
+        "32.0",
     ] {
         assert!(names.iter().any(|n| n == name), "no {name} among {names:?}");
     }
@@ -300,6 +334,7 @@ fn what_a_click_does_a_key_does() {
                     new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
                 }
                 Wish::Light(_) => commands.contains(&Command::Light),
+                Wish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
             };
             assert!(
                 is_a_keys,
@@ -312,6 +347,104 @@ fn what_a_click_does_a_key_does() {
         }
     }
     assert!(done >= 16, "{done}");
+}
+
+/// The one control of a name and role.
+fn find<'s>(controls: &'s [Seen], role: Role, name: &str) -> &'s Seen {
+    let found: Vec<&Seen> = controls
+        .iter()
+        .filter(|c| c.role == role && c.name == name)
+        .collect();
+    assert_eq!(found.len(), 1, "{name} {role:?} among {controls:?}");
+    found[0]
+}
+
+#[test]
+fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
+    let facts = facts();
+    let mut settings = Settings::default();
+    let mut stage = Stage::new();
+    // Opens a list and clicks what it offers.
+    fn pick(stage: &mut Stage, state: &State<'_>, list: &str, choice: &str) -> Vec<Wish> {
+        let controls = stage.controls(state);
+        let at = find(&controls, Role::ComboBox, list).middle;
+        stage.click(state, at);
+        let (controls, ..) = stage.pass(state, Vec::new());
+        let at = find(&controls, Role::Button, choice).middle;
+        stage.click(state, at)
+    }
+    let wishes = pick(&mut stage, &state(&settings, &facts), "in the eye", "lamp");
+    assert_eq!(wishes, [Wish::Light(Kind::Lamp)]);
+    settings.light = Lighting::Phong(Phong::default());
+    let with_lamp = state(&settings, &facts);
+    // What a screen reader writes into a field.
+    let mut write = |field: usize, value: f64| {
+        let names = ["-30.0°", "30.0°", "0.10", "0.20", "32.0"];
+        let controls = stage.controls(&with_lamp);
+        let id = find(&controls, Role::SpinButton, names[field]).id;
+        let request = egui::accesskit::ActionRequest {
+            action: egui::accesskit::Action::SetValue,
+            target_tree: egui::accesskit::TreeId::ROOT,
+            target_node: id,
+            data: Some(egui::accesskit::ActionData::NumericValue(value)),
+        };
+        let (.., wishes) = stage.pass(&with_lamp, vec![Event::AccessKitActionRequest(request)]);
+        let [Wish::Settings(new)] = wishes.as_slice() else {
+            panic!("{} asks for {wishes:?}", names[field])
+        };
+        let Lighting::Phong(phong) = new.light else {
+            panic!("the lamp is off: {new:?}")
+        };
+        assert_eq!(Look::of(new).settings(), Ok(**new), "it is kept");
+        phong
+    };
+    let usual = Phong::default();
+    let from = |azimuth, elevation| Phong {
+        lamp: crate::viewer::lamp::from_camera(azimuth, elevation),
+        ..usual
+    };
+    assert_eq!(write(0, 75.0), from(75.0, 30.0));
+    assert_eq!(write(1, -12.5), from(-30.0, -12.5));
+    assert_eq!(write(1, 400.0), from(-30.0, 90.0), "no farther than above");
+    assert_eq!(write(2, 0.5).ambient, 0.5);
+    assert_eq!(write(3, 1.0).specular, 1.0);
+    assert_eq!(write(4, 100.0).shininess, 100.0);
+    assert_eq!(write(4, 0.0).shininess, 1.0, "no smaller");
+    let anchor = [Wish::Command(Command::Lamp(
+        crate::viewer::lamp::Change::Anchor,
+    ))];
+    let (with, stays) = ("goes with the viewer", "stays in the world");
+    assert_eq!(pick(&mut stage, &with_lamp, with, stays), anchor);
+    let in_world = lamps()[1];
+    settings.light = Lighting::Phong(in_world);
+    let state = state(&settings, &facts);
+    assert_eq!(pick(&mut stage, &state, stays, with), anchor);
+    let controls = stage.controls(&state);
+    for name in ["1.000", "-2.500", "3.000"] {
+        find(&controls, Role::SpinButton, name);
+    }
+}
+
+#[test]
+fn the_time_of_frames_is_chosen() {
+    let (facts, settings) = (facts(), Settings::default());
+    let mut stage = Stage::new();
+    for (now, shown, choice, wish) in [
+        (None, "none", "33 ms", Some(33.0)),
+        (Some(33.0), "33 ms", "none", None),
+        (Some(21.5), "21.5 ms", "16 ms", Some(16.0)),
+    ] {
+        let state = State {
+            control: now.map(|ms| (1.0, ms, Report::Adapting)),
+            ..state(&settings, &facts)
+        };
+        let controls = stage.controls(&state);
+        let at = find(&controls, Role::ComboBox, shown).middle;
+        stage.click(&state, at);
+        let (controls, ..) = stage.pass(&state, Vec::new());
+        let at = find(&controls, Role::Button, choice).middle;
+        assert_eq!(stage.click(&state, at), [Wish::FrameTime(wish)]);
+    }
 }
 
 #[test]
@@ -355,5 +488,9 @@ fn every_choice_of_the_panel_is_kept() {
             ..usual
         });
     }
-    assert_eq!(kept, 3 + 5 + 4 + 1 + 2 + 4 + 2 + 5 + 2);
+    for lamp in lamps() {
+        let light = Lighting::Phong(lamp);
+        keep(Settings { light, ..usual });
+    }
+    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 5 + 2);
 }

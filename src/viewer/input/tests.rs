@@ -1,0 +1,165 @@
+use super::*;
+
+const NONE: Modifiers = Modifiers {
+    shift: false,
+    control: false,
+    other: false,
+};
+const SHIFT: Modifiers = Modifiers {
+    shift: true,
+    ..NONE
+};
+const CONTROL: Modifiers = Modifiers {
+    control: true,
+    ..NONE
+};
+
+#[test]
+fn the_keys_of_the_thesis_and_their_neighbors() {
+    let letter = |c| command(Key::Char(c), NONE);
+    assert_eq!(letter('a'), Some(Command::Method(Method::Triangles)));
+    assert_eq!(letter('s'), Some(Command::Method(Method::Points)));
+    assert_eq!(letter('d'), Some(Command::Method(Method::Pop)));
+    assert_eq!(letter('+'), Some(Command::ThresholdBy(0.25)));
+    assert_eq!(letter('-'), Some(Command::ThresholdBy(-0.25)));
+    assert_eq!(letter('ß'), None);
+    assert_eq!(command(Key::Digit(7), NONE), Some(Command::Threshold(7.0)));
+    assert_eq!(command(Key::Digit(0), NONE), None);
+    assert_eq!(
+        command(Key::Pad(7), NONE),
+        Some(Command::LookFrom(0.0, FRAC_PI_2))
+    );
+    assert_eq!(
+        command(Key::Pad(7), CONTROL),
+        Some(Command::LookFrom(0.0, -FRAC_PI_2))
+    );
+    assert_eq!(
+        command(Key::Char('n'), SHIFT),
+        Some(Command::Splat(-1)),
+        "backward"
+    );
+    assert_eq!(command(Key::Char('c'), CONTROL), Some(Command::CopyCamera));
+}
+
+#[test]
+fn every_key_that_is_listed_has_a_command_of_its_own_and_no_other_letter_has_one() {
+    let listed: String = KEYS[1..]
+        .iter()
+        .flat_map(|(_, keys)| keys.iter())
+        .map(|(key, _)| format!("{key} "))
+        .collect();
+    let words: Vec<&str> = listed.split([' ', ',']).collect();
+    let mut commands = Vec::new();
+    for c in 'a'..='z' {
+        let found = command(Key::Char(c), NONE);
+        // Ctrl C and Ctrl V are listed as well.
+        let is_listed = words.contains(&c.to_ascii_uppercase().to_string().as_str());
+        assert!(found.is_none() || is_listed, "{c} is not listed");
+        commands.extend(found);
+    }
+    for (index, command) in commands.iter().enumerate() {
+        assert!(!commands[..index].contains(command), "{command:?} twice");
+    }
+    for (key, name) in [
+        (Key::Tab, "Tab"),
+        (Key::F(1), "F1"),
+        (Key::F(11), "F11"),
+        (Key::Space, "Space"),
+        (Key::Enter, "Enter"),
+        (Key::Backspace, "Backspace"),
+        (Key::Escape, "Esc"),
+        (Key::Left, "Arrows"),
+        (Key::PageDown, "Page"),
+        (Key::Home, "Home"),
+    ] {
+        assert!(command(key, NONE).is_some(), "{key:?}");
+        assert!(words.contains(&name), "{name} is not listed");
+    }
+    assert!(help().contains("F11") && help().contains("turn about"));
+    assert!(help().lines().all(|line| line.len() < 130), "{}", help());
+}
+
+#[test]
+fn keys_of_the_lamp() {
+    let lamp = |key, modifiers| match command(key, modifiers) {
+        Some(Command::Lamp(change)) => Some(change),
+        _ => None,
+    };
+    assert_eq!(lamp(Key::Right, NONE), Some(Change::Turn(5.0, 0.0)));
+    assert_eq!(lamp(Key::Up, NONE), Some(Change::Turn(0.0, 5.0)));
+    assert_eq!(lamp(Key::Down, CONTROL), None);
+    assert_eq!(lamp(Key::Char('l'), SHIFT), Some(Change::Anchor));
+    assert_eq!(lamp(Key::PageDown, NONE), Some(Change::Distance(0.8)));
+    assert_eq!(lamp(Key::End, NONE), Some(Change::Specular(-0.05)));
+    assert_eq!(lamp(Key::Home, SHIFT), Some(Change::Shininess(1.25)));
+    assert_eq!(lamp(Key::Home, CONTROL), Some(Change::Ambient(0.05)));
+}
+
+#[test]
+fn shortcuts_of_the_desktop_are_left_alone() {
+    let alt = Modifiers {
+        other: true,
+        ..NONE
+    };
+    assert_eq!(command(Key::Char('q'), CONTROL), None);
+    assert_eq!(command(Key::Digit(1), alt), None);
+    assert_eq!(command(Key::Tab, alt), None);
+}
+
+#[test]
+fn drags_follow_the_button_that_began_them() {
+    let mut mouse = Mouse::default();
+    let at = DVec2::new(10.0, 20.0);
+    assert_eq!(mouse.moved(at), None);
+    let press = |m: &mut Mouse, b, mods| m.button(b, true, mods, 0.0);
+    assert_eq!(
+        press(&mut mouse, Button::Right, NONE),
+        Some(Gesture::Begin(Drag::Zoom, at))
+    );
+    assert_eq!(
+        press(&mut mouse, Button::Left, NONE),
+        None,
+        "one drag at a time"
+    );
+    assert_eq!(
+        mouse.moved(at + DVec2::X),
+        Some(Gesture::Move(Drag::Zoom, DVec2::X))
+    );
+    mouse.button(Button::Left, false, NONE, 0.0);
+    assert!(
+        mouse.is_dragging(),
+        "the other button's release ends nothing"
+    );
+    mouse.button(Button::Right, false, NONE, 0.0);
+    assert!(!mouse.is_dragging());
+    assert_eq!(mouse.moved(at), None);
+    let with_shift = press(&mut mouse, Button::Left, SHIFT);
+    assert_eq!(with_shift, Some(Gesture::Begin(Drag::Pan, at)));
+    mouse.release();
+    let with_control = press(&mut mouse, Button::Left, CONTROL);
+    assert_eq!(with_control, Some(Gesture::Begin(Drag::Lamp, at)));
+    mouse.release();
+    let middle = press(&mut mouse, Button::Middle, NONE);
+    assert_eq!(middle, Some(Gesture::Begin(Drag::Pan, at)));
+}
+
+#[test]
+fn two_quick_clicks_in_one_place_are_a_double_click() {
+    let click = |mouse: &mut Mouse, time: f64| {
+        let gesture = mouse.button(Button::Left, true, NONE, time);
+        mouse.button(Button::Left, false, NONE, time + 0.05);
+        gesture
+    };
+    let turn = Some(Gesture::Begin(Drag::Turn, DVec2::ZERO));
+    let mut mouse = Mouse::default();
+    assert_eq!(click(&mut mouse, 1.0), turn);
+    assert_eq!(
+        click(&mut mouse, 1.2),
+        Some(Gesture::DoubleClick(DVec2::ZERO))
+    );
+    assert_eq!(click(&mut mouse, 1.4), turn, "a third click begins anew");
+    assert_eq!(click(&mut mouse, 3.0), turn, "too late");
+    mouse.moved(DVec2::splat(50.0));
+    let elsewhere = Some(Gesture::Begin(Drag::Turn, DVec2::splat(50.0)));
+    assert_eq!(click(&mut mouse, 3.1), elsewhere, "elsewhere");
+}
