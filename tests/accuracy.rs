@@ -228,9 +228,9 @@ fn the_hybrid_at_one_pixel_is_close_to_supersampled_triangles() {
             );
             assert_eq!(filtered.holes, 0, "{name}, fill {fill}: holes");
             if *is_smooth {
-                // One exact sample is better where triangles are larger than a pixel: the box of a node blurs it.
+                // Of two pictures with the same error either may come out ahead by a tenth.
                 assert!(
-                    filtered.object.psnr_db > exact.object.psnr_db - 4.0,
+                    filtered.object.psnr_db > exact.object.psnr_db - 0.1,
                     "{name}, fill {fill}"
                 );
             }
@@ -284,5 +284,35 @@ fn filtered_splats_beat_one_exact_sample_on_fine_detail() {
         assert_eq!(sums.holes, 0);
         assert!(sums.object.psnr_db > exact + gain_db);
         assert!(sums.object.psnr_db > square + gain_db);
+    }
+}
+
+/// A row of splats stands for a needle several pixels long, over which the shade changes: with one color a row the torus
+/// is striped.
+#[test]
+fn filtered_rows_have_the_shades_of_their_needles() {
+    let Some(device) = Device::open() else {
+        return;
+    };
+    let backend = Backend::Device(device.gpu().clone());
+    let model = generated(Shape::Torus, 200_000);
+    let size = (300, 300);
+    let mut engine = Engine::new(&backend, &model, size, Outputs::default()).unwrap();
+    let view = orbit(&model, size, 30.0, 20.0, 1.0);
+    let reference = engine
+        .supersample(&view, &settings(Method::Triangles, 1.0), 4)
+        .unwrap();
+    // Seen, and with one color a row: 40.4 and 37.6 dB, 34.8 and 31.8.
+    for (threshold_px, least_db) in [(2.0, 39.0), (3.0, 33.3)] {
+        let filtered = Settings {
+            splat: SplatKind::Filtered,
+            ..settings(Method::Pop, threshold_px)
+        };
+        let picture = engine.render(&view, &filtered).unwrap();
+        let found = compare(&reference, &picture, 8.0).unwrap().object.psnr_db;
+        assert!(
+            found > least_db,
+            "threshold {threshold_px}: {found:.1} dB over object pixels"
+        );
     }
 }

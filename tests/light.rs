@@ -519,6 +519,7 @@ fn the_options_say_what_they_refuse_and_the_statistics_which_light_it_was() {
     let run = |options: &str| {
         let scene = "render generate:sphere:500 --size 32x32 --device mirror --stats -";
         let out = Command::new(env!("CARGO_BIN_EXE_surfel"))
+            .env("SURFEL_CALIBRATE", "off")
             .args(scene.split(' ').chain(options.split_whitespace()))
             .output()
             .unwrap();

@@ -245,8 +245,9 @@ fn filtered_splats() {
                     differ += usize::from(depth_differs || (0..4).any(|c| d[c].abs_diff(m[c]) > 1));
                 }
                 // A fragment at the very limit of the offset is in for one and out for the other: the pushed depth
-                // is single precision in both, with other roundings.
-                let allowed = 2 + covered / 500;
+                // is single precision in both, with other roundings. At a rim its neighbors look at it: one such pixel
+                // there is four that differ.
+                let allowed = 4 + covered / 500;
                 println!(
                     "{name} {fill} {threshold_px} {culling:?}: {differ} of {covered} differ, {allowed} allowed"
                 );

@@ -339,7 +339,11 @@ fn a_trace_has_both_tracks_on_one_clock() {
     let backend = Backend::Device(device.gpu().clone());
     let model = common::generated(Shape::Sphere, 20_000);
     let views = views(&model, 4);
-    let settings = settings(Method::Pop, SplatKind::Filtered);
+    // Compute has passes of its own, where it pays.
+    let settings = Settings {
+        path: Path::Raster,
+        ..settings(Method::Pop, SplatKind::Filtered)
+    };
     let profile = profile(&backend, &model, &views, &settings);
     let trace = profile.trace(serde_json::json!({ "model": "sphere" }));
     assert_eq!(trace["otherData"]["run"]["model"], "sphere");

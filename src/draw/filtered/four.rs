@@ -209,7 +209,8 @@ impl Slope {
         let spread = weight.dot(off * off);
         // Also where nothing is seen and the quotient is no number.
         let least = LEAST_SPREAD * node.radius;
-        if !(spread > sum * least * least) {
+        let is_spread = spread > sum * least * least;
+        if !is_spread {
             return None;
         }
         let range = |c: Vec4| {
