@@ -182,6 +182,10 @@ impl Four {
 /// their places. The two triangles of a needle's strip lie at a sixth of its length to either side of the middle.
 const LEAST_SPREAD: f32 = 0.15;
 
+/// How much the color of a row may differ from its mean, in what its parts differ by. From 0.75 to 1.5 tori of needles
+/// change by a tenth of a decibel; this is the least FLIP.
+const MOST_CHANGE: f32 = 1.1;
+
 /// How a color changes along a line.
 pub(super) struct Slope {
     direction: Vectors,
@@ -221,8 +225,8 @@ impl Slope {
         Some(Self {
             direction,
             per_unit: colors.map(|c| weight.dot(off * c) / spread),
-            // From the middle to an end it is three times as far as to a third of a needle.
-            most: colors.map(|c| 1.5 * range(c)),
+            // A row reaches beyond the middles of its parts, but what they differ by is not all slope.
+            most: colors.map(|c| MOST_CHANGE * range(c)),
         })
     }
 
