@@ -4,7 +4,8 @@
 //! of the frame are told apart: what goes over the picture (clearing, resolving, normalizing) and what goes over the
 //! primitives. What the passes cost when there is next to nothing in them comes off before: it is that of two triangles,
 //! once far away and once at opposite corners of the picture. Points are compared with quads at sizes of 1 to 64 pixels.
-//! Of several frames the least counts: other work on the machine only ever adds.
+//! Of several frames the least counts: other work on the machine only ever adds. Where they differ much, that is not enough,
+//! and at first use nothing is kept.
 //!
 //! It is measured in [`Part`]s, at first use of what each decides, so that no shader is compiled that is not drawn with
 //! anyway; kept in the user's cache folder ([`crate::measure::store`]); and it decides nothing but times: all paths and
@@ -24,7 +25,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// A variable of the environment that keeps the program from calibrating, and from reading what was measured before, when
-/// it is `off`: then rules of thumb decide, and a picture has the same last bits on every run. Tests set it.
+/// it is `off`: then rules of thumb decide, and a picture has the same last bits on every run. Tests set it. With `always`
+/// it calibrates beside other work as well.
 pub const VARIABLE: &str = "SURFEL_CALIBRATE";
 
 /// What is measured together.
@@ -132,6 +134,23 @@ pub struct Found {
 const PATIENCE: Duration = Duration::from_secs(5);
 /// The same where somebody asked for nothing else.
 const MORE_PATIENCE: Duration = Duration::from_secs(60);
+/// At first use a part is given up too where the frames of a view differ by this factor in the mean: the machine does other
+/// work, and what was measured beside it would decide for as long as it is kept.
+const LEAST_UNSTEADY: f64 = 1.3;
+
+/// When a part is given up.
+#[derive(Debug, Clone, Copy)]
+struct Limits {
+    patience: Duration,
+    /// [`LEAST_UNSTEADY`]; infinite where somebody asked for it.
+    unsteady: f64,
+}
+
+/// Where somebody asked for nothing else.
+const ASKED_FOR: Limits = Limits {
+    patience: MORE_PATIENCE,
+    unsteady: f64::INFINITY,
+};
 
 /// Milliseconds of a frame's passes by what they go over.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -193,7 +212,7 @@ impl Calibration {
         parts: &[Part],
         again: bool,
     ) -> Result<Found, Error> {
-        Self::kept_within(gpu, folder, parts, again, MORE_PATIENCE)
+        Self::kept_within(gpu, folder, parts, again, ASKED_FOR)
     }
 
     fn kept_within(
@@ -201,7 +220,7 @@ impl Calibration {
         folder: Option<&File>,
         parts: &[Part],
         again: bool,
-        patience: Duration,
+        limits: Limits,
     ) -> Result<Found, Error> {
         let key = Key::of(gpu);
         let file = folder.map(|f| key.path(f));
@@ -223,7 +242,7 @@ impl Calibration {
                     not_kept: None,
                 });
             }
-            old => Self::measure_within(gpu, &missing, patience)?.and(old),
+            old => Self::measure_within(gpu, &missing, limits)?.and(old),
         };
         let not_kept = folder.and_then(|f| calibration.write(f).err());
         Ok(Found {
@@ -260,17 +279,17 @@ impl Calibration {
     /// # Errors
     /// When memory runs out or the device is lost.
     pub fn measure(gpu: &Arc<Gpu>, parts: &[Part]) -> Result<Self, Error> {
-        Self::measure_within(gpu, parts, MORE_PATIENCE)
+        Self::measure_within(gpu, parts, ASKED_FOR)
     }
 
-    fn measure_within(gpu: &Arc<Gpu>, parts: &[Part], patience: Duration) -> Result<Self, Error> {
+    fn measure_within(gpu: &Arc<Gpu>, parts: &[Part], limits: Limits) -> Result<Self, Error> {
         let start = Instant::now();
         let mut stand = Stand::new(gpu)?;
         let mut all = Costs::default();
         let (mut measured, mut given_up) = (Vec::new(), Vec::new());
         for part in parts {
             let mut costs = Costs::default();
-            stand.begin(patience);
+            stand.begin(limits.patience);
             match part {
                 Part::Opaque => {
                     costs.square = stand.splats(SplatKind::Square)?.0;
@@ -285,8 +304,12 @@ impl Calibration {
                 Part::Primitives => costs.primitives = stand.primitives()?,
                 Part::Nodes => costs.node_ns = Some(stand.node_ns()?),
             }
+            tracing::debug!(
+                "{part:?}: frames of a view took up to {:.2} times as long",
+                stand.unsteadiness()
+            );
             // Half a part would say that the device cannot do the other half.
-            if stand.gave_up() {
+            if stand.gave_up() || stand.unsteadiness() >= limits.unsteady {
                 given_up.push(*part);
             } else {
                 measured.push(*part);
@@ -295,7 +318,7 @@ impl Calibration {
         }
         if !given_up.is_empty() {
             tracing::warn!(
-                "measuring what drawing costs on this device takes too long: {given_up:?} given up, rules of thumb decide"
+                "measuring what drawing costs on this device takes too long, or the machine does other work: {given_up:?} given up, rules of thumb decide; surfel devices --calibrate measures it"
             );
         }
         let took_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -332,7 +355,14 @@ pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<Costs> {
         let kept = folder.and_then(|f| Calibration::read(&f, &Key::of(gpu)));
         return kept.map(|calibration| calibration.costs);
     }
-    match Calibration::kept_within(gpu, folder.as_deref(), &parts, false, PATIENCE) {
+    let limits = Limits {
+        patience: PATIENCE,
+        unsteady: match std::env::var_os(VARIABLE) {
+            Some(v) if v == "always" => f64::INFINITY,
+            _ => LEAST_UNSTEADY,
+        },
+    };
+    match Calibration::kept_within(gpu, folder.as_deref(), &parts, false, limits) {
         Ok(found) => {
             if let Some(error) = &found.not_kept {
                 tracing::warn!("what drawing costs on this device is not kept: {error}");

@@ -128,6 +128,8 @@ pub(super) struct Stand {
     side: u32,
     until: Instant,
     gave_up: bool,
+    /// Of every view how many times as long as its shortest frame its longest took: their logarithms' sum, and how many.
+    unsteady: (f64, f64),
 }
 
 impl Stand {
@@ -151,6 +153,7 @@ impl Stand {
             side,
             until: Instant::now(),
             gave_up: false,
+            unsteady: (0.0, 0.0),
         })
     }
 
@@ -158,6 +161,14 @@ impl Stand {
     pub(super) fn begin(&mut self, patience: Duration) {
         self.until = Instant::now() + patience;
         self.gave_up = false;
+        self.unsteady = (0.0, 0.0);
+    }
+
+    /// How many times as long as the shortest the longest frame of a view took since, in the mean; 1 where nothing else
+    /// runs on the machine.
+    pub(super) fn unsteadiness(&self) -> f64 {
+        let (sum, count) = self.unsteady;
+        (sum / count.max(1.0)).exp()
     }
 
     /// Whether something was not measured since, because time was up.
@@ -189,6 +200,7 @@ impl Stand {
             of_box: pixels_of(model, &view, settings.threshold_px).of_box as f64,
             ..Drawn::default()
         };
+        let (mut least_ms, mut most_ms) = (f64::INFINITY, 0.0f64);
         for frame in 0..=FRAMES {
             if Instant::now() > self.until {
                 self.gave_up = true;
@@ -203,6 +215,8 @@ impl Stand {
             if frame > 0 {
                 let of = split(&times);
                 let own = of.splats_ms + of.triangles_ms;
+                least_ms = least_ms.min(own + of.pixels_ms);
+                most_ms = most_ms.max(own + of.pixels_ms);
                 drawn.primitives_ns = drawn.primitives_ns.min(own * 1e6);
                 drawn.pixels_ns = drawn.pixels_ns.min(of.pixels_ms * 1e6);
             }
@@ -212,6 +226,10 @@ impl Stand {
             } else {
                 counts.splats as f64
             };
+        }
+        if least_ms > 0.0 {
+            self.unsteady.0 += (most_ms / least_ms).ln();
+            self.unsteady.1 += 1.0;
         }
         if is_statue {
             drawn.covered = self.renderer.read(&view)?.covered_pixels() as f64;
