@@ -139,6 +139,8 @@ pub(super) struct Screen {
     look: Option<(Settings, (u32, u32))>,
     faults: Faults,
     frames: u64,
+    /// What drawing costs on the device.
+    costs: Option<Costs>,
 }
 
 const OUTPUTS: Outputs = Outputs {
@@ -177,6 +179,7 @@ impl Screen {
             look: None,
             faults: Faults::default(),
             frames: 0,
+            costs: None,
         })
     }
 
@@ -191,7 +194,7 @@ impl Screen {
         self.surface = None;
         self.scene = None;
         let mut new = Self::new(gpu, window, self.vsync)?;
-        new.renderer.set_costs(self.renderer.costs());
+        new.set_costs(self.costs);
         if let Some(old) = self.overlay.take() {
             let in_flight = new.renderer.in_flight();
             new.overlay = Some(Overlay::new(gpu, in_flight)?.with_textures_of(old));
@@ -210,7 +213,16 @@ impl Screen {
 
     /// What drawing costs on the device: see [`Renderer::set_costs`].
     pub(super) fn set_costs(&mut self, costs: Option<Costs>) {
+        self.costs = costs;
         self.renderer.set_costs(costs);
+    }
+
+    /// Whether those costs decide how frames are drawn, or rules of thumb.
+    pub(super) fn decide_by_costs(&mut self, by_costs: bool) {
+        let costs = self.costs.filter(|_| by_costs);
+        if self.renderer.costs() != costs {
+            self.renderer.set_costs(costs);
+        }
     }
 
     /// For tests: what goes wrong, and how often.
