@@ -28,8 +28,8 @@ const uint FLAG_COLOR_BY_DEPTH = 1024u;
 const float ALBEDO = 0.8;
 // A pixel of fuzzy splats shows something when the sum of its weights is at least this.
 const float LEAST_FUZZY_WEIGHT = 1e-4;
-// Weight of a filtered splat in each pixel of its square, beside that of its area.
-const float FILTERED_SKIRT = 1e-5;
+// How far from a pixel that lies between the rectangles of filtered splats its color is looked for, pixels.
+const uint FILTERED_REACH_PX = 8u;
 // A pixel at a rim shows what is behind when filtered splats cover less of it than this: half a level.
 const float LEAST_FILTERED_COVERAGE = 0.002;
 // Compute draws blended splats up to this size, pixels; the rasterizer those that are larger.

@@ -39,27 +39,58 @@ float coverage_of_part(ivec2 pixel, float sum, ivec4 known) {
     return 1.0;
 }
 
+// Nearest and farthest depth (reversed: largest and least) of the part that a pixel of depth `own`, not 0, belongs to. What
+// is nearer or farther is another part.
+vec2 range_of_part(float own) {
+    float distance = distance_of(own);
+    float width = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : distance;
+    float jump = JUMP * max(frame.splat_size_px, 1.0) * width / frame.focal_px;
+    return vec2(distance > jump ? depth_of(distance - jump) : 1.0, depth_of(distance + jump));
+}
+
+// What the nearest pixels of the same part deposited: the color between rectangles, which are not as dense as the squares of
+// the first pass. They lie in squares around the pixel, one after the other.
+vec4 sum_near(ivec2 pixel, vec2 part, ivec4 known) {
+    for (int reach = 1; reach <= int(FILTERED_REACH_PX); ++reach) {
+        vec4 sum = vec4(0.0);
+        for (int i = 0; i < 8 * reach; ++i) {
+            // Around the square, from its corners: each side is as long as twice the reach.
+            int along = i % (2 * reach) - reach;
+            int side = i / (2 * reach);
+            ivec2 step = side == 0 ? ivec2(along, -reach) : side == 1 ? ivec2(reach, along)
+                : side == 2 ? ivec2(-along, reach) : ivec2(-reach, -along);
+            ivec2 neighbor = pixel + step;
+            if (is_known(neighbor, known)) {
+                float depth = front_at(neighbor);
+                if (depth >= part.y && depth <= part.x) {
+                    sum += sum_at(neighbor);
+                }
+            }
+        }
+        if (sum.a > LEAST_WEIGHT) {
+            return sum;
+        }
+    }
+    return vec4(0.0);
+}
+
 vec4 normalized(ivec2 pixel, float own) {
     vec4 color = vec4(frame.background.rgb, 0.0);
     vec4 sum = sum_at(pixel);
     ivec4 known = bounds();
-    if (sum.a > LEAST_WEIGHT) {
-        // What is farther than this depth, but has one, is another part. Where the pixel has none, nothing is: beyond the
-        // squares of the first pass nothing is in front of anything.
-        float limit = 0.0;
-        if (own > 0.0) {
-            float distance = distance_of(own);
-            float width = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : distance;
-            limit = depth_of(distance + JUMP * max(frame.splat_size_px, 1.0) * width / frame.focal_px);
-        }
+    bool is_between = !(sum.a > LEAST_WEIGHT);
+    if (!is_between || own > 0.0) {
+        // Where the pixel has no depth nothing is another part: beyond the squares of the first pass nothing is in front of
+        // anything.
+        vec2 part = own > 0.0 ? range_of_part(own) : vec2(1.0, 0.0);
         float around = 0.0;
-        // Which of the neighbors are other parts.
+        // Which of the neighbors are other parts, farther than this one.
         uint parts = 0u;
         for (int i = 0; i < 9; ++i) {
             ivec2 neighbor = pixel + ivec2(i % 3 - 1, i / 3 - 1);
             if (i != 4 && is_known(neighbor, known)) {
                 float depth = front_at(neighbor);
-                bool is_part = depth > 0.0 && depth < limit;
+                bool is_part = depth > 0.0 && depth < part.y;
                 around += is_part || !(depth > 0.0) ? 1.0 : 0.0;
                 parts |= is_part ? 1u << i : 0u;
             }
@@ -78,12 +109,20 @@ vec4 normalized(ivec2 pixel, float own) {
         if (is_rim && sum.a < LEAST_FILTERED_COVERAGE && behind.a == 0.0) {
             return color;
         }
+        if (is_between) {
+            // At a rim nothing, else what is around.
+            sum = is_rim ? vec4(0.0) : sum_near(pixel, part, known);
+            if (!is_rim && !(sum.a > LEAST_WEIGHT)) {
+                return color;
+            }
+        }
         float covered = is_rim ? min(sum.a, 1.0) : 1.0;
         vec4 beyond = behind / max(around, 1.0);
         beyond.rgb += (1.0 - beyond.a) * frame.background.rgb;
         float alpha = covered + (1.0 - covered) * beyond.a;
+        vec3 own_color = sum.a > 0.0 ? sum.rgb / sum.a : vec3(0.0);
         // At least one level of coverage where anything is.
-        color = vec4(mix(beyond.rgb, sum.rgb / sum.a, covered), max(alpha, 1.0 / 255.0));
+        color = vec4(mix(beyond.rgb, own_color, covered), max(alpha, 1.0 / 255.0));
     }
     return color;
 }

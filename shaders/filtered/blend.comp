@@ -27,19 +27,16 @@ void main() {
     }
     SmallSplat small = small_splat(list.begin + item);
     vec2 extent = floats_of(splats[list.begin + item].extent);
-    vec2 side = vec2(small.side_px);
     vec3 color = floats_of(splats[list.begin + item].red_green).xyy;
     if (!IS_GRAY) {
         color.z = floats_of(splats[list.begin + item].blue_nothing).x;
     }
     // In steps of 1/256 pixel, as a rasterizer has it.
     vec2 center = roundEven(small.window_px * 256.0) * (1.0 / 256.0);
-    vec2 half_size = 0.5 * max(extent, side);
+    vec2 half_size = 0.5 * extent;
     vec2 low = clamp(floor(center - half_size), vec2(list.rect_px.xy), vec2(list.rect_px.zw));
     vec2 high = clamp(ceil(center + half_size), vec2(list.rect_px.xy), vec2(list.rect_px.zw));
     float density = small.area_px / (extent.x * extent.y);
-    // No area, no skirt.
-    float skirt = density > 0.0 ? FILTERED_SKIRT : 0.0;
     uint depth = floatBitsToUint(small.depth);
     // What is no number lies nowhere, or weighs nothing.
     ivec2 size = ivec2(max(high - low, vec2(0.0)));
@@ -52,8 +49,7 @@ void main() {
     int left = size.x;
     for (; pixels > 0; --pixels) {
         vec2 own = overlap(extent, abs(from_center));
-        vec2 square = overlap(side, abs(from_center));
-        float weight = density * (own.x * own.y) + skirt * (square.x * square.y);
+        float weight = density * (own.x * own.y);
         if (weight > 0.0 && front[at] <= depth) {
             Deposit deposit = deposit_of(at, color, weight);
             atomicAdd(sums[deposit.word], deposit.first);

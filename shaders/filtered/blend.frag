@@ -1,10 +1,8 @@
 #version 460
-// Each pixel of the point gets what of the rectangle lies in it, and a little for what of the square does; the target adds
-// the deposits up.
-#include "common/constants.glsl"
+// Each pixel of the point gets what of the rectangle lies in it; the target adds the deposits up.
 
 layout(location = 0) flat in vec4 color_and_weight;
-layout(location = 1) flat in vec4 extent_side_and_size_px;
+layout(location = 1) flat in vec3 extent_and_size_px;
 
 layout(location = 0) out vec4 sums;
 
@@ -14,11 +12,8 @@ vec2 overlap(vec2 extent, vec2 distance) {
 }
 
 void main() {
-    vec2 distance = abs(gl_PointCoord - 0.5) * extent_side_and_size_px.w;
-    vec2 own = overlap(extent_side_and_size_px.xy, distance);
-    vec2 square = overlap(vec2(extent_side_and_size_px.z), distance);
-    // No area, no skirt.
-    float skirt = color_and_weight.a > 0.0 ? FILTERED_SKIRT : 0.0;
-    float weight = color_and_weight.a * (own.x * own.y) + skirt * (square.x * square.y);
+    vec2 distance = abs(gl_PointCoord - 0.5) * extent_and_size_px.z;
+    vec2 own = overlap(extent_and_size_px.xy, distance);
+    float weight = color_and_weight.a * (own.x * own.y);
     sums = vec4(color_and_weight.rgb * weight, weight);
 }

@@ -1,6 +1,5 @@
 #version 460
-// Pass filtered.blend: rectangles that deposit their projected area, spread over the pixels that they overlap, in squares
-// that deposit next to nothing, so that what lies between rectangles has a color too.
+// Pass filtered.blend: rectangles that deposit their projected area, spread over the pixels that they overlap.
 #include "common/frame.glsl"
 
 layout(location = 0) in vec3 center;
@@ -10,7 +9,7 @@ layout(location = 3) in vec2 extent_px;
 layout(location = 4) in float side_px;
 
 layout(location = 0) flat out vec4 color_and_weight;
-layout(location = 1) flat out vec4 extent_side_and_size_px;
+layout(location = 1) flat out vec3 extent_and_size_px;
 
 invariant gl_Position;
 
@@ -20,11 +19,11 @@ layout(constant_id = 8) const bool LARGE_ONLY = false;
 void main() {
     gl_Position = frame.clip_from_view * (frame.view_from_model * vec4(center, 1.0));
     // A whole number, so that a device whose point sizes are coarse draws what the fragment shader measures.
-    float size = ceil(max(max(extent_px.x, extent_px.y), side_px) + 1.0);
+    float size = ceil(max(extent_px.x, extent_px.y) + 1.0);
     gl_PointSize = size;
     if (LARGE_ONLY && side_px <= LARGEST_SMALL_BLENDED_PX) {
         gl_Position = vec4(0.0, 0.0, 2.0, 1.0);
     }
     color_and_weight = vec4(color, area_px / (extent_px.x * extent_px.y));
-    extent_side_and_size_px = vec4(extent_px, side_px, size);
+    extent_and_size_px = vec3(extent_px, size);
 }

@@ -24,16 +24,15 @@
 //! **Kernel.** The area is spread over a rectangle as large as the patch, parallel to the picture: that of a square of the
 //! patch's area in its mean plane, √(1 - x²) of its side wide, x the mean normal's component to the right, and so high
 //! likewise; of a piece of a row that of a rectangle as long as the piece. Each pixel gets the part of it that lies in
-//! it. Patches are no squares, and such rectangles leave gaps. So all of the square of the threshold's side around the
-//! center, as wide as a node may be, gets a weight as well, too small to count where any area is ([`FILTERED_SKIRT`]).
-//! A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
+//! it. Patches are no squares, and such rectangles leave gaps. The squares of the first pass, of the threshold's side around
+//! the center, as wide as a node may be, leave none; so what lies in one of them and in no rectangle takes the color of the
+//! nearest pixels of its part of the surface ([`crate::abi::constants::FILTERED_REACH_PX`]). A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
 
 mod four;
 mod groups;
 mod patch;
+mod triangles;
 
-#[cfg(doc)]
-use crate::abi::constants::FILTERED_SKIRT;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_steps};
@@ -45,7 +44,8 @@ use crate::tree::{Leaf, Model, Node, Tree};
 use four::{Four, Size, Slope, Vectors};
 use glam::{Vec3, Vec4};
 use groups::{Group, RowGroup};
-use patch::{Corner, Patch, in_pieces, mean_color};
+use patch::{Patch, in_pieces, mean_color};
+use triangles::Triangle;
 use prefetch_index::prefetch_index;
 
 /// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
@@ -362,7 +362,7 @@ impl Eye<'_> {
                 let normal = attributes.has_normal().then(|| attributes.normal());
                 let side = self.side_at(node.center);
                 let patch = Patch::alone(node.center, normal, attributes.color, side);
-                Four::of_leaves([&patch; 4])
+                Four::of_points([&patch; 4])
             };
             let seen = self.seen(&four);
             let colors = self.lit(&four, &seen);
@@ -458,11 +458,8 @@ impl Eye<'_> {
             let four = if !parent.has_leaves() {
                 Four::of_nodes(model, ids)
             } else if !model.triangles.is_empty() {
-                let patches = ids.map(|leaf| {
-                    let (corners, color) = corners_of(model, leaf as usize);
-                    Patch::of_triangle(corners, color)
-                });
-                Four::of_leaves(patches.each_ref())
+                let triangles = ids.map(|leaf| triangle_of(model, leaf as usize));
+                Four::of_triangles(triangles.each_ref())
             } else {
                 return None;
             };
@@ -478,7 +475,7 @@ impl Eye<'_> {
         None
     }
 
-    /// Leaves; those that are not large are drawn with the threshold's size.
+    /// Leaves of triangles; those that are not large are drawn with the threshold's size.
     fn leaves(
         &self,
         model: &Model,
@@ -487,8 +484,13 @@ impl Eye<'_> {
         sink: &mut Sink<'_, FilteredSplat>,
     ) {
         let (view, shade) = (self.view, &self.shade);
-        let leaves: &[Leaf] = &model.tree.leaves;
-        let mut group = Group::new(self);
+        let Some(&first) = ids.first() else {
+            return;
+        };
+        if model.triangles.is_empty() {
+            return self.leaf_points(model, ids, sink);
+        }
+        let mut group = Group::new(self, triangle_of(model, first as usize));
         for (index, &leaf) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + parts::AHEAD) {
                 // Which corners it has was asked for when it was twice as far.
@@ -499,48 +501,64 @@ impl Eye<'_> {
             if let Some(&next) = ids.get(index + 2 * parts::AHEAD) {
                 prefetch_index(&model.triangles, next as usize);
             }
-            if model.triangles.is_empty() {
-                let point = &model.vertices[leaf as usize];
-                let patch = match leaves[leaf as usize].radius {
-                    radius if radius > 0.0 => Patch::of_point(point, radius),
-                    _ => {
-                        let normal =
-                            (point.color[3] != 0).then(|| octahedral::decode(point.normal));
-                        let side = self.side_at(point.position);
-                        Patch::alone(point.position, normal, point.color, side)
-                    }
-                };
-                let diameter_px = diameter_px(model, leaf, view);
-                let is_own = diameter_px > shade.side_px;
-                group.add(patch, diameter_px.max(shade.side_px), is_own, sink);
+            let triangle = triangle_of(model, leaf as usize);
+            if !is_large {
+                group.add(triangle, shade.side_px, false, sink);
                 continue;
             }
-            let (corners, color) = corners_of(model, leaf as usize);
-            let diameter_px = if is_large {
-                diameter_px(model, leaf, view)
-            } else {
-                shade.side_px
-            };
+            let diameter_px = diameter_px(model, leaf, view);
             let is_own = diameter_px > LARGEST_PX.max(shade.side_px);
             let cuts = cuts(diameter_px, shade);
             let diameter_px = diameter_px / (1 << cuts) as f32;
-            in_pieces(corners, cuts, &mut |piece| {
-                group.add(Patch::of_triangle(piece, color), diameter_px, is_own, sink);
+            in_pieces(triangle.corners, cuts, &mut |corners| {
+                let piece = Triangle {
+                    corners,
+                    ..triangle
+                };
+                group.add(piece, diameter_px, is_own, sink);
             });
+        }
+        group.flush(sink);
+    }
+
+    /// Leaves of a cloud.
+    fn leaf_points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+        let (view, shade) = (self.view, &self.shade);
+        let leaves: &[Leaf] = &model.tree.leaves;
+        let patch_of = |leaf: u32| {
+            let point = &model.vertices[leaf as usize];
+            match leaves[leaf as usize].radius {
+                radius if radius > 0.0 => Patch::of_point(point, radius),
+                _ => {
+                    let normal = (point.color[3] != 0).then(|| octahedral::decode(point.normal));
+                    let side = self.side_at(point.position);
+                    Patch::alone(point.position, normal, point.color, side)
+                }
+            }
+        };
+        let mut group = Group::new(self, patch_of(ids[0]));
+        for &leaf in ids {
+            let diameter_px = diameter_px(model, leaf, view);
+            let is_own = diameter_px > shade.side_px;
+            group.add(patch_of(leaf), diameter_px.max(shade.side_px), is_own, sink);
         }
         group.flush(sink);
     }
 }
 
-/// Corners and mean color of a triangle.
-fn corners_of(model: &Model, leaf: usize) -> ([Corner; 3], [u8; 4]) {
+/// A leaf that is a triangle.
+#[inline]
+fn triangle_of(model: &Model, leaf: usize) -> Triangle {
     let corners = model.triangles[leaf].map(|i| model.vertices[i as usize]);
     let corner = |v: Vertex| {
         let is_known = v.color[3] != 0;
         let normal = is_known.then(|| octahedral::decode(v.normal));
         (v.position, normal.unwrap_or(Vec3::ZERO))
     };
-    (corners.map(corner), mean_color(&corners))
+    Triangle {
+        corners: corners.map(corner),
+        color: mean_color(&corners),
+    }
 }
 
 /// Up to four items, the last of them repeated.

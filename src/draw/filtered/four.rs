@@ -35,18 +35,18 @@ pub(super) fn dot([a, b, c]: &Vectors, [x, y, z]: &Vectors) -> Vec4 {
 }
 
 #[inline]
-fn cross([a, b, c]: &Vectors, [x, y, z]: &Vectors) -> Vectors {
+pub(super) fn cross([a, b, c]: &Vectors, [x, y, z]: &Vectors) -> Vectors {
     [*b * *z - *c * *y, *c * *x - *a * *z, *a * *y - *b * *x]
 }
 
 #[inline]
-fn scaled(v: &Vectors, by: Vec4) -> Vectors {
+pub(super) fn scaled(v: &Vectors, by: Vec4) -> Vectors {
     v.map(|v| v * by)
 }
 
 /// 1 / x; 0 where that is no number.
 #[inline]
-fn inverse_or_zero(x: Vec4) -> Vec4 {
+pub(super) fn inverse_or_zero(x: Vec4) -> Vec4 {
     Vec4::select(x.cmpgt(Vec4::ZERO), Vec4::ONE / x, Vec4::ZERO)
 }
 
@@ -59,7 +59,7 @@ fn columns(rows: [Vec4; 4]) -> [Vec4; 4] {
 
 /// Which normals light it.
 #[derive(Clone, Copy)]
-enum Normals {
+pub(super) enum Normals {
     /// Second moments, area included: xx, yy, zz, xy, xz, yz.
     Second([Vec4; 6]),
     /// A unit vector each.
@@ -70,19 +70,21 @@ enum Normals {
 #[derive(Clone, Copy)]
 pub(super) struct Four {
     pub(super) center: Vectors,
-    area: Vec4,
-    vector_area: Vectors,
-    normals: Normals,
-    half_thickness: Vec4,
-    bend: Vec4,
+    pub(super) area: Vec4,
+    pub(super) vector_area: Vectors,
+    pub(super) normals: Normals,
+    pub(super) half_thickness: Vec4,
+    pub(super) bend: Vec4,
     /// Red, green and blue, 0..=1.
-    color: Vectors,
+    pub(super) color: Vectors,
     /// 1 where nothing is known of the normals, else 0.
-    bare: Vec4,
+    pub(super) bare: Vec4,
+    /// Radius of the ball around the center that the patch lies in, model units; infinite where that is not known.
+    pub(super) reach: Vec4,
     /// Whether there are edges, and of triangles the ways from the first corner to the others, else zero (no `Option`: what
     /// is computed ahead of the branch would be of words that are no numbers, and slow).
-    has_edges: bool,
-    edges: [Vectors; 2],
+    pub(super) has_edges: bool,
+    pub(super) edges: [Vectors; 2],
 }
 
 /// Both halves of words as signed whole numbers.
@@ -125,9 +127,10 @@ impl Four {
         let is_bare = has_none & (moments.into_iter().sum::<Vec4>()).cmpeq(Vec4::ZERO);
         let of_ball = Vec4::select(has_none & !is_bare, Vec4::splat(1.5), Vec4::ONE);
         let thickness = (Vec4::splat(255.0) - alpha) * (1.0 / 254.0);
-        let (reach, sums) = (radius * unit, area * unit);
+        let (step, sums) = (radius * unit, area * unit);
+        let off = [cx * step, cy * step, cz * step];
         Self {
-            center: [x + cx * reach, y + cy * reach, z + cz * reach],
+            center: [x + off[0], y + off[1], z + off[2]],
             area,
             vector_area: [vx, vy, vz].map(|v| v * sums),
             normals: Normals::Second([xx, yy, zz, xy, xz, yz].map(|v| v * sums)),
@@ -135,6 +138,7 @@ impl Four {
             bend: Vec4::ZERO,
             color: [0, 1, 2].map(|i| (byte(i) * (1.0 / 255.0) * of_ball).min(Vec4::ONE)),
             bare: Vec4::select(is_bare, Vec4::ONE, Vec4::ZERO),
+            reach: radius + dot(&off, &off).sqrt(),
             has_edges: false,
             edges: [[Vec4::ZERO; 3]; 2],
         }
@@ -145,9 +149,9 @@ impl Four {
         self.area.cmpeq(Vec4::ZERO).any()
     }
 
-    /// Triangles, or points.
+    /// Points.
     #[inline]
-    pub(super) fn of_leaves(patches: [&Patch; 4]) -> Self {
+    pub(super) fn of_points(patches: [&Patch; 4]) -> Self {
         let lanes = |of: fn(&Patch) -> f32| Vec4::from_array(patches.map(of));
         let vectors = |of: fn(&Patch) -> Vec3| vectors(patches.map(of));
         let area = lanes(|p| p.area);
@@ -161,18 +165,18 @@ impl Four {
             bend: lanes(|p| p.bend),
             color: [color(0), color(1), color(2)],
             bare: lanes(|p| f32::from(u8::from(p.is_bare))),
-            has_edges: patches.iter().all(|p| p.edges[0] != Vec3::ZERO),
-            edges: [vectors(|p| p.edges[0]), vectors(|p| p.edges[1])],
+            reach: Vec4::INFINITY,
+            has_edges: false,
+            edges: [[Vec4::ZERO; 3]; 2],
         }
     }
-}
 
-impl Four {
-    /// The same patches in other places.
+    /// Pieces of the same patches in other places.
     #[inline]
     pub(super) fn at(self, centers: [Vec3; 4]) -> Self {
         Self {
             center: vectors(centers),
+            reach: Vec4::INFINITY,
             ..self
         }
     }
@@ -448,6 +452,17 @@ impl Eye<'_> {
         let (wide, high) = (extent(self.right), extent(self.up));
         let side = diameter.max(Vec4::splat(self.shade.side_px));
         let reach = depth_reach(four, side * z / (focal * 2.0), seen.facing, size.is_own);
+        // What is smaller than the threshold needs no square of its size. Beside the axis a ball is seen larger.
+        let side = if size.is_own {
+            side
+        } else {
+            let aside = if view.is_perspective {
+                seen.distance / (z * z)
+            } else {
+                Vec4::ONE
+            };
+            side.min(four.reach * aside * focal * 2.0)
+        };
         let places = columns([
             four.center[0],
             four.center[1],

@@ -3,6 +3,7 @@
 use super::Eye;
 use super::four::{Four, Size};
 use super::patch::Patch;
+use super::triangles::Triangle;
 use crate::abi::FilteredSplat;
 use crate::draw::parts::Sink;
 use glam::{Vec3, Vec4};
@@ -31,20 +32,48 @@ impl RowGroup {
     }
 }
 
+/// What leaves are made of.
+pub(super) trait Piece: Copy {
+    fn four(pieces: [&Self; 4]) -> Four;
+    fn patch(&self) -> Patch;
+}
+
+impl Piece for Triangle {
+    fn four(pieces: [&Self; 4]) -> Four {
+        Four::of_triangles(pieces)
+    }
+
+    fn patch(&self) -> Patch {
+        self.patch()
+    }
+}
+
+/// A point.
+impl Piece for Patch {
+    fn four(pieces: [&Self; 4]) -> Four {
+        Four::of_points(pieces)
+    }
+
+    fn patch(&self) -> Patch {
+        *self
+    }
+}
+
 /// Leaves that wait until they are four.
-pub(super) struct Group<'a> {
+pub(super) struct Group<'a, P> {
     eye: &'a Eye<'a>,
-    patches: [Patch; 4],
+    pieces: [P; 4],
     diameters: [f32; 4],
     count: usize,
     is_own: bool,
 }
 
-impl<'a> Group<'a> {
-    pub(super) fn new(eye: &'a Eye<'a>) -> Self {
+impl<'a, P: Piece> Group<'a, P> {
+    /// `any` stands where there are none.
+    pub(super) fn new(eye: &'a Eye<'a>, any: P) -> Self {
         Self {
             eye,
-            patches: [Patch::NOTHING; 4],
+            pieces: [any; 4],
             diameters: [0.0; 4],
             count: 0,
             is_own: false,
@@ -54,7 +83,7 @@ impl<'a> Group<'a> {
     #[inline]
     pub(super) fn add(
         &mut self,
-        patch: Patch,
+        piece: P,
         diameter_px: f32,
         is_own: bool,
         sink: &mut Sink<'_, FilteredSplat>,
@@ -63,7 +92,7 @@ impl<'a> Group<'a> {
             self.flush(sink);
         }
         self.is_own = is_own;
-        self.patches[self.count] = patch;
+        self.pieces[self.count] = piece;
         self.diameters[self.count] = diameter_px;
         self.count += 1;
     }
@@ -75,7 +104,7 @@ impl<'a> Group<'a> {
             is_own: self.is_own,
             ..eye.dense()
         };
-        let four = Four::of_leaves(self.patches.each_ref());
+        let four = P::four(self.pieces.each_ref());
         let seen = eye.seen(&four);
         let colors = eye.lit(&four, &seen);
         let group = (&four, &seen, self.count);
@@ -83,7 +112,7 @@ impl<'a> Group<'a> {
             group,
             &size,
             &colors,
-            |lane| self.patches[lane],
+            |lane| self.pieces[lane].patch(),
             |splat| sink.point(splat),
         );
         self.count = 0;

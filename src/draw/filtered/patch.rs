@@ -15,8 +15,6 @@ pub(super) struct Patch {
     pub(super) normals: Vec3,
     /// There is one shading normal, which may differ from that of the area.
     pub(super) is_triangle: bool,
-    /// Of a triangle the ways from its first corner to the others; zero else.
-    pub(super) edges: [Vec3; 2],
     /// Zero where there is one shading normal.
     pub(super) second_moment: Mat3,
     pub(super) color: [u8; 4],
@@ -57,22 +55,6 @@ pub(super) fn in_pieces([a, b, c]: [Corner; 3], cuts: u32, visit: &mut impl FnMu
 }
 
 impl Patch {
-    /// Nothing at all.
-    pub(super) const NOTHING: Self = Self {
-        center: Vec3::ZERO,
-        area: 0.0,
-        vector_area: Vec3::ZERO,
-        normals: Vec3::ZERO,
-        is_triangle: true,
-        edges: [Vec3::ZERO; 2],
-        second_moment: Mat3::ZERO,
-        color: [0; 4],
-        node: None,
-        is_bare: true,
-        half_thickness: 0.0,
-        bend: 0.0,
-    };
-
     pub(super) fn of_node(model: &Model, id: u32) -> Self {
         let node = &model.tree.nodes[id as usize];
         let attributes = &model.tree.attributes[id as usize];
@@ -95,7 +77,6 @@ impl Patch {
             vector_area: Vec3::from(moments.vector_area.map(unit)) * area,
             normals: Vec3::from(moments.vector_area.map(unit)) * area,
             is_triangle: false,
-            edges: [Vec3::ZERO; 2],
             second_moment: Mat3::from_cols_array(&[xx, xy, xz, xy, yy, yz, xz, yz, zz]),
             color,
             node: Some(id),
@@ -110,14 +91,14 @@ impl Patch {
         let [a, b, c] = corners.map(|corner| corner.0);
         let vector_area = 0.5 * (b - a).cross(c - a);
         let shading: Vec3 = corners.iter().map(|c| c.1.normalize_or_zero()).sum();
-        let s = shading.normalize_or(vector_area.normalize_or_zero());
+        let face = vector_area.normalize_or_zero();
+        let s = shading.normalize_or(face);
         Self {
             center: (a + b + c) / 3.0,
             area: vector_area.length(),
             vector_area,
             normals: s * vector_area.length(),
             is_triangle: true,
-            edges: [b - a, c - a],
             second_moment: Mat3::ZERO,
             color,
             node: None,
@@ -126,7 +107,7 @@ impl Patch {
             bend: corners
                 .iter()
                 .map(
-                    |c| match (c.1.normalize_or_zero(), vector_area.normalize_or_zero()) {
+                    |c| match (c.1.normalize_or_zero(), face) {
                         (Vec3::ZERO, _) | (_, Vec3::ZERO) => 1.0,
                         (corner, face) => corner.cross(face).length().min(1.0),
                     },
@@ -146,7 +127,6 @@ impl Patch {
             vector_area: n * area,
             normals: n * area,
             is_triangle: true,
-            edges: [Vec3::ZERO; 2],
             second_moment: Mat3::ZERO,
             color,
             node: None,

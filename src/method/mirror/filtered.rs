@@ -10,13 +10,13 @@ use super::square::{self, Footprint};
 use super::triangle::{self, Triangle};
 use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, snap};
 use crate::abi::FilteredSplat;
-use crate::abi::constants::{FILTERED_SKIRT, LEAST_FILTERED_COVERAGE};
+use crate::abi::constants::{FILTERED_REACH_PX, LEAST_FILTERED_COVERAGE};
 use crate::draw::{FilteredList, Style};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
 use glam::Vec3;
 use rayon::prelude::*;
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// A pixel is covered when the sum of its weights is above this.
 const LEAST_WEIGHT: f32 = 1e-6;
@@ -49,13 +49,15 @@ pub struct Filtered {
 ///
 /// **Blend.** Both kinds again, not pushed; a fragment counts unless it is farther than the depth of the first
 /// pass, so that surfaces are blended up to a distance of exactly the front splat's offset, that distance
-/// included. A splat adds its color with the weight `area_px / (w h) · o + k q` in every pixel, w and h the extents of its
-/// rectangle around the projected center, o and q the areas in which the pixel overlaps the rectangle and the square, and
-/// k = 1e-5 ([`FILTERED_SKIRT`]), 0 without area; a triangle its shaded color with the weight 1; in single precision, triangles first, in
-/// the order of the list.
+/// included. A splat adds its color with the weight `area_px / (w h) · o` in every pixel, w and h the extents of its
+/// rectangle around the projected center, o the area in which the pixel overlaps the rectangle; a triangle its shaded
+/// color with the weight 1; in single precision, triangles first, in the order of the list.
 ///
-/// **Normalize.** With W the sum of weights, a pixel shows the background with alpha 0 unless W > 1e-6; else the
-/// mean color. A neighbor in the picture (of 8) without depth is empty; one whose depth is farther than the pixel's
+/// **Normalize.** With W the sum of weights, a pixel shows the mean color where W > 1e-6. Else it shows the background with
+/// alpha 0, unless it has a depth: it lies between rectangles, which are not as dense as squares. Then it shows the mean of
+/// what the nearest pixels of its part deposited (nearest by the larger of the distances along x and y, at most
+/// [`FILTERED_REACH_PX`]; of its part are those whose depths differ by no more than parts do, see below). A neighbor in the
+/// picture (of 8) without depth is empty; one whose depth is farther than the pixel's
 /// by more than 3 pixels' (or [`Style::splat_size_px`], if that is more) width there is another part. Beside either, and
 /// where the pixel has no depth, the pixel is covered by min(W, 1) only; behind it lies the mean of what these neighbors
 /// show: a part its mean color over the background, with the coverage 1, but min(2 W, 1) where it has an empty neighbor
@@ -160,14 +162,12 @@ struct Patch {
     hidden: Footprint,
     /// Reversed depth in the first pass.
     pushed_depth: f32,
-    /// Pixels that the rectangle or the square overlaps.
+    /// Pixels that the rectangle overlaps.
     columns: Range<u32>,
     rows: Range<u32>,
     /// Center and extents of the rectangle, pixels.
     center: [f64; 2],
     extent: [f64; 2],
-    /// Side of the square.
-    side: f64,
     color: [f32; 3],
     /// Weight of a pixel that lies in the rectangle.
     density: f32,
@@ -192,7 +192,7 @@ fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
         .map(|c| snap(c) as f64 / SUBPIXELS as f64);
     let extent = [f64::from(width), f64::from(height)];
     let pixels = |axis: usize, size: u32| {
-        let half = extent[axis].max(f64::from(side)) / 2.0;
+        let half = extent[axis] / 2.0;
         let (low, high) = (center[axis] - half, center[axis] + half);
         let clamp = |edge: f64| edge.clamp(0.0, f64::from(size)) as u32;
         clamp(low.floor())..clamp(high.ceil())
@@ -218,7 +218,6 @@ fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
         rows: pixels(1, frame.view.height),
         center,
         extent,
-        side: f64::from(side),
         color: splat.color,
         density: splat.area_px / (width * height),
     })
@@ -232,14 +231,7 @@ impl Patch {
             (0.5 * (extent + 1.0) - distance).clamp(0.0, extent.min(1.0))
         };
         let own = overlap(0, x, self.extent[0]) * overlap(1, y, self.extent[1]);
-        let square = overlap(0, x, self.side) * overlap(1, y, self.side);
-        // No area, no skirt.
-        let skirt = if self.density > 0.0 {
-            FILTERED_SKIRT
-        } else {
-            0.0
-        };
-        let weight = self.density * own as f32 + skirt * square as f32;
+        let weight = self.density * own as f32;
         let [r, g, b] = self.color;
         [r * weight, g * weight, b * weight, weight]
     }
@@ -327,20 +319,46 @@ fn normalize(
     };
     let background = style.background.map(f64::from);
     let pixel_at_1 = JUMP * f64::from(style.splat_size_px.max(1.0)) / f64::from(view.focal_px());
-    let limit_at = |i: usize| {
+    // Distances of what belongs to the part of a pixel.
+    let part_of = |i: usize| {
         let distance = f64::from(view.distance_of_depth(front[i]));
-        distance + pixel_at_1 * if view.is_perspective { distance } else { 1.0 }
+        let jump = pixel_at_1 * if view.is_perspective { distance } else { 1.0 };
+        distance - jump..=distance + jump
+    };
+    let nothing = || {
+        let [r, g, b] = background.map(unorm8);
+        [r, g, b, 0]
+    };
+    // The mean color of the nearest pixels of a part.
+    let near_in = |i: usize, part: &RangeInclusive<f64>| {
+        let (x, y) = ((i % width) as i32, (i / width) as i32);
+        (1..=FILTERED_REACH_PX as i32).find_map(|reach| {
+            let is_around = |dx: i32, dy: i32| dx.abs().max(dy.abs()) == reach;
+            let mut sum = [0.0; 4];
+            for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))) {
+                let (x, y) = (x + dx, y + dy);
+                let is_known = x >= 0 && y >= 0 && x < width as i32 && y < height as i32;
+                if !is_around(dx, dy) || !is_known {
+                    continue;
+                }
+                let j = y as usize * width + x as usize;
+                if !is_empty(j) && part.contains(&f64::from(view.distance_of_depth(front[j]))) {
+                    sum = [0, 1, 2, 3].map(|c| sum[c] + f64::from(sums[j][c]));
+                }
+            }
+            let [r, g, b, weight] = sum;
+            (weight > f64::from(LEAST_WEIGHT)).then(|| [r / weight, g / weight, b / weight])
+        })
     };
     let color_at = |i: usize| {
-        if !is_covered(i) {
-            let [r, g, b] = background.map(unorm8);
-            return [r, g, b, 0];
-        }
         let has_front = front[i] > 0.0;
-        let limit = if has_front {
-            limit_at(i)
+        if !is_covered(i) && !has_front {
+            return nothing();
+        }
+        let part = if has_front {
+            part_of(i)
         } else {
-            f64::INFINITY
+            0.0..=f64::INFINITY
         };
         let (mut around, mut filled, mut behind) = (0.0, 0.0, [0.0; 3]);
         for j in near(i) {
@@ -348,36 +366,43 @@ fn normalize(
             if j == i {
             } else if is_empty(j) {
                 around += 1.0;
-            } else if f64::from(view.distance_of_depth(front[j])) > limit {
+            } else if f64::from(view.distance_of_depth(front[j])) > *part.end() {
                 around += 1.0;
                 if is_covered(j) {
                     // Whole, but where the part behind ends too.
-                    let part = if near(j).any(is_empty) {
+                    let share = if near(j).any(is_empty) {
                         (2.0 * f64::from(sums[j][3])).min(1.0)
                     } else {
                         1.0
                     };
                     let color = mean(j);
-                    filled += part;
-                    behind = [0, 1, 2].map(|c| behind[c] + part * color[c]);
+                    filled += share;
+                    behind = [0, 1, 2].map(|c| behind[c] + share * color[c]);
                 }
             }
         }
         let is_rim = around > 0.0 || !has_front;
         if is_rim && sums[i][3] < LEAST_FILTERED_COVERAGE && filled == 0.0 {
-            let [r, g, b] = background.map(unorm8);
-            return [r, g, b, 0];
+            return nothing();
         }
-        let covered = if is_rim {
-            f64::from(sums[i][3]).min(1.0)
-        } else {
-            1.0
+        // Between rectangles a rim has nothing of its own, else there is what is around.
+        let own = match (is_covered(i), is_rim) {
+            (true, _) => mean(i),
+            (false, true) => [0.0; 3],
+            (false, false) => match near_in(i, &part) {
+                Some(color) => color,
+                None => return nothing(),
+            },
+        };
+        let covered = match (is_rim, is_covered(i)) {
+            (true, true) => f64::from(sums[i][3]).min(1.0),
+            (true, false) => 0.0,
+            (false, _) => 1.0,
         };
         let around = f64::max(around, 1.0);
         let filled = filled / around;
         let beyond = [0, 1, 2].map(|c| behind[c] / around + (1.0 - filled) * background[c]);
         let alpha = covered + (1.0 - covered) * filled;
-        let own = mean(i);
         let [r, g, b] = [0, 1, 2].map(|c| unorm8(own[c] * covered + beyond[c] * (1.0 - covered)));
         [r, g, b, unorm8(alpha).max(1)]
     };
