@@ -47,13 +47,15 @@ pub struct WeightedSplat {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FilteredSplat {
-    /// Centroid of the patch in model space.
-    pub center: Vec3,
-    /// Depth offset of the first pass in model units, away from the viewer: radius over the cosine of the
-    /// viewing angle, clamped.
-    pub offset: f32,
+    /// Where the center of the patch lies in the picture, pixels; x right and y down from the top left corner.
+    pub window_px: [f32; 2],
+    /// Reversed depth (1 at the near, 0 at the far plane) of the center in the first pass, pushed away from the viewer by
+    /// the depth offset; 0 hides nothing.
+    pub pushed_depth: f32,
     /// Side of the square that hides what is behind, at least 1 when drawn; pixels.
     pub side_px: f32,
+    /// Reversed depth of the center, 0..=1.
+    pub depth: f32,
     /// Projected area of what faces the viewer, square pixels.
     pub area_px: f32,
     /// Width and height of the rectangle over which that area is spread, above 0; pixels.
@@ -239,10 +241,11 @@ same_layout!(
 const _: () = {
     use generated::layout::filtered_record as record;
     assert!(
-        std::mem::offset_of!(FilteredSplat, center) == record::CENTER_X_Y
-            && std::mem::offset_of!(FilteredSplat, offset) == record::CENTER_Z_OFFSET + 4
-            && std::mem::offset_of!(FilteredSplat, side_px) == record::SIDE_AREA
-            && std::mem::offset_of!(FilteredSplat, area_px) == record::SIDE_AREA + 4
+        std::mem::offset_of!(FilteredSplat, window_px) == record::WINDOW
+            && std::mem::offset_of!(FilteredSplat, pushed_depth) == record::PUSHED_SIDE
+            && std::mem::offset_of!(FilteredSplat, side_px) == record::PUSHED_SIDE + 4
+            && std::mem::offset_of!(FilteredSplat, depth) == record::DEPTH_AREA
+            && std::mem::offset_of!(FilteredSplat, area_px) == record::DEPTH_AREA + 4
             && std::mem::offset_of!(FilteredSplat, extent_px) == record::EXTENT
             && std::mem::offset_of!(FilteredSplat, color) == record::RED_GREEN
             && std::mem::offset_of!(FilteredSplat, unused) == record::BLUE_NOTHING + 4

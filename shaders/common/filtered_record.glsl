@@ -1,15 +1,16 @@
 // One filtered splat of the draw list as storage, in words of two floats: a software device reads a word in the time of a
 // float. Mirrored by `abi::FilteredSplat`.
 // Requires GL_EXT_shader_explicit_arithmetic_types_int64.
-#include "common/frame.glsl"
+#include "common/constants.glsl"
 #include "common/list.glsl"
 
 struct FilteredRecord {
-    uint64_t center_x_y;
-    // The depth offset of the first pass, model units.
-    uint64_t center_z_offset;
-    // Side of the square, and projected area of what faces the viewer; pixels and square pixels.
-    uint64_t side_area;
+    // Window position, pixels.
+    uint64_t window;
+    // Reversed depth in the first pass, and side of the square, pixels.
+    uint64_t pushed_side;
+    // Reversed depth of the center, and projected area of what faces the viewer, square pixels.
+    uint64_t depth_area;
     // Width and height of the rectangle, pixels.
     uint64_t extent;
     uint64_t red_green;

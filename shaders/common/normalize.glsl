@@ -106,7 +106,7 @@ vec4 normalized(ivec2 pixel, float own) {
             }
         }
         bool is_rim = !(own > 0.0) || around > 0.0;
-        if (is_rim && sum.a < LEAST_FILTERED_COVERAGE && behind.a == 0.0) {
+        if (is_rim && !(sum.a >= LEAST_FILTERED_COVERAGE) && behind.a == 0.0) {
             return color;
         }
         if (is_between) {

@@ -1,8 +1,7 @@
 #version 460
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 // Pass filtered.depth by compute: the nearest pushed depth of each pixel.
-#include "common/filtered_small.glsl"
-#include "common/push.glsl"
+#include "common/filtered_record.glsl"
 #include "common/square.glsl"
 
 layout(local_size_x = 64) in;
@@ -17,14 +16,13 @@ void main() {
     if (item >= list.count) {
         return;
     }
-    SmallSplat small = small_splat(list.begin + item);
-    vec4 pushed = clip_of_pushed(push_away(small.center_in_view, small.offset * frame.model_scale));
-    float nearness = pushed.z / pushed.w;
-    Square square = square_around(small.window_px, small.side_px);
+    vec2 window_px = floats_of(splats[list.begin + item].window);
+    vec2 pushed_side = floats_of(splats[list.begin + item].pushed_side);
+    Square square = square_around(window_px, pushed_side.y);
     ivec2 size = max(square.end - square.first, ivec2(0));
-    // Also what cannot be pushed: it hides nothing.
-    int pixels = small.is_drawn && nearness > 0.0 ? size.x * size.y : 0;
-    uint depth = floatBitsToUint(min(nearness, 1.0));
+    // What cannot be pushed hides nothing; what is large is the rasterizer's.
+    int pixels = pushed_side.x > 0.0 && pushed_side.y <= LARGEST_SMALL_BLENDED_PX ? size.x * size.y : 0;
+    uint depth = floatBitsToUint(pushed_side.x);
     // One loop over all rows: of two, the inner one would take as many turns as the longest row of its neighbors.
     uint at = index_of(square.first);
     uint to_next_row = list.rect_px.z - list.rect_px.x - uint(size.x) + 1u;

@@ -31,7 +31,10 @@
 mod four;
 mod groups;
 mod patch;
+mod place;
 mod triangles;
+
+pub use place::FilteredPatch;
 
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
@@ -45,8 +48,9 @@ use four::{Four, Size, Slope, Vectors};
 use glam::{Vec3, Vec4};
 use groups::{Group, RowGroup};
 use patch::{Patch, in_pieces, mean_color};
-use triangles::Triangle;
+use place::Projection;
 use prefetch_index::prefetch_index;
+use triangles::Triangle;
 
 /// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
 const OFFSET_OF_NEIGHBORS: f32 = 1.0 / 7.0;
@@ -170,6 +174,7 @@ struct Eye<'a> {
     focal_px: f32,
     /// Distance along the view direction of a point in model units: of its coordinates, and alone.
     forward: Vec4,
+    projection: Projection,
     /// Depth offset in half sides.
     offset_px: f32,
     /// To the right and up in the picture, unit vectors in model space.
@@ -257,6 +262,7 @@ pub fn splats(
             view.focal_px() * view.model_scale
         },
         forward: -view.view_from_model.row(2) / view.model_scale,
+        projection: Projection::new(view),
         offset_px: shade.depth_offset,
         right: axis(0),
         up: axis(1),

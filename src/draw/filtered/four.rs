@@ -463,25 +463,24 @@ impl Eye<'_> {
             };
             side.min(four.reach * aside * focal * 2.0)
         };
-        let places = columns([
-            four.center[0],
-            four.center[1],
-            four.center[2],
-            reach * self.offset_px,
-        ]);
-        let sizes = columns([side, area_px * size.share, wide, high]);
+        let places = self.projection.places(&four.center, reach * self.offset_px);
+        let lanes = seen.lanes & places.lanes;
+        let [x, y] = places.window_px;
+        let hidden = columns([x, y, places.pushed_depth, side]);
+        let sizes = columns([places.depth, area_px * size.share, wide, high]);
         let shades = columns([colors[0], colors[1], colors[2], Vec4::ZERO]);
         let is_plain = self.is_plain();
         for lane in 0..count {
-            if seen.lanes >> lane & 1 == 0 {
+            if lanes >> lane & 1 == 0 {
                 continue;
             }
-            // A record is three vectors: center and offset, sizes, color.
+            // A record is three vectors: what hides, what is spread, color.
             let mut record: FilteredSplat =
-                bytemuck::cast([places[lane], sizes[lane], shades[lane]]);
+                bytemuck::cast([hidden[lane], sizes[lane], shades[lane]]);
             if !is_plain {
                 let v = Vec3::from(seen.v.map(|v| v[lane]));
-                record.color = self.color(&patch(lane), record.center, v, seen.both[lane]);
+                let center = Vec3::from(four.center.map(|c| c[lane]));
+                record.color = self.color(&patch(lane), center, v, seen.both[lane]);
             }
             write(record);
         }

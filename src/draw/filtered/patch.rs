@@ -106,12 +106,10 @@ impl Patch {
             half_thickness: 0.0,
             bend: corners
                 .iter()
-                .map(
-                    |c| match (c.1.normalize_or_zero(), face) {
-                        (Vec3::ZERO, _) | (_, Vec3::ZERO) => 1.0,
-                        (corner, face) => corner.cross(face).length().min(1.0),
-                    },
-                )
+                .map(|c| match (c.1.normalize_or_zero(), face) {
+                    (Vec3::ZERO, _) | (_, Vec3::ZERO) => 1.0,
+                    (corner, face) => corner.cross(face).length().min(1.0),
+                })
                 .fold(0.0, f32::max),
         }
     }

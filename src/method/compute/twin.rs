@@ -72,6 +72,8 @@ pub(crate) struct Kind {
     record: u64,
     /// Triangles are pushed away in the first pass, as splats are.
     pushes_triangles: bool,
+    /// Splats lie in model space, and their passes need the camera; else they come with their place in the picture.
+    needs_camera: bool,
 }
 
 /// Filtered splats.
@@ -89,6 +91,7 @@ pub(crate) const FILTERED: Kind = Kind {
     normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
     record: size_of::<FilteredSplat>() as u64,
     pushes_triangles: false,
+    needs_camera: false,
 };
 
 /// Fuzzy splats.
@@ -106,6 +109,7 @@ pub(crate) const FUZZY: Kind = Kind {
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
     record: size_of::<WeightedSplat>() as u64,
     pushes_triangles: true,
+    needs_camera: true,
 };
 
 /// Places of those of triangles: a lamp instead of the headlight; they are pushed away.
@@ -288,6 +292,15 @@ impl Twin {
         self.normalize(frame, targets, (rastered, sums), context, constants)
     }
 
+    /// What the passes over splats bind of the constants of a frame and of a list.
+    fn uniforms<'a>(&self, both: &'a [Uniform; 2]) -> &'a [Uniform] {
+        if self.kind.needs_camera {
+            both
+        } else {
+            &both[1..]
+        }
+    }
+
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
     fn clear(&self, frame: &mut Frame<'_>, rastered: Option<&Target>, context: &Context) {
         let pixels = rect::pixels(context.rect_px);
@@ -316,7 +329,8 @@ impl Twin {
                     compute.items(count);
                 }
                 for &(part, uniform, count) in &list.splats {
-                    compute.bind(&self.depth, &[constants, uniform], &[part, front]);
+                    let both = [constants, uniform];
+                    compute.bind(&self.depth, self.uniforms(&both), &[part, front]);
                     compute.items(count);
                 }
             });
@@ -354,7 +368,8 @@ impl Twin {
                     compute.items(count);
                 }
                 for &(part, uniform, count) in &list.splats {
-                    compute.bind(&self.blend, &[constants, uniform], &[part, front, sums]);
+                    let both = [constants, uniform];
+                    compute.bind(&self.blend, self.uniforms(&both), &[part, front, sums]);
                     compute.items(count);
                 }
             });

@@ -31,19 +31,24 @@ const RECORD: Record = Record {
     stride: size_of::<FilteredSplat>() as u32,
     attributes: &[
         Attribute {
-            name: "center",
-            format: AttributeFormat::Float3,
-            offset: std::mem::offset_of!(FilteredSplat, center) as u32,
+            name: "window_px",
+            format: AttributeFormat::Float2,
+            offset: std::mem::offset_of!(FilteredSplat, window_px) as u32,
         },
         Attribute {
-            name: "offset",
+            name: "pushed_depth",
             format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(FilteredSplat, offset) as u32,
+            offset: std::mem::offset_of!(FilteredSplat, pushed_depth) as u32,
         },
         Attribute {
-            name: "color",
-            format: AttributeFormat::Float3,
-            offset: std::mem::offset_of!(FilteredSplat, color) as u32,
+            name: "side_px",
+            format: AttributeFormat::Float,
+            offset: std::mem::offset_of!(FilteredSplat, side_px) as u32,
+        },
+        Attribute {
+            name: "depth",
+            format: AttributeFormat::Float,
+            offset: std::mem::offset_of!(FilteredSplat, depth) as u32,
         },
         Attribute {
             name: "area_px",
@@ -56,9 +61,9 @@ const RECORD: Record = Record {
             offset: std::mem::offset_of!(FilteredSplat, extent_px) as u32,
         },
         Attribute {
-            name: "side_px",
-            format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(FilteredSplat, side_px) as u32,
+            name: "color",
+            format: AttributeFormat::Float3,
+            offset: std::mem::offset_of!(FilteredSplat, color) as u32,
         },
     ],
 };

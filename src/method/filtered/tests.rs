@@ -4,6 +4,7 @@
 use super::{Filtered, List, Variant};
 use crate::abi::FilteredSplat;
 use crate::draw::FilteredList;
+use crate::draw::filtered::FilteredPatch;
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::Frames;
 use crate::gpu::{Gpu, Options};
@@ -55,8 +56,16 @@ fn device() -> Option<Arc<Gpu>> {
     }
 }
 
+/// Those of a list that the view has.
+fn placed(splats: &[FilteredPatch]) -> Vec<FilteredSplat> {
+    splats
+        .iter()
+        .filter_map(|splat| splat.place(&view()))
+        .collect()
+}
+
 /// The picture's bytes; by compute where `by_compute` says so, of grays or of colors.
-fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredSplat], by_compute: Option<bool>) -> Vec<[u8; 4]> {
+fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> Vec<[u8; 4]> {
     let view = view();
     let (width, height) = SIZE;
     let variant = Variant {
@@ -66,7 +75,8 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredSplat], by_compute: Option<bool>) -> 
     let filtered = Filtered::new(gpu, SIZE, variant).unwrap();
     let targets = Targets::new(gpu, width, height, false).unwrap();
     let scene = Scene::new(gpu, &Model::default()).unwrap();
-    let bytes: &[u8] = bytemuck::cast_slice(splats);
+    let splats = placed(splats);
+    let bytes: &[u8] = bytemuck::cast_slice(&splats);
     let mut list = Upload::new(gpu, "splats", bytes.len() as u64).unwrap();
     list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
     list.flush(0..bytes.len() as u64);
@@ -116,9 +126,9 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredSplat], by_compute: Option<bool>) -> 
     bytemuck::pod_collect_to_vec(Readback::bytes(&mut color))
 }
 
-fn mirrored(splats: &[FilteredSplat]) -> Image {
+fn mirrored(splats: &[FilteredPatch]) -> Image {
     let list = FilteredList {
-        splats,
+        splats: &placed(splats),
         ..FilteredList::default()
     };
     let style = style(&settings(), &Model::default());
@@ -147,7 +157,7 @@ impl Numbers {
 }
 
 /// A crowd of splats of up to `largest` pixels, some of them beside the picture or behind the eye.
-fn crowd(count: usize, largest: f32, is_gray: bool) -> Vec<FilteredSplat> {
+fn crowd(count: usize, largest: f32, is_gray: bool) -> Vec<FilteredPatch> {
     let mut n = Numbers(7);
     (0..count)
         .map(|_| {
@@ -157,14 +167,13 @@ fn crowd(count: usize, largest: f32, is_gray: bool) -> Vec<FilteredSplat> {
             let gray = n.next();
             let color = [n.next(), n.next(), n.next()];
             let extent_px = [(side * n.next()).max(0.07), (side * n.next()).max(0.07)];
-            FilteredSplat {
+            FilteredPatch {
                 center: Vec3::new(x * z, y * z, if n.next() < 0.02 { z } else { -z }),
                 offset: 0.5 * n.next(),
                 side_px: side,
                 area_px: extent_px[0] * extent_px[1] * n.next(),
                 extent_px,
                 color: if is_gray { [gray; 3] } else { color },
-                unused: 0,
             }
         })
         .collect()
@@ -221,8 +230,8 @@ fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
         (500, 1.0 / 63.0),
         (4000, 1.0 / 65.0),
     ] {
-        let splats: Vec<FilteredSplat> = (0..count)
-            .map(|i| FilteredSplat {
+        let splats: Vec<FilteredPatch> = (0..count)
+            .map(|i| FilteredPatch {
                 center: Vec3::new(0.0, 0.0, -5.0),
                 offset: 0.1,
                 side_px: 3.0,
@@ -233,7 +242,6 @@ fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
                 } else {
                     [0.0, 0.4, 1.0]
                 },
-                unused: 0,
             })
             .collect();
         let picture = drawn(&gpu, &splats, Some(false));

@@ -6,15 +6,13 @@
 //! are those of [`super::render`].
 
 use super::shade::Kind;
-use super::square::{self, Footprint};
 use super::triangle::{self, Triangle};
-use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, snap};
+use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, pixels_between, snap};
 use crate::abi::FilteredSplat;
 use crate::abi::constants::{FILTERED_REACH_PX, LEAST_FILTERED_COVERAGE};
 use crate::draw::{FilteredList, Style};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
-use glam::Vec3;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
 
@@ -23,6 +21,9 @@ const LEAST_WEIGHT: f32 = 1e-6;
 
 /// A neighbor is another part when its front lies farther by this many pixels' (or splats') width.
 const JUMP: f64 = 3.0;
+
+/// A window position farther out reaches into no picture; sums with sides stay far inside an integer.
+const LIMIT_PX: f32 = 1e9;
 
 /// What [`render_filtered`] draws: the picture, and the attachments it comes from.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,10 +43,8 @@ pub struct Filtered {
 
 /// Draws `list` as `view` sees it, in the three passes of [`FilteredList`].
 ///
-/// **Depth.** A splat is a square of its own side (at least 1 pixel) around its projected center, with the constant
-/// depth of its center pushed away from the eye, along the ray, by [`FilteredSplat::offset`] (parallel to the view
-/// direction in an orthographic view). Triangles are where they are. The nearest depth stays. A splat that is pushed to
-/// the far plane or behind has the depth 0 and hides nothing.
+/// **Depth.** A splat is a square of its own side (at least 1 pixel) around its place in the picture, with the constant
+/// depth [`FilteredSplat::pushed_depth`]. Triangles are where they are. The nearest depth stays; 0 hides nothing.
 ///
 /// **Blend.** Both kinds again, not pushed; a fragment counts unless it is farther than the depth of the first
 /// pass, so that surfaces are blended up to a distance of exactly the front splat's offset, that distance
@@ -64,8 +63,7 @@ pub struct Filtered {
 /// itself. Elsewhere the pixel is covered whole. Alpha is what is not background; the alpha byte of a pixel that shows
 /// anything is at least 1. A rim pixel with W < 0.002 and no part behind it shows the background.
 ///
-/// Splats are dropped from both passes when their center, not pushed, lies nearer than the near or farther than
-/// the far plane. [`Style::color_by`], [`Style::two_sided`] and [`Style::use_colors`] decide the color of
+/// Splats that lie before the near or behind the far plane are not in a list. [`Style::color_by`], [`Style::two_sided`] and [`Style::use_colors`] decide the color of
 /// triangles; splats bring theirs. Degenerate input draws nothing, as in [`super::render`]. Weights and colors
 /// that are not finite are no error either; they spoil the pixels they fall on.
 ///
@@ -96,8 +94,9 @@ pub fn render_filtered(
         for chunk in list.splats.chunks(CHUNK) {
             let set_up = gather(chunk, |splat, out| out.extend(patch(&frame, splat)));
             draw(&mut bands, &set_up, |band, patch: &Patch| {
-                for y in band.rows(&patch.hidden.rows) {
-                    for x in patch.hidden.columns.clone() {
+                let [columns, rows] = &patch.hidden;
+                for y in band.rows(rows) {
+                    for x in columns.clone() {
                         band.nearest(x, y, patch.pushed_depth);
                     }
                 }
@@ -129,7 +128,7 @@ pub fn render_filtered(
             draw(&mut bands, &set_up, |band, patch: &Patch| {
                 for y in band.rows(&patch.rows) {
                     for x in patch.columns.clone() {
-                        band.blend(x, y, patch.hidden.depth, || patch.deposit(x, y));
+                        band.blend(x, y, patch.depth, || patch.deposit(x, y));
                     }
                 }
             });
@@ -142,26 +141,13 @@ pub fn render_filtered(
     }
 }
 
-/// A view-space point, pushed away from the eye by a view-space length; a point in the eye itself stays.
-pub(super) fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
-    if !frame.view.is_perspective {
-        return in_view - Vec3::new(0.0, 0.0, by);
-    }
-    let length = in_view.length();
-    if length > 0.0 {
-        // The factor is exactly 1 for an offset of 0: a splat is never behind itself.
-        in_view * ((length + by) / length)
-    } else {
-        in_view
-    }
-}
-
 /// A splat ready to be drawn in both passes.
 struct Patch {
-    /// The square of the first pass, and the depth of the center.
-    hidden: Footprint,
-    /// Reversed depth in the first pass.
+    /// Columns and rows of the square of the first pass, and its reversed depth.
+    hidden: [Range<u32>; 2],
     pushed_depth: f32,
+    /// Reversed depth of the center.
+    depth: f32,
     /// Pixels that the rectangle overlaps.
     columns: Range<u32>,
     rows: Range<u32>,
@@ -176,46 +162,34 @@ struct Patch {
 fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
     let ([width, height], side) = (splat.extent_px, splat.side_px);
     // The shader takes nothing less, and what is no number draws nothing.
-    if !(width > 0.0 && height > 0.0 && side.is_finite()) {
+    let is_placed = splat.window_px.iter().all(|c| c.abs() < LIMIT_PX);
+    if !(width > 0.0 && height > 0.0 && side.is_finite() && is_placed) {
         return None;
     }
     // A square that covers no pixel of the picture may still spread into it: as on the device, whose guard band keeps
     // it, the rectangle is looked at for itself.
-    let placed = frame.place(splat.center)?;
-    if !(placed.distance >= frame.view.near && placed.distance <= frame.view.far) {
-        return None;
-    }
-    let w = f64::from(placed.clip.w);
+    let snapped = splat.window_px.map(|c| snap(f64::from(c)));
     // To the same fraction of a pixel as the square.
-    let center = frame
-        .window(f64::from(placed.clip.x) / w, f64::from(placed.clip.y) / w)
-        .map(|c| snap(c) as f64 / SUBPIXELS as f64);
+    let center = snapped.map(|c| c as f64 / SUBPIXELS as f64);
     let extent = [f64::from(width), f64::from(height)];
-    let pixels = |axis: usize, size: u32| {
+    let side = snap(f64::from(side).max(1.0));
+    let size = [frame.view.width, frame.view.height];
+    let hidden = |axis: usize| {
+        let low = snapped[axis] - side / 2;
+        pixels_between(low, low + side, size[axis])
+    };
+    let pixels = |axis: usize| {
         let half = extent[axis] / 2.0;
         let (low, high) = (center[axis] - half, center[axis] + half);
-        let clamp = |edge: f64| edge.clamp(0.0, f64::from(size)) as u32;
+        let clamp = |edge: f64| edge.clamp(0.0, f64::from(size[axis])) as u32;
         clamp(low.floor())..clamp(high.ceil())
     };
-    let hidden = square::footprint(frame, splat.center, |_| side).unwrap_or(Footprint {
-        columns: 0..0,
-        rows: 0..0,
-        depth: (placed.clip.z / placed.clip.w).clamp(0.0, 1.0),
-        distance: placed.distance,
-    });
-    let in_view = frame.view.view_from_model.transform_point3(splat.center);
-    let offset = splat.offset * frame.view.model_scale;
-    // What cannot be pushed (an infinite offset) hides nothing; it is drawn still.
-    let pushed_depth = frame
-        .project(pushed(frame, in_view, offset))
-        .map_or(0.0, |placed| {
-            (placed.clip.z / placed.clip.w).clamp(0.0, 1.0)
-        });
     Some(Patch {
-        hidden,
-        pushed_depth,
-        columns: pixels(0, frame.view.width),
-        rows: pixels(1, frame.view.height),
+        hidden: [hidden(0), hidden(1)],
+        pushed_depth: splat.pushed_depth,
+        depth: splat.depth,
+        columns: pixels(0),
+        rows: pixels(1),
         center,
         extent,
         color: splat.color,
@@ -335,7 +309,8 @@ fn normalize(
         (1..=FILTERED_REACH_PX as i32).find_map(|reach| {
             let is_around = |dx: i32, dy: i32| dx.abs().max(dy.abs()) == reach;
             let mut sum = [0.0; 4];
-            for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy))) {
+            for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)))
+            {
                 let (x, y) = (x + dx, y + dy);
                 let is_known = x >= 0 && y >= 0 && x < width as i32 && y < height as i32;
                 if !is_around(dx, dy) || !is_known {
@@ -382,7 +357,9 @@ fn normalize(
             }
         }
         let is_rim = around > 0.0 || !has_front;
-        if is_rim && sums[i][3] < LEAST_FILTERED_COVERAGE && filled == 0.0 {
+        // Not even where the sum is no number.
+        let is_something = sums[i][3] >= LEAST_FILTERED_COVERAGE;
+        if is_rim && !is_something && filled == 0.0 {
             return nothing();
         }
         // Between rectangles a rim has nothing of its own, else there is what is around.

@@ -1,9 +1,11 @@
 use super::*;
 use crate::abi::Vertex;
+use crate::draw::filtered::FilteredPatch;
 use crate::math::camera::{Camera, Light};
 use crate::math::octahedral;
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3, DVec4, Vec3};
 
+mod nothing;
 mod rim;
 mod triangles;
 
@@ -63,21 +65,20 @@ fn perspective() -> View {
         .unwrap()
 }
 
-fn splat(center: [f32; 3], color: [f32; 3], area_px: f32) -> FilteredSplat {
-    FilteredSplat {
+fn splat(center: [f32; 3], color: [f32; 3], area_px: f32) -> FilteredPatch {
+    FilteredPatch {
         center: Vec3::from_array(center),
         offset: 0.5,
         color,
         area_px,
         extent_px: [1.0; 2],
         side_px: 1.0,
-        unused: 0,
     }
 }
 
 /// The same over a square of `side` pixels.
-fn wide(side: f32, splat: FilteredSplat) -> FilteredSplat {
-    FilteredSplat {
+fn wide(side: f32, splat: FilteredPatch) -> FilteredPatch {
+    FilteredPatch {
         extent_px: [side; 2],
         side_px: side,
         ..splat
@@ -92,9 +93,17 @@ fn style(splat_size_px: f32) -> Style {
     }
 }
 
-fn draw_splats(view: &View, splats: &[FilteredSplat], style: &Style) -> Filtered {
+/// Those of a list that are between the near and the far plane.
+fn placed(view: &View, splats: &[FilteredPatch]) -> Vec<FilteredSplat> {
+    splats
+        .iter()
+        .filter_map(|splat| splat.place(view))
+        .collect()
+}
+
+fn draw_splats(view: &View, splats: &[FilteredPatch], style: &Style) -> Filtered {
     let list = FilteredList {
-        splats,
+        splats: &placed(view, splats),
         ..FilteredList::default()
     };
     render_filtered(view, &list, style, Outputs::default())
@@ -138,7 +147,7 @@ fn a_splat_deposits_its_area_where_its_rectangle_overlaps_pixels() {
         (6.5, 0.5, 2.0, [20.0, 17.5]),
     ] {
         let area = 0.5;
-        let one = FilteredSplat {
+        let one = FilteredPatch {
             extent_px: [width, height],
             side_px: side,
             ..splat([center[0], center[1], 8.0], [0.25, 0.5, 1.0], area)
@@ -151,8 +160,7 @@ fn a_splat_deposits_its_area_where_its_rectangle_overlaps_pixels() {
         for y in 0..40 {
             for x in 0..48 {
                 let part = overlap(x, center[0], width) * overlap(y, center[1], height);
-                let square = overlap(x, center[0], side) * overlap(y, center[1], side);
-                let weight = area / (width * height) * part + FILTERED_SKIRT * square;
+                let weight = area / (width * height) * part;
                 let sum = got.sums[at(x, y)];
                 for (got, expected) in sum.iter().zip([0.25, 0.5, 1.0, 1.0]) {
                     assert_near(*got, expected * weight, 1e-6);
@@ -168,7 +176,7 @@ fn a_splat_deposits_its_area_where_its_rectangle_overlaps_pixels() {
             }
         }
         let total: f32 = got.sums.iter().map(|s| s[3]).sum();
-        assert_near(total, area + FILTERED_SKIRT * side * side, 1e-5);
+        assert_near(total, area, 1e-5);
     }
 }
 
@@ -186,7 +194,7 @@ fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
     }
     assert_eq!(got.image.color[at(8, 9)], [0, 255, 0, 0]);
     // What is spread beyond the square of the first pass is rim, whatever its neighbors are.
-    let spread = FilteredSplat {
+    let spread = FilteredPatch {
         extent_px: [5.0, 5.0],
         side_px: 3.0,
         area_px: 12.222_22,
@@ -196,7 +204,7 @@ fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
     assert_eq!(got.image.color[at(8, 10)], [25, 180, 125, 125]);
     assert_eq!(got.front[at(8, 10)], 0.0);
     // A rim pixel with more weight than a pixel has area is covered, not brighter.
-    let twice = FilteredSplat {
+    let twice = FilteredPatch {
         area_px: 18.0,
         ..one
     };
@@ -204,7 +212,7 @@ fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
     assert_eq!(got.image.color[at(9, 9)], [51, 102, 255, 255]);
     // More than half a level is a level at least; less is nothing at a rim.
     for (weight, expected) in [(0.003, [0, 255, 1, 1]), (0.001, [0, 255, 0, 0])] {
-        let faint = FilteredSplat {
+        let faint = FilteredPatch {
             area_px: 9.0 * weight,
             ..one
         };
@@ -213,7 +221,7 @@ fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
         assert_eq!(got.image.color[at(10, 10)], [51, 102, 255, 255]);
     }
     // No area is nothing anywhere, whatever the depth says.
-    let none = FilteredSplat {
+    let none = FilteredPatch {
         area_px: 0.0,
         ..one
     };
@@ -234,7 +242,7 @@ fn the_rim_shows_the_weight_and_the_interior_is_opaque() {
 fn between_narrow_rectangles_the_square_says_what_is_there() {
     // Rectangles of two pixels, eight apart, in squares that overlap: no pixel inside is without color.
     let splats: Vec<_> = (0..16)
-        .map(|i| FilteredSplat {
+        .map(|i| FilteredPatch {
             extent_px: [2.0, 2.0],
             side_px: 9.0,
             ..splat(
@@ -262,7 +270,7 @@ fn between_narrow_rectangles_the_square_says_what_is_there() {
 fn layers_blend_by_area_up_to_the_offset_of_the_nearer_and_no_farther() {
     let near = wide(2.0, splat([10.0, 10.0, 8.0], RED, 1.0));
     let shown = |z: f32, offset: f32| {
-        let far = FilteredSplat {
+        let far = FilteredPatch {
             offset,
             ..wide(2.0, splat([10.0, 10.0, z], GREEN, 3.0))
         };
@@ -302,7 +310,7 @@ fn a_perspective_pushes_along_the_ray_by_model_units() {
         let ray = Vec3::new(0.75, 0.625, -1.0);
         let center = ray * 10.0 / scale;
         let offset = 0.5;
-        let near = FilteredSplat {
+        let near = FilteredPatch {
             center,
             offset,
             // As good as a point, in one pixel.
@@ -315,7 +323,7 @@ fn a_perspective_pushes_along_the_ray_by_model_units() {
         let front = draw_splats(&view, &[near], &style(1.0)).front[i];
         assert_near(view.distance_of_depth(front), view.distance(limit), 2e-5);
         for (factor, blends) in [(0.999, true), (1.001, false)] {
-            let far = FilteredSplat {
+            let far = FilteredPatch {
                 center: limit * factor,
                 color: GREEN,
                 ..near
@@ -339,7 +347,7 @@ fn an_offset_of_zero_draws_the_nearest_splat_everywhere() {
     let view = perspective();
     for _ in 0..2000 {
         let z = numbers.between(1.5, 90.0);
-        let one = FilteredSplat {
+        let one = FilteredPatch {
             center: Vec3::new(
                 numbers.between(-0.6, 0.6) * z,
                 numbers.between(-0.5, 0.5) * z,
@@ -355,7 +363,7 @@ fn an_offset_of_zero_draws_the_nearest_splat_everywhere() {
 
 #[test]
 fn the_far_plane_drops_centers_and_forgives_pushes() {
-    let splat_at = |z: f32, offset: f32, color| FilteredSplat {
+    let splat_at = |z: f32, offset: f32, color| FilteredPatch {
         offset,
         ..splat([10.5, 10.5, z], color, 1.0)
     };
@@ -383,7 +391,7 @@ fn the_far_plane_drops_centers_and_forgives_pushes() {
     }
 }
 
-fn cloud(view: &View, count: usize, side: f32) -> Vec<FilteredSplat> {
+fn cloud(view: &View, count: usize, side: f32) -> Vec<FilteredPatch> {
     let mut numbers = Numbers(11);
     (0..count)
         .map(|_| {
@@ -394,7 +402,7 @@ fn cloud(view: &View, count: usize, side: f32) -> Vec<FilteredSplat> {
             } else {
                 Vec3::new(24.0 + 23.0 * x, 20.0 + 19.0 * y, z)
             };
-            FilteredSplat {
+            FilteredPatch {
                 center,
                 offset: numbers.between(0.0, 1.0),
                 color: [
@@ -439,7 +447,7 @@ fn the_sums_are_those_of_a_list_of_fragments_at_each_pixel() {
         let mut rejected = 0;
         for y in 0..40 {
             for x in 0..48 {
-                let away = |s: &FilteredSplat| {
+                let away = |s: &FilteredPatch| {
                     let (px, py, _) = view.project(s.center);
                     [(px - (x as f32 + 0.5)).abs(), (py - (y as f32 + 0.5)).abs()]
                 };
@@ -492,9 +500,9 @@ fn the_sums_are_those_of_a_list_of_fragments_at_each_pixel() {
 fn a_constant_color_stays_constant() {
     let color = [0.3, 0.6, 0.9];
     for view in [flat(), perspective()] {
-        let splats: Vec<FilteredSplat> = cloud(&view, 3000, 1.7)
+        let splats: Vec<FilteredPatch> = cloud(&view, 3000, 1.7)
             .into_iter()
-            .map(|s| FilteredSplat { color, ..s })
+            .map(|s| FilteredPatch { color, ..s })
             .collect();
         for background in [[0.0; 3], color] {
             let style = Style {
@@ -538,13 +546,13 @@ fn depth_is_that_of_the_pushed_front_where_covered() {
     let splats = [
         splat([10.5, 10.5, 8.0], RED, 1.0),
         splat([20.5, 10.5, 8.0], RED, 0.0),
-        FilteredSplat {
+        FilteredPatch {
             offset: 9.0,
             ..splat([30.5, 10.5, 250.0], RED, 1.0)
         },
     ];
     let list = FilteredList {
-        splats: &splats,
+        splats: &placed(&flat(), &splats),
         ..FilteredList::default()
     };
     let image = render_filtered(&flat(), &list, &style(1.0), outputs).image;
@@ -553,46 +561,4 @@ fn depth_is_that_of_the_pushed_front_where_covered() {
     }
     assert!(image.normal == vec![[0.0; 3]; image.color.len()]);
     assert_eq!(image.color[at(30, 10)][3], 255);
-}
-
-#[test]
-fn nothing_and_nonsense_draw_the_background() {
-    let style = Style {
-        background: [1.0, 0.5, 0.0],
-        ..style(2.0)
-    };
-    let nan = splat([f32::NAN, 1.0, 1.0], RED, 1.0);
-    let vertices = wall(f32::INFINITY, Vec3::Y);
-    for list in [
-        FilteredList::default(),
-        FilteredList {
-            vertices: &vertices,
-            triangles: &[[0, 1, 2], [0, 1, 9]],
-            splats: &[nan],
-        },
-    ] {
-        let got = render_filtered(&flat(), &list, &style, Outputs::default());
-        assert!(got.image.color == vec![[255, 128, 0, 0]; 48 * 40]);
-        assert!(got.front == vec![0.0; 48 * 40]);
-        assert!(got.sums == vec![[0.0; 4]; 48 * 40]);
-        assert!(got.image.depth.is_empty() && got.image.normal.is_empty());
-    }
-    let hole = View { width: 0, ..flat() };
-    let got = draw_splats(&hole, &[splat([1.0; 3], RED, 1.0)], &style);
-    assert!(got.front.is_empty() && got.sums.is_empty() && got.image.color.is_empty());
-    // What is not finite spoils its own pixels.
-    let spoiled = [
-        splat([10.5, 10.5, 8.0], RED, f32::NAN),
-        splat([20.5, 10.5, 8.0], [f32::NAN; 3], 1.0),
-    ];
-    let got = draw_splats(
-        &flat(),
-        &spoiled,
-        &Style {
-            splat_size_px: 1.0,
-            ..style
-        },
-    );
-    assert_eq!(got.image.color[at(10, 10)], [255, 128, 0, 0]);
-    assert_eq!(got.image.color[at(20, 10)], [0, 0, 0, 255]);
 }

@@ -50,10 +50,9 @@ fn the_rim_of_a_tilted_half_plane_is_covered_as_the_half_plane_covers_it() {
                     let z = 8.0 + 0.2 * x;
                     let one = splat([x as f32, y as f32, z as f32], RED, area as f32);
                     let side = area.sqrt() as f32;
-                    splats.push(FilteredSplat {
+                    splats.push(FilteredPatch {
                         extent_px: [side, side],
                         side_px: 1.0,
-                        unused: 0,
                         ..one
                     });
                 }
