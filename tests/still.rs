@@ -226,7 +226,9 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
             ..Phong::default()
         })
     };
-    add("splats", true, &|s| s.method = Method::Splats);
+    // Small triangles are filtered splats already.
+    let is_filtered = is == SplatKind::Filtered;
+    add("splats", !is_filtered, &|s| s.method = Method::Splats);
     add("triangles", true, &|s| s.method = Method::Triangles);
     add("disc", true, &|s| s.splat = SplatKind::Disc);
     add("ellipse", true, &|s| s.splat = SplatKind::Ellipse);
@@ -245,7 +247,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("metric", true, &|s| s.size = SizeMetric::Nearest);
     add("held cut", true, &|s| s.cut_view = Some(*held));
     add("depth offset", !is_square, &|s| s.depth_offset = Some(0.3));
-    if is != SplatKind::Filtered {
+    if !is_filtered {
         add("one side", false, &|s| s.two_sided = false);
     }
     if is_gauss {

@@ -186,6 +186,10 @@ impl Four {
 /// their places. The two triangles of a needle's strip lie at a sixth of its length to either side of the middle.
 const LEAST_SPREAD: f32 = 0.15;
 
+/// Cosine of the angle to the viewer of the flattest patch whose depth offset is its own: flatter ones are pushed as far. With
+/// 0.1 a plane lost its last two rows of pixels before the horizon to what lies before them.
+const LEAST_FACING: f32 = 0.02;
+
 /// How much the color of a row may differ from its mean, in what its parts differ by. From 0.75 to 1.5 tori of needles
 /// change by a tenth of a decibel; this is the least FLIP.
 const MOST_CHANGE: f32 = 1.1;
@@ -258,7 +262,7 @@ pub(super) struct Seen {
     pub(super) front: Vec4,
     /// That of fronts and backs.
     both: Vec4,
-    /// Cosine of the mean normal, 0.1 to 1.
+    /// Cosine of the mean normal, [`LEAST_FACING`] to 1.
     facing: Vec4,
     /// Share of the albedo that the headlight makes of them.
     lambert: Vec4,
@@ -340,7 +344,7 @@ impl Eye<'_> {
             facing: Vec4::select(
                 is_bare,
                 Vec4::ONE,
-                cosine.max(Vec4::splat(0.1)).min(Vec4::ONE),
+                cosine.max(Vec4::splat(LEAST_FACING)).min(Vec4::ONE),
             ),
             lambert: Vec4::select(is_bare, Vec4::ONE, (lit / both).min(Vec4::ONE)),
             length,
@@ -451,7 +455,6 @@ impl Eye<'_> {
         };
         let (wide, high) = (extent(self.right), extent(self.up));
         let side = diameter.max(Vec4::splat(self.shade.side_px));
-        let reach = depth_reach(four, side * z / (focal * 2.0), seen.facing, size.is_own);
         // What is smaller than the threshold needs no square of its size. Beside the axis a ball is seen larger.
         let side = if size.is_own {
             side
@@ -461,8 +464,11 @@ impl Eye<'_> {
             } else {
                 Vec4::ONE
             };
-            side.min(four.reach * aside * focal * 2.0)
+            side.min((four.reach * aside * focal * 2.0).max(Vec4::ONE))
         };
+        // Its neighbors may be as large as the threshold.
+        let largest = diameter.max(Vec4::splat(self.shade.side_px)) * z / (focal * 2.0);
+        let reach = depth_reach(four, largest, seen.facing, size.is_own);
         let places = self.projection.places(&four.center, reach * self.offset_px);
         let lanes = seen.lanes & places.lanes;
         let [x, y] = places.window_px;
