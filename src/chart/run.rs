@@ -131,6 +131,7 @@ impl<'m> Bench<'m> {
         let outputs = |normal| Outputs {
             depth: true,
             normal,
+            values: false,
         };
         let surface = (model.triangles.len() <= MOST_WITH_NORMALS)
             .then(|| Engine::new(backend, model, size, outputs(true)))
@@ -159,7 +160,7 @@ impl<'m> Bench<'m> {
             if progress.is_cancelled() {
                 return Err(Error::Cancelled);
             }
-            mean.add(&self.timed.render(&stratified(view, i, grid), &settings)?)?;
+            mean.add(&self.timed.sample(&stratified(view, i, grid), &settings)?)?;
             progress.advance(1);
         }
         let mut picture = mean.mean();

@@ -7,12 +7,13 @@
 
 use super::shade::Kind;
 use super::square::{self, Footprint};
+use super::target::{LEAST_ALPHA, in_formats};
 use super::triangle::{self, Triangle};
 use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, snap};
 use crate::abi::FilteredSplat;
 use crate::abi::constants::{FILTERED_SKIRT, LEAST_FILTERED_COVERAGE};
 use crate::draw::{FilteredList, Style};
-use crate::image::{Image, unorm8};
+use crate::image::Image;
 use crate::math::camera::View;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -333,8 +334,8 @@ fn normalize(
     };
     let color_at = |i: usize| {
         if !is_covered(i) {
-            let [r, g, b] = background.map(unorm8);
-            return [r, g, b, 0];
+            let [r, g, b] = background;
+            return [r, g, b, 0.0];
         }
         let has_front = front[i] > 0.0;
         let limit = if has_front {
@@ -365,8 +366,8 @@ fn normalize(
         }
         let is_rim = around > 0.0 || !has_front;
         if is_rim && sums[i][3] < LEAST_FILTERED_COVERAGE && filled == 0.0 {
-            let [r, g, b] = background.map(unorm8);
-            return [r, g, b, 0];
+            let [r, g, b] = background;
+            return [r, g, b, 0.0];
         }
         let covered = if is_rim {
             f64::from(sums[i][3]).min(1.0)
@@ -378,11 +379,11 @@ fn normalize(
         let beyond = [0, 1, 2].map(|c| behind[c] / around + (1.0 - filled) * background[c]);
         let alpha = covered + (1.0 - covered) * filled;
         let own = mean(i);
-        let [r, g, b] = [0, 1, 2].map(|c| unorm8(own[c] * covered + beyond[c] * (1.0 - covered)));
-        [r, g, b, unorm8(alpha).max(1)]
+        let [r, g, b] = [0, 1, 2].map(|c| own[c] * covered + beyond[c] * (1.0 - covered));
+        [r, g, b, alpha.max(LEAST_ALPHA)]
     };
     let pixels = sums.len();
-    let color: Vec<[u8; 4]> = (0..pixels).into_par_iter().map(color_at).collect();
+    let (color, values) = in_formats(pixels, outputs, color_at);
     let distance_at = |i: usize| {
         if color[i][3] > 0 {
             view.distance_of_depth(front[i])
@@ -401,6 +402,7 @@ fn normalize(
         color,
         depth,
         normal: vec![[0.0; 3]; if outputs.normal { pixels } else { 0 }],
+        values,
     }
 }
 
