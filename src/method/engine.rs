@@ -210,7 +210,8 @@ impl<'m> Engine<'m> {
     }
 
     /// The box-filtered mean of `k` x `k` pictures, each shifted by a part of a pixel: `k * k` regular samples a
-    /// pixel. Color and coverage only: a mean of depths or normals is neither.
+    /// pixel, each as [`Engine::sample`] draws it; of one it is the picture that [`Engine::render`] draws. Color and
+    /// coverage only: a mean of depths or normals is neither.
     ///
     /// # Errors
     /// As [`Engine::render`].
@@ -222,7 +223,12 @@ impl<'m> Engine<'m> {
     ) -> Result<FloatImage, Error> {
         let mut mean = Accumulator::new();
         for i in 0..k * k {
-            let image = self.sample(&jittered(view, i, k), settings)?;
+            let view = jittered(view, i, k);
+            let image = if k > 1 {
+                self.sample(&view, settings)?
+            } else {
+                self.render(&view, settings)?
+            };
             // Every picture has the size of the view, which is all that can go wrong.
             if let Err(error) = mean.add(&image) {
                 unreachable!("pictures of one view: {error}");
