@@ -1,6 +1,7 @@
 //! Whether two charts of the same models say the same: what is on the frontier and in which order, and times relative to
 //! triangles.
 
+use super::choice::TRIANGLES;
 use super::summary::{Panel, Point};
 
 /// How far apart two ratios of times may be, as a factor: the 15 percent within which they agree.
@@ -36,6 +37,9 @@ pub struct Agreement {
     pub compared: usize,
     /// Those that are farther apart than [`LARGEST_FACTOR`], the worst first.
     pub off: Vec<Ratio>,
+    /// Median over the choices (without triangles) of the second speed over the first. Far from 1 it is the time of
+    /// triangles that differs, and with it every ratio.
+    pub common: f64,
     /// Choices whose mean FLIP differs by more than a hundredth; a device gives the same pictures again.
     pub other_errors: Vec<String>,
     /// Choices that are on both frontiers in another order.
@@ -90,12 +94,14 @@ fn of_panels(a: &Panel, b: &Panel) -> Agreement {
         fill: a.fill,
         compared: 0,
         off: Vec::new(),
+        common: 1.0,
         other_errors: Vec::new(),
         out_of_order: Vec::new(),
         moved: Vec::new(),
         tied: Vec::new(),
     };
     let in_b = |p: &Point| b.points.iter().position(|q| q.choice == p.choice);
+    let mut changes = Vec::new();
     if let (Some(of_a), Some(of_b)) = (unit(a, b), unit(b, a)) {
         for p in &a.points {
             let Some(q) = in_b(p).map(|i| &b.points[i]) else {
@@ -107,6 +113,9 @@ fn of_panels(a: &Panel, b: &Panel) -> Agreement {
                 name: name.clone(),
                 speeds: [of_a / p.frame.median, of_b / q.frame.median],
             };
+            if p.choice != TRIANGLES {
+                changes.push(ratio.speeds[1] / ratio.speeds[0]);
+            }
             if ratio.factor() > LARGEST_FACTOR {
                 found.off.push(ratio);
             }
@@ -115,6 +124,10 @@ fn of_panels(a: &Panel, b: &Panel) -> Agreement {
                 found.other_errors.push(name);
             }
         }
+    }
+    changes.sort_by(f64::total_cmp);
+    if let Some(&middle) = changes.get(changes.len() / 2) {
+        found.common = middle;
     }
     found.off.sort_by(|x, y| y.factor().total_cmp(&x.factor()));
     // Frontiers go from fast to slow: what is on both must come in one order.
@@ -198,7 +211,10 @@ mod tests {
         // When triangles were slow all others look fast.
         let mut points = FIRST;
         points[0].0 = 60.0 * 1.2;
-        assert_eq!(against_first(&points).off.len(), 3);
+        let found = against_first(&points);
+        assert_eq!(found.off.len(), 3);
+        assert!((found.common - 1.2).abs() < 1e-9);
+        assert!((against_first(&FIRST).common - 1.0).abs() < 1e-9);
     }
 
     #[test]

@@ -377,6 +377,13 @@ fn agreement_text(all: &[Agreement]) -> String {
             "{}, fill {}: the runs {verdict}; {ratios} of {} times relative to triangles are within 15 percent",
             panel.model, panel.fill, panel.compared
         );
+        if !panel.off.is_empty() && !(0.95..=1.05).contains(&panel.common) {
+            let _ = writeln!(
+                out,
+                "  half of all are {:.2} times as fast or more, beside triangles: the time of triangles itself has changed",
+                panel.common
+            );
+        }
         for ratio in &panel.off {
             let [a, b] = ratio.speeds;
             let _ = writeln!(out, "  {}: {a:.3} and {b:.3} times as fast", ratio.name);
