@@ -115,6 +115,7 @@ fn errors(backend: &Backend, model: &Model, name: &str, thresholds: &[f32]) {
     let outputs = Outputs {
         depth: true,
         normal: false,
+        values: false,
     };
     let mut engine = Engine::new(backend, model, size, outputs).expect("it fits");
     let triangles = Settings {

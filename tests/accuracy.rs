@@ -18,6 +18,7 @@ use surfel::tree::{self, BuildOptions};
 const ALL: Outputs = Outputs {
     depth: true,
     normal: true,
+    values: false,
 };
 
 fn settings(method: Method, threshold_px: f32) -> Settings {

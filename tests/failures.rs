@@ -11,10 +11,12 @@ use common::Device;
 use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::OnceLock;
+use surfel::cut::{self, Cut};
 use surfel::failures::{Case, Cell, Look, Verdict, looks, rows};
 use surfel::image::{Picture, compare};
 use surfel::method::Settings;
 use surfel::method::engine::{Backend, Engine};
+use surfel::method::plan::cut_settings;
 use surfel::method::renderer::Outputs;
 use surfel::scenes;
 
@@ -160,4 +162,55 @@ fn place_and_size_of_a_model_do_not_matter() {
     // Other last bits: single pixels on edges.
     assert!(d.object.pixels > 5000 && d.whole.past_level <= d.object.pixels / 200);
     assert!(cases().iter().any(|c| c.model.origin != DVec3::ZERO));
+}
+
+/// Where nodes hold both sheets, the range of the rows is that of what they hold: counted here leaf by leaf, in the nodes
+/// that are small enough to be one splat. No picture has a say.
+#[test]
+fn the_colors_of_mixed_nodes_are_counted_in_the_tree() {
+    let case = cases()
+        .iter()
+        .find(|c| c.entry.name == "sheets-fine")
+        .unwrap();
+    let model = &case.model;
+    let settings = Settings {
+        threshold_px: case.threshold_px,
+        ..Settings::default()
+    };
+    let mut cut = Cut::default();
+    cut::select(model, &case.view, &cut_settings(&settings, model), &mut cut);
+    let drawn = || {
+        cut.nodes
+            .iter()
+            .copied()
+            .chain(cut.strips.iter().map(|row| row.node))
+    };
+    // Every triangle is of one sheet, and all are of one size.
+    let is_red = |leaf: u32| {
+        let [r, g, b] = model.triangles[leaf as usize].map(|i| model.vertices[i as usize].color);
+        assert!(r[..3] == g[..3] && g[..3] == b[..3] && r[0].min(r[1]) == 0);
+        r[0] > 0
+    };
+    let (mut least, mut most, mut leaves) = (f64::INFINITY, 0.0f64, 0);
+    for node in drawn() {
+        let below = model.tree.leaf_range(node);
+        let all = below.len() as f64;
+        leaves += below.len();
+        let red = 204.0 * below.filter(|leaf| is_red(*leaf)).count() as f64 / all;
+        (least, most) = (least.min(red), most.max(red));
+    }
+    println!(
+        "{} nodes of {leaves} leaves: red from {least:.2} to {most:.2}",
+        drawn().count()
+    );
+    assert_eq!(
+        (leaves, cut.leaves.len(), cut.triangles.len()),
+        (model.triangles.len(), 0, 0)
+    );
+    let [low, high] = rows::BOTH_SHEETS_RANGE;
+    // Colors of nodes are whole numbers of 255, and the light at the rim is 0.3 levels less.
+    assert!(least - 2.0 < low && low <= least - 0.7, "{least}");
+    assert!(most + 0.7 <= high && high < most + 2.0, "{most}");
+    // As much of green as there is not of red.
+    assert!((low + high - 204.0).abs() < 1.0);
 }

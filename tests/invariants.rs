@@ -17,6 +17,7 @@ use surfel::tree::Model;
 const ALL: Outputs = Outputs {
     depth: true,
     normal: true,
+    values: false,
 };
 
 /// Sums have no normal.
@@ -24,6 +25,7 @@ fn outputs_of((_, splat, _): (Method, SplatKind, f32)) -> Outputs {
     Outputs {
         depth: true,
         normal: splat != SplatKind::Filtered,
+        values: false,
     }
 }
 

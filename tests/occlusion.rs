@@ -59,6 +59,7 @@ impl<'m> Pair<'m> {
         let outputs = Outputs {
             depth: true,
             normal: true,
+            values: false,
         };
         Self([(); 2].map(|()| Engine::new(backend, model, size, outputs).unwrap()))
     }

@@ -19,6 +19,7 @@ use surfel::tree::{self, BuildOptions, Model};
 const OUTPUTS: Outputs = Outputs {
     depth: true,
     normal: true,
+    values: false,
 };
 
 /// How far a picture of the device may be from the mirror's, and why it may at all.
@@ -228,6 +229,7 @@ fn filtered_splats() {
                     let outputs = Outputs {
                         depth: true,
                         normal: false,
+                        values: false,
                     };
                     Engine::new(backend, &model, (160, 140), outputs)
                         .unwrap()

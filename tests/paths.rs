@@ -20,6 +20,7 @@ fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Res
     let outputs = Outputs {
         depth: true,
         normal: settings.splat != SplatKind::Filtered && settings.blend() == Blend::Opaque,
+        values: false,
     };
     Engine::new(&backend, model, (view.width, view.height), outputs)?.render(view, settings)
 }
@@ -170,6 +171,7 @@ fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
             Outputs {
                 depth: true,
                 normal: false,
+                values: false,
             },
         )
         .unwrap()

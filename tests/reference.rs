@@ -12,15 +12,16 @@ use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
 use surfel::chart::run::Bench;
-use surfel::generate::Shape;
-use surfel::math::camera::View;
+use surfel::generate::{Shape, Spec};
+use surfel::image::{Accumulator, FloatImage, stratified};
+use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
 use surfel::measure::{depth_error, normal_error};
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings};
+use surfel::method::{Method, Path, Settings, SplatKind};
 use surfel::progress::Silent;
-use surfel::tree::Model;
+use surfel::tree::{self, BuildOptions, Model};
 
 /// What a ray meets first.
 struct Hit {
@@ -106,6 +107,7 @@ fn check_surface(name: &str, device: &Device, model: &Model, view: &View) {
     let outputs = Outputs {
         depth: true,
         normal: true,
+        values: false,
     };
     let backend = Backend::Device(device.gpu().clone());
     let size = (view.width, view.height);
@@ -230,4 +232,156 @@ fn the_reference_of_a_sphere_covers_a_circle() {
     // In the middle the surface faces the lamp, except for the pixel's own width.
     let middle = reference.picture.color[100 * 200 + 100][0];
     assert!((middle - 0.8).abs() < 0.003, "{middle}");
+}
+
+/// Every method and kind of splat whose samples are averaged as floats, by either path.
+fn averaged(is_device: bool) -> Vec<Settings> {
+    let paths: &[Path] = if is_device {
+        &[Path::Raster, Path::Compute]
+    } else {
+        &[Path::Auto]
+    };
+    let mut all = Vec::new();
+    for &path in paths {
+        for (method, splat) in [
+            (Method::Triangles, SplatKind::Square),
+            (Method::Points, SplatKind::Square),
+            (Method::Points, SplatKind::Gauss),
+            (Method::Pop, SplatKind::Square),
+            (Method::Pop, SplatKind::Disc),
+            (Method::Pop, SplatKind::Gauss),
+            (Method::Pop, SplatKind::Filtered),
+            (Method::Splats, SplatKind::Square),
+            (Method::Splats, SplatKind::Ellipse),
+            (Method::Splats, SplatKind::Gauss),
+            (Method::Splats, SplatKind::Filtered),
+        ] {
+            let has_compute = match splat {
+                SplatKind::Ellipse => false,
+                SplatKind::Square | SplatKind::Disc => method == Method::Pop,
+                _ => method != Method::Points,
+            };
+            if path != Path::Compute || has_compute {
+                all.push(Settings {
+                    method,
+                    splat,
+                    path,
+                    threshold_px: 3.0,
+                    ..Settings::default()
+                });
+            }
+        }
+    }
+    all
+}
+
+#[test]
+fn a_shade_between_two_levels_stays_between_them() {
+    let Some(device) = Device::open() else { return };
+    // 0.8 of these is 80.8, 41.6 and 5.6 levels; the third is the farthest from what eight bits hold.
+    let color = [101, 52, 7, 255];
+    let wanted = [80.8, 41.6, 5.6, 255.0];
+    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Square, 20_000).unwrap());
+    mesh.colors = vec![color; mesh.positions.len()];
+    let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    // The unit square is larger than the picture, whose pixels are 0.0085 of it: leaves of 1.7 pixels.
+    let camera = Camera {
+        light: Light::Directional,
+        ..Camera::look_at(
+            (80, 60),
+            DVec3::new(0.0, 0.0, 0.6),
+            DVec3::ZERO,
+            DVec3::Y,
+            0.8,
+            (0.1, 9.0),
+        )
+    };
+    let view = camera.view(model.origin).unwrap();
+    for (backend, is_device) in [
+        (Backend::Device(device.gpu().clone()), true),
+        (Backend::Mirror, false),
+    ] {
+        let mut engine = Engine::new(&backend, &model, (80, 60), Outputs::default()).unwrap();
+        for settings in averaged(is_device) {
+            let name = format!(
+                "{} {:?} {:?} {:?}",
+                backend.name(),
+                settings.method,
+                settings.splat,
+                settings.path
+            );
+            let mean = engine.supersample(&view, &settings, 4).unwrap();
+            let mut worst = 0.0f64;
+            for found in &mean.color {
+                for (found, wanted) in found.iter().zip(wanted) {
+                    worst = worst.max((f64::from(*found) * 255.0 - wanted).abs());
+                }
+            }
+            println!("{name}: {worst:.5} levels");
+            // Sums in single precision, of a few terms; by compute in units of some 2^-13. Eight bits are off by 0.4.
+            assert!(worst < 0.02, "{name}: {worst} levels");
+            // The file with eight bits is rounded once.
+            assert_eq!(mean.to_image().color[0], [81, 42, 6, 255], "{name}");
+            // A single picture is what it was: what a target of eight bits holds.
+            let single = engine.render(&view, &settings).unwrap();
+            assert_eq!(single.color[40 * 80 + 40], [81, 42, 6, 255], "{name}");
+            assert!(single.values.is_empty());
+        }
+    }
+}
+
+/// Root of the mean square and largest difference from 64 rays a pixel, levels, of a picture of `sphere`; inside of
+/// seven tenths of its radius, where shades change by at most two levels a pixel.
+fn off_inside(picture: &FloatImage, caster: &Caster, view: &View) -> (f64, f64) {
+    let (mut worst, mut sum, mut count) = (0.0f64, 0.0, 0u32);
+    for i in (0..200 * 200).step_by(29) {
+        let (x, y) = (f64::from(i % 200), f64::from(i / 200));
+        if (x - 99.5).hypot(y - 99.5) > 70.0 {
+            continue;
+        }
+        let rays = (0..64).map(|k| {
+            let at = |n: i32| (f64::from(n) + 0.5) / 8.0;
+            let hit = caster.cast(view, x + at(k % 8), y + at(k / 8)).unwrap();
+            f64::from(hit.gray)
+        });
+        let wanted = rays.sum::<f64>() / 64.0;
+        let off = (f64::from(picture.color[i as usize][0]) - wanted).abs() * 255.0;
+        worst = worst.max(off);
+        sum += off * off;
+        count += 1;
+    }
+    assert!(count > 400);
+    ((sum / f64::from(count)).sqrt(), worst)
+}
+
+#[test]
+fn inside_of_a_surface_the_reference_is_exact_to_a_fraction_of_a_level() {
+    let Some(device) = Device::open() else { return };
+    let sphere = generated(Shape::Sphere, 200_000);
+    let view = orbit(&sphere, (200, 200), 0.0, 20.0, 1.0);
+    let caster = Caster::new(&sphere);
+    for backend in [Backend::Device(device.gpu().clone()), Backend::Mirror] {
+        let mut bench = Bench::new(&backend, &sphere, (200, 200)).unwrap();
+        let reference = bench.reference(&view, 8, &Silent).unwrap();
+        let (rms, worst) = off_inside(&reference.picture, &caster, &view);
+        println!("{}: rms {rms:.4}, worst {worst:.4} levels", backend.name());
+        // 64 places, each anywhere in its cell of an eighth of a pixel: two levels a pixel make 2/8/12^0.5/8 = 0.009, the
+        // snapping of corners by up to 1/512 pixel less.
+        assert!(rms < 0.01 && worst < 0.05, "{rms} {worst}");
+    }
+    // The same mean of what a target of eight bits held is not.
+    let backend = Backend::Device(device.gpu().clone());
+    let mut engine = Engine::new(&backend, &sphere, (200, 200), Outputs::default()).unwrap();
+    let settings = Settings {
+        method: Method::Triangles,
+        ..Settings::default()
+    };
+    let mut rounded = Accumulator::new();
+    for i in 0..64 {
+        let image = engine.render(&stratified(&view, i, 8), &settings).unwrap();
+        rounded.add(&image).unwrap();
+    }
+    let (rms, worst) = off_inside(&rounded.mean(), &caster, &view);
+    println!("of eight bits: rms {rms:.4}, worst {worst:.4} levels");
+    assert!(rms > 0.03 && worst > 0.1, "{rms} {worst}");
 }

@@ -65,6 +65,7 @@ fn renderer(device: &Device) -> Renderer {
     let outputs = Outputs {
         depth: true,
         normal: false,
+        values: false,
     };
     Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
 }
@@ -477,6 +478,7 @@ fn what_was_foreseen_for_other_settings_is_not_drawn() {
         Outputs {
             depth: true,
             normal: false,
+            values: false,
         },
         true,
     )

@@ -19,6 +19,7 @@ use surfel::tree::{self, BuildOptions, Model};
 const ALL: Outputs = Outputs {
     depth: true,
     normal: true,
+    values: false,
 };
 
 const RECONSTRUCTIONS: [Reconstruction; 3] = [

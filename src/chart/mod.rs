@@ -2,9 +2,11 @@
 //!
 //! [`run::block`] measures the choices of a [`Plan`] from one view: errors against a supersampled reference, times in
 //! turn with each other. Each gives a [`Row`]; [`summary::summarize`] makes points of the rows of all views and finds
-//! the [`frontier()`]; [`plot::svg`] draws it and [`page::html`] shows it with its pictures.
+//! the [`frontier()`]; [`plot::svg`] draws it and [`page::html`] shows it with its pictures. [`agree::agreement`] says
+//! whether two charts say the same.
 //! `docs/MEASURING.md` says what every column means.
 
+pub mod agree;
 pub mod auto;
 pub mod choice;
 pub mod errors;

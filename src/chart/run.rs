@@ -117,8 +117,10 @@ pub struct Bench<'m> {
 }
 
 /// Time of a choice in a round, milliseconds, as far as frames fit in it, and how many at most; one in any case.
-const SHORT_MS: f64 = 20.0;
-const MOST_SHORT: u32 = 5;
+const SHORT_MS: f64 = 40.0;
+const MOST_SHORT: usize = 6;
+/// The same of triangles, by whose time all others are divided: an error of theirs is one of every ratio.
+const UNIT_MS: f64 = 200.0;
 /// Models above this many triangles are not kept on the device twice, so their normals are not compared.
 const MOST_WITH_NORMALS: usize = 20_000_000;
 
@@ -131,6 +133,7 @@ impl<'m> Bench<'m> {
         let outputs = |normal| Outputs {
             depth: true,
             normal,
+            values: false,
         };
         let surface = (model.triangles.len() <= MOST_WITH_NORMALS)
             .then(|| Engine::new(backend, model, size, outputs(true)))
@@ -159,7 +162,7 @@ impl<'m> Bench<'m> {
             if progress.is_cancelled() {
                 return Err(Error::Cancelled);
             }
-            mean.add(&self.timed.render(&stratified(view, i, grid), &settings)?)?;
+            mean.add(&self.timed.sample(&stratified(view, i, grid), &settings)?)?;
             progress.advance(1);
         }
         let mut picture = mean.mean();
@@ -223,7 +226,9 @@ impl<'m> Bench<'m> {
 
     /// Times frames of each choice in `repeats` rounds: all of them once, then again in the opposite order, and so on, so
     /// that what slows the machine down for a while slows them all. Short frames, which a moment's other work doubles,
-    /// are drawn up to five times a round, as often as 20 ms allow. One frame of each goes before that does not count.
+    /// are drawn up to six times a round, as often as 40 ms allow, and triangles as often as 200 ms do; the first of several
+    /// does not count, because it finds in the caches what another choice has left there. One frame of each goes before
+    /// the first round that does not count either.
     ///
     /// # Errors
     /// When a frame cannot be drawn, or `progress` is cancelled.
@@ -242,19 +247,24 @@ impl<'m> Bench<'m> {
                     return Err(Error::Cancelled);
                 }
                 let settings = choices[i].settings();
-                let mut left_ms = SHORT_MS;
-                for _ in 0..MOST_SHORT {
+                let mut left_ms = if choices[i] == TRIANGLES {
+                    UNIT_MS
+                } else {
+                    SHORT_MS
+                };
+                let mut frames = Vec::new();
+                while frames.len() < MOST_SHORT {
                     let frame = self.timed.draw(view, &settings)?;
                     left_ms -= frame.frame_ms;
                     let is_last = round == 0 || left_ms < frame.frame_ms;
-                    if round > 0 {
-                        times[i].push(frame);
-                    }
+                    frames.push(frame);
                     if is_last {
                         break;
                     }
                 }
                 if round > 0 {
+                    let cold = usize::from(frames.len() > 1);
+                    times[i].extend(frames.drain(cold..));
                     progress.advance(1);
                 }
             }

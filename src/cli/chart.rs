@@ -7,6 +7,7 @@ use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use surfel::chart::agree::{Agreement, agreement};
 use surfel::chart::page::{Shot, html, panel_facts};
 use surfel::chart::plot::{METRICS, pixels, svg};
 use surfel::chart::run::{Bench, Place, block, empty_row, orbit};
@@ -21,6 +22,7 @@ Examples:
   surfel chart dragon.ply.gz -o chart --quick
   surfel chart horse.ply hand.ply.gz dragon.ply.gz -o chart       some hours on a software device; goes on when interrupted
   surfel chart generate:statue:1000000 -o chart --views 2 --thresholds 1,2,4 --json
+  surfel chart dragon.ply.gz -o again --quick --against chart     measures again and says whether the two runs agree
 
 The folder gets rows.csv (a row a choice, distance and view), chart.svg, chart.png and index.html, which shows the
 pictures beside the reference. docs/MEASURING.md says what each column means.";
@@ -61,6 +63,10 @@ pub(crate) struct Args {
     /// Print the figures as JSON
     #[arg(long)]
     json: bool,
+    /// Folder of an earlier chart of the same models: say whether the two agree (the frontier, and times relative to
+    /// triangles within 15 percent), and end with exit code 1 if they do not
+    #[arg(long, value_name = "FOLDER")]
+    against: Option<PathBuf>,
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
     weld: bool,
@@ -105,7 +111,29 @@ impl Args {
                 self.output.display()
             )));
         }
+        if self.against.as_ref() == Some(&self.output) {
+            return Err(usage(
+                "--against and --output are the same folder: a chart agrees with itself".to_owned(),
+            ));
+        }
         Ok(plan)
+    }
+
+    /// The panels of the chart that this one is compared with.
+    fn other_panels(&self) -> Result<Option<Vec<Panel>>, Failure> {
+        let Some(folder) = &self.against else {
+            return Ok(None);
+        };
+        let path = folder.join("rows.csv");
+        let rows = read_rows(&path)?;
+        if rows.is_empty() {
+            return Err(usage(format!(
+                "--against {}: there are no rows of a chart in {}",
+                folder.display(),
+                path.display()
+            )));
+        }
+        Ok(Some(summarize(&rows)))
     }
 }
 
@@ -230,6 +258,7 @@ impl Run<'_> {
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let plan = args.plan()?;
+    let other = args.other_panels()?;
     let backend = args.device.open()?;
     let bar = Bar::new(quiet);
     let mut run: Option<Run<'_>> = None;
@@ -303,7 +332,77 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     } else {
         print(&table(&panels, &args.output))?;
     }
+    if let (Some(other), Some(folder)) = (other, &args.against) {
+        report_agreement(&other, &panels, folder, args.json)?;
+    }
     validated(&backend)
+}
+
+/// Says whether the panels of two charts agree.
+///
+/// # Errors
+/// When they do not, or are of other models or distances.
+fn report_agreement(first: &[Panel], second: &[Panel], folder: &Path, is_json: bool) -> Outcome {
+    let Some(all) = agreement(first, second) else {
+        return Err(usage(format!(
+            "--against {}: it has no model and distance in common with this chart",
+            folder.display()
+        )));
+    };
+    let text = agreement_text(&all);
+    if is_json {
+        say(text.trim_end());
+    } else {
+        print(&text)?;
+    }
+    if all.iter().all(Agreement::is_kept) {
+        return Ok(());
+    }
+    Err(Failure::Run(anyhow::anyhow!(
+        "this chart and the one in {} differ by more than 15 percent or in their frontier; other work on the machine shows \
+         first in short frames, so give both runs a quiet machine",
+        folder.display()
+    )))
+}
+
+/// What two charts say of each other, for people.
+fn agreement_text(all: &[Agreement]) -> String {
+    let mut out = String::new();
+    for panel in all {
+        let ratios = panel.compared - panel.off.len();
+        let verdict = if panel.is_kept() { "agree" } else { "DIFFER" };
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            out,
+            "{}, fill {}: the runs {verdict}; {ratios} of {} times relative to triangles are within 15 percent",
+            panel.model, panel.fill, panel.compared
+        );
+        if !panel.off.is_empty() && !(0.95..=1.05).contains(&panel.common) {
+            let _ = writeln!(
+                out,
+                "  half of all are {:.2} times as fast or more, beside triangles: the time of triangles itself has changed",
+                panel.common
+            );
+        }
+        for ratio in &panel.off {
+            let [a, b] = ratio.speeds;
+            let _ = writeln!(out, "  {}: {a:.3} and {b:.3} times as fast", ratio.name);
+        }
+        for (what, names) in [
+            ("other errors", &panel.other_errors),
+            ("in another order on the frontier", &panel.out_of_order),
+            ("on one frontier only", &panel.moved),
+            (
+                "on one frontier only, a tie within 15 percent of time",
+                &panel.tied,
+            ),
+        ] {
+            if !names.is_empty() {
+                let _ = writeln!(out, "  {what}: {}", names.join("; "));
+            }
+        }
+    }
+    out
 }
 
 /// Tells a user who cancelled what is left.
@@ -334,13 +433,14 @@ fn heading(run: &Run<'_>) -> (String, String) {
         _ => "",
     };
     let subtitle = format!(
-        "{}{kind}; {} x {} pixels; reference: triangles, {} samples a pixel (of clouds the densest cut); {} view(s), {} \
-         frames each; surfel {}",
+        "{}{kind}; {} x {} pixels; reference: triangles, {} samples a pixel (of clouds the densest cut); {} view{}, {} \
+         rounds of frames; surfel {}",
         run.backend.name(),
         plan.size.0,
         plan.size.1,
         plan.grid * plan.grid,
         plan.views,
+        if plan.views == 1 { "" } else { "s" },
         plan.repeats,
         env!("CARGO_PKG_VERSION"),
     );

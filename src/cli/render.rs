@@ -404,6 +404,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     let outputs = Outputs {
         depth: args.depth.is_some(),
         normal: args.normals.is_some(),
+        values: false,
     };
     let mut engine = Engine::new(&backend, &ready.model, size, outputs)?;
     let views = cameras

@@ -171,7 +171,7 @@ impl Case {
             is_center_open = center.color.iter().map(|c| c[3] == 0).collect();
             ranges = colors::ranges(&center);
             for i in 0..GRID * GRID {
-                let samples = engine.render(&jittered(&view, i, GRID), &settings)?;
+                let samples = engine.sample(&jittered(&view, i, GRID), &settings)?;
                 colors::widen(&mut ranges, &samples);
                 mean.add(&samples)?;
             }

@@ -75,8 +75,11 @@ const HIDDEN_VERTICES: &str =
 const EDGE: &str = "a node over an edge has the mean normal of both faces, brighter than either";
 const FLAT_BOX: &str = "at a flat angle the rectangle of a large leaf is lower than its triangle";
 /// The sheets are 1.5 pixels apart and cut into cells of 1.05, and a node of up to 6 pixels is one splat by definition.
-/// It holds about as much of one as of the other: (102, 102, 0), give or take 43 where it is uneven.
-const BOTH_SHEETS: &str = "both sheets lie in a node of the threshold's size, so its mean is what is asked for: half of each, 43 levels more or less of one where they are uneven";
+/// It holds about as much of one as of the other, (102, 102, 0), and shows what it holds.
+const BOTH_SHEETS: &str = "both sheets lie in a node of the threshold's size, so its mean is what is asked for: as much of each as there are triangles of it in the node";
+/// Least and most red of those nodes: 204 times 2 / 7 and 5 / 7, and a level of rounding; as much green. Where a
+/// sheet is not cut in the same places as the other, nodes are uneven: `tests/failures.rs` counts them, leaf by leaf.
+pub const BOTH_SHEETS_RANGE: [f64; 2] = [57.0, 147.0];
 /// All triangles of these scenes face away from the eye.
 const CULLED: &str = "all of it faces away, and the option asks to drop that: nothing is left";
 const BANDS: &str = "leaves are up to 20 times as long as wide: in a disc around each one of 20 cells shows, in bands";
@@ -166,7 +169,8 @@ pub static ROWS: &[Row] = &[
     row("coincident-vertices", "points", Reach, [40.0, 80.0], "triangles up to 70 pixels from the square's corners"),
     row("coincident-vertices", "filtered", Extra, [0.0; 2], "no area, no weight"),
     row("coincident-points", "points", Covered, [25.0; 2], "one square of 5"),
-    row("coincident-points", "pop", Covered, [25.0; 2], "no spacing: one square of 5"),
+    row("coincident-points", "pop|filtered|splats-filtered", Covered, [25.0; 2], "no spacing: one square of 5"),
+    row("coincident-points", "pop|filtered|splats-filtered", Area, [24.9, 25.0], "one square of 5, on whole pixels"),
     row("duplicate-points", "points", Covered, [1681.0; 2], "41 x 41 pixels: holes between them"),
     row("duplicate-points", "pop", Covered, [16_508.0, 19_044.0], "120 pixels and squares of 8.5 to 18: no hole"),
     row("duplicate-points", "filtered", Covered, [16_508.0, 19_044.0], "120 pixels and squares of 8.5 to 18: no hole"),
@@ -239,10 +243,11 @@ pub static ROWS: &[Row] = &[
     bound("sheets-0.5", "gauss", Center(1), [95.0, 109.0], HALF_EACH),
     bound("sheets-0.5", "gauss", Stray, [90.0, 115.0], HALF_EACH),
     bound("sheets-0.5", "gauss", Astray, [90.0, 100.0], HALF_EACH),
-    bound("sheets-fine", SPLATS, Center(0), [60.0, 145.0], BOTH_SHEETS),
-    bound("sheets-fine", SPLATS, Center(1), [60.0, 145.0], BOTH_SHEETS),
-    bound("sheets-fine", SPLATS, Stray, [75.0, 115.0], BOTH_SHEETS),
-    bound("sheets-fine", SPLATS, Astray, [90.0, 100.0], BOTH_SHEETS),
+    bound("sheets-fine", SPLATS, Center(0), BOTH_SHEETS_RANGE, BOTH_SHEETS),
+    bound("sheets-fine", SPLATS, Center(1), BOTH_SHEETS_RANGE, BOTH_SHEETS),
+    // Green is 0 in all of the truth: a mean of pixels that each have the green of nodes, and every one of that by more than 32.
+    bound("sheets-fine", SPLATS, Stray, BOTH_SHEETS_RANGE, BOTH_SHEETS),
+    bound("sheets-fine", SPLATS, Astray, [100.0; 2], BOTH_SHEETS),
     row("opposite-normals", "filtered", Center(0), [0.0, 108.0], "its sums are of faces times vertex normals, which cancel"),
     row("opposite-normals", "filtered", Center(1), [0.0, 108.0], "its sums are of faces times vertex normals, which cancel"),
     row("opposite-normals", "filtered", Center(2), [0.0, 108.0], "its sums are of faces times vertex normals, which cancel"),

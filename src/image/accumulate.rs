@@ -3,13 +3,19 @@
 use super::{Error, FloatImage, Image};
 use crate::math::camera::View;
 
+/// Units of the sums in a level: finer than single precision next to white.
+const UNITS: f64 = (1u64 << 24) as f64;
+
 /// Sums pictures of one size; the mean of all is the box-filtered picture when they were drawn through
-/// [`jittered`] views. The sums are integers, so the order of the pictures does not matter.
+/// [`jittered`] views. Values are those of [`Image::values`], or bytes where a picture has none.
+///
+/// The sums are integers in units of 2^-24 of a level of 255, so the order of the pictures does not matter, and bytes are
+/// summed exactly.
 #[derive(Debug, Clone, Default)]
 pub struct Accumulator {
     width: u32,
     height: u32,
-    sum: Vec<[u32; 4]>,
+    sum: Vec<[u64; 4]>,
     count: u32,
 }
 
@@ -38,10 +44,15 @@ impl Accumulator {
                 second: [image.width, image.height],
             });
         }
-        // 2^24 pictures fit.
-        for (sum, pixel) in self.sum.iter_mut().zip(&image.color) {
+        // 2^32 pictures fit. Values are limited as an eight-bit target limits them; the cast takes NaN to 0.
+        let units = |value: f32| (f64::from(value.clamp(0.0, 1.0)) * 255.0 * UNITS).round() as u64;
+        for (i, (sum, byte)) in self.sum.iter_mut().zip(&image.color).enumerate() {
+            let pixel = match image.values.get(i) {
+                Some(values) => values.map(units),
+                None => byte.map(|b| u64::from(b) * UNITS as u64),
+            };
             for (s, v) in sum.iter_mut().zip(pixel) {
-                *s += u32::from(*v);
+                *s += v;
             }
         }
         self.count += 1;
@@ -50,14 +61,14 @@ impl Accumulator {
 
     /// The mean color and covered fraction; an empty picture when nothing was added.
     pub fn mean(&self) -> FloatImage {
-        let scale = 255.0 * f64::from(self.count.max(1));
+        let scale = 255.0 * UNITS * f64::from(self.count.max(1));
         FloatImage {
             width: self.width,
             height: self.height,
             color: self
                 .sum
                 .iter()
-                .map(|sum| sum.map(|s| (f64::from(s) / scale) as f32))
+                .map(|sum| sum.map(|s| (s as f64 / scale) as f32))
                 .collect(),
             ..FloatImage::default()
         }
@@ -193,5 +204,29 @@ mod tests {
             })
         ));
         assert_eq!(sum.count(), 2);
+    }
+
+    #[test]
+    fn what_lies_between_two_levels_stays_there() {
+        // Tenths of levels, and what a target of floats may hold but a picture may not.
+        let of = |values: [f32; 4]| Image {
+            values: vec![values],
+            ..Image::filled(1, 1, [1, 1, 0, 255])
+        };
+        let level = |l: f64| (l / 255.0) as f32;
+        let mut sum = Accumulator::new();
+        sum.add(&of([level(80.7), level(0.1), -3.0, f32::NAN]))
+            .unwrap();
+        sum.add(&of([level(80.9), level(0.3), 7.0, 1.0])).unwrap();
+        let [r, g, b, a] = sum.mean().color[0].map(|v| f64::from(v) * 255.0);
+        assert!((r - 80.8).abs() < 1e-5 && (g - 0.2).abs() < 1e-5, "{r} {g}");
+        assert_eq!([b, a], [127.5; 2]);
+        // In the other order to the bit.
+        let mut other = Accumulator::new();
+        other.add(&of([level(80.9), level(0.3), 7.0, 1.0])).unwrap();
+        other
+            .add(&of([level(80.7), level(0.1), -3.0, f32::NAN]))
+            .unwrap();
+        assert_eq!(other.mean(), sum.mean());
     }
 }

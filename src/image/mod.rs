@@ -1,6 +1,7 @@
 //! Pictures: eight-bit and float, with coverage and depth; PNG, EXR, npy; comparison.
 //!
-//! [`Image`] is what a method draws, one sample a pixel in the eight bits of the target. [`FloatImage`] is what
+//! [`Image`] is what a method draws, one sample a pixel in the eight bits of the target, and where it is to be averaged
+//! as floats besides ([`Image::values`]). [`FloatImage`] is what
 //! averaging and files give. Both are [`Picture`]s, which is all that [`compare()`] asks for.
 
 mod accumulate;
@@ -69,6 +70,8 @@ pub struct Image {
     pub depth: Vec<f32>,
     /// World-space unit normal at each pixel (zero where nothing is); empty unless asked for.
     pub normal: Vec<[f32; 3]>,
+    /// What [`Image::color`] is rounded from, 0..=1; empty unless asked for, and then [`Picture::value`] gives it.
+    pub values: Vec<[f32; 4]>,
 }
 
 /// A picture in floats, row 0 on top: an average of several [`Image`]s, or a file.
@@ -101,7 +104,10 @@ impl Picture for Image {
     }
 
     fn value(&self, index: usize) -> [f64; 4] {
-        self.color[index].map(|c| f64::from(c) / 255.0)
+        match self.values.get(index) {
+            Some(values) => values.map(f64::from),
+            None => self.color[index].map(|c| f64::from(c) / 255.0),
+        }
     }
 }
 
@@ -132,16 +138,20 @@ impl Image {
         }
     }
 
-    /// The same picture with values of 0..=1 for bytes.
+    /// The same picture in floats: [`Image::values`], or where it has none 0..=1 for bytes.
     pub fn to_float(&self) -> FloatImage {
+        let of_bytes = || {
+            let value = |c: &[u8; 4]| c.map(|v| f32::from(v) / 255.0);
+            self.color.iter().map(value).collect()
+        };
         FloatImage {
             width: self.width,
             height: self.height,
-            color: self
-                .color
-                .iter()
-                .map(|c| c.map(|v| f32::from(v) / 255.0))
-                .collect(),
+            color: if self.values.is_empty() {
+                of_bytes()
+            } else {
+                self.values.clone()
+            },
             depth: self.depth.clone(),
             normal: self.normal.clone(),
         }
@@ -194,6 +204,7 @@ impl FloatImage {
                 .collect(),
             depth: self.depth.clone(),
             normal: self.normal.clone(),
+            values: Vec::new(),
         }
     }
 

@@ -64,6 +64,8 @@ pub struct Engine<'m> {
 enum Kind {
     Device {
         renderer: Box<Renderer>,
+        /// Draws what is averaged, once anything was.
+        samples: Option<Box<Renderer>>,
         scene: Scene,
     },
     Mirror(Box<MirrorEngine>),
@@ -93,6 +95,7 @@ impl<'m> Engine<'m> {
         let kind = match backend {
             Backend::Device(gpu) => Kind::Device {
                 renderer: Box::new(Renderer::new(gpu, width, height, outputs, true)?),
+                samples: None,
                 scene: Scene::new(gpu, model)?,
             },
             Backend::Mirror => Kind::Mirror(Box::new(MirrorEngine {
@@ -109,7 +112,9 @@ impl<'m> Engine<'m> {
     /// As [`Renderer::draw`].
     pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
         match &mut self.kind {
-            Kind::Device { renderer, scene } => renderer.draw(self.model, scene, view, settings),
+            Kind::Device {
+                renderer, scene, ..
+            } => renderer.draw(self.model, scene, view, settings),
             Kind::Mirror(mirror) => {
                 check(self.model, settings, mirror.outputs, f32::INFINITY)?;
                 let settings = for_view(settings, self.model, view);
@@ -163,8 +168,50 @@ impl<'m> Engine<'m> {
         self.read(view)
     }
 
+    /// Draws and reads one picture to be averaged with others: with [`Image::values`], so that only the mean is rounded,
+    /// and without depth and normals. (Visibility splats are put together from pixels of eight bits, and have none.) On a
+    /// device it goes to targets of its own, which stay.
+    ///
+    /// # Errors
+    /// As [`Engine::draw`] and [`Engine::read`].
+    pub fn sample(&mut self, view: &View, settings: &Settings) -> Result<Image, Error> {
+        if settings.draws_visibility() {
+            return self.render(view, settings);
+        }
+        match &mut self.kind {
+            Kind::Device {
+                renderer,
+                samples,
+                scene,
+            } => {
+                let samples = match samples {
+                    Some(made) => made,
+                    none => none.insert(Box::new(renderer.of_values()?)),
+                };
+                if samples.costs() != renderer.costs() {
+                    samples.set_costs(renderer.costs());
+                }
+                samples.draw(self.model, scene, view, settings)?;
+                samples.read(view)
+            }
+            Kind::Mirror(mirror) => {
+                let values = Outputs {
+                    values: true,
+                    ..Outputs::default()
+                };
+                let outputs = std::mem::replace(&mut mirror.outputs, values);
+                let image = self.render(view, settings);
+                if let Kind::Mirror(mirror) = &mut self.kind {
+                    mirror.outputs = outputs;
+                }
+                image
+            }
+        }
+    }
+
     /// The box-filtered mean of `k` x `k` pictures, each shifted by a part of a pixel: `k * k` regular samples a
-    /// pixel. Color and coverage only: a mean of depths or normals is neither.
+    /// pixel, each as [`Engine::sample`] draws it; of one it is the picture that [`Engine::render`] draws. Color and
+    /// coverage only: a mean of depths or normals is neither.
     ///
     /// # Errors
     /// As [`Engine::render`].
@@ -176,7 +223,12 @@ impl<'m> Engine<'m> {
     ) -> Result<FloatImage, Error> {
         let mut mean = Accumulator::new();
         for i in 0..k * k {
-            let image = self.render(&jittered(view, i, k), settings)?;
+            let view = jittered(view, i, k);
+            let image = if k > 1 {
+                self.sample(&view, settings)?
+            } else {
+                self.render(&view, settings)?
+            };
             // Every picture has the size of the view, which is all that can go wrong.
             if let Err(error) = mean.add(&image) {
                 unreachable!("pictures of one view: {error}");

@@ -32,6 +32,8 @@ use crate::gpu::pipeline::{Attribute, AttributeFormat, Record};
 
 /// Format of the color target: what the picture holds is what the target held.
 pub(crate) const COLOR: Format = Format::Rgba8;
+/// Format of the color target of pictures that are averaged: nothing is rounded before the mean is.
+pub(crate) const SAMPLES: Format = Format::Rgba32Float;
 /// Format of the normal target.
 pub(crate) const NORMAL: Format = Format::Rgba32Float;
 

@@ -212,6 +212,13 @@ pub fn check(
             why: "only what is drawn from the tree has levels; use --method pop or splats".into(),
         });
     }
+    if outputs.values && settings.draws_visibility() {
+        return Err(Error::Unsupported {
+            what: "values of visibility splats",
+            why: "they are put together from pixels of eight bits; ask for the picture without"
+                .into(),
+        });
+    }
     let is_device = max_size_px.is_finite();
     if settings.draws_splats() {
         check_blend(settings, is_device)?;

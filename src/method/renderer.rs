@@ -23,7 +23,7 @@ pub use super::times::FrameTimes;
 use super::times::{Kept, Stage};
 use super::triangles::{self, Variant};
 use super::visibility::Visibility;
-use super::{Method, Settings};
+use super::{COLOR, Method, SAMPLES, Settings};
 use crate::cut::{self, Cut};
 use crate::draw::{self, ColorBy};
 use crate::gpu::buffer::Readback;
@@ -31,7 +31,7 @@ use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::{Error, Gpu};
-use crate::image::Image;
+use crate::image::{Image, unorm8};
 use crate::math::camera::View;
 use crate::tree::Model;
 use std::sync::Arc;
@@ -128,10 +128,11 @@ impl Renderer {
         let lists = (0..frames.in_flight())
             .map(|slot| Lists::new(gpu, slot))
             .collect::<Result<_, Error>>()?;
+        let color = if outputs.values { SAMPLES } else { COLOR };
         Ok(Self {
             gpu: gpu.clone(),
             frames,
-            targets: Targets::new(gpu, width, height, outputs.normal)?,
+            targets: Targets::new(gpu, width, height, (color, outputs.normal))?,
             outputs,
             lists,
             cut: Cut::default(),
@@ -153,6 +154,19 @@ impl Renderer {
             visited: 0,
             foreseen: None,
         })
+    }
+
+    /// A renderer of the same size on the same device whose pictures have values and nothing else besides colors.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub(super) fn of_values(&self) -> Result<Self, Error> {
+        let outputs = Outputs {
+            values: true,
+            ..Outputs::default()
+        };
+        let color = &self.targets.color;
+        Self::new(&self.gpu, color.width, color.height, outputs, false)
     }
 
     /// What the frames from now on report; pass times at first, if the renderer was made with them.
@@ -334,6 +348,7 @@ impl Renderer {
         }
         if settings.method != Method::Points {
             let variant = Variant {
+                color: self.targets.color.format,
                 normals,
                 colors: scene.has_colors,
                 lamp,
@@ -347,7 +362,7 @@ impl Renderer {
         let is_gray =
             settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);
         if by_compute && is_opaque && self.small.is_none() {
-            self.small = Some(Small::new(&self.gpu, &self.targets, normals)?);
+            self.small = Some(Small::new(&self.gpu, &self.targets)?);
         }
         if settings.has_cut() && Choice::of(settings, model, view).needs_undrawn() {
             // Looks at the whole model, once.
@@ -371,7 +386,8 @@ impl Renderer {
             Drawing::Opaque => {
                 let variant = Splats::variant_of(settings);
                 if self.splats.iter().all(|s| s.variant != variant) {
-                    self.splats.push(Splats::new(&self.gpu, variant, normals)?);
+                    self.splats
+                        .push(Splats::new(&self.gpu, variant, &self.targets)?);
                 }
             }
             Drawing::Fuzzy => {
@@ -380,7 +396,7 @@ impl Renderer {
                     &self.gpu,
                     settings,
                     has_triangles,
-                    normals,
+                    &self.targets,
                     by_compute.then_some(is_gray),
                 )?;
                 exchange(&mut self.fuzzy, &mut self.spare_fuzzy, |f| {
@@ -394,6 +410,7 @@ impl Renderer {
             Drawing::Filtered => {
                 let variant = filtered::Variant {
                     has_lamp: lamp,
+                    color: self.targets.color.format,
                     by_compute: by_compute.then_some(is_gray),
                 };
                 let spare = &mut self.spare_filtered;
@@ -450,7 +467,13 @@ impl Renderer {
             ..Image::default()
         };
         if let Some(color) = color {
-            image.color = bytemuck::pod_collect_to_vec(color.bytes());
+            if self.outputs.values {
+                image.values = bytemuck::pod_collect_to_vec(color.bytes());
+                let bytes = |c: &[f32; 4]| c.map(|v| unorm8(f64::from(v)));
+                image.color = image.values.iter().map(bytes).collect();
+            } else {
+                image.color = bytemuck::pod_collect_to_vec(color.bytes());
+            }
         }
         if let Some(depth) = depth {
             let raw: Vec<f32> = bytemuck::pod_collect_to_vec(depth.bytes());

@@ -1,6 +1,6 @@
 //! What a frame draws into, and what its passes share.
 
-use super::{COLOR, NORMAL};
+use super::{NORMAL, triangles};
 use crate::draw::Lighting;
 use crate::gpu::frame::{Load, Pass};
 use crate::gpu::image::{Format, Image as Target};
@@ -16,15 +16,15 @@ pub(crate) struct Targets {
 }
 
 impl Targets {
-    /// Targets of `width` x `height` pixels.
+    /// Targets of `width` x `height` pixels; `color` is the format of the picture.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         width: u32,
         height: u32,
-        normals: bool,
+        (color, normals): (Format, bool),
     ) -> Result<Self, Error> {
         Ok(Self {
-            color: Target::new(gpu, "color", COLOR, width, height)?,
+            color: Target::new(gpu, "color", color, width, height)?,
             depth: Target::new(gpu, "depth", Format::Depth32, width, height)?,
             normal: normals
                 .then(|| Target::new(gpu, "normal", NORMAL, width, height))
@@ -34,6 +34,11 @@ impl Targets {
 
     pub(crate) fn color(&self) -> &Target {
         &self.color
+    }
+
+    /// Formats of the color targets, as pipelines that draw into all of them have to know.
+    pub(crate) fn formats(&self) -> &'static [Format] {
+        triangles::targets(self.color.format, self.normal.is_some())
     }
 
     pub(crate) fn depth(&self) -> &Target {

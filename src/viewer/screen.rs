@@ -146,6 +146,7 @@ pub(super) struct Screen {
 const OUTPUTS: Outputs = Outputs {
     depth: false,
     normal: false,
+    values: false,
 };
 
 impl Screen {

@@ -182,6 +182,36 @@ fn clouds_and_the_mirror_have_charts_too() {
     assert!(panel["points"].as_array().unwrap().len() >= 8, "{panel}");
     assert!(panel["points"][0]["times_faster_than_triangles"].is_null());
     assert_eq!(json["device"]["name"], "mirror");
+
+    // The same rows in another folder agree; with one that is twice as slow they do not, and it is named.
+    let again = "chart cloud.ply -o again --quick --size 40x40 --fills 1 --repeats 1 --device mirror --quiet";
+    let [first, second] = ["out", "again"].map(|name| folder.path().join(name).join("rows.csv"));
+    std::fs::create_dir(second.parent().unwrap()).unwrap();
+    std::fs::copy(&first, &second).unwrap();
+    let run = expect(folder.path(), 0, &format!("{again} --against out"));
+    assert!(run.text().contains("the runs agree"), "{}", run.text());
+    let mut reader = csv::Reader::from_path(&first).unwrap();
+    let columns = reader.headers().unwrap().clone();
+    let place = |name: &str| columns.iter().position(|c| c == name).unwrap();
+    let mut writer = csv::Writer::from_path(&second).unwrap();
+    writer.write_record(&columns).unwrap();
+    for (i, record) in reader.records().enumerate() {
+        let mut fields: Vec<String> = record.unwrap().iter().map(Into::into).collect();
+        if i == 3 {
+            let ms = &mut fields[place("frame_ms")];
+            *ms = (2.0 * ms.parse::<f64>().unwrap()).to_string();
+        }
+        writer.write_record(&fields).unwrap();
+    }
+    drop(writer);
+    let run = expect(folder.path(), 1, &format!("{again} --against out"));
+    let name = panel["points"][3]["name"].as_str().unwrap();
+    assert!(
+        run.text().contains("DIFFER") && run.text().contains(&format!("  {name}: ")),
+        "{}",
+        run.text()
+    );
+    assert!(run.err.contains("15 percent"), "{}", run.err);
 }
 
 #[test]
@@ -196,6 +226,8 @@ fn charts_refuse_what_they_cannot_measure() {
         ("chart a.ply -o out --thresholds 1 --quick", "--quick"),
         ("chart a.ply -o out --fills 0", "--fills 0"),
         ("chart a.ply -o out --views 0", "--views"),
+        ("chart a.ply -o out --against out", "--against"),
+        ("chart a.ply -o out --against nowhere", "nowhere"),
         ("chart nothing.ply -o out --device mirror", "nothing.ply"),
     ] {
         let run = expect(path, 2, words);

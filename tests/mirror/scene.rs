@@ -12,6 +12,7 @@ use surfel::method::mirror::{Outputs, render};
 pub(crate) const BOTH: Outputs = Outputs {
     depth: true,
     normal: true,
+    values: false,
 };
 
 /// A white vertex with a normal towards +z.

@@ -50,6 +50,7 @@ fn render(splats: &[WeightedSplat], style: &Style, passes: Passes) -> Fuzzy {
     let outputs = Outputs {
         depth: true,
         normal: false,
+        values: false,
     };
     render_fuzzy(&view(), &list, style, passes, outputs)
 }

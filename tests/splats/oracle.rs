@@ -13,6 +13,7 @@ pub(crate) fn draw(backend: &Backend, model: &Model, view: &View, settings: &Set
     let outputs = Outputs {
         depth: true,
         normal: settings.splat != SplatKind::Filtered,
+        values: false,
     };
     Engine::new(backend, model, (view.width, view.height), outputs)
         .unwrap()

@@ -28,6 +28,9 @@ const CHARACTER: [f64; 2] = [6.6, 13.0];
 /// Lines are looked at in steps of so many pixels: half the height of a label.
 const STEP: f64 = 6.0;
 
+/// Radius of the markers that stand for a line.
+const LINE: f64 = 1.0;
+
 /// Tried in this order at equal cost: to the upper right and the lower left a frontier leaves room.
 const DIRECTIONS: [[f64; 2]; 8] = [
     [0.8, -0.6],
@@ -61,7 +64,7 @@ impl Placer {
             let steps = ((x1 - x0).hypot(y1 - y0) / STEP).ceil().max(1.0);
             for i in 0..=steps as u32 {
                 let t = f64::from(i) / steps;
-                self.avoid([x0 + t * (x1 - x0), y0 + t * (y1 - y0)], 1.0);
+                self.avoid([x0 + t * (x1 - x0), y0 + t * (y1 - y0)], LINE);
             }
         }
     }
@@ -88,7 +91,7 @@ impl Placer {
                     .markers
                     .iter()
                     .filter(|(at, r)| overlap(&rect, &[at[0] - r, at[1] - r, at[0] + r, at[1] + r]))
-                    .map(|(_, r)| r * 6.0)
+                    .map(|(_, r)| r * if *r > LINE { 15.0 } else { 6.0 })
                     .sum();
                 let cost = hidden + distance;
                 if best.as_ref().is_none_or(|b| cost < b.0) {
@@ -148,6 +151,21 @@ mod tests {
                 "{label:?}"
             );
         }
+        // In a corner, with a line below and a marker beside it: off the marker, farther away.
+        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
+        let (point, other) = ([20.0, 16.0], [60.0, 16.0]);
+        placer.avoid(point, 4.5);
+        placer.avoid(other, 4.5);
+        placer.avoid_line(&[point, [26.0, 130.0], [40.0, 280.0]]);
+        placer.avoid_line(&[other, [90.0, 80.0]]);
+        placer.place(point, "square (c) 4").unwrap();
+        let marker = [
+            other[0] - 4.5,
+            other[1] - 4.5,
+            other[0] + 4.5,
+            other[1] + 4.5,
+        ];
+        assert!(!overlap(&placer.labels[0], &marker), "{placer:?}");
         let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
         // What has no room gets none.
         assert_eq!(placer.place([200.0, 150.0], &"x".repeat(100)), None);

@@ -17,7 +17,6 @@ pub(crate) use list::List;
 use super::plan::Drawing;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
-use super::triangles::targets;
 use super::{Method, Path, Settings, Shading, SplatKind};
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::abi::shaders;
@@ -164,7 +163,7 @@ impl Small {
 
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
-    pub(crate) fn new(gpu: &Arc<Gpu>, size: &Targets, normals: bool) -> Result<Self, Error> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, targets: &Targets) -> Result<Self, Error> {
         let resolve = |name, fragment| {
             Pipeline::new(
                 gpu,
@@ -172,10 +171,10 @@ impl Small {
                     name,
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
                     fragment: Some(fragment),
-                    constants: &[normals],
+                    constants: &[targets.normal().is_some()],
                     record: NOTHING,
                     topology: Topology::Triangles,
-                    colors: targets(normals),
+                    colors: targets.formats(),
                     depth: Depth::Nearest,
                     is_additive: false,
                 },
@@ -207,7 +206,7 @@ impl Small {
                 gpu,
                 "nearest small primitives",
                 Usage::Storage,
-                key_bytes(size),
+                key_bytes(targets),
             )?,
             max_binding: gpu.info().max_storage_range,
         })

@@ -15,7 +15,7 @@ use crate::abi::{FilteredSplat, Shader, WeightedSplat, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{Buffer, Upload, Usage};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
-use crate::gpu::image::Image as Target;
+use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::method::targets::{Context, Targets};
@@ -196,7 +196,7 @@ impl Twin {
         gpu: &Arc<Gpu>,
         kind: &'static Kind,
         (width, height): (u32, u32),
-        (is_gray, has_lamp): (bool, bool),
+        (is_gray, has_lamp, color): (bool, bool, Format),
         constants: &[bool],
     ) -> Result<Self, Error> {
         let mut all = [false; CONSTANTS];
@@ -227,7 +227,7 @@ impl Twin {
                     name,
                     fragment: Some(kind.normalize),
                     constants: &constants,
-                    colors: targets(false),
+                    colors: targets(color, false),
                     // Also where there is no depth: kernels may reach beyond what hides.
                     depth: Depth::NotFarther,
                     ..base

@@ -94,6 +94,8 @@ pub(crate) struct Filtered {
 pub(crate) struct Variant {
     /// A lamp instead of the headlight.
     pub(crate) has_lamp: bool,
+    /// Of the picture.
+    pub(crate) color: Format,
     /// Small splats are drawn by compute, all of them gray (true) or not.
     pub(crate) by_compute: Option<bool>,
 }
@@ -183,7 +185,7 @@ impl Filtered {
                     gpu,
                     &twin::FILTERED,
                     (width, height),
-                    (is_gray, variant.has_lamp),
+                    (is_gray, variant.has_lamp, variant.color),
                     &[],
                 )?,
                 depth_splats: depth_splats(true)?,
@@ -224,7 +226,7 @@ impl Filtered {
                     fragment: Some(&shaders::FILTERED_NORMALIZE_FRAG),
                     record: NOTHING,
                     topology: Topology::Triangles,
-                    colors: targets(false),
+                    colors: targets(variant.color, false),
                     depth: Depth::None,
                     ..base
                 },

@@ -17,7 +17,7 @@ use crate::method::mirror::{Outputs, render_filtered};
 use crate::method::plan::frame_constants;
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
-use crate::method::{Settings, SplatKind};
+use crate::method::{COLOR, Settings, SplatKind};
 use crate::tree::Model;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -70,10 +70,11 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> 
     let (width, height) = SIZE;
     let variant = Variant {
         has_lamp: false,
+        color: COLOR,
         by_compute,
     };
     let filtered = Filtered::new(gpu, SIZE, variant).unwrap();
-    let targets = Targets::new(gpu, width, height, false).unwrap();
+    let targets = Targets::new(gpu, width, height, (COLOR, false)).unwrap();
     let scene = Scene::new(gpu, &Model::default()).unwrap();
     let splats = placed(splats);
     let bytes: &[u8] = bytemuck::cast_slice(&splats);

@@ -79,6 +79,8 @@ pub(crate) struct Variant {
     /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
     sums: Format,
+    /// Of the picture.
+    color: Format,
     /// Small splats are drawn by compute, all of them gray (true) or not.
     by_compute: Option<bool>,
 }
@@ -92,7 +94,7 @@ impl Variant {
         gpu: &Gpu,
         settings: &Settings,
         has_triangles: bool,
-        writes_normals: bool,
+        targets: &Targets,
         by_compute: Option<bool>,
     ) -> Result<Self, Error> {
         let sums = match settings.sums {
@@ -114,11 +116,12 @@ impl Variant {
             is_gauss: settings.splat == SplatKind::Gauss,
             footprint: settings.footprint(),
             is_deferred: settings.shading == Shading::Deferred,
-            writes_normals,
+            writes_normals: targets.normal().is_some(),
             has_coverage: settings.sums_coverage(has_triangles),
             from_vertices: !settings.has_cut(),
             has_lamp: !settings.has_headlight(),
             sums,
+            color: targets.color().format,
             by_compute,
         })
     }
@@ -298,7 +301,7 @@ impl Fuzzy {
                     vertex: &shaders::FILTERED_NORMALIZE_VERT,
                     fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
                     record: NOTHING,
-                    colors: targets(variant.writes_normals),
+                    colors: targets(variant.color, variant.writes_normals),
                     depth: Depth::None,
                     ..base
                 },
@@ -311,7 +314,7 @@ impl Fuzzy {
                         gpu,
                         &twin::FUZZY,
                         (width, height),
-                        (is_gray, variant.has_lamp),
+                        (is_gray, variant.has_lamp, variant.color),
                         &constants,
                     )?)
                 }

@@ -6,12 +6,13 @@
 //! are those of [`super::render`].
 
 use super::shade::Kind;
+use super::target::{LEAST_ALPHA, in_formats};
 use super::triangle::{self, Triangle};
 use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, pixels_between, snap};
 use crate::abi::FilteredSplat;
 use crate::abi::constants::{FILTERED_REACH_PX, LEAST_FILTERED_COVERAGE};
 use crate::draw::{FilteredList, Style};
-use crate::image::{Image, unorm8};
+use crate::image::Image;
 use crate::math::camera::View;
 use rayon::prelude::*;
 use std::ops::{Range, RangeInclusive};
@@ -300,8 +301,8 @@ fn normalize(
         distance - jump..=distance + jump
     };
     let nothing = || {
-        let [r, g, b] = background.map(unorm8);
-        [r, g, b, 0]
+        let [r, g, b] = background;
+        [r, g, b, 0.0]
     };
     // The mean color of the nearest pixels of a part.
     let near_in = |i: usize, part: &RangeInclusive<f64>| {
@@ -380,11 +381,11 @@ fn normalize(
         let filled = filled / around;
         let beyond = [0, 1, 2].map(|c| behind[c] / around + (1.0 - filled) * background[c]);
         let alpha = covered + (1.0 - covered) * filled;
-        let [r, g, b] = [0, 1, 2].map(|c| unorm8(own[c] * covered + beyond[c] * (1.0 - covered)));
-        [r, g, b, unorm8(alpha).max(1)]
+        let [r, g, b] = [0, 1, 2].map(|c| own[c] * covered + beyond[c] * (1.0 - covered));
+        [r, g, b, alpha.max(LEAST_ALPHA)]
     };
     let pixels = sums.len();
-    let color: Vec<[u8; 4]> = (0..pixels).into_par_iter().map(color_at).collect();
+    let (color, values) = in_formats(pixels, outputs, color_at);
     let distance_at = |i: usize| {
         if color[i][3] > 0 {
             view.distance_of_depth(front[i])
@@ -403,6 +404,7 @@ fn normalize(
         color,
         depth,
         normal: vec![[0.0; 3]; if outputs.normal { pixels } else { 0 }],
+        values,
     }
 }
 

@@ -56,6 +56,9 @@ pub struct Outputs {
     pub depth: bool,
     /// Fill [`Image::normal`]: the world-space unit normal that was shaded; zero where the surface has none.
     pub normal: bool,
+    /// Fill [`Image::values`]: the colors before they are rounded to eight bits. On a device the color target is one of
+    /// 32-bit floats then. Visibility splats have none: they are put together from pixels of eight bits.
+    pub values: bool,
 }
 
 /// Draws `list` as `view` sees it: triangles, then splats, then points, with one depth test (nearer wins,

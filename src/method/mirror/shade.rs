@@ -3,7 +3,6 @@
 
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::draw::{ALBEDO, ColorBy, Lighting, Phong, Source, Style, falsecolor};
-use crate::image::unorm8;
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
 use glam::{DVec3, DVec4, Vec3};
@@ -65,16 +64,16 @@ impl Shading {
         }
     }
 
-    /// The color of a surface point in the eight bits of the target; see [`Shading::value`].
+    /// The color of a surface point, and that it covers; see [`Shading::value`].
     pub(super) fn color(
         &self,
         kind: Kind,
         position: DVec3,
         normal: DVec3,
         color: DVec3,
-    ) -> [u8; 4] {
+    ) -> [f64; 4] {
         let value = self.value(kind, position, normal, color);
-        [unorm8(value.x), unorm8(value.y), unorm8(value.z), 255]
+        [value.x, value.y, value.z, 1.0]
     }
 
     /// Red, green and blue of a surface point, 1 is white; `normal` is a unit vector, or zero where the surface

@@ -4,6 +4,7 @@ use super::Outputs;
 use crate::draw::Style;
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
+use rayon::prelude::*;
 
 /// Color, depth and the outputs that were asked for.
 pub(super) struct Target {
@@ -15,14 +16,16 @@ pub(super) struct Target {
 impl Target {
     pub(super) fn new(view: &View, style: &Style, outputs: Outputs) -> Self {
         let pixels = view.width as usize * view.height as usize;
-        let [r, g, b] = style.background.map(|c| unorm8(f64::from(c)));
+        let [r, g, b] = style.background;
+        let background = [r, g, b, 0.0];
         Self {
             image: Image {
                 width: view.width,
                 height: view.height,
-                color: vec![[r, g, b, 0]; pixels],
+                color: vec![background.map(|c| unorm8(f64::from(c))); pixels],
                 depth: vec![f32::INFINITY; if outputs.depth { pixels } else { 0 }],
                 normal: vec![[0.0; 3]; if outputs.normal { pixels } else { 0 }],
+                values: vec![background; if outputs.values { pixels } else { 0 }],
             },
             depth: vec![0.0; pixels],
         }
@@ -37,6 +40,7 @@ impl Target {
         let size = (rows * width).max(1);
         let mut distance = self.image.depth.chunks_mut(size);
         let mut normal = self.image.normal.chunks_mut(size);
+        let mut values = self.image.values.chunks_mut(size);
         let color = self.image.color.chunks_mut(size);
         let depth = self.depth.chunks_mut(size);
         color
@@ -50,6 +54,7 @@ impl Target {
                 depth,
                 distance: distance.next(),
                 normal: normal.next(),
+                values: values.next(),
             })
             .collect()
     }
@@ -68,12 +73,32 @@ pub(super) struct Band<'a> {
     depth: &'a mut [f32],
     distance: Option<&'a mut [f32]>,
     normal: Option<&'a mut [[f32; 3]]>,
+    values: Option<&'a mut [[f32; 4]]>,
+}
+
+/// Coverage of a pixel that is covered at all: one step of eight bits.
+pub(super) const LEAST_ALPHA: f64 = 1.0 / 255.0;
+
+/// The colors of a picture of `pixels` that is made a pixel at a time: rounded, and as they are where that is asked for.
+pub(super) fn in_formats(
+    pixels: usize,
+    outputs: Outputs,
+    color_at: impl Fn(usize) -> [f64; 4] + Send + Sync,
+) -> (Vec<[u8; 4]>, Vec<[f32; 4]>) {
+    let exact: Vec<[f64; 4]> = (0..pixels).into_par_iter().map(color_at).collect();
+    let color = exact.iter().map(|c| c.map(unorm8)).collect();
+    let values = if outputs.values {
+        exact.iter().map(|c| c.map(|v| v as f32)).collect()
+    } else {
+        Vec::new()
+    };
+    (color, values)
 }
 
 /// What a primitive leaves in a pixel.
 #[derive(Clone, Copy)]
 pub(super) struct Fragment {
-    pub(super) color: [u8; 4],
+    pub(super) color: [f64; 4],
     pub(super) normal: [f32; 3],
     /// View-space distance.
     pub(super) distance: f32,
@@ -92,7 +117,10 @@ impl Band<'_> {
         if depth > self.depth[i] {
             self.depth[i] = depth;
             let fragment = shade();
-            self.color[i] = fragment.color;
+            self.color[i] = fragment.color.map(unorm8);
+            if let Some(values) = &mut self.values {
+                values[i] = fragment.color.map(|v| v as f32);
+            }
             if let Some(distance) = &mut self.distance {
                 distance[i] = fragment.distance;
             }

@@ -153,6 +153,7 @@ pub fn render_visibility(
                 Vec::new()
             },
             normal: normals,
+            values: Vec::new(),
         },
         pixels,
         unreached,
@@ -348,7 +349,7 @@ fn splat(
 /// What a primitive leaves in a pixel.
 #[derive(Clone, Copy)]
 struct Fragment {
-    color: [u8; 4],
+    color: [f64; 4],
     normal: [f32; 3],
     front: [f32; 2],
 }
@@ -418,7 +419,7 @@ impl Band<'_> {
             self.depth[i] = depth;
             self.pixels[i] = Pixel {
                 class,
-                color: [r, g, b],
+                color: [r, g, b].map(unorm8),
                 front,
             };
             if let Some(normals) = &mut self.normals {

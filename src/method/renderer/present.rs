@@ -83,7 +83,12 @@ impl Renderer {
     /// When a side is 0 or above the device's limit, or memory runs out.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
         if (self.targets.color.width, self.targets.color.height) != (width, height) {
-            self.targets = Targets::new(&self.gpu, width, height, self.outputs.normal)?;
+            self.targets = Targets::new(
+                &self.gpu,
+                width,
+                height,
+                (self.targets.color.format, self.outputs.normal),
+            )?;
             self.readback = None;
             self.small = None;
             (self.filtered, self.spare_filtered) = (None, Vec::new());

@@ -4,7 +4,6 @@
 
 use super::scene::Scene;
 use super::targets::{Context, Targets};
-use super::triangles::targets;
 use super::{SPLAT, Settings, VERTEX};
 use crate::abi::{Shader, shaders};
 use crate::draw::Footprint;
@@ -49,7 +48,7 @@ impl Splats {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         variant @ (footprint, source): (Footprint, Source),
-        normals: bool,
+        targets: &Targets,
     ) -> Result<Self, Error> {
         let is_square = footprint == Footprint::Square;
         let (vertex, record): (&Shader, Record) = match (source, is_square) {
@@ -71,10 +70,14 @@ impl Splats {
                     name,
                     vertex,
                     fragment: Some(fragment),
-                    constants: &[normals, is_oriented, topology == Topology::Quads],
+                    constants: &[
+                        targets.normal().is_some(),
+                        is_oriented,
+                        topology == Topology::Quads,
+                    ],
                     record,
                     topology,
-                    colors: targets(normals),
+                    colors: targets.formats(),
                     depth: Depth::Nearest,
                     is_additive: false,
                 },

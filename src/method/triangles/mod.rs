@@ -2,7 +2,7 @@
 
 use super::scene::Scene;
 use super::targets::{Context, Targets};
-use super::{COLOR, NORMAL, VERTEX};
+use super::{COLOR, NORMAL, SAMPLES, VERTEX};
 use crate::abi::shaders;
 use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::image::Format;
@@ -13,15 +13,21 @@ use std::sync::Arc;
 /// Variant of the triangle pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Variant {
+    pub(crate) color: Format,
     pub(crate) normals: bool,
     pub(crate) colors: bool,
     /// A lamp instead of the headlight.
     pub(crate) lamp: bool,
 }
 
-/// The color targets of a pass.
-pub(crate) fn targets(normals: bool) -> &'static [Format] {
-    if normals { &[COLOR, NORMAL] } else { &[COLOR] }
+/// The color targets of a pass whose first is [`COLOR`] or [`SAMPLES`].
+pub(crate) fn targets(color: Format, normals: bool) -> &'static [Format] {
+    match (color, normals) {
+        (SAMPLES, false) => &[SAMPLES],
+        (SAMPLES, true) => &[SAMPLES, NORMAL],
+        (_, false) => &[COLOR],
+        (_, true) => &[COLOR, NORMAL],
+    }
 }
 
 /// The pipeline that draws indexed mesh triangles.
@@ -35,7 +41,7 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Err
             constants: &[variant.normals, variant.colors, variant.lamp],
             record: VERTEX,
             topology: Topology::Triangles,
-            colors: targets(variant.normals),
+            colors: targets(variant.color, variant.normals),
             depth: Depth::Nearest,
             is_additive: false,
         },

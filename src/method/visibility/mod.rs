@@ -15,7 +15,7 @@ use super::hybrid::Run;
 use super::scene::Scene;
 use super::splats::Source;
 use super::targets::{Context, Targets};
-use super::{NORMAL, Reconstruction, SPLAT, VERTEX, triangles};
+use super::{COLOR, NORMAL, Reconstruction, SPLAT, VERTEX, triangles};
 use crate::abi::{Shader, shaders};
 use crate::draw::splats::Packed;
 use crate::gpu::buffer::Upload;
@@ -146,7 +146,7 @@ fn last_pass(gpu: &Arc<Gpu>, name: &str, fragment: &Shader) -> Result<Pipeline, 
             constants: &[],
             record: NOTHING,
             topology: Topology::Triangles,
-            colors: triangles::targets(false),
+            colors: triangles::targets(COLOR, false),
             depth: Depth::Nearest,
             is_additive: false,
         },

@@ -210,6 +210,7 @@ impl App {
         let outputs = Outputs {
             depth: false,
             normal: false,
+            values: false,
         };
         let refuses = |settings: &Settings| {
             let outcome = plan::check(model, settings, outputs, max_size_px);

@@ -4,7 +4,7 @@ use super::{OUTPUTS, Screen};
 use crate::gpu::Error;
 use crate::image::{Accumulator, Image, jittered};
 use crate::math::camera::Camera;
-use crate::method::renderer::Renderer;
+use crate::method::renderer::{Outputs, Renderer};
 use crate::method::{Method, Settings};
 
 /// Samples a pixel, in each direction.
@@ -32,7 +32,11 @@ impl Screen {
         if settings.method == Method::Points {
             settings.threshold_px = settings.threshold_px.min(self.gpu.info().max_point_size_px);
         }
-        let mut renderer = Renderer::new(&self.gpu, view.width, view.height, OUTPUTS, false)?;
+        let outputs = Outputs {
+            values: !settings.draws_visibility(),
+            ..OUTPUTS
+        };
+        let mut renderer = Renderer::new(&self.gpu, view.width, view.height, outputs, false)?;
         let mut mean = Accumulator::new();
         for sample in 0..SAMPLES_SIDE * SAMPLES_SIDE {
             let view = jittered(&view, sample, SAMPLES_SIDE);

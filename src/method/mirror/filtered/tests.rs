@@ -542,6 +542,7 @@ fn depth_is_that_of_the_pushed_front_where_covered() {
     let outputs = Outputs {
         depth: true,
         normal: true,
+        values: false,
     };
     let splats = [
         splat([10.5, 10.5, 8.0], RED, 1.0),

@@ -2,10 +2,11 @@
 
 use super::super::disc::through;
 use super::super::shade::{Kind, Shading};
+use super::super::target::{LEAST_ALPHA, in_formats};
 use super::super::{Frame, Outputs};
 use crate::abi::constants;
 use crate::draw::{ColorBy, Style};
-use crate::image::{Image, unorm8};
+use crate::image::Image;
 use crate::math::camera::View;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -41,8 +42,8 @@ pub(super) fn image(
     let is_shown = |i: usize| sums[i][3] >= constants::LEAST_FUZZY_WEIGHT;
     let color_at = |i: usize| {
         if !is_shown(i) {
-            let [r, g, b] = background.map(unorm8);
-            return [r, g, b, 0];
+            let [r, g, b] = background;
+            return [r, g, b, 0.0];
         }
         let [r, g, b, weight] = sums[i].map(f64::from);
         let alpha = if has_coverage && is_rim(i % width, i / width) {
@@ -62,12 +63,12 @@ pub(super) fn image(
                 mean,
             );
         }
-        let shown = |mean: f64, behind: f64| unorm8(mean * alpha + behind * (1.0 - alpha));
+        let shown = |mean: f64, behind: f64| mean * alpha + behind * (1.0 - alpha);
         [
             shown(mean.x, background[0]),
             shown(mean.y, background[1]),
             shown(mean.z, background[2]),
-            unorm8(alpha).max(1),
+            alpha.max(LEAST_ALPHA),
         ]
     };
     let distance_at = |i: usize| {
@@ -85,10 +86,12 @@ pub(super) fn image(
         }
     };
     let pixels = sums.len();
+    let (color, values) = in_formats(pixels, outputs, color_at);
     Image {
         width: view.width,
         height: view.height,
-        color: (0..pixels).into_par_iter().map(color_at).collect(),
+        color,
+        values,
         depth: if outputs.depth {
             (0..pixels).into_par_iter().map(distance_at).collect()
         } else {

@@ -54,6 +54,7 @@ fn triangles_alone_look_as_in_one_pass() {
     let outputs = Outputs {
         depth: true,
         normal: true,
+        values: false,
     };
     let list = DrawList {
         vertices: &vertices,
