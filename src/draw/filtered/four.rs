@@ -190,6 +190,9 @@ const LEAST_SPREAD: f32 = 0.15;
 /// 0.1 a plane lost its last two rows of pixels before the horizon to what lies before them.
 const LEAST_FACING: f32 = 0.02;
 
+/// The same of a triangle that is drawn as one large splat, whose neighbors may be anything: farther, it would hide nothing.
+const LEAST_FACING_OF_OWN: f32 = 0.1;
+
 /// How much the color of a row may differ from its mean, in what its parts differ by. From 0.75 to 1.5 tori of needles
 /// change by a tenth of a decibel; this is the least FLIP.
 const MOST_CHANGE: f32 = 1.1;
@@ -499,10 +502,10 @@ impl Eye<'_> {
 /// drawn as one large splat.
 #[inline]
 fn depth_reach(four: &Four, half: Vec4, facing: Vec4, is_own: bool) -> Vec4 {
-    let most = half / facing;
     if is_own {
-        return most;
+        return half / facing.max(Vec4::splat(LEAST_FACING_OF_OWN));
     }
+    let most = half / facing;
     let tangent = (Vec4::ONE - facing * facing).max(Vec4::ZERO).sqrt() / facing;
     let neighbors = four.bend * OFFSET_OF_BEND + OFFSET_OF_NEIGHBORS;
     let range = half * (tangent + neighbors) + four.half_thickness * OFFSET_OF_THICKNESS / facing;
