@@ -44,8 +44,10 @@ const NOTHING: Record = Record {
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
 pub(crate) struct Small {
-    squares: Pipeline,
-    discs: Pipeline,
+    /// Of sizes of their own, of one size, of one pixel.
+    squares: [Pipeline; 3],
+    /// Of sizes of their own, of one size.
+    discs: [Pipeline; 2],
     triangles: Pipeline,
     resolve_splats: Pipeline,
     resolve_triangles: Pipeline,
@@ -182,13 +184,20 @@ impl Small {
             )
         };
         let looks_first = gpu.info().kind != Kind::Cpu;
-        let splats = |name, are_discs| {
-            let constants = [are_discs, looks_first];
+        let splats = |name, are_discs, has_one_size, is_pixel| {
+            let constants = [are_discs, looks_first, has_one_size, is_pixel];
             Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
         };
         Ok(Self {
-            squares: splats("small squares", false)?,
-            discs: splats("small discs", true)?,
+            squares: [
+                splats("small squares", false, false, false)?,
+                splats("small squares of one size", false, true, false)?,
+                splats("small squares of a pixel", false, true, true)?,
+            ],
+            discs: [
+                splats("small discs", true, false, false)?,
+                splats("small discs of one size", true, true, false)?,
+            ],
             triangles: Pipeline::compute(
                 gpu,
                 "small.triangles",
@@ -254,10 +263,11 @@ impl Small {
             });
         }
         if !splats.is_empty() {
-            let pipeline = if list.are_discs {
-                &self.discs
-            } else {
-                &self.squares
+            let pipeline = match (list.are_discs, list.one_size_px) {
+                (true, None) => &self.discs[0],
+                (true, Some(_)) => &self.discs[1],
+                (false, None) => &self.squares[0],
+                (false, Some(px)) => &self.squares[if px > 1.0 { 1 } else { 2 }],
             };
             frame
                 .pass("small.splats")
