@@ -116,16 +116,6 @@ impl StripRun {
     pub fn is_seen(&self, index: u32) -> bool {
         self.seen >> (index & 31) & 1 != 0
     }
-
-    /// The same row, of which those are drawn for which the next of `are_seen` says so.
-    #[inline]
-    fn seen_of(self, are_seen: impl Iterator<Item = bool>) -> Self {
-        let bits = are_seen.zip(0..).map(|(seen, i)| u32::from(seen) << i);
-        Self {
-            seen: bits.fold(0, |all, bit| all | bit),
-            ..self
-        }
-    }
 }
 
 /// Counts of one cut.

@@ -1,7 +1,6 @@
 //! What is left of the lists of a cut.
 
 use super::{Hiding, Mark, Marks};
-use crate::cut::quad;
 use crate::cut::strip::strip_steps;
 use crate::cut::tester::Tester;
 use crate::cut::{Cut, MAX_STRIP_COUNT, StripRun};
@@ -27,22 +26,25 @@ impl Hiding<'_> {
         let undrawn = &self.undrawn.nodes;
         let (mut kept, mut hidden) = (first, 0);
         let mut next = first;
-        // Splats of many rows together, so that no lane is idle.
-        let mut centers = [Vec4::ZERO; ROWS];
+        // Splats of many rows together, so that no lane is idle; x, y and z each for themselves.
+        let mut centers = [[0.0; ROWS]; 3];
         let mut found = [Mark::HIDDEN; ROWS];
         while next < strips.len() {
             let (start, mut count, mut end) = (next, 0, next);
             for run in strips.get(start..).unwrap_or_default() {
                 let many = run.count as usize;
-                let (Some(node), Some(own)) = (
-                    nodes.get(run.node as usize),
-                    centers.get_mut(count..count + many),
-                ) else {
+                let Some(node) = nodes
+                    .get(run.node as usize)
+                    .filter(|_| count + many <= ROWS)
+                else {
                     break;
                 };
                 let (center, step) = strip_steps(node, run.count);
-                for (place, i) in own.iter_mut().zip(0u16..) {
-                    *place = (center + step * f32::from(i)).extend(0.0);
+                for i in 0..many {
+                    let center = center + step * i as f32;
+                    for (list, v) in centers.iter_mut().zip(center.to_array()) {
+                        list[(count + i) % ROWS] = v;
+                    }
                 }
                 count += many;
                 end += 1;
@@ -52,33 +54,35 @@ impl Hiding<'_> {
                 return hidden;
             }
             next = end;
-            let fours = centers.as_chunks::<4>().0.iter();
-            for ((four, found), at) in fours
-                .zip(found.as_chunks_mut::<4>().0)
-                .zip((0..count).step_by(4))
-            {
+            let fours = centers.each_ref().map(|list| list.as_chunks::<4>().0);
+            let [x, y, z] = fours.map(|fours| fours.iter().map(|&four| Vec4::from_array(four)));
+            let places = x.zip(y).zip(z).zip((0..count).step_by(4));
+            for ((((x, y), z), at), found) in places.zip(found.as_chunks_mut::<4>().0) {
                 // Where any node has no area, rows cover nothing: that is rare.
-                let balls = tester.balls(quad::columns(*four));
+                let balls = tester.balls([x, y, z, Vec4::ZERO]);
                 let lanes = 15 >> (4 - (count - at).min(4));
                 *found = self.ask(&balls, lanes, |_| !undrawn.is_empty());
             }
-            let mut at = 0;
+            // The marks of those that are seen move together, in place.
+            let (mut at, mut seen_marks) = (0, 0);
             for index in start..end {
                 let Some(&run) = strips.get(index) else { break };
-                let own = at..at + run.count as usize;
-                at = own.end;
-                let own = found.get(own).unwrap_or_default();
-                let run = run.seen_of(own.iter().map(|mark| mark.rows != 0));
-                hidden += u64::from(run.count - run.splats());
-                if run.seen == 0 {
-                    continue;
+                let (mut seen, before) = (0, seen_marks);
+                for i in 0..run.count {
+                    let mark = found[at % ROWS];
+                    found[seen_marks % ROWS] = mark;
+                    at += 1;
+                    let is_seen = mark.rows != 0;
+                    seen_marks += usize::from(is_seen);
+                    seen |= u32::from(is_seen) << (i & 31);
                 }
-                marks.extend(own.iter().filter(|mark| mark.rows != 0));
+                hidden += u64::from(run.count) - (seen_marks - before) as u64;
                 if let Some(place) = strips.get_mut(kept) {
-                    *place = run;
+                    *place = StripRun { seen, ..run };
                 }
-                kept += 1;
+                kept += usize::from(seen != 0);
             }
+            marks.extend_from_slice(found.get(..seen_marks).unwrap_or_default());
         }
         strips.truncate(kept);
         hidden
@@ -102,20 +106,22 @@ impl Hiding<'_> {
             |index, _| is_seen(&marks.nodes, index),
             ends.iter_mut().map(|end| &mut end.0),
         );
-        let mut first_mark = 0;
+        let mut next_mark = 0;
         let mut hidden_in_rows = 0;
         retain(
             strips,
             |_, run| {
-                let own = first_mark..first_mark + run.splats() as usize;
-                first_mark = own.end;
-                let mut own = marks.strips.get(own).unwrap_or_default().iter();
-                let before = *run;
                 // One mark for each that was seen so far.
-                *run = run.seen_of((0..run.count).map(|i| {
-                    before.is_seen(i) && own.next().is_none_or(|&mark| !self.is_hidden(mark))
-                }));
-                hidden_in_rows += u64::from(before.splats() - run.splats());
+                let mut left = run.seen;
+                while left != 0 {
+                    let lowest = left & left.wrapping_neg();
+                    left ^= lowest;
+                    if !is_seen(&marks.strips, next_mark) {
+                        run.seen ^= lowest;
+                        hidden_in_rows += 1;
+                    }
+                    next_mark += 1;
+                }
                 run.seen != 0
             },
             ends.iter_mut().map(|end| &mut end.1),
