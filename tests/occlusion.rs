@@ -424,7 +424,7 @@ fn what_is_left_depends_on_nothing_but_the_view() {
         let mut all = Cut::default();
         select(&model, &view, &with, &mut all);
         let count = |cut: &Cut| {
-            let rows: u32 = cut.strips.iter().map(|run| run.count).sum();
+            let rows: u32 = cut.strips.iter().map(|run| run.splats()).sum();
             (cut.nodes.len() + cut.leaves.len()) as u64 + u64::from(rows)
         };
         assert_eq!(count(&cut) + cut.stats.hidden, count(&all));
@@ -437,6 +437,10 @@ fn what_is_left_depends_on_nothing_but_the_view() {
     for side_px in [1.0, 2.0] {
         let expected = cut_of(&mut Selector::with_threads(1), 40.0, side_px);
         assert!(expected.stats.hidden > 10_000);
+        // Of rows only what is seen is left.
+        let rows = &expected.strips;
+        assert!(rows.iter().all(|row| row.splats() > 0));
+        assert!(rows.iter().filter(|row| row.splats() < row.count).count() > 100);
         for threads in [2, 3, 8] {
             let mut selector = Selector::with_threads(threads);
             for azimuth in [40.0, 41.0, 220.0, 40.0] {

@@ -288,10 +288,10 @@ impl<'a> Hiding<'a> {
         is_undrawn: impl Fn(u32) -> bool,
         marks: &mut [Mark; 4],
     ) -> u8 {
-        // A sum with 2^23 is rounded to whole numbers, and has them in its low bits.
-        let sums = [placed.x, placed.y].map(|v| v - 0.5 + 8_388_608.0);
+        // A sum with 2^23 is rounded to whole numbers, and has them in its low bits: here 1 more than the pixel's.
+        let sums = [placed.x, placed.y].map(|v| v + 0.5 + 8_388_608.0);
         let [x, y] = [(placed.x, sums[0]), (placed.y, sums[1])]
-            .map(|(v, sum)| (v - 0.5 - (sum - 8_388_608.0)).abs());
+            .map(|(v, sum)| (v + 0.5 - (sum - 8_388_608.0)).abs());
         // The pixel's own center is that far away, the next one 1 less that.
         let farther = x.max(y);
         let [width, height] = self.size.map(Vec4::splat);
@@ -303,13 +303,16 @@ impl<'a> Hiding<'a> {
         let ones = lanes & placed.known & is_one.bitmask() as u8;
         let [columns, rows] = sums.map(|sum| sum.to_array().map(|v| v.to_bits() & 0x7f_ffff));
         for lane in 0..4 {
-            let first = rows[lane] * self.nearest.width + columns[lane];
-            let Some(pixel) = self
-                .nearest
-                .pixels
-                .get(first as usize)
-                .filter(|_| ones >> lane & 1 != 0)
-            else {
+            if ones >> lane & 1 == 0 {
+                continue;
+            }
+            let (row, column) = (
+                rows[lane].saturating_sub(1),
+                columns[lane].saturating_sub(1),
+            );
+            let first = row * self.nearest.width + column;
+            let Some(pixel) = self.nearest.pixels.get(first as usize) else {
+                marks[lane] = Mark::SEEN;
                 continue;
             };
             let there = pixel.load(Ordering::Relaxed);

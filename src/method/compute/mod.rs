@@ -46,8 +46,7 @@ const NOTHING: Record = Record {
 pub(crate) struct Small {
     /// Of sizes of their own, of one size, of one pixel.
     squares: [Pipeline; 3],
-    /// Of sizes of their own, of one size.
-    discs: [Pipeline; 2],
+    discs: Pipeline,
     triangles: Pipeline,
     resolve_splats: Pipeline,
     resolve_triangles: Pipeline,
@@ -194,10 +193,7 @@ impl Small {
                 splats("small squares of one size", false, true, false)?,
                 splats("small squares of a pixel", false, true, true)?,
             ],
-            discs: [
-                splats("small discs", true, false, false)?,
-                splats("small discs of one size", true, true, false)?,
-            ],
+            discs: splats("small discs", true, false, false)?,
             triangles: Pipeline::compute(
                 gpu,
                 "small.triangles",
@@ -264,8 +260,7 @@ impl Small {
         }
         if !splats.is_empty() {
             let pipeline = match (list.are_discs, list.one_size_px) {
-                (true, None) => &self.discs[0],
-                (true, Some(_)) => &self.discs[1],
+                (true, _) => &self.discs,
                 (false, None) => &self.squares[0],
                 (false, Some(px)) => &self.squares[if px > 1.0 { 1 } else { 2 }],
             };
