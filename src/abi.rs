@@ -101,6 +101,10 @@ pub struct FrameConstants {
     pub low_pass_px: f32,
     /// Distances along the view direction between which the ramp of colors by depth goes, view-space units.
     pub depth_range: [f32; 2],
+    /// Not looked at.
+    pub unused: [f32; 2],
+    /// Window position (pixels of the picture) and reversed depth from model space, both times the last component, columns.
+    pub window_from_model: [[f32; 4]; 4],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -218,6 +222,7 @@ same_layout!(
     shininess = SHININESS,
     low_pass_px = LOW_PASS_PX,
     depth_range = DEPTH_RANGE,
+    window_from_model = WINDOW_FROM_MODEL,
 );
 same_layout!(
     ListConstants,

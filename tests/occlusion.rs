@@ -425,7 +425,7 @@ fn what_is_left_depends_on_nothing_but_the_view() {
         let mut all = Cut::default();
         select(&model, &view, &with, &mut all);
         let count = |cut: &Cut| {
-            let rows: u32 = cut.strips.iter().map(|run| run.count).sum();
+            let rows: u32 = cut.strips.iter().map(|run| run.splats()).sum();
             (cut.nodes.len() + cut.leaves.len()) as u64 + u64::from(rows)
         };
         assert_eq!(count(&cut) + cut.stats.hidden, count(&all));
@@ -448,4 +448,22 @@ fn what_is_left_depends_on_nothing_but_the_view() {
             }
         }
     }
+}
+
+/// Of a row of splats only those are left that are seen: the torus has needles.
+#[test]
+fn rows_lose_the_splats_that_are_hidden() {
+    let model = generated(Shape::Torus, 400_000);
+    let undrawn = Undrawn::new(&model);
+    let view = orbit(&model, (300, 300), 40.0, 20.0, 1.0);
+    let with = plan::cut_settings(&Settings::default(), &model);
+    let (mut cut, mut all) = (Cut::default(), Cut::default());
+    let seen = (footprints(1.0), &undrawn);
+    Selector::default().select_seen(&model, &view, &with, seen, &mut cut);
+    select(&model, &view, &with, &mut all);
+    assert!(all.strips.iter().all(|row| row.splats() == row.count));
+    let partly = |row: &&surfel::cut::StripRun| row.splats() < row.count;
+    let partial = cut.strips.iter().filter(partly).count();
+    assert!(partial > 100, "{partial} of {} rows", cut.strips.len());
+    assert!(cut.strips.iter().all(|row| row.splats() > 0));
 }

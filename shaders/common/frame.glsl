@@ -28,4 +28,7 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     float low_pass_px;
     // Distances along the view direction between which the ramp of FLAG_COLOR_BY_DEPTH goes, view-space units.
     vec2 depth_range;
+    // Window position (pixels of the picture) and reversed depth from model space, both times the last component: for
+    // passes that ask for nothing else, since a software device takes longer to read a matrix than to multiply by it.
+    mat4 window_from_model;
 } frame;

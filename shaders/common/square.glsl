@@ -10,10 +10,9 @@ struct Square {
 
 // The part of a square around a window position that lies in the rectangle of the frame; empty when either is not finite.
 Square square_around(vec2 window, float side_px) {
-    vec2 size = vec2(list.size_px);
     float side = clamp(side_px, 1.0, 65536.0);
-    // Too far beside the picture to reach into it; also keeps the integers below from overflowing.
-    if (!(all(greaterThan(window, vec2(-side))) && all(lessThan(window, size + side)))) {
+    // Too far beside the rectangle to reach into it; also keeps the integers below from overflowing.
+    if (!(all(greaterThan(window, vec2(list.rect_px.xy) - side)) && all(lessThan(window, vec2(list.rect_px.zw) + side)))) {
         return Square(ivec2(0), ivec2(0));
     }
     int steps = int(roundEven(side * 256.0));

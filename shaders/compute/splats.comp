@@ -15,14 +15,17 @@ layout(constant_id = 0) const bool ARE_DISCS = false;
 // Look at a key before the atomic. Most squares of a dense surface lose, and where many invocations want one pixel only
 // atomics make them wait for each other. On a software device the look costs more than it spares.
 layout(constant_id = 1) const bool LOOKS_FIRST = false;
+// No square has a radius of its own.
+layout(constant_id = 2) const bool HAS_ONE_SIZE = false;
+// The one size is a pixel.
+layout(constant_id = 3) const bool IS_PIXEL = false;
 
 layout(set = 0, binding = 3, std430) buffer Nearest {
     // Reversed depth as bits (non-negative floats order like integers) above the complement of the number; 0: nothing.
     uint64_t nearest[];
 };
 
-// Clip position, without the entries that are zero in every projection: a software device takes longer to read a matrix
-// than to multiply by it.
+// Clip position, without the entries that are zero in every projection.
 vec4 clip_of(vec3 in_view) {
     mat4 m = frame.clip_from_view;
     return vec4(
@@ -33,47 +36,65 @@ vec4 clip_of(vec3 in_view) {
     );
 }
 
+void leave(uint pixel, uint64_t key) {
+    if (!LOOKS_FIRST || nearest[pixel] < key) {
+        atomicMax(nearest[pixel], key);
+    }
+}
+
 void main() {
     uint item = ITEM;
-    if (item >= list.count) {
-        return;
+    // One condition at the end instead of returns: each return costs a software device a nanosecond.
+    uint own = list.begin + min(item, list.count - 1u);
+    vec3 center = vec3(splats[own].center[0], splats[own].center[1], splats[own].center[2]);
+    vec3 center_in_view = vec3(0.0);
+    vec4 at;
+    vec3 window;
+    if (ARE_DISCS) {
+        // As the rasterizer finds them, to the bit: at the rim of a circle a last place decides.
+        center_in_view = (frame.view_from_model * vec4(center, 1.0)).xyz;
+        at = clip_of(center_in_view);
+        window = vec3(window_of(at), at.z / at.w);
+    } else {
+        at = frame.window_from_model * vec4(center, 1.0);
+        window = at.xyz / at.w;
     }
-    SplatRecord splat = splats[list.begin + item];
-    vec3 center = vec3(splat.center[0], splat.center[1], splat.center[2]);
-    vec3 center_in_view = (frame.view_from_model * vec4(center, 1.0)).xyz;
-    vec4 clip = clip_of(center_in_view);
+    uint64_t key = packUint2x32(uvec2(~((list.first + item) | SPLAT_BIT), floatBitsToUint(window.z)));
     // The view volume in depth, and nothing that is not finite.
-    if (!(clip.z >= 0.0 && clip.z <= clip.w && clip.w > 0.0)) {
+    bool is_drawn = item < list.count && at.z >= 0.0 && at.z <= at.w && at.w > 0.0;
+    if (IS_PIXEL) {
+        // What square_around gives: pixel i if 256 i < the rounded 256 window <= 256 (i + 1).
+        vec2 in_rect = ceil(window.xy - 1.0 / 512.0) - 1.0 - vec2(list.rect_px.xy);
+        vec2 size = vec2(list.rect_px.zw - list.rect_px.xy);
+        if (is_drawn && in_rect.x >= 0.0 && in_rect.y >= 0.0 && in_rect.x < size.x && in_rect.y < size.y) {
+            leave(uint(in_rect.y) * uint(size.x) + uint(in_rect.x), key);
+        }
         return;
     }
-    float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -center_in_view.z;
     float side = frame.splat_size_px;
     Disc disc = Disc(vec2(0.0), vec3(0.0), vec2(0.0), side);
     if (ARE_DISCS) {
-        disc = circle(center_in_view, radius_in_view(splat.radius, center_in_view) * frame.focal_px / distance);
+        float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -center_in_view.z;
+        float radius = radius_in_view(splats[own].radius, center_in_view);
+        disc = circle(center_in_view, radius * frame.focal_px / distance);
         side = disc.size_px;
-    } else if (splat.radius > 0.0) {
-        side = 2.0 * frame.focal_px * splat.radius * frame.model_scale / distance;
+    } else if (!HAS_ONE_SIZE && splats[own].radius > 0.0) {
+        // The last component is the distance, or 1 in an orthographic view.
+        side = 2.0 * frame.focal_px * splats[own].radius * frame.model_scale / at.w;
     }
-    Square square = square_around(window_of(clip), side);
-    ivec2 size = square.end - square.first;
-    if (size.x <= 0 || size.y <= 0) {
-        return;
-    }
-    float depth = clip.z / clip.w;
-    uint64_t key = (uint64_t(floatBitsToUint(depth)) << 32) | uint64_t(~((list.first + item) | SPLAT_BIT));
+    Square square = square_around(window.xy, side);
+    ivec2 size = max(square.end - square.first, ivec2(0));
     // One loop over all pixels, row by row.
     uint pixel = index_of(square.first);
     uint to_next_row = list.rect_px.z - list.rect_px.x - uint(size.x) + 1u;
     vec2 to_first = vec2(square.first) + 0.5 - disc.center_px;
-    ivec2 at = ivec2(0);
-    for (int left = size.x * size.y; left > 0; --left) {
-        bool is_covered = !ARE_DISCS || !(rho_squared(disc.form, vec2(0.0), to_first + vec2(at)) > 1.0);
-        if (is_covered && (!LOOKS_FIRST || nearest[pixel] < key)) {
-            atomicMax(nearest[pixel], key);
+    ivec2 step = ivec2(0);
+    for (int left = is_drawn ? size.x * size.y : 0; left > 0; --left) {
+        if (!ARE_DISCS || !(rho_squared(disc.form, vec2(0.0), to_first + vec2(step)) > 1.0)) {
+            leave(pixel, key);
         }
-        bool is_end = ++at.x == size.x;
+        bool is_end = ++step.x == size.x;
         pixel += is_end ? to_next_row : 1u;
-        at = is_end ? ivec2(0, at.y + 1) : at;
+        step = is_end ? ivec2(0, step.y + 1) : step;
     }
 }

@@ -106,10 +106,11 @@ impl<const N: usize> List<StripRun, N> {
     fn push_lanes(&mut self, first: u32, counts: [u32; 4], mask: u8) {
         let (lanes, count) = LANES[(mask & 15) as usize];
         if let Some(place) = self.items.get_mut(self.len..self.len + 4) {
-            place.copy_from_slice(&lanes.map(|lane| StripRun {
-                node: first.wrapping_add(lane),
-                count: counts[(lane & 3) as usize],
-            }));
+            place.copy_from_slice(
+                &lanes.map(|lane| {
+                    StripRun::new(first.wrapping_add(lane), counts[(lane & 3) as usize])
+                }),
+            );
         }
         self.len += count as usize;
     }
@@ -182,7 +183,7 @@ impl Default for Batch {
             likely: List::new(0),
             ids: List::new(0),
             triangles: List::new(0),
-            runs: List::new(StripRun { node: 0, count: 0 }),
+            runs: List::new(StripRun::new(0, 0)),
             faces: List::new(0),
             places: List::new(0),
             corners: [[0; 3]; ROOM],

@@ -86,13 +86,36 @@ pub struct Cut {
     pub stats: Stats,
 }
 
-/// A node drawn as `count` splats spread evenly along its strip.
+/// A node drawn as `count` splats spread evenly along its strip, less those that are hidden.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct StripRun {
     /// The node.
     pub node: u32,
-    /// Number of splats, at least 2.
+    /// Number of splats, 2 to [`MAX_STRIP_COUNT`].
     pub count: u32,
+    /// Bit i: splat i along the strip is drawn. All are where nothing is left out as hidden.
+    pub seen: u32,
+}
+
+impl StripRun {
+    /// All splats of a row.
+    #[inline]
+    pub fn new(node: u32, count: u32) -> Self {
+        let seen = !(u32::MAX << count.min(31));
+        Self { node, count, seen }
+    }
+
+    /// Number of splats that are drawn.
+    #[inline]
+    pub fn splats(&self) -> u32 {
+        self.seen.count_ones()
+    }
+
+    /// Whether splat `index` is drawn.
+    #[inline]
+    pub fn is_seen(&self, index: u32) -> bool {
+        self.seen >> (index & 31) & 1 != 0
+    }
 }
 
 /// Counts of one cut.

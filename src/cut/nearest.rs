@@ -12,25 +12,20 @@
 //! none. What is left does not depend on the order in which splats are found: the nearest of a pixel is never dropped, and
 //! all are asked again once all are found.
 
+mod lists;
+
 use super::footprints::{Footprints, Undrawn};
-use super::quad::{self, Balls};
-use super::strip::strip_steps;
+use super::quad::Balls;
 use super::tester::Tester;
-use super::{Cut, MAX_STRIP_COUNT, StripRun};
 use crate::math::camera::View;
-use crate::tree::{Model, Node};
 use glam::{Vec3, Vec4};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// Pixels by which a device may place a splat elsewhere: window positions have at least 4 binary places, and a 16th is
-/// halved by rounding.
-const SNAP_PX: f32 = 0.04;
+/// Binary places of window positions that every device has, and as many as compute rounds them to.
+pub(super) const SUBPIXEL_BITS: RangeInclusive<u32> = 4..=8;
 /// What covers more pixels than this is not asked for.
 const MOST_PIXELS: u32 = 1024;
-/// Splats of rows that are asked for together: at least [`MAX_STRIP_COUNT`].
-const ROWS: usize = 64;
-const _: () = assert!(ROWS >= MAX_STRIP_COUNT as usize && ROWS.is_multiple_of(4));
 /// Nothing is nearer.
 const NOTHING: u32 = f32::INFINITY.to_bits();
 
@@ -90,7 +85,7 @@ impl Mark {
 #[derive(Debug, Default)]
 pub(super) struct Marks {
     pub(super) nodes: Vec<Mark>,
-    /// One for each splat of each row.
+    /// One for each splat of each row that is seen so far.
     pub(super) strips: Vec<Mark>,
     pub(super) leaves: Vec<Mark>,
     pub(super) triangles: Vec<Mark>,
@@ -128,6 +123,24 @@ pub(super) struct Hiding<'a> {
     /// Half the side of what a splat surely covers, and of what it may.
     inner_px: f32,
     outer_px: f32,
+    /// Pixels by which a device may place a splat elsewhere by rounding.
+    snap_px: f32,
+}
+
+/// Four splats in the picture.
+#[derive(Clone, Copy)]
+struct Placed {
+    /// Pixels.
+    x: Vec4,
+    y: Vec4,
+    /// Half of what a splat may cover and surely covers, pixels.
+    outer: Vec4,
+    inner: Vec4,
+    /// Lanes that the clip volume takes nothing away of: else nothing is covered surely. Not what is no number.
+    known: u8,
+    /// From the near plane; and less the error of both sides.
+    distance: [u32; 4],
+    asked: [u32; 4],
 }
 
 impl<'a> Hiding<'a> {
@@ -136,6 +149,7 @@ impl<'a> Hiding<'a> {
         tester: &Tester,
         view: &View,
         (footprints, undrawn): (Footprints, &'a Undrawn),
+        subpixel_bits: u32,
     ) -> Self {
         let scale = if view.model_scale > 0.0 {
             view.model_scale
@@ -196,13 +210,14 @@ impl<'a> Hiding<'a> {
                 side.floor() / 2.0
             },
             outer_px: side.ceil() / 2.0,
+            // Half a step, and the roundings of positions in single precision.
+            snap_px: 0.5_f32.powi(1 + subpixel_bits as i32)
+                + 1e-6 * nearest.width.max(nearest.height) as f32,
         }
     }
 
-    /// The marks of splats around the centers of `lanes`, of the constant size or that of their balls, whichever is
-    /// larger. What is not hidden so far leaves its depth, unless `is_undrawn`.
     #[inline]
-    fn ask(&self, balls: &Balls, lanes: u8, is_undrawn: impl Fn(u32) -> bool) -> [Mark; 4] {
+    fn placed(&self, balls: &Balls) -> Placed {
         let z = balls.depth;
         let along = self.axes.map(|([a, b, c], start)| {
             let [x, y, z] = balls.center;
@@ -228,18 +243,107 @@ impl<'a> Hiding<'a> {
                 Vec4::splat(self.depth_error + self.distance_error),
             )
         };
-        let x = x * self.focal[0] + self.middle[0];
-        let y = y * self.focal[1] + self.middle[1];
-        let off = off + SNAP_PX;
-        let outer = (own + 0.5).max(Vec4::splat(self.outer_px)) + off;
-        let inner = Vec4::splat(self.inner_px) - off;
-        // What the clip volume may take away covers nothing surely. Also what is not a number.
-        let is_known = (z.cmpgt(Vec4::splat(self.near) + error)
-            & z.cmplt(Vec4::splat(self.far) - error))
-        .bitmask() as u8;
+        let off = off + self.snap_px;
+        let is_known =
+            z.cmpgt(Vec4::splat(self.near) + error) & z.cmplt(Vec4::splat(self.far) - error);
         let distance = z - self.near;
-        let asked = (distance - error).max(Vec4::ZERO).to_array();
-        let distance = distance.to_array();
+        Placed {
+            x: x * self.focal[0] + self.middle[0],
+            y: y * self.focal[1] + self.middle[1],
+            outer: (own + 0.5).max(Vec4::splat(self.outer_px)) + off,
+            inner: Vec4::splat(self.inner_px) - off,
+            known: is_known.bitmask() as u8,
+            distance: distance.to_array().map(f32::to_bits),
+            asked: (distance - error)
+                .max(Vec4::ZERO)
+                .to_array()
+                .map(f32::to_bits),
+        }
+    }
+
+    /// The marks of splats around the centers of `lanes`, of the constant size or that of their balls, whichever is
+    /// larger. What is not hidden so far leaves its depth, unless `is_undrawn`.
+    #[inline]
+    fn ask(&self, balls: &Balls, lanes: u8, is_undrawn: impl Fn(u32) -> bool) -> [Mark; 4] {
+        let placed = self.placed(balls);
+        let mut marks = [Mark::HIDDEN; 4];
+        let rest = if self.outer_px > 0.5 {
+            lanes
+        } else {
+            lanes & !self.ask_pixels(&placed, lanes, &is_undrawn, &mut marks)
+        };
+        if rest != 0 {
+            self.ask_squares(&placed, rest, is_undrawn, &mut marks);
+        }
+        marks
+    }
+
+    /// What [`ask`](Self::ask) does for those of `lanes` that cover one pixel of the picture and may cover no other, which
+    /// of squares of a pixel are nearly all: in a third of the time. Returns which they are.
+    #[inline]
+    fn ask_pixels(
+        &self,
+        placed: &Placed,
+        lanes: u8,
+        is_undrawn: impl Fn(u32) -> bool,
+        marks: &mut [Mark; 4],
+    ) -> u8 {
+        // A sum with 2^23 is rounded to whole numbers, and has them in its low bits: here 1 more than the pixel's.
+        let sums = [placed.x, placed.y].map(|v| v + 0.5 + 8_388_608.0);
+        let [x, y] = [(placed.x, sums[0]), (placed.y, sums[1])]
+            .map(|(v, sum)| (v + 0.5 - (sum - 8_388_608.0)).abs());
+        // The pixel's own center is that far away, the next one 1 less that.
+        let farther = x.max(y);
+        let [width, height] = self.size.map(Vec4::splat);
+        let is_one = farther.cmplt((1.0 - placed.outer).min(placed.inner))
+            & placed.x.cmpgt(Vec4::ZERO)
+            & placed.y.cmpgt(Vec4::ZERO)
+            & placed.x.cmplt(width)
+            & placed.y.cmplt(height);
+        let ones = lanes & placed.known & is_one.bitmask() as u8;
+        let [columns, rows] = sums.map(|sum| sum.to_array().map(|v| v.to_bits() & 0x7f_ffff));
+        for lane in 0..4 {
+            if ones >> lane & 1 == 0 {
+                continue;
+            }
+            let (row, column) = (
+                rows[lane].saturating_sub(1),
+                columns[lane].saturating_sub(1),
+            );
+            let first = row * self.nearest.width + column;
+            let Some(pixel) = self.nearest.pixels.get(first as usize) else {
+                marks[lane] = Mark::SEEN;
+                continue;
+            };
+            let there = pixel.load(Ordering::Relaxed);
+            if there < placed.asked[lane] {
+                continue;
+            }
+            marks[lane] = Mark {
+                first,
+                columns: 1,
+                rows: 1,
+                distance: placed.asked[lane],
+            };
+            let distance = placed.distance[lane];
+            if distance < there && !is_undrawn(lane as u32) {
+                pixel.fetch_min(distance, Ordering::Relaxed);
+            }
+        }
+        ones
+    }
+
+    /// The same for squares of any size and place.
+    fn ask_squares(
+        &self,
+        placed: &Placed,
+        lanes: u8,
+        is_undrawn: impl Fn(u32) -> bool,
+        marks: &mut [Mark; 4],
+    ) {
+        let Placed {
+            x, y, outer, inner, ..
+        } = *placed;
         // Pixel i has its center at i + 1/2: those of an interval begin and end at its rounded ends. Clamped to the
         // picture, a sum with 2^23 has the rounded number in its low bits.
         let [width, height] = self.size;
@@ -251,59 +355,37 @@ impl<'a> Hiding<'a> {
         let (top, bottom) = (round(y - outer, height), round(y + outer, height));
         let inner_x = (round(x - inner, width), round(x + inner, width));
         let inner_y = (round(y - inner, height), round(y + inner, height));
-        let mut marks = [Mark::HIDDEN; 4];
         for lane in 0..4 {
             if lanes >> lane & 1 == 0 {
                 continue;
             }
-            if is_known >> lane & 1 == 0 {
+            if placed.known >> lane & 1 == 0 {
                 marks[lane] = Mark::SEEN;
                 continue;
             }
             let columns = right[lane].saturating_sub(left[lane]);
             let rows = bottom[lane].saturating_sub(top[lane]);
-            let (own_columns, own_rows) = (
-                inner_x.0[lane]..inner_x.1[lane],
-                inner_y.0[lane]..inner_y.1[lane],
-            );
-            let mark = Mark {
-                first: top[lane] * self.nearest.width + left[lane],
-                columns: columns as u16,
-                rows: rows as u16,
-                distance: asked[lane].to_bits(),
-            };
-            let distance = distance[lane].to_bits();
-            if columns == 1 && rows == 1 {
-                // The usual case of one pixel, and nothing beside it.
-                let Some(pixel) = self.nearest.pixels.get(mark.first as usize) else {
-                    continue;
-                };
-                let there = pixel.load(Ordering::Relaxed);
-                if there < mark.distance {
-                    continue;
-                }
-                marks[lane] = mark;
-                let is_covered = !own_columns.is_empty() & !own_rows.is_empty();
-                if distance < there && is_covered && !is_undrawn(lane as u32) {
-                    pixel.fetch_min(distance, Ordering::Relaxed);
-                }
-                continue;
-            }
             // Beside the picture, it has no pixels and is hidden.
             let mark = if columns * rows > MOST_PIXELS {
                 Mark::SEEN
             } else {
-                mark
+                Mark {
+                    first: top[lane] * self.nearest.width + left[lane],
+                    columns: columns as u16,
+                    rows: rows as u16,
+                    distance: placed.asked[lane],
+                }
             };
             if self.is_hidden(mark) {
                 continue;
             }
             marks[lane] = mark;
             if !is_undrawn(lane as u32) {
-                self.cover(own_columns, own_rows, distance);
+                let own_columns = inner_x.0[lane]..inner_x.1[lane];
+                let own_rows = inner_y.0[lane]..inner_y.1[lane];
+                self.cover(own_columns, own_rows, placed.distance[lane]);
             }
         }
-        marks
     }
 
     #[inline]
@@ -356,13 +438,15 @@ impl<'a> Hiding<'a> {
         if lanes == 0 {
             return 0;
         }
-        let mut kept = 0;
+        // Who is hidden cannot be foreseen: stores that are always made, instead of branches.
+        let (mut found, mut count, mut kept) = ([Mark::HIDDEN; 5], 0, 0);
         for (lane, mark) in self.ask(balls, lanes, is_undrawn).into_iter().enumerate() {
-            if mark.rows != 0 {
-                marks.push(mark);
-                kept |= 1 << lane;
-            }
+            found[count] = mark;
+            let is_seen = mark.rows != 0;
+            count += usize::from(is_seen);
+            kept |= u8::from(is_seen) << lane;
         }
+        marks.extend_from_slice(found.get(..count).unwrap_or_default());
         kept
     }
 
@@ -409,123 +493,6 @@ impl<'a> Hiding<'a> {
             seen | large
         }
     }
-
-    /// Drops the rows of splats from number `first` on that are hidden. Returns how many splats they are.
-    pub(super) fn keep_rows(
-        &self,
-        model: &Model,
-        tester: &Tester,
-        strips: &mut Vec<StripRun>,
-        first: usize,
-        marks: &mut Vec<Mark>,
-    ) -> u64 {
-        let nodes: &[Node] = &model.tree.nodes;
-        let undrawn = &self.undrawn.nodes;
-        let (mut kept, mut hidden) = (first, 0);
-        let mut next = first;
-        // Splats of many rows together, so that no lane is idle.
-        let mut centers = [Vec4::ZERO; ROWS];
-        let mut found = [Mark::HIDDEN; ROWS];
-        while next < strips.len() {
-            let (start, mut count, mut end) = (next, 0, next);
-            for run in strips.get(start..).unwrap_or_default() {
-                let many = run.count as usize;
-                let (Some(node), Some(own)) = (
-                    nodes.get(run.node as usize),
-                    centers.get_mut(count..count + many),
-                ) else {
-                    break;
-                };
-                let (center, step) = strip_steps(node, run.count);
-                for (place, i) in own.iter_mut().zip(0u16..) {
-                    *place = (center + step * f32::from(i)).extend(0.0);
-                }
-                count += many;
-                end += 1;
-            }
-            if end == start {
-                // Only where the tree's links are wrong.
-                return hidden;
-            }
-            next = end;
-            let fours = centers.as_chunks::<4>().0.iter();
-            for ((four, found), at) in fours
-                .zip(found.as_chunks_mut::<4>().0)
-                .zip((0..count).step_by(4))
-            {
-                // Where any node has no area, rows cover nothing: that is rare.
-                let balls = tester.balls(quad::columns(*four));
-                let lanes = 15 >> (4 - (count - at).min(4));
-                *found = self.ask(&balls, lanes, |_| !undrawn.is_empty());
-            }
-            let mut at = 0;
-            for index in start..end {
-                let Some(&run) = strips.get(index) else { break };
-                let own = at..at + run.count as usize;
-                at = own.end;
-                let own = found.get(own).unwrap_or_default();
-                if own.iter().all(|mark| mark.rows == 0) {
-                    hidden += u64::from(run.count);
-                    continue;
-                }
-                marks.extend_from_slice(own);
-                if let Some(place) = strips.get_mut(kept) {
-                    *place = run;
-                }
-                kept += 1;
-            }
-        }
-        strips.truncate(kept);
-        hidden
-    }
-
-    /// Drops what is hidden now that all is found. `ends` are places in the lists of nodes and of rows, in ascending
-    /// order, and are moved along.
-    pub(super) fn finish(&self, cut: &mut Cut, marks: &Marks, ends: &mut [(usize, usize)]) {
-        let Cut {
-            nodes,
-            strips,
-            leaves,
-            triangles,
-            stats,
-        } = cut;
-        let is_seen =
-            |list: &[Mark], index: usize| list.get(index).is_none_or(|&mark| !self.is_hidden(mark));
-        let nodes_before = nodes.len();
-        retain(
-            nodes,
-            |index, _| is_seen(&marks.nodes, index),
-            ends.iter_mut().map(|end| &mut end.0),
-        );
-        let mut first_mark = 0;
-        let mut hidden_in_rows = 0;
-        retain(
-            strips,
-            |_, run| {
-                let own = first_mark..first_mark + run.count as usize;
-                first_mark = own.end;
-                let own = marks.strips.get(own).unwrap_or_default();
-                let is_kept = own.iter().any(|&mark| !self.is_hidden(mark));
-                hidden_in_rows += if is_kept { 0 } else { u64::from(run.count) };
-                is_kept
-            },
-            ends.iter_mut().map(|end| &mut end.1),
-        );
-        let (leaves_before, triangles_before) = (leaves.len(), triangles.len());
-        retain(
-            leaves,
-            |index, _| is_seen(&marks.leaves, index),
-            [].into_iter(),
-        );
-        retain(
-            triangles,
-            |index, _| is_seen(&marks.triangles, index),
-            [].into_iter(),
-        );
-        let before = nodes_before + leaves_before + triangles_before;
-        let after = nodes.len() + leaves.len() + triangles.len();
-        stats.hidden += hidden_in_rows + (before - after) as u64;
-    }
 }
 
 /// The centers alone.
@@ -535,29 +502,6 @@ fn points(balls: &Balls) -> Balls {
         radius: Vec4::ZERO,
         ..*balls
     }
-}
-
-/// Keeps the items for which `is_kept` (of their number and themselves) says so; `ends` move along.
-fn retain<'e, T: Copy>(
-    list: &mut Vec<T>,
-    mut is_kept: impl FnMut(usize, &T) -> bool,
-    ends: impl Iterator<Item = &'e mut usize>,
-) {
-    let mut ends = ends.peekable();
-    let (mut kept, len) = (0, list.len());
-    for index in 0..=len {
-        while let Some(end) = ends.next_if(|end| **end <= index) {
-            *end = kept;
-        }
-        let Some(&item) = list.get(index) else { break };
-        if is_kept(index, &item) {
-            if let Some(place) = list.get_mut(kept) {
-                *place = item;
-            }
-            kept += 1;
-        }
-    }
-    list.truncate(kept);
 }
 
 #[cfg(test)]

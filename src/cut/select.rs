@@ -12,7 +12,7 @@
 
 use super::batch::{self, Batch, Group};
 use super::footprints::{Footprints, Undrawn};
-use super::nearest::{Hiding, Marks, Nearest};
+use super::nearest::{Hiding, Marks, Nearest, SUBPIXEL_BITS};
 use super::tester::Tester;
 use super::{Cut, Settings};
 use crate::math::camera::View;
@@ -133,6 +133,7 @@ pub struct Selector {
     parts: Vec<Part>,
     marks: Marks,
     nearest: Nearest,
+    subpixel_bits: u32,
 }
 
 impl Default for Selector {
@@ -154,7 +155,17 @@ impl Selector {
             parts: Vec::new(),
             marks: Marks::default(),
             nearest: Nearest::default(),
+            subpixel_bits: *SUBPIXEL_BITS.start(),
         }
+    }
+
+    /// Binary places that window positions have on the device that draws: the more, the surer it is which pixels a splat
+    /// covers, and the more is found to be hidden. 4 at first, which every device has; more than 8 count as 8, to which
+    /// splats are rounded where compute draws them.
+    #[must_use]
+    pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
+        self.subpixel_bits = bits.clamp(*SUBPIXEL_BITS.start(), *SUBPIXEL_BITS.end());
+        self
     }
 
     /// As [`select`], without allocating once `cut` and `self` have grown (but for starting threads).
@@ -188,7 +199,13 @@ impl Selector {
         if !nearest.clear(view.width, view.height) {
             return self.select(model, view, settings, cut);
         }
-        let hiding = &Hiding::new(&nearest, tester, view, (footprints, undrawn));
+        let hiding = &Hiding::new(
+            &nearest,
+            tester,
+            view,
+            (footprints, undrawn),
+            self.subpixel_bits,
+        );
         let tests = Tests {
             tester,
             hiding: Some(hiding),

@@ -113,7 +113,7 @@ impl Walk<'_> {
         if class == Class::SPLAT {
             self.cut.nodes.push(id);
         } else if let Some(count) = class.strip_count() {
-            self.cut.strips.push(StripRun { node: id, count });
+            self.cut.strips.push(StripRun::new(id, count));
         }
         self.record(parent, id, 1);
     }

@@ -383,7 +383,13 @@ impl Eye<'_> {
         let nodes: &[Node] = &model.tree.nodes;
         // Splats of several rows together, so that no lane is idle.
         let mut group = RowGroup::default();
-        for (index, &StripRun { node: id, count }) in rows.iter().enumerate() {
+        for (
+            index,
+            &StripRun {
+                node: id, count, ..
+            },
+        ) in rows.iter().enumerate()
+        {
             if let Some(next) = rows.get(index + 2 * parts::AHEAD) {
                 ask_for(model, next.node);
             }

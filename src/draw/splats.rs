@@ -84,6 +84,16 @@ impl Plan {
             && !model.triangles.is_empty()
     }
 
+    /// Whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
+    /// is at most the threshold too.
+    pub(crate) fn has_one_size(&self, model: &Model) -> bool {
+        self.footprint != Footprint::Oriented
+            && self.size == SizeMetric::Exact
+            && !self.draws_large_leaves
+            && self.cut_view.is_none()
+            && !model.triangles.is_empty()
+    }
+
     fn bound_px(&self) -> f32 {
         match self.footprint {
             Footprint::Square => self.threshold_px,
@@ -131,7 +141,7 @@ impl Plan {
 
 /// Number of records that [`pack`] needs room for.
 pub fn count(cut: &Cut, plan: &Plan) -> usize {
-    let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
+    let strips: usize = cut.strips.iter().map(|s| s.splats() as usize).sum();
     let large = if plan.draws_large_leaves {
         cut.triangles.len()
     } else {
@@ -161,7 +171,7 @@ pub fn pack<R: Record + Copy + Send>(
     } else {
         &[]
     };
-    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
+    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.splats() as usize).sum();
     let parts = (cut
         .nodes
         .chunks(parts::PART)
@@ -290,7 +300,10 @@ impl Writer<'_> {
     fn rows<R: Record>(&self, rows: &[StripRun], sink: &mut Sink<'_, R>) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
-        for (index, &StripRun { node: id, count }) in rows.iter().enumerate() {
+        for (index, row) in rows.iter().enumerate() {
+            let &StripRun {
+                node: id, count, ..
+            } = row;
             if let Some(next) = rows.get(index + parts::AHEAD) {
                 prefetch_index(nodes, next.node as usize);
                 prefetch_index(attributes, next.node as usize);
@@ -299,7 +312,7 @@ impl Writer<'_> {
             let a = &attributes[id as usize];
             let ball = strip_ball_radius(node, count);
             let normal = octahedral::decode(a.normal);
-            for i in 0..count {
+            for i in (0..count).filter(|&i| row.is_seen(i)) {
                 let center = strip_center(node, count, i);
                 let [r, g, b, alpha] = self.plan.color_of(self.model, Some(id), a.color);
                 // The slab lies around the node's center, and its thickness counts in the radii of the ball.

@@ -100,6 +100,7 @@ impl<'m> Engine<'m> {
             },
             Backend::Mirror => Kind::Mirror(Box::new(MirrorEngine {
                 outputs,
+                selector: Selector::default().with_subpixel_bits(mirror::SUBPIXEL_BITS),
                 ..MirrorEngine::default()
             })),
         };

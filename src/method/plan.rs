@@ -10,7 +10,7 @@ use crate::draw::{self, ColorBy, Footprint, Lighting, Phong, Source};
 use crate::gpu::Error;
 use crate::math::camera::{Light, View};
 use crate::tree::Model;
-use glam::{Mat4, Vec3, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
 /// that may be drawn by compute, which is cheap; and squares that are rasterized.
@@ -397,5 +397,19 @@ pub(super) fn frame_constants(
         shininess: phong.shininess,
         low_pass_px: settings.low_pass_px(),
         depth_range: context.depth_range,
+        unused: [0.0; 2],
+        window_from_model: columns(window_from_model(view)),
     }
+}
+
+/// From model space to pixels and reversed depth, both times the last component; multiplied in double precision.
+fn window_from_model(view: &View) -> Mat4 {
+    let half = DVec3::new(
+        f64::from(view.width) / 2.0,
+        f64::from(view.height) / 2.0,
+        1.0,
+    );
+    let window_from_clip = DMat4::from_translation(half.with_z(0.0)) * DMat4::from_scale(half);
+    (window_from_clip * view.clip_from_view().as_dmat4() * view.view_from_model.as_dmat4())
+        .as_mat4()
 }

@@ -136,7 +136,7 @@ impl Renderer {
             outputs,
             lists,
             cut: Cut::default(),
-            selector: cut::Selector::default(),
+            selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
             triangles: None,
             splats: Vec::new(),

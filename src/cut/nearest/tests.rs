@@ -1,6 +1,8 @@
+use super::lists::retain;
 use super::*;
-use crate::cut::Settings;
+use crate::cut::{Settings, quad};
 use crate::math::camera::Camera;
+use crate::tree::Model;
 use glam::DVec3;
 
 /// Numbers from 0 to 1 that are the same every time.
@@ -49,16 +51,17 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
     ]
 }
 
-/// Brute force over random splats: what is dropped is covered in each of its pixels, and in those that it would have a 32nd
-/// of a pixel farther on, by a nearer one that is a 32nd of a pixel smaller and was kept.
+/// Brute force over random splats: what is dropped is covered in each of its pixels, and in those that it would have half a
+/// step of window positions farther on, by a nearer one that is half a step smaller and was kept.
 #[test]
 fn what_is_dropped_is_covered() {
     let model = Model::default();
     let mut number = numbers();
-    for (view, side_px) in views()
+    for (view, (side_px, bits)) in views()
         .into_iter()
-        .flat_map(|view| [1.0, 1.5, 3.2].map(|side| (view, side)))
+        .flat_map(|view| [(1.0, 4), (1.0, 8), (1.5, 4), (3.2, 8)].map(|side| (view, side)))
     {
+        let half_step = 0.5 / f64::from(1 << bits);
         let tester = Tester::new(&model, &view, &Settings::default());
         let mut nearest = Nearest::default();
         assert!(nearest.clear(view.width, view.height));
@@ -69,7 +72,7 @@ fn what_is_dropped_is_covered() {
             large_leaves: false,
             is_cloud: false,
         };
-        let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn));
+        let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), bits);
         // Four layers within the picture, and a little beside it.
         let points: Vec<Vec3> = (0..6000)
             .map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0)
@@ -102,11 +105,11 @@ fn what_is_dropped_is_covered() {
                         places.iter().zip(&is_kept).any(|(other, &kept)| {
                             kept && other[2] < place[2]
                                 && is_in(other[2])
-                                && covers(other, pixel, -1.0 / 32.0)
+                                && covers(other, pixel, -half_step)
                         })
                     };
                     assert!(
-                        !covers(place, pixel, 1.0 / 32.0) || is_covered(),
+                        !covers(place, pixel, half_step) || is_covered(),
                         "{place:?} of side {side_px} at {x} {y}"
                     );
                 }
@@ -127,7 +130,7 @@ fn ends_move_along_and_huge_pictures_are_refused() {
     assert!(!Nearest::default().clear(1 << 16, 1));
     let mut list: Vec<u32> = (0..10).collect();
     let mut ends = [0, 3, 3, 7, 10];
-    retain(&mut list, |_, item| item % 3 == 0, ends.iter_mut());
+    retain(&mut list, |_, item| *item % 3 == 0, ends.iter_mut());
     assert_eq!(list, [0, 3, 6, 9]);
     assert_eq!(ends, [0, 1, 1, 3, 4]);
 }
@@ -149,7 +152,7 @@ fn nothing_is_dropped_where_nothing_is_covered() {
     };
     let mut nearest = Nearest::default();
     assert!(nearest.clear(view.width, view.height));
-    let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn));
+    let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
     let mut marks = Vec::new();
     let middle = tester.balls(quad::columns(
         [0.3, 0.0, -0.3, f32::NAN].map(|t| (view.backward * t).extend(0.0)),

@@ -19,6 +19,8 @@ pub(crate) struct List<'a> {
     pub(crate) splat_count: u32,
     /// Discs instead of squares.
     pub(crate) are_discs: bool,
+    /// The size of all splats, pixels, where none has one of its own.
+    pub(crate) one_size_px: Option<f32>,
 }
 
 /// Triangles of a scene: their corner indices, page by page.

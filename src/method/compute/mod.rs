@@ -43,7 +43,8 @@ const NOTHING: Record = Record {
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
 pub(crate) struct Small {
-    squares: Pipeline,
+    /// Of sizes of their own, of one size, of one pixel.
+    squares: [Pipeline; 3],
     discs: Pipeline,
     triangles: Pipeline,
     resolve_splats: Pipeline,
@@ -181,13 +182,17 @@ impl Small {
             )
         };
         let looks_first = gpu.info().kind != Kind::Cpu;
-        let splats = |name, are_discs| {
-            let constants = [are_discs, looks_first];
+        let splats = |name, are_discs, has_one_size, is_pixel| {
+            let constants = [are_discs, looks_first, has_one_size, is_pixel];
             Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
         };
         Ok(Self {
-            squares: splats("small squares", false)?,
-            discs: splats("small discs", true)?,
+            squares: [
+                splats("small squares", false, false, false)?,
+                splats("small squares of one size", false, true, false)?,
+                splats("small squares of a pixel", false, true, true)?,
+            ],
+            discs: splats("small discs", true, false, false)?,
             triangles: Pipeline::compute(
                 gpu,
                 "small.triangles",
@@ -253,10 +258,10 @@ impl Small {
             });
         }
         if !splats.is_empty() {
-            let pipeline = if list.are_discs {
-                &self.discs
-            } else {
-                &self.squares
+            let pipeline = match (list.are_discs, list.one_size_px) {
+                (true, _) => &self.discs,
+                (false, None) => &self.squares[0],
+                (false, Some(px)) => &self.squares[if px > 1.0 { 1 } else { 2 }],
             };
             frame
                 .pass("small.splats")

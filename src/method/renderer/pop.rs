@@ -112,6 +112,7 @@ impl Renderer {
         });
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        let plan = splat_plan(settings, max_point);
         let small_list = compute::List {
             scene,
             corners: &lists.small,
@@ -119,6 +120,7 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
             are_discs: settings.splat == SplatKind::Disc,
+            one_size_px: plan.has_one_size(model).then_some(plan.threshold_px),
         };
         let small_triangles = Triangles {
             scene,

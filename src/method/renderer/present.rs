@@ -114,7 +114,7 @@ impl Renderer {
         let settings = &for_view(settings, model, view);
         let choice = Choice::of(settings, model, view);
         let is_new = self.select(model, scene, (scene.id(), choice));
-        let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.count)).sum();
+        let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.splats())).sum();
         let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
         let large = self.cut.triangles.len() as u64;
         let foreseen = self.foreseen.get_or_insert_default();
