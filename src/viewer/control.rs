@@ -40,7 +40,11 @@ const MOST_LOST: f64 = 0.02;
 /// The other way to draw is taken where its threshold is finer than this part of the present way's.
 const FINER: f32 = 0.95;
 /// A threshold is changed by at most this factor before it is looked at what that draws.
-const LARGEST_STEP: f32 = 3.0;
+const LARGEST_STEP: f32 = 2.0;
+/// What is foreseen to miss the time by more than this does not stay, even if all else is foreseen to be worse.
+const MOST_OFF: f64 = 0.1;
+/// The factor by which the threshold changes then, at most.
+const TRIED: f32 = 2.0;
 /// Factor of the threshold from step to step at rest (theirs).
 const REFINE: f32 = 0.7;
 /// Off by less than this the time counts as held.
@@ -257,6 +261,8 @@ impl Control {
         let (mut too_fine, mut too_coarse) = (0.0f32, f32::INFINITY);
         // What came nearest: how near, threshold and way.
         let mut best: Option<(f64, f32, bool)> = None;
+        // How the threshold of the frame before is foreseen.
+        let (before_px, mut before_share) = (px, None);
         for left in (0..MOST_CUTS).rev() {
             self.has_choice |= now.is_free;
             let by_compute = if now.is_free {
@@ -273,6 +279,7 @@ impl Control {
             if best.is_none_or(|(least, ..)| off < least) {
                 best = Some((off, px, by_compute));
             }
+            before_share.get_or_insert(share);
             let is_held = (share - aim).abs() <= allowed;
             if left == 0 || is_held {
                 break;
@@ -309,7 +316,15 @@ impl Control {
             }
             (px, now) = (next, other);
         }
-        if let Some((_, best_px, way)) = best {
+        if let Some((off, mut best_px, way)) = best {
+            // Whatever is foreseen: what misses the time is not drawn again and again, or nothing else is ever learned.
+            if let Some(share) = before_share
+                && best_px == before_px
+                && off > MOST_OFF
+            {
+                let step = (share as f32).sqrt().clamp(TRIED.recip(), TRIED);
+                best_px = (best_px * step).clamp(finest, coarsest);
+            }
             if best_px != px {
                 self.counted += now.visited;
                 work(best_px);

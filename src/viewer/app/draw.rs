@@ -115,8 +115,7 @@ impl App {
         let is_planned = is_new_picture && self.is_moving();
         let camera = self.camera();
         let holds = settings.has_cut() && self.turntable.is_none();
-        // What holds the time knows two ways to draw, by rules of thumb that are steady; by costs there are more, and it
-        // kept 88 percent of a walk instead of 97.
+        // What holds the time chooses the way itself, by what frames took; costs would change it from frame to frame.
         let is_held = holds && self.control.is_some() && camera.is_some();
         self.screen.decide_by_costs(!is_held);
         if let (Some(control), Some(camera)) = (&mut self.control, camera)

@@ -16,19 +16,18 @@ use std::collections::VecDeque;
 
 /// Frames whose median says what a unit of work takes.
 const RATES: usize = 7;
-/// A threshold that differs by less than this factor is about the same.
-const NEAR: f32 = 1.6;
+/// A frame whose threshold differs by this factor tells as little as one that is as old as the next.
+const NEAR: f64 = 1.6;
 /// Frames that are kept of each of the two ways.
 const FRAMES: usize = 96;
-/// What was drawn within so many frames tells more than what was drawn before.
-const RECENT: u64 = 40;
+/// So many frames later a frame tells little.
+const RECENT: f64 = 40.0;
 /// Frames from which on shares are learned.
 const LEAST_FRAMES: usize = 10;
 /// Factors by which a share may change from frame to frame.
-const STEPS: [f64; 2] = [1.15, 2.0];
-/// How much shares are held to what is usual: at a share off by the factor e the mean square of what the frames disagree
-/// by must be so much less.
-const HELD_TO_USUAL: f64 = 1e-4;
+const STEPS: [f64; 5] = [0.5, 0.87, 1.0, 1.15, 2.0];
+/// Other shares must leave less than this part of what the frames disagree by.
+const BETTER: f64 = 0.97;
 /// What a frame disagrees by counts less and less above this: one that waited for something must not decide.
 const FAR_OFF: f64 = 0.1;
 
@@ -109,8 +108,8 @@ impl Shares {
     /// The usual ones: what a software device takes. Only how they compare matters on others.
     fn usual(is_blended: bool, by_compute: bool) -> Self {
         let (splat, pixel, triangle) = match (is_blended, by_compute) {
-            (false, false) => (140.0, 3.5, 200.0),
-            (false, true) => (12.0, 3.5, 30.0),
+            (false, false) => (140.0, 0.7, 200.0),
+            (false, true) => (12.0, 0.7, 30.0),
             (true, false) => (560.0, 2.7, 450.0),
             (true, true) => (105.0, 5.7, 100.0),
         };
@@ -226,18 +225,17 @@ impl Way {
             let middle = median(logs.clone());
             let off = |r: &f64| ((r - middle) / FAR_OFF).powi(2).ln_1p() * FAR_OFF.powi(2);
             let sum: f64 = logs.iter().map(off).sum();
-            let usual: f64 = learned.iter().map(|l| l.ln().powi(2)).sum();
-            sum / logs.len().max(1) as f64 + HELD_TO_USUAL * usual
+            sum
         };
-        let (mut best, mut least) = (self.learned, disagreement(self.learned));
-        for which in 0..2 {
-            for step in STEPS.into_iter().flat_map(|s| [s, s.recip()]) {
-                let mut learned = self.learned;
-                learned[which] = (learned[which] * step).clamp(1e-2, 1e2);
-                let value = disagreement(learned);
-                if value < least {
-                    (best, least) = (learned, value);
-                }
+        let (mut best, mut least) = (self.learned, BETTER * disagreement(self.learned));
+        for (of_pixel, of_triangle) in STEPS.iter().flat_map(|a| STEPS.map(|b| (a, b))) {
+            let learned = [
+                (self.learned[0] * of_pixel).clamp(1e-2, 1e2),
+                (self.learned[1] * of_triangle).clamp(1e-2, 1e2),
+            ];
+            let value = disagreement(learned);
+            if value < least {
+                (best, least) = (learned, value);
             }
         }
         self.learned = best;
@@ -315,20 +313,17 @@ impl Model {
         true
     }
 
-    /// The last frames of a way with a threshold of about `px`: of late, else ever; else with any threshold.
+    /// The frames of a way that tell most of one with a threshold of about `px`: of late, and with about that threshold.
     fn frames(&self, px: f32, by_compute: bool) -> Vec<&Frame> {
-        let of = |is_wanted: &dyn Fn(&Frame) -> bool| {
-            let frames = &self.ways[usize::from(by_compute)].frames;
-            let wanted = frames.iter().rev().filter(|f| is_wanted(f));
-            let found: Vec<&Frame> = wanted.take(RATES).collect();
-            (!found.is_empty()).then_some(found)
+        let distance = |f: &Frame| {
+            let age = (self.count - f.number) as f64 / RECENT;
+            f64::from(f.px / px).ln().abs() / NEAR.ln() + age
         };
-        let is_near = |f: &Frame| (NEAR.recip()..=NEAR).contains(&(f.px / px));
-        let is_recent = |f: &Frame| f.number + RECENT > self.count;
-        of(&|f| is_near(f) && is_recent(f))
-            .or_else(|| of(&is_near))
-            .or_else(|| of(&|_| true))
-            .unwrap_or_default()
+        let frames = &self.ways[usize::from(by_compute)].frames;
+        let mut found: Vec<&Frame> = frames.iter().rev().collect();
+        found.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+        found.truncate(RATES);
+        found
     }
 
     /// Whether the last frame was drawn by compute; none before the first.
