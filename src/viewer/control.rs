@@ -6,17 +6,22 @@
 //! of the coming frame is counted before it is drawn, and the last frames say what a unit of work takes. The threshold
 //! stays as it is while the foreseen time is near the wanted one, so noise moves nothing.
 //!
-//! Small squares are drawn by compute and larger ones by the rasterizer, which takes several times as long for each, so
-//! the time of a frame jumps where the threshold crosses that size. What a unit takes, and how the work goes with the
-//! threshold, is kept for each of the two ways. Cuts that are counted and not drawn take time as well; they count as work
-//! of the frame that they are made for.
+//! What a frame takes is foreseen part by part (see [`model`]). Cuts that are counted and not drawn take time as well;
+//! they count as work of the frame that they are made for.
 //!
-//! A frame that draws nothing takes time too, but how much cannot be told from frames that are all held at the same
-//! time (tried: the estimate drifts to all of it, and thresholds swing). So all time counts as work: a correction comes
-//! out too small rather than too large, and the next frames make up for it.
+//! Small splats can be drawn by compute or by the rasterizer, and neither is the cheaper one everywhere: the rasterizer
+//! takes longer for a splat, compute for passes over the picture and, of large splats, for their pixels. The way is chosen
+//! with the threshold, by what both were found to take: the one that keeps the time with the finer threshold, and only
+//! when the threshold has to change anyway. Rules that look at the counts alone go from one to the other and back between
+//! frames of nearly the same time but of different thresholds.
 
+mod model;
+
+pub use model::{Took, Work};
+
+use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::method::LARGEST_COMPUTE_SQUARE_PX;
-use serde::{Deserialize, Serialize};
+use model::{Model, Numbers, Rates};
 use std::collections::VecDeque;
 
 /// Largest threshold that is chosen, pixels (theirs).
@@ -25,71 +30,25 @@ pub const COARSEST_PX: f32 = 50.0;
 const DEAD_BAND: f64 = 0.045;
 /// The search for another threshold ends at this share.
 const AIM: f64 = 0.02;
-/// The largest squares that compute draws may take so much longer: one size up takes far longer.
-const EDGE_BAND: f64 = 0.1;
+/// The largest splats that compute draws may take so much longer: one size up may take far longer.
+const EDGE_BAND: f64 = 0.06;
 /// Cuts that are counted for a frame at most.
 const MOST_CUTS: usize = 4;
-/// What a node takes that is visited for a cut which is not drawn, in splats.
-const COUNTED: f64 = 0.05;
-/// A frame is made shorter for such cuts by at most this part: so much less than the dead band that the next frame, which
-/// has none, is still in it.
+/// A frame is made shorter for cuts that are counted and not drawn by at most this part: so much less than the dead band
+/// that the next frame, which has none, is still in it.
 const MOST_LOST: f64 = 0.02;
-/// A splat of the rasterizer over one by compute, until frames of both were seen.
-const USUAL_RATIO: f64 = 1.6;
+/// The other way to draw is taken where its threshold is finer than this part of the present way's.
+const FINER: f32 = 0.95;
+/// A threshold is changed by at most this factor before it is looked at what that draws.
+const LARGEST_STEP: f32 = 2.0;
+/// What is foreseen to miss the time by more than this does not stay, even if all else is foreseen to be worse.
+const MOST_OFF: f64 = 0.1;
+/// The factor by which the threshold changes then, at most.
+const TRIED: f32 = 2.0;
 /// Factor of the threshold from step to step at rest (theirs).
 const REFINE: f32 = 0.7;
-/// Frames whose median says what a unit of work takes.
-const RATES: usize = 9;
-/// A threshold that differs by less than this factor is about the same.
-const NEAR: f32 = 1.6;
-/// Frames that are kept of each of the two ways.
-const FRAMES: usize = 96;
-/// What was drawn within so many frames tells more than what was drawn before.
-const RECENT: u64 = 40;
-/// Frames from which on weights are chosen by them.
-const LEAST_FRAMES: usize = 10;
-/// Other weights must leave less than this part of what is not explained.
-const BETTER: f64 = 0.65;
 /// Off by less than this the time counts as held.
 const HELD: f64 = 0.15;
-
-/// What is drawn in a frame, in numbers that are known before it is drawn.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(default)]
-pub struct Work {
-    /// Nodes that the cut looked at.
-    pub visited: u64,
-    /// Splats.
-    pub splats: u64,
-    /// Triangles.
-    pub triangles: u64,
-    /// Small ones are drawn by compute: a unit takes another time then.
-    pub by_compute: bool,
-    /// Nodes that cuts looked at which were counted for this frame and not drawn.
-    pub counted: u64,
-}
-
-/// What nodes visited and triangles take, in splats.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Weights {
-    visited: f64,
-    triangle: f64,
-}
-
-impl Weights {
-    const USUAL: Self = Self {
-        visited: 0.05,
-        triangle: 1.5,
-    };
-
-    /// All of the work in one number: a splat is 1.
-    fn units(self, work: &Work) -> f64 {
-        let visited = self.visited * work.visited as f64;
-        let triangles = self.triangle * work.triangles as f64;
-        let drawn = visited + work.splats as f64 + triangles;
-        (drawn + COUNTED * work.counted as f64).max(1.0)
-    }
-}
 
 /// What is known about the wanted time.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -102,30 +61,12 @@ pub enum Report {
     Unreachable(f64),
 }
 
-/// A frame that has finished.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Frame {
-    work: Work,
-    px: f32,
-    ms: f64,
-    number: u64,
-}
-
-/// What is known of one way to draw small splats.
-#[derive(Debug, Clone, PartialEq)]
-struct Way {
-    /// Its last frames, oldest first.
-    frames: VecDeque<Frame>,
-    /// Work goes with the threshold to minus this power.
-    power: f64,
-}
-
-impl Default for Way {
-    fn default() -> Self {
-        Self {
-            frames: VecDeque::with_capacity(FRAMES),
-            power: 2.0,
-        }
+/// The largest threshold with which compute draws, pixels.
+fn largest_by_compute(work: &Work) -> f32 {
+    if work.is_blended {
+        LARGEST_SMALL_BLENDED_PX
+    } else {
+        LARGEST_COMPUTE_SQUARE_PX
     }
 }
 
@@ -139,15 +80,17 @@ pub struct Control {
     /// Now.
     shown_px: f32,
     is_moving: bool,
-    /// By the rasterizer, and by compute.
-    ways: [Way; 2],
-    /// Frames so far.
-    count: u64,
+    model: Model,
+    /// Work goes with the threshold to minus this power.
+    power: f64,
+    /// The way that was chosen last, where there was a choice.
+    by_compute: bool,
+    /// There was one.
+    has_choice: bool,
     /// What the last of them took, oldest first.
     last_ms: VecDeque<f64>,
     /// Nodes looked at to plan the present frame, by cuts that are not drawn.
     counted: u64,
-    weights: Weights,
     report: Report,
 }
 
@@ -169,11 +112,12 @@ impl Control {
             moving_px: finest_px,
             shown_px: finest_px,
             is_moving: false,
-            ways: [Way::default(), Way::default()],
-            count: 0,
+            model: Model::default(),
+            power: 2.0,
+            by_compute: true,
+            has_choice: false,
             last_ms: VecDeque::new(),
             counted: 0,
-            weights: Weights::USUAL,
             report: Report::Adapting,
         }
     }
@@ -192,10 +136,10 @@ impl Control {
 
     /// Other things are drawn, or in another way: what frames cost before tells nothing any more.
     pub fn forget(&mut self) {
-        self.ways = [Way::default(), Way::default()];
+        self.model = Model::default();
+        self.power = 2.0;
+        (self.by_compute, self.has_choice) = (true, false);
         self.last_ms.clear();
-        self.count = 0;
-        self.weights = Weights::USUAL;
         self.report = Report::Adapting;
     }
 
@@ -227,82 +171,174 @@ impl Control {
         std::mem::replace(&mut self.shown_px, next) != next
     }
 
-    /// Milliseconds of a unit of work that is drawn so with a threshold of about `px`: of late, else ever; else with any
-    /// threshold; else what the other way takes and is usually different by. None before the first frame.
-    fn rate(&self, px: f32, by_compute: bool) -> Option<f64> {
-        let of = |by_compute: bool, is_wanted: &dyn Fn(&Frame) -> bool| {
-            let frames = &self.ways[usize::from(by_compute)].frames;
-            let rates = frames.iter().rev().filter(|f| is_wanted(f)).take(RATES);
-            let rates: Vec<f64> = rates.map(|f| f.ms / self.weights.units(&f.work)).collect();
-            (!rates.is_empty()).then(|| median(rates))
+    /// The threshold between `ends` with which what is drawn with `px` takes `ms`, foreseen by `rates`; the nearer end
+    /// where none does.
+    fn threshold_for(
+        &self,
+        ms: f64,
+        (work, px): (&Work, f32),
+        rates: Rates,
+        (mut low, mut high): (f32, f32),
+    ) -> f32 {
+        let numbers = Numbers::of(work);
+        let is_too_much = |at: f32| self.foreseen(rates, numbers, (px, at)) > ms;
+        if is_too_much(high) {
+            return high;
+        }
+        if !is_too_much(low) {
+            return low;
+        }
+        for _ in 0..24 {
+            let middle = (low * high).sqrt();
+            if is_too_much(middle) {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        high
+    }
+
+    /// Milliseconds of a frame with the threshold `at`, of which it is known what it draws with `px`.
+    fn foreseen(&self, rates: Rates, numbers: Numbers, (px, at): (f32, f32)) -> f64 {
+        let fewer = f64::from(at / px).powf(-self.power);
+        rates.ms(&numbers.times(fewer), at)
+    }
+
+    /// The threshold to be tried after `px`, for frames of `ms`, and the way, of which it is now `by_compute`; between
+    /// `ends`. None before the first frame.
+    fn next(
+        &self,
+        ms: f64,
+        (work, px): (&Work, f32),
+        by_compute: bool,
+        ends: (f32, f32),
+    ) -> Option<(f32, bool)> {
+        let of = |by_compute: bool| {
+            let rates = self.model.rates(px, work, by_compute)?;
+            let (mut low, mut high) = ends;
+            if by_compute && self.has_choice {
+                high = high.min(largest_by_compute(work));
+                low = low.min(high);
+            }
+            let next = self.threshold_for(ms, (work, px), rates, (low, high));
+            let misses = self.foreseen(rates, Numbers::of(work), (px, next)) / ms - 1.0;
+            Some((next, misses))
         };
-        let is_near = |f: &Frame| (NEAR.recip()..=NEAR).contains(&(f.px / px));
-        let is_recent = |f: &Frame| f.number + RECENT > self.count;
-        let ratio = if by_compute {
-            1.0 / USUAL_RATIO
+        let now = of(by_compute)?;
+        if !self.has_choice {
+            return Some((now.0, by_compute));
+        }
+        let other = of(!by_compute)?;
+        // Compute cannot go further than its largest size.
+        let keeps = |(_, misses): (f32, f64)| misses <= EDGE_BAND;
+        let is_other = match (keeps(now), keeps(other)) {
+            (true, true) => other.0 < FINER * now.0,
+            (false, false) => other.1 < now.1,
+            (_, is_other) => is_other,
+        };
+        Some(if is_other {
+            (other.0, !by_compute)
         } else {
-            USUAL_RATIO
-        };
-        of(by_compute, &|f| is_near(f) && is_recent(f))
-            .or_else(|| of(by_compute, &is_near))
-            .or_else(|| of(by_compute, &|_| true))
-            .or_else(|| of(!by_compute, &is_near).map(|rate| ratio * rate))
-            .or_else(|| of(!by_compute, &|_| true).map(|rate| ratio * rate))
+            (now.0, by_compute)
+        })
     }
 
     /// The threshold for the next frame, pixels. `work` says what would be drawn with a threshold; it is asked only while
-    /// the camera moves, and the last answer is that for the result. [`counted`](Control::counted) says what asking took.
+    /// the camera moves, and the last answer is that for the result. [`counted`](Control::counted) says what asking took,
+    /// [`by_compute`](Control::by_compute) how it is to be drawn.
     pub fn plan(&mut self, mut work: impl FnMut(f32) -> Work) -> f32 {
         self.counted = 0;
-        if !self.is_moving || self.count == 0 {
+        if !self.is_moving || self.model.count == 0 {
             return self.shown_px;
         }
         let (finest, coarsest) = (self.finest_px, COARSEST_PX.max(self.finest_px));
-        let edge = LARGEST_COMPUTE_SQUARE_PX;
         let mut px = self.moving_px;
         let mut now = work(px);
+        let mut wanted_way = self.by_compute;
         let (mut aim, mut allowed) = (1.0, DEAD_BAND);
-        for _ in 1..MOST_CUTS {
-            // Units of work that take the wanted time, drawn in either way.
-            let wanted = |by_compute: bool| {
-                let rate = self.rate(px, by_compute).unwrap_or(0.0);
-                self.target_ms / rate.max(1e-12)
+        // Thresholds found too fine and too coarse: what is tried next lies between, if it is drawn in the same way.
+        let (mut too_fine, mut too_coarse) = (0.0f32, f32::INFINITY);
+        // What came nearest: how near, threshold and way.
+        let mut best: Option<(f64, f32, bool)> = None;
+        // How the threshold of the frame before is foreseen.
+        let (before_px, mut before_share) = (px, None);
+        for left in (0..MOST_CUTS).rev() {
+            self.has_choice |= now.is_free;
+            let by_compute = if now.is_free {
+                wanted_way
+            } else {
+                now.by_compute
             };
-            let units = self.weights.units(&now);
-            let share = (units / wanted(now.by_compute)).max(1e-6);
-            let is_largest = now.by_compute && px == edge && share > 1.0;
+            let Some(rates) = self.model.rates(px, &now, by_compute) else {
+                break;
+            };
+            let ms = rates.ms(&Numbers::of(&now), px);
+            let share = (ms / self.target_ms).max(1e-6);
+            let off = (share / aim).ln().abs();
+            if best.is_none_or(|(least, ..)| off < least) {
+                best = Some((off, px, by_compute));
+            }
+            before_share.get_or_insert(share);
             let is_held = (share - aim).abs() <= allowed;
-            if is_held || is_largest && share <= 1.0 + EDGE_BAND {
+            if left == 0 || is_held {
                 break;
             }
-            // What is coarser than the largest is drawn in the other way.
-            let by_compute = now.by_compute && !is_largest;
-            let wanted = wanted(by_compute);
-            // This cut will have been counted for nothing. All of that would make the frames after this one too short.
-            let lost = COUNTED * (self.counted + now.visited) as f64 / wanted;
-            (aim, allowed) = (1.0 - lost.min(MOST_LOST), AIM);
-            let power = self.ways[usize::from(by_compute)].power;
-            let less = units / (aim * wanted);
-            let mut next = (px * less.powf(1.0 / power) as f32).clamp(finest, coarsest);
-            if now.by_compute && px < edge && next > edge {
-                next = edge.clamp(finest, coarsest);
+            if share > aim {
+                too_fine = too_fine.max(px);
+            } else {
+                too_coarse = too_coarse.min(px);
             }
-            if next == px {
+            // This cut will have been counted for nothing. All of that would make the frames after this one too short.
+            let lost = rates.cut_ms(self.counted + now.visited) / self.target_ms;
+            (aim, allowed) = (1.0 - lost.min(MOST_LOST), AIM);
+            let high = (px * LARGEST_STEP).min(coarsest);
+            let ends = ((px / LARGEST_STEP).max(finest).min(high), high);
+            let wanted = aim * self.target_ms;
+            let Some((mut next, way)) = self.next(wanted, (&now, px), by_compute, ends) else {
+                break;
+            };
+            if way != by_compute {
+                (too_fine, too_coarse) = (0.0, f32::INFINITY);
+            } else if too_fine < too_coarse && (next <= too_fine || next >= too_coarse) {
+                next = (too_fine.max(finest) * too_coarse.min(coarsest)).sqrt();
+            }
+            wanted_way = way;
+            if next == px && way == by_compute {
                 break;
             }
             self.counted += now.visited;
             let other = work(next);
             let steps = f64::from(next / px).ln();
-            if steps.abs() > 1e-3 && other.by_compute == now.by_compute {
-                let change = self.weights.units(&other) / units;
-                self.ways[usize::from(now.by_compute)].power =
-                    (-change.ln() / steps).clamp(0.7, 4.0);
+            if steps.abs() > 1e-3 {
+                let change = Numbers::of(&other).packed() / Numbers::of(&now).packed();
+                self.power = (-change.ln() / steps).clamp(0.7, 4.0);
             }
             (px, now) = (next, other);
+        }
+        if let Some((off, mut best_px, way)) = best {
+            // Whatever is foreseen: what misses the time is not drawn again and again, or nothing else is ever learned.
+            if let Some(share) = before_share
+                && best_px == before_px
+                && off > MOST_OFF
+            {
+                let step = (share as f32).sqrt().clamp(TRIED.recip(), TRIED);
+                best_px = (best_px * step).clamp(finest, coarsest);
+            }
+            if best_px != px {
+                self.counted += now.visited;
+                work(best_px);
+            }
+            (px, self.by_compute) = (best_px, way);
         }
         self.moving_px = px;
         self.shown_px = px;
         px
+    }
+
+    /// How splats of the planned frame are to be drawn, where they may be drawn in either way.
+    pub fn by_compute(&self) -> bool {
+        self.by_compute
     }
 
     /// Nodes that the last [`plan`](Control::plan) had looked at in vain, by cuts for other thresholds than its result.
@@ -310,24 +346,14 @@ impl Control {
         self.counted
     }
 
-    /// A frame of `work`, drawn with `drawn_px`, took `ms` milliseconds.
-    pub fn frame(&mut self, drawn_px: f32, work: &Work, ms: f64) {
-        if !(ms.is_finite() && ms > 0.0 && drawn_px > 0.0) {
+    /// A frame of `work`, drawn with `drawn_px`, took so long.
+    pub fn frame(&mut self, drawn_px: f32, work: &Work, took: impl Into<Took>) {
+        let took = took.into();
+        if !self.model.learn(drawn_px, work, took) {
             return;
         }
-        let frames = &mut self.ways[usize::from(work.by_compute)].frames;
-        if frames.len() == FRAMES {
-            frames.pop_front();
-        }
-        self.count += 1;
-        frames.push_back(Frame {
-            work: *work,
-            px: drawn_px,
-            ms,
-            number: self.count,
-        });
-        self.weigh();
-        tracing::debug!(ms, drawn_px, ?work, "frame");
+        let ms = took.ms();
+        tracing::debug!(ms, drawn_px, ?work, ?took, learned = ?self.model.learned(), "frame");
         let coarsest = COARSEST_PX.max(self.finest_px);
         if self.last_ms.len() == 3 {
             self.last_ms.pop_front();
@@ -344,40 +370,6 @@ impl Control {
         } else {
             Report::Adapting
         };
-    }
-
-    /// Chooses the weights by which the frames agree best on what a unit takes.
-    fn weigh(&mut self) {
-        if self.ways.iter().map(|way| way.frames.len()).sum::<usize>() < LEAST_FRAMES {
-            return;
-        }
-        // Mean square of the distance of logarithms from their mean, of the frames that are drawn alike.
-        let disagreement = |weights: Weights| {
-            let mut sum = 0.0;
-            for way in &self.ways {
-                let rates = way
-                    .frames
-                    .iter()
-                    .map(|f| (f.ms / weights.units(&f.work)).ln());
-                let (count, mean) = rates.clone().fold((0.0, 0.0), |(n, m), r| (n + 1.0, m + r));
-                let mean = mean / f64::max(count, 1.0);
-                // A frame that waited for something must not decide.
-                sum += rates.map(|r| (r - mean).powi(2).min(0.04)).sum::<f64>();
-            }
-            sum
-        };
-        let now = disagreement(self.weights);
-        let (mut best, mut least) = (self.weights, BETTER * now);
-        for triangle in [0.4, 0.75, 1.5, 3.0, 6.0, 12.0] {
-            for visited in [0.0, 0.05, 0.2] {
-                let weights = Weights { visited, triangle };
-                let value = disagreement(weights);
-                if value < least {
-                    (best, least) = (weights, value);
-                }
-            }
-        }
-        self.weights = best;
     }
 }
 

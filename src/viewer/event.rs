@@ -1,7 +1,7 @@
 //! What happens to the window, in words of our own: the window system's events are translated once, and a recording
 //! is a list of these.
 
-use super::control::Work;
+use super::control::{Took, Work};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -150,6 +150,9 @@ pub enum Event {
         /// What it drew.
         #[serde(default)]
         drew: Work,
+        /// Its work in parts; recordings of versions before 2026-11-22 have none.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        parts: Option<Took>,
     },
 }
 

@@ -1,5 +1,6 @@
 //! What the last frames cost, part by part, and a picture of it.
 
+use super::control::Took;
 use crate::gpu::profile::PassTime;
 use crate::method::renderer::FrameTimes;
 use egui::{Align2, Color32, FontId, Rect, Stroke, Ui, pos2, vec2};
@@ -36,20 +37,30 @@ pub fn parts(times: &FrameTimes) -> Vec<Part> {
     parts
 }
 
-/// Work of a frame, milliseconds: on the host before it was submitted, and on the device. Where it `overlaps` with that
-/// of the frames before and after, the longer of the two.
-pub fn work_ms(times: &FrameTimes, overlaps: bool) -> f64 {
-    let host = times.cut_ms + times.pack_ms + times.upload_ms + times.submit_ms;
-    let device = if times.passes.is_empty() {
-        times.wait_ms
-    } else {
-        times.passes.iter().map(|pass| pass.ms).sum()
+/// Passes that draw primitives, by the last part of their name; all others go over the picture.
+const DRAWING: [&str; 6] = ["depth", "centers", "blend", "draw", "splats", "triangles"];
+
+/// Work of a frame: on the host before it was submitted, and on the device. Where it `overlaps` with that of the frames
+/// before and after, the longer of the two counts. What a device takes that does not time its passes is that of drawing.
+pub fn work(times: &FrameTimes, overlaps: bool) -> Took {
+    let mut took = Took {
+        cut_ms: times.cut_ms,
+        pack_ms: times.pack_ms + times.upload_ms + times.submit_ms,
+        overlaps,
+        ..Took::default()
     };
-    if overlaps {
-        host.max(device)
-    } else {
-        host + device
+    if times.passes.is_empty() {
+        took.draw_ms = times.wait_ms;
     }
+    for PassTime { name, ms } in &times.passes {
+        let last = name.rsplit('.').next().unwrap_or(name);
+        if DRAWING.contains(&last) {
+            took.draw_ms += ms;
+        } else {
+            took.picture_ms += ms;
+        }
+    }
+    took
 }
 
 /// The last frames.
@@ -259,13 +270,36 @@ mod tests {
             ("wait", 2.0),
         ];
         assert_eq!(parts(&times), expected);
-        assert_eq!(work_ms(&times, false), 11.5);
-        assert_eq!(work_ms(&times, true), 8.0, "the device is the slower one");
-        assert_eq!(work_ms(&frame(20.0, &[("a", 3.0)], 10.0), true), 21.5);
+        let ms = |times: &FrameTimes, overlaps| work(times, overlaps).ms();
+        assert_eq!(ms(&times, false), 11.5);
+        assert_eq!(ms(&times, true), 8.0, "the device is the slower one");
+        assert_eq!(ms(&frame(20.0, &[("a", 3.0)], 10.0), true), 21.5);
         let untimed = frame(2.0, &[], 10.0);
-        assert_eq!(work_ms(&untimed, false), 13.5, "no timestamps");
+        assert_eq!(ms(&untimed, false), 13.5, "no timestamps");
         let busy = parts(&frame(2.0, &[("a", 30.0)], 10.0));
         assert_eq!(busy.last(), Some(&("wait", 0.0)), "never below zero");
+    }
+
+    #[test]
+    fn passes_that_draw_and_those_over_the_picture_are_told_apart() {
+        let passes = [
+            ("filtered.clear", 1.0),
+            ("filtered.depth", 10.0),
+            ("fuzzy.merge", 2.0),
+            ("hybrid.splats", 20.0),
+            ("overlay", 4.0),
+        ];
+        let took = work(&frame(2.0, &passes, 40.0), false);
+        let expected = Took {
+            cut_ms: 2.0,
+            pack_ms: 1.5,
+            picture_ms: 7.0,
+            draw_ms: 30.0,
+            overlaps: false,
+        };
+        assert_eq!(took, expected);
+        let untimed = work(&frame(2.0, &[], 40.0), true);
+        assert_eq!((untimed.picture_ms, untimed.draw_ms), (0.0, 40.0));
     }
 
     #[test]

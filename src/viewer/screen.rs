@@ -341,7 +341,10 @@ impl Screen {
             visited: foreseen.counts.nodes_visited,
             splats: foreseen.counts.splats,
             triangles: foreseen.counts.triangles,
+            pixels: foreseen.pixels,
+            is_blended: foreseen.is_blended,
             by_compute: foreseen.by_compute,
+            is_free: foreseen.is_free,
             counted: 0,
         }
     }

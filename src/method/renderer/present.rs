@@ -31,8 +31,14 @@ const PROBE_PIXELS: u64 = (2 * PROBE_RADIUS_PX as u64 + 1).pow(2);
 pub struct Foreseen {
     /// How much.
     pub counts: Counts,
+    /// Pixels of the box around the model in the picture.
+    pub pixels: u64,
+    /// Splats are blended.
+    pub is_blended: bool,
     /// Small splats by compute.
     pub by_compute: bool,
+    /// Compute can draw them, and nobody insists on either way.
+    pub is_free: bool,
 }
 
 /// Where a frame goes besides the renderer's own targets.
@@ -133,13 +139,23 @@ impl Renderer {
             rect_px: rect,
             size: (self.targets.color.width, self.targets.color.height),
         };
-        let pays = if Drawing::of(settings) == Drawing::Opaque {
-            asked.opaque().splats == Path::Compute
-        } else {
-            let has_large = is_whole || model.triangles.is_empty();
-            asked.blended(triangles as usize, has_large) != Share::Nothing
+        let has_large = is_whole || model.triangles.is_empty();
+        let is_blended = matches!(Drawing::of(settings), Drawing::Fuzzy | Drawing::Filtered);
+        let pays = match Drawing::of(settings) {
+            Drawing::Opaque => asked.opaque().splats == Path::Compute,
+            // As the frame will be: with the triangles, where compute takes those.
+            _ if triangles > 0
+                && compute::Small::takes_triangles(&self.gpu, scene)
+                && asked.all_blended(has_large) != Share::Nothing =>
+            {
+                true
+            }
+            _ => asked.blended(triangles as usize, has_large) != Share::Nothing,
         };
         Foreseen {
+            pixels: compute::rect::pixels(rect),
+            is_blended,
+            is_free: by_compute && settings.path == Path::Auto,
             counts: Counts {
                 nodes_visited: self.cut.stats.visited,
                 splats,

@@ -5,12 +5,12 @@ use crate::gpu::device::Kind;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
 use crate::method::times::Kept;
-use crate::method::{Method, Occlusion, Settings, Shading, SplatKind};
+use crate::method::{Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
 use crate::viewer::control::Work;
 use crate::viewer::event::Event;
-use crate::viewer::graph::work_ms;
+use crate::viewer::graph;
 use crate::viewer::pace::{Paced, Summary};
 use crate::viewer::screen::{Request, Shown, Way, way_after};
 use std::sync::Arc;
@@ -21,7 +21,7 @@ impl App {
         let mut events = Vec::new();
         // Frames overlap: on a device of its own the longer of the two decides, on a software device both need the
         // same processor.
-        let overlaps = self.screen.gpu().info().kind != Kind::Cpu;
+        let overlaps = self.frames_overlap();
         for frame in self.screen.take_finished() {
             self.history.add(&frame.times);
             tracing::debug!(
@@ -34,7 +34,8 @@ impl App {
                 "finished"
             );
             let Some(drew) = frame.work else { continue };
-            let ms = work_ms(&frame.times, overlaps);
+            let took = graph::work(&frame.times, overlaps);
+            let ms = took.ms();
             if frame.is_moving {
                 self.paced.push(Paced {
                     ms,
@@ -50,9 +51,15 @@ impl App {
                 ms,
                 threshold_px: frame.threshold_px,
                 drew,
+                parts: Some(took),
             });
         }
         events
+    }
+
+    /// Whether the device works while the host does.
+    fn frames_overlap(&self) -> bool {
+        self.screen.gpu().info().kind != Kind::Cpu
     }
 
     /// Whether frames have finished that [`finished`](App::finished) has not told of and that matter now.
@@ -108,8 +115,7 @@ impl App {
         let is_planned = is_new_picture && self.is_moving();
         let camera = self.camera();
         let holds = settings.has_cut() && self.turntable.is_none();
-        // What holds the time knows two ways to draw, by rules of thumb that are steady; by costs there are more, and it
-        // kept 88 percent of a walk instead of 97.
+        // What holds the time chooses the way itself, by what frames took; costs would change it from frame to frame.
         let is_held = holds && self.control.is_some() && camera.is_some();
         self.screen.decide_by_costs(!is_held);
         if let (Some(control), Some(camera)) = (&mut self.control, camera)
@@ -132,12 +138,19 @@ impl App {
                 control.threshold_px()
             };
             settings.threshold_px = px.max(settings.threshold_px);
-            // Of the drawn frame only this is comparable with what is foreseen of others.
-            let counted = if is_planned { control.counted() } else { 0 };
-            let work = is_new_picture.then(|| Work {
-                counted,
-                ..self.screen.foresee(&settings, &camera)
-            });
+            let mut work = is_new_picture.then(|| self.screen.foresee(&settings, &camera));
+            if let (true, Some(work)) = (is_planned, &mut work) {
+                // Of the drawn frame only this is comparable with what is foreseen of others.
+                work.counted = control.counted();
+                if work.is_free {
+                    work.by_compute = control.by_compute();
+                    settings.path = if work.by_compute {
+                        Path::Compute
+                    } else {
+                        Path::Raster
+                    };
+                }
+            }
             return (settings, work);
         }
         (settings, None)
@@ -192,6 +205,7 @@ impl App {
         let is_new_picture = self.is_dirty || !self.screen.has_picture();
         let (settings, work) = self.effective_settings(is_new_picture);
         let is_moving = self.is_moving();
+        let is_held = is_moving && work.is_some();
         let orbit_is_there = self.orbit.is_some();
         let request = Request {
             window,
@@ -212,6 +226,11 @@ impl App {
         if shown == Shown::Nothing {
             self.is_cover_dirty |= was_dirty;
             return Ok(shown);
+        }
+        if is_held && !self.frames_overlap() {
+            // The device works with the processor of the host: a cut that is chosen meanwhile takes longer by what it
+            // waits for the device, which is no work of its frame, and the frame is not done sooner.
+            self.screen.finish()?;
         }
         if is_new_picture {
             self.is_dirty = shown == Shown::Again;

@@ -114,9 +114,11 @@ impl App {
                 ms,
                 threshold_px,
                 drew,
+                parts,
             } => {
                 if let Some(control) = &mut self.control {
-                    control.frame(*threshold_px, drew, *ms);
+                    let took = parts.unwrap_or_else(|| (*ms).into());
+                    control.frame(*threshold_px, drew, took);
                 }
             }
             Event::Text(_) | Event::CursorGone | Event::Preview(_) | Event::Loaded(_) => {}
