@@ -292,6 +292,7 @@ pub static ROWS: &[Row] = &[
     row("noise", "splats-ellipse|splats-visibility", Moire, [8.0, 22.0], FACETS),
     row("noise", "splats-ellipse|splats-visibility", Astray, [0.0, 4.0], FACETS),
     row("foliage", "points", Moire, [0.0, 13.0], "squares of 5 pixels for leaves of 3"),
+    row("foliage", "filtered|splats-filtered", Holes, [0.0, 90.0], "beside a pixel without a leaf coverage is an estimate: the areas of leaves in all directions may fall short of half"),
     row("foliage", "gauss|splats-gauss", Holes, [0.0, 40.0], "leaves in all directions in a node, or seen edge-on: sums of weights fall short of half"),
     row("under-pixel", "points", Stray, [10.0, 40.0], "the ball's rim is black, and a vertex on it is a whole pixel"),
     row("under-pixel", "points", Astray, [20.0, 50.0], "the ball's rim is black, and a vertex on it is a whole pixel"),
