@@ -32,9 +32,11 @@ mod four;
 mod groups;
 mod patch;
 mod place;
+mod taken;
 mod triangles;
 
 pub use place::FilteredPatch;
+pub use taken::{FirstLarge, drawn_counts, splat_count, take_triangles};
 
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::abi::{FilteredSplat, Vertex};
@@ -50,6 +52,7 @@ use groups::{Group, RowGroup};
 use patch::{Patch, in_pieces, mean_color};
 use place::Projection;
 use prefetch_index::prefetch_index;
+use taken::{LARGEST_PX, cuts, diameter_px, pieces};
 use triangles::Triangle;
 
 /// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
@@ -58,15 +61,6 @@ const OFFSET_OF_NEIGHBORS: f32 = 1.0 / 7.0;
 const OFFSET_OF_BEND: f32 = 2.0;
 /// Depth offset of the thickness of a patch, in half thicknesses.
 const OFFSET_OF_THICKNESS: f32 = 1.5;
-/// Where most triangles have at most this diameter, triangles are drawn as splats: one sample a pixel says little of the
-/// area of such a triangle.
-const SMALL_PX: f32 = 3.0;
-/// The largest triangles that are, then. Single larger ones would leave pixels of both kinds.
-const LARGEST_PX: f32 = 4.0 * PIECE_PX;
-/// Pieces of triangles have at most this diameter: edges are halved until they do, which makes four of each.
-const PIECE_PX: f32 = 1.5;
-/// The share of a cut's triangles that must be small for that. A pixel of both kinds is less exact than one of either.
-const LEAST_SMALL: f32 = 0.9;
 /// How far below a node it is looked for how the color changes along its row.
 const SLOPE_LEVELS: u32 = 4;
 /// Fewest splats of a row along which the color changes. Shorter rows are many, and the eye does not tell.
@@ -97,72 +91,6 @@ pub struct Shade {
     pub color_by: ColorBy,
     /// How surfaces are lit; positions in model space.
     pub light: Lighting,
-}
-
-/// Leaves from a place of [`Cut::leaves`] on are larger than a node that is drawn whole.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct FirstLarge {
-    index: usize,
-    /// Number of splats that they are.
-    splats: usize,
-}
-
-/// How often a triangle is cut into four; the pieces of one that is too large are itself.
-fn cuts(diameter_px: f32, shade: &Shade) -> u32 {
-    if diameter_px > LARGEST_PX {
-        return 0;
-    }
-    let piece = PIECE_PX.max(shade.side_px);
-    u32::from(diameter_px > piece) + u32::from(diameter_px > 2.0 * piece)
-}
-
-/// Projected diameter of a leaf, pixels; infinite where it reaches the eye.
-fn diameter_px(model: &Model, leaf: u32, view: &View) -> f32 {
-    let sphere = &model.tree.leaves[leaf as usize];
-    let diameter = 2.0 * view.focal_px() * sphere.radius * view.model_scale;
-    if view.is_perspective {
-        diameter / view.distance(sphere.center).max(0.0)
-    } else {
-        diameter
-    }
-}
-
-/// Moves the triangles of a cut that are to be drawn as splats to its leaves: all of them where `splats_only` says so;
-/// else those that are small, if nearly all are.
-pub fn take_triangles(model: &Model, view: &View, shade: &Shade, cut: &mut Cut) -> FirstLarge {
-    let index = cut.leaves.len();
-    let at_most = |leaf: u32, limit: f32| diameter_px(model, leaf, view) <= limit;
-    if shade.splats_only {
-        cut.leaves.append(&mut cut.triangles);
-    } else {
-        let small = cut
-            .triangles
-            .iter()
-            .filter(|&&leaf| at_most(leaf, SMALL_PX));
-        if small.count() as f32 >= LEAST_SMALL * cut.triangles.len() as f32 {
-            let Cut {
-                leaves, triangles, ..
-            } = cut;
-            leaves.extend(triangles.iter().filter(|&&leaf| at_most(leaf, LARGEST_PX)));
-            triangles.retain(|&leaf| !at_most(leaf, LARGEST_PX));
-        }
-    }
-    let large = cut.leaves[index..].iter();
-    FirstLarge {
-        index,
-        splats: large.map(|&leaf| pieces(model, leaf, view, shade)).sum(),
-    }
-}
-
-/// Number of pieces that a triangle is drawn in; 1 for a point.
-fn pieces(model: &Model, leaf: u32, view: &View, shade: &Shade) -> usize {
-    1 << (2 * cuts(diameter_px(model, leaf, view), shade))
-}
-
-/// Number of splats that [`splats`] writes at most.
-pub fn splat_count(cut: &Cut, first_large: FirstLarge) -> usize {
-    let strips: usize = cut.strips.iter().map(|s| s.count as usize).sum();
-    cut.nodes.len() + strips + first_large.index + first_large.splats
 }
 
 /// The part of the frame that every splat needs.

@@ -37,6 +37,11 @@ const MOST_CUTS: usize = 4;
 /// A frame is made shorter for cuts that are counted and not drawn by at most this part: so much less than the dead band
 /// that the next frame, which has none, is still in it.
 const MOST_LOST: f64 = 0.02;
+/// Cuts may be counted for a frame until they take this part of the wanted time; more only where what was found is further
+/// off than [`WORTH`]. Each is as long as the cut that is drawn, and where what is drawn jumps with the threshold no search
+/// comes to an end.
+const MOST_SPENT: f64 = 0.1;
+const WORTH: f64 = 0.4;
 /// The other way to draw is taken where its threshold is finer than this part of the present way's.
 const FINER: f32 = 0.95;
 /// A threshold is changed by at most this factor before it is looked at what that draws.
@@ -288,6 +293,10 @@ impl Control {
                 too_fine = too_fine.max(px);
             } else {
                 too_coarse = too_coarse.min(px);
+            }
+            let spent = rates.cut_ms(self.counted + now.visited) / self.target_ms;
+            if spent > MOST_SPENT && off < WORTH {
+                break;
             }
             // This cut will have been counted for nothing. All of that would make the frames after this one too short.
             let lost = rates.cut_ms(self.counted + now.visited) / self.target_ms;

@@ -3,6 +3,7 @@
 
 use super::{Counts, FrameTimes, Renderer, Submitted};
 use crate::draw::Lighting;
+use crate::draw::filtered::drawn_counts;
 use crate::gpu::Error;
 use crate::gpu::buffer::Readback;
 use crate::gpu::frame::{Frame, Ticket};
@@ -14,7 +15,7 @@ use crate::math::camera::View;
 use crate::method::compute;
 use crate::method::compute::choice::Asked;
 use crate::method::compute::twin::Share;
-use crate::method::plan::{Choice, Drawing, for_view};
+use crate::method::plan::{Choice, Drawing, filtered_shade, for_view};
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
 use crate::method::{Method, Path, Settings};
@@ -120,9 +121,15 @@ impl Renderer {
         let settings = &for_view(settings, model, view);
         let choice = Choice::of(settings, model, view);
         let is_new = self.select(model, scene, (scene.id(), choice));
-        let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.splats())).sum();
-        let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
-        let large = self.cut.triangles.len() as u64;
+        let (splats, large) = if Drawing::of(settings) == Drawing::Filtered {
+            let shade = filtered_shade(settings, model, f32::INFINITY);
+            let [splats, triangles] = drawn_counts(model, view, &shade, &self.cut);
+            (splats as u64, triangles as u64)
+        } else {
+            let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.splats())).sum();
+            let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
+            (splats, self.cut.triangles.len() as u64)
+        };
         let foreseen = self.foreseen.get_or_insert_default();
         foreseen.ms += super::ms(start);
         foreseen.is_new |= is_new;

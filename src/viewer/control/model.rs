@@ -354,7 +354,11 @@ impl Model {
         let mut draw = of_draw(&frames, present);
         let mut picture = median_of(&frames, of_picture);
         let other = &self.ways[usize::from(by_compute)];
-        if by_compute != present && other.is_known {
+        if by_compute != present && !other.is_known {
+            // What was learned of this way's shares says nothing of how the ways compare.
+            let usual = Shares::usual(work.is_blended, present);
+            draw = median_of(&frames, |f| f.draw_rate(usual));
+        } else if by_compute != present {
             let all = |by_compute: bool| -> Vec<&Frame> {
                 self.ways[usize::from(by_compute)].frames.iter().collect()
             };
