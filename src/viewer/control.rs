@@ -6,7 +6,7 @@
 //! of the coming frame is counted before it is drawn, and the last frames say what a unit of work takes. The threshold
 //! stays as it is while the foreseen time is near the wanted one, so noise moves nothing.
 //!
-//! What a frame takes is foreseen part by part (see [`model`]). Cuts that are counted and not drawn take time as well;
+//! What a frame takes is foreseen part by part (see `src/viewer/control/model.rs`). Cuts that are counted and not drawn take time as well;
 //! they count as work of the frame that they are made for.
 //!
 //! Small splats can be drawn by compute or by the rasterizer, and neither is the cheaper one everywhere: the rasterizer

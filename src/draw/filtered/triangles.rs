@@ -77,3 +77,65 @@ impl Four {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::Vec3;
+
+    /// A repeatable number in -1..1.
+    fn number(i: u32) -> f32 {
+        let hash =
+            (i ^ (i >> 7)).wrapping_mul(0x9e37_79b9).rotate_left(11) ^ i.wrapping_mul(0x85eb_ca6b);
+        (hash >> 8) as f32 / (1 << 23) as f32 - 1.0
+    }
+
+    fn vector(i: u32) -> Vec3 {
+        Vec3::new(number(3 * i), number(3 * i + 1), number(3 * i + 2))
+    }
+
+    #[test]
+    fn four_triangles_are_what_each_of_them_is() {
+        let any = |i: u32| Triangle {
+            corners: [0, 1, 2].map(|k| (vector(100 * i + k), vector(100 * i + 50 + k))),
+            color: [0, 51, 255, 255],
+        };
+        let without_normals = |t: Triangle| Triangle {
+            corners: t.corners.map(|(place, _)| (place, Vec3::ZERO)),
+            ..t
+        };
+        for i in 0..50 {
+            let line = Triangle {
+                corners: [(Vec3::X, Vec3::Y); 3],
+                ..any(4 * i)
+            };
+            let triangles = [
+                any(4 * i),
+                any(4 * i + 1),
+                without_normals(any(4 * i + 2)),
+                line,
+            ];
+            let four = Four::of_triangles(triangles.each_ref());
+            let Normals::One(normals) = &four.normals else {
+                panic!("triangles have one normal");
+            };
+            for (lane, triangle) in triangles.iter().enumerate() {
+                let patch = triangle.patch();
+                let of = |v: &Vectors| Vec3::from(v.map(|c| c[lane]));
+                let is = |a: Vec3, b: Vec3| (a - b).abs().max_element() < 1e-5;
+                assert!(is(of(&four.center), patch.center), "{i} {lane}");
+                assert!(is(of(&four.vector_area), patch.vector_area), "{i} {lane}");
+                assert!((four.area[lane] - patch.area).abs() < 1e-5, "{i} {lane}");
+                if patch.area > 0.0 {
+                    let normal = patch.normals / patch.area;
+                    assert!(is(of(normals), normal), "{i} {lane}");
+                }
+                assert!((four.bend[lane] - patch.bend).abs() < 1e-4, "{i} {lane}");
+                let farthest = triangle.corners.map(|c| c.0.distance(patch.center));
+                let farthest = farthest.into_iter().fold(0.0, f32::max);
+                assert!((four.reach[lane] - farthest).abs() < 1e-5, "{i} {lane}");
+                assert!(is(of(&four.color), Vec3::new(0.0, 0.2, 1.0)), "{i} {lane}");
+            }
+        }
+    }
+}
