@@ -11,6 +11,7 @@ use super::round::{patch, radius_px};
 use super::shade::{Kind, color_of, normal_of};
 use super::square::{self, Footprint as Square};
 use super::triangle::{self, Triangle};
+use super::visibility::pushed;
 use super::{CHUNK, Frame, Outputs, Placed, draw, gather};
 use crate::abi::{Splat, Vertex, WeightedSplat, constants};
 use crate::draw::{ColorBy, Footprint, FuzzyList, Lighting, Style};
@@ -513,18 +514,4 @@ fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
         in_view,
         radius / cosine.max(LEAST_COSINE as f32),
     ))
-}
-
-/// A view-space point, pushed away from the eye by a view-space length; a point in the eye itself stays.
-fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
-    if !frame.view.is_perspective {
-        return in_view - Vec3::new(0.0, 0.0, by);
-    }
-    let length = in_view.length();
-    if length > 0.0 {
-        // The factor is exactly 1 for an offset of 0: a splat is never behind itself.
-        in_view * ((length + by) / length)
-    } else {
-        in_view
-    }
 }

@@ -264,8 +264,8 @@ fn facing(frame: &Frame, position: DVec3, normal: DVec3) -> f32 {
     normal.dot(to_viewer) as f32
 }
 
-/// A view-space point, pushed away from the eye; a point in the eye itself stays.
-fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
+/// A view-space point, pushed away from the eye by a view-space length; a point in the eye itself stays.
+pub(super) fn pushed(frame: &Frame, in_view: Vec3, by: f32) -> Vec3 {
     if !frame.view.is_perspective {
         return in_view - Vec3::new(0.0, 0.0, by);
     }
