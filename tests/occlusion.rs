@@ -79,10 +79,14 @@ impl<'m> Pair<'m> {
         let differing = differing(&pictures[0], &pictures[1]);
         assert_eq!(differing, 0, "{what}: {counts:?}");
         let [off, on] = counts;
-        assert_eq!(off.hidden, 0, "{what}");
+        // What is smaller than a pixel and contains no center is left out in any case.
+        assert!(off.hidden == 0 || settings.threshold_px < 1.0, "{what}");
         assert!(on.splats <= off.splats, "{what}");
         // What is left out is counted; some of it would have been left out for having no area.
-        assert!(on.splats + on.hidden >= off.splats, "{what}: {counts:?}");
+        assert!(
+            on.splats + on.hidden >= off.splats + off.hidden,
+            "{what}: {counts:?}"
+        );
         assert_eq!(on.triangles, off.triangles, "{what}");
         counts
     }
@@ -280,9 +284,71 @@ fn splats_that_cover_what_cannot_be_told_hide_nothing() {
     );
 }
 
+/// Below a pixel splats are samples: nothing that triangles cover stays open, and outlines come nearer to theirs, whether
+/// what is hidden is left out or not. Points of a cloud stay whole pixels.
+#[test]
+fn below_a_pixel_splats_cover_what_triangles_cover() {
+    let Some(device) = Device::open() else { return };
+    let backend = Backend::Device(device.gpu().clone());
+    let covered = |model: &Model, settings: Settings, view: &View| -> Vec<bool> {
+        let size = (view.width, view.height);
+        let outputs = Outputs {
+            depth: true,
+            normal: false,
+            values: false,
+        };
+        let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
+        engine.draw(view, &settings).unwrap();
+        let image = engine.read(view).unwrap();
+        image.depth.iter().map(|z| z.is_finite()).collect()
+    };
+    let count = |a: &[bool], b: &[bool]| a.iter().zip(b).filter(|(a, b)| **a && !**b).count();
+    for shape in [Shape::Statue, Shape::Torus] {
+        let model = generated(shape, 60_000);
+        let view = orbit(&model, (150, 150), 30.0, 20.0, 0.4);
+        let of = |method, splat, threshold_px, occlusion, path| {
+            let settings = Settings {
+                method,
+                splat,
+                threshold_px,
+                occlusion,
+                path,
+                ..Settings::default()
+            };
+            covered(&model, settings, &view)
+        };
+        let triangles = of(
+            Method::Triangles,
+            SplatKind::Square,
+            1.0,
+            Occlusion::Auto,
+            Path::Auto,
+        );
+        for splat in [SplatKind::Square, SplatKind::Disc] {
+            let extra = [0.2, 1.0].map(|threshold_px| {
+                let [on, off, raster] = [
+                    (Occlusion::On, Path::Auto),
+                    (Occlusion::Off, Path::Auto),
+                    (Occlusion::On, Path::Raster),
+                ]
+                .map(|(occlusion, path)| of(Method::Pop, splat, threshold_px, occlusion, path));
+                assert_eq!(count(&triangles, &on), 0, "{shape:?} {splat:?}: holes");
+                assert!(on == off && on == raster, "{shape:?} {splat:?}");
+                count(&on, &triangles)
+            });
+            // By half a side at most, and more at corners.
+            assert!(
+                2 * extra[0] < extra[1] && extra[1] > 50,
+                "{shape:?}: {extra:?}"
+            );
+        }
+    }
+}
+
 fn footprints(side_px: f32) -> Footprints {
     Footprints {
         side_px,
+        hides: true,
         are_discs: false,
         large_leaves: false,
         is_cloud: false,
@@ -430,7 +496,12 @@ fn what_is_left_depends_on_nothing_but_the_view() {
         };
         assert_eq!(count(&cut) + cut.stats.hidden, count(&all));
         assert_eq!(cut.stats.visited, all.stats.visited);
-        assert_eq!(cut.triangles, all.triangles);
+        assert_eq!(
+            cut.triangles.len() as u64 + cut.stats.between,
+            all.triangles.len() as u64
+        );
+        let mut all = all.triangles.iter();
+        assert!(cut.triangles.iter().all(|id| all.any(|other| other == id)));
         assert!(cut.nodes.is_sorted() && cut.leaves.is_sorted());
         assert!(cut.strips.is_sorted_by_key(|run| run.node));
         cut

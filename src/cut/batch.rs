@@ -221,7 +221,7 @@ impl Batch {
         self.cones(tester, groups, &mut prefetch, cut);
         let rows = cut.strips.len();
         self.rows(tester, groups, &mut prefetch, cut);
-        if let Some(hiding) = hiding {
+        if let Some(hiding) = hiding.filter(|hiding| hiding.asks_splats()) {
             cut.stats.hidden +=
                 hiding.keep_rows(model, tester, &mut cut.strips, rows, &mut marks.strips);
             self.hide_nodes(hiding, groups, marks, cut);
@@ -431,7 +431,10 @@ impl Batch {
         for ((group, (balls, &small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
             let splats = small | always;
             let seen = hiding.keep_leaves(balls, group.first, (*kept, splats), marks);
-            cut.stats.hidden += u64::from(bits(*kept & !seen));
+            let triangles = if hiding.has_triangles() { !splats } else { 0 };
+            let dropped = *kept & !seen;
+            cut.stats.hidden += u64::from(bits(dropped & !triangles));
+            cut.stats.between += u64::from(bits(dropped & triangles));
             *kept = seen;
         }
     }

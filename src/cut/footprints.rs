@@ -6,8 +6,12 @@ use rayon::prelude::*;
 /// What nodes and leaves are drawn as, where what is hidden is left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Footprints {
-    /// Side of the squares or diameter of the discs, pixels; at least 1.
+    /// Side of the squares or diameter of the discs, pixels. Below 1 they are drawn as the pixel whose center they contain,
+    /// if there is one; of a cloud 1 is the least.
     pub side_px: f32,
+    /// What nearer splats hide is left out; else only what contains no pixel's center, of splats only such as are smaller
+    /// than a pixel.
+    pub hides: bool,
     /// Discs instead of squares.
     pub are_discs: bool,
     /// Leaves that are larger than the threshold are splats of their own size instead of triangles.

@@ -127,8 +127,11 @@ pub struct Stats {
     pub outside: u64,
     /// Of those, dropped because facing away.
     pub facing_away: u64,
-    /// Splats that were left out because nearer ones cover all of their pixels ([`Selector::select_seen`]).
+    /// Splats that were left out because nearer ones cover all of their pixels, or because they are smaller than a pixel and
+    /// contain no center ([`Selector::select_seen`]).
     pub hidden: u64,
+    /// Triangles that were left out because they lie between the centers of pixels (there).
+    pub between: u64,
 }
 
 impl Stats {
@@ -138,6 +141,7 @@ impl Stats {
         self.outside += more.outside;
         self.facing_away += more.facing_away;
         self.hidden += more.hidden;
+        self.between += more.between;
     }
 }
 

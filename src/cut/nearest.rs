@@ -178,7 +178,22 @@ impl<'a> Hiding<'a> {
         } else {
             1e-6 * (range + 2.0 * far.abs().max(near.abs()))
         };
-        let side = footprints.side_px.max(1.0);
+        let side = if footprints.is_cloud {
+            footprints.side_px.max(1.0)
+        } else {
+            footprints.side_px
+        };
+        let (inner_px, outer_px) = if side < 1.0 {
+            // Drawn is what is left here: no device decides about it.
+            (side / 2.0, side / 2.0)
+        } else if footprints.are_discs {
+            // Vulkan lets a device round the size of a point to whole pixels. A disc contains this square, and of less than
+            // sqrt(2) pixels it is a square.
+            let inner = side / 2.0 * std::f32::consts::FRAC_1_SQRT_2;
+            (inner.min(side.floor() / 2.0).max(0.5), side.ceil() / 2.0)
+        } else {
+            (side.floor() / 2.0, side.ceil() / 2.0)
+        };
         Self {
             nearest,
             footprints,
@@ -200,16 +215,8 @@ impl<'a> Hiding<'a> {
             // than one rounding each.
             distance_error: 8.0 * tester.plane_error,
             depth_error,
-            // Vulkan lets a device round the size of a point to whole pixels. A disc contains this square, and of less
-            // than sqrt(2) pixels it is a square.
-            inner_px: if footprints.are_discs {
-                (side / 2.0 * std::f32::consts::FRAC_1_SQRT_2)
-                    .min(side.floor() / 2.0)
-                    .max(0.5)
-            } else {
-                side.floor() / 2.0
-            },
-            outer_px: side.ceil() / 2.0,
+            inner_px,
+            outer_px,
             // Half a step, and the roundings of positions in single precision.
             snap_px: 0.5_f32.powi(1 + subpixel_bits as i32)
                 + 1e-6 * nearest.width.max(nearest.height) as f32,
@@ -247,18 +254,81 @@ impl<'a> Hiding<'a> {
         let is_known =
             z.cmpgt(Vec4::splat(self.near) + error) & z.cmplt(Vec4::splat(self.far) - error);
         let distance = z - self.near;
+        // What is smaller than a pixel is drawn as one pixel or none, of any other the device may round the size.
+        let rounded = if self.is_sampled() {
+            Vec4::select(own.cmplt(Vec4::splat(0.5)), own, own + 0.5)
+        } else {
+            own + 0.5
+        };
         Placed {
             x: x * self.focal[0] + self.middle[0],
             y: y * self.focal[1] + self.middle[1],
-            outer: (own + 0.5).max(Vec4::splat(self.outer_px)) + off,
+            outer: rounded.max(Vec4::splat(self.outer_px)) + off,
             inner: Vec4::splat(self.inner_px) - off,
             known: is_known.bitmask() as u8,
             distance: distance.to_array().map(f32::to_bits),
-            asked: (distance - error)
-                .max(Vec4::ZERO)
-                .to_array()
-                .map(f32::to_bits),
+            asked: if self.footprints.hides {
+                let asked = (distance - error).max(Vec4::ZERO);
+                asked.to_array().map(f32::to_bits)
+            } else {
+                [0; 4]
+            },
         }
+    }
+
+    /// Whether anything is dropped of splats.
+    #[inline]
+    pub(super) fn asks_splats(&self) -> bool {
+        self.footprints.hides || self.is_sampled()
+    }
+
+    /// Whether leaves that are larger than the threshold are triangles.
+    #[inline]
+    pub(super) fn has_triangles(&self) -> bool {
+        !self.footprints.large_leaves && !self.footprints.is_cloud
+    }
+
+    /// Whether splats are smaller than a pixel.
+    #[inline]
+    fn is_sampled(&self) -> bool {
+        self.outer_px < 0.5
+    }
+
+    /// Those of `lanes` whose triangle, which lies in the ball, may contain the center of a pixel. Between them no device
+    /// draws anything of it.
+    #[inline]
+    fn meets_centers(&self, balls: &Balls, lanes: u8) -> u8 {
+        if lanes == 0 {
+            return 0;
+        }
+        let along = self.axes.map(|([a, b, c], start)| {
+            let [x, y, z] = balls.center;
+            a * x + b * y + c * z + start
+        });
+        let focal = self.focal[0].abs().max(self.focal[1].abs());
+        let ([x, y], scale, stretch, is_known) = if self.is_perspective {
+            let inverse = Vec4::ONE / balls.depth;
+            let [x, y] = along.map(|v| v * inverse);
+            let aside = x.abs().max(y.abs());
+            // A ball of radius r at a distance of 1 reaches r sqrt(1 + a²) / (1 - r²) to the side, from a middle that is
+            // a r² / (1 - r²) farther off; so near that r matters here, nothing is dropped.
+            let is_small = (balls.radius * inverse).cmplt(Vec4::splat(0.01));
+            let stretch = 1.001 + 0.01 * aside + 0.5 * aside * aside;
+            ([x, y], inverse * focal, stretch, is_small)
+        } else {
+            let every = Vec4::ONE.cmpeq(Vec4::ONE);
+            (along, Vec4::splat(focal), Vec4::splat(1.001), every)
+        };
+        let to_center = |v: Vec4| (v - v.floor() - 0.5).abs();
+        let x = to_center(x * self.focal[0] + self.middle[0]);
+        let y = to_center(y * self.focal[1] + self.middle[1]);
+        // Corners are moved by rounding in both directions.
+        let off = (stretch * scale * self.distance_error + self.snap_px) * std::f32::consts::SQRT_2;
+        let reach = balls.radius * scale * stretch + off;
+        let misses = (x * x + y * y).cmpgt(reach * reach)
+            & is_known
+            & balls.depth.cmpgt(Vec4::splat(self.near));
+        lanes & !(misses.bitmask() as u8)
     }
 
     /// The marks of splats around the centers of `lanes`, of the constant size or that of their balls, whichever is
@@ -301,6 +371,9 @@ impl<'a> Hiding<'a> {
             & placed.x.cmplt(width)
             & placed.y.cmplt(height);
         let ones = lanes & placed.known & is_one.bitmask() as u8;
+        // Smaller than a pixel, it contains no center.
+        let none = farther.cmpgt(placed.outer).bitmask() as u8;
+        let nones = lanes & placed.known & none;
         let [columns, rows] = sums.map(|sum| sum.to_array().map(|v| v.to_bits() & 0x7f_ffff));
         for lane in 0..4 {
             if ones >> lane & 1 == 0 {
@@ -330,7 +403,7 @@ impl<'a> Hiding<'a> {
                 pixel.fetch_min(distance, Ordering::Relaxed);
             }
         }
-        ones
+        ones | nones
     }
 
     /// The same for squares of any size and place.
@@ -435,8 +508,8 @@ impl<'a> Hiding<'a> {
         is_undrawn: impl Fn(u32) -> bool,
         marks: &mut Vec<Mark>,
     ) -> u8 {
-        if lanes == 0 {
-            return 0;
+        if lanes == 0 || !self.asks_splats() {
+            return lanes;
         }
         // Who is hidden cannot be foreseen: stores that are always made, instead of branches.
         let (mut found, mut count, mut kept) = ([Mark::HIDDEN; 5], 0, 0);
@@ -490,7 +563,7 @@ impl<'a> Hiding<'a> {
         if large_leaves {
             seen | self.keep(balls, large, is_undrawn, &mut marks.triangles)
         } else {
-            seen | large
+            seen | self.meets_centers(balls, large)
         }
     }
 }

@@ -44,7 +44,11 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
     }
 }
 
-/// What the cut of a frame takes splats for where it leaves out what is hidden; `None` where it does not.
+/// What the cut of a frame takes splats for where it leaves out what covers no pixel or is hidden; `None` where it does not.
+///
+/// Splats smaller than a pixel are drawn where they contain a pixel's center, so that with a falling threshold pictures
+/// become those of triangles with one sample a pixel. As whole pixels they would make outlines wider, by half a pixel
+/// however fine they are. Points of a cloud are no surface that others would close: none is left out.
 ///
 /// Only of opaque squares and discs is it known without their attributes what they cover. `Auto` leaves large ones
 /// alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
@@ -62,11 +66,15 @@ fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
         && Drawing::of(settings) == Drawing::Opaque
         && settings.footprint() != Footprint::Oriented
         && settings.size == SizeMetric::Exact;
-    (is_wanted && can_be).then(|| cut::Footprints {
-        side_px: settings.threshold_px.max(1.0),
+    let is_cloud = model.triangles.is_empty();
+    // A disc of this diameter contains a pixel's center wherever it lies.
+    let may_miss = settings.threshold_px < std::f32::consts::SQRT_2 && !is_cloud;
+    (can_be && (is_wanted || may_miss)).then(|| cut::Footprints {
+        side_px: settings.threshold_px,
+        hides: is_wanted,
         are_discs: settings.footprint() == Footprint::Circle,
         large_leaves: settings.method == Method::Splats,
-        is_cloud: model.triangles.is_empty(),
+        is_cloud,
     })
 }
 
