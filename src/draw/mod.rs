@@ -5,6 +5,7 @@ pub mod filtered;
 mod light;
 pub mod pack;
 mod parts;
+pub mod samples;
 pub mod splats;
 
 use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};

@@ -37,6 +37,12 @@ impl<R> Sink<'_, R> {
         self.points += 1;
     }
 
+    /// How many more records there is room for.
+    #[inline]
+    pub(super) fn room(&self) -> usize {
+        self.out.len() - self.points
+    }
+
     /// The next record of those at the end of the list.
     pub(super) fn quad(&mut self, record: R) {
         self.quads.push(record);

@@ -8,6 +8,8 @@ use super::scene::Scene;
 use super::{Method, Path, Settings, compute};
 use crate::abi::{FilteredSplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Stats};
+use crate::draw::ColorBy;
+use crate::draw::samples::{self, Screen};
 use crate::draw::splats::{self, Packed};
 use crate::draw::{filtered, pack};
 use crate::gpu::buffer::{AnyBuffer, Upload};
@@ -25,6 +27,9 @@ pub(super) struct Lists {
     /// Corners of the triangles that are small on screen, where those are drawn by compute.
     pub(super) small: Upload,
     pub(super) small_runs: Vec<Run>,
+    /// Triangles that stay such where others become samples.
+    rest: samples::Rest,
+    rest_ids: Vec<u32>,
     /// None before the first frame, and after one that failed.
     pub(super) held: Option<Held>,
 }
@@ -34,6 +39,8 @@ pub(super) struct Lists {
 pub(super) struct Held {
     key: Key,
     pub(super) packed: Packed,
+    /// How many of them are triangles that cover one pixel.
+    pub(super) samples: usize,
     /// Records of the list of splats, with gaps.
     pub(super) capacity: usize,
     pub(super) splat_bytes: u64,
@@ -77,6 +84,8 @@ pub(super) struct Key {
     is_wanted: bool,
     /// Triangles of the cut are drawn as such.
     has_triangles: bool,
+    /// Those that cover one pixel may become splats.
+    may_sample: bool,
 }
 
 /// How the splats of a cut are written.
@@ -107,14 +116,14 @@ impl Packing {
 }
 
 impl Key {
-    /// That of a frame whose points have at most `max_point_px` pixels; of settings that
-    /// [`for_view`](super::plan::for_view) gave.
+    /// That of a frame whose points have at most `max_point_px` pixels, drawn by compute if it `is_wanted`, on a device that
+    /// `samples` triangles of one pixel; of settings that [`for_view`](super::plan::for_view) gave.
     pub(super) fn of(
         settings: &Settings,
         model: &Model,
         scene: &Scene,
         view: &View,
-        (max_point_px, is_wanted): (f32, bool),
+        (max_point_px, is_wanted, samples): (f32, bool, bool),
     ) -> Self {
         Self {
             scene: scene.id(),
@@ -124,6 +133,12 @@ impl Key {
             path: settings.path,
             is_wanted,
             has_triangles: settings.method != Method::Splats,
+            may_sample: samples
+                && Drawing::of(settings) == Drawing::Opaque
+                && settings.method == Method::Pop
+                && settings.threshold_px <= 1.0
+                && settings.color_by == ColorBy::Shading
+                && !settings.holds_cut(),
         }
     }
 
@@ -144,6 +159,8 @@ impl Lists {
             runs: Vec::new(),
             small: list("small triangles")?,
             small_runs: Vec::new(),
+            rest: samples::Rest::new(),
+            rest_ids: Vec::new(),
             held: None,
         })
     }
@@ -164,11 +181,31 @@ impl Lists {
         (model, scene): (&Model, &Scene),
         cut: &mut Cut,
         (key, packing): (Key, Packing),
-        ways: Ways,
+        (ways, screen): (Ways, &Screen),
     ) -> Result<(), Error> {
         self.held = None;
         let view = &key.view;
+        let mut samples = None;
         let (packed, capacity, record_bytes) = match &packing {
+            Packing::Splats(plan)
+                if key.may_sample
+                    && ways.takes_triangles
+                    && ways.is_small
+                    && plan.has_one_size(model) =>
+            {
+                let count = splats::count(cut, plan);
+                let all = count + samples::room(cut.triangles.len());
+                let out = records::<Splat>(gpu, &mut self.splats, all)?;
+                let mut packed = splats::pack(model, cut, view, plan, &mut out[..count]);
+                // None is too large for a point: all have one size.
+                let out = &mut out[packed.points..];
+                let found = samples::pack(model, &cut.triangles, screen, &mut self.rest, out);
+                packed.points += found;
+                self.rest_ids.clear();
+                self.rest_ids.extend(self.rest.iter().flatten());
+                samples = Some(found);
+                (packed, packed.points, size_of::<Splat>())
+            }
             Packing::Splats(plan) => {
                 let count = splats::count(cut, plan);
                 let out = records::<Splat>(gpu, &mut self.splats, count)?;
@@ -194,26 +231,34 @@ impl Lists {
             }
             Packing::Nothing => (Packed::default(), 0, 0),
         };
-        let triangles: &[u32] = if key.has_triangles {
-            &cut.triangles
-        } else {
-            &[]
+        // Of those that are left after samples most are large.
+        let has_small = ways.takes_triangles && samples.is_none();
+        let is_small =
+            has_small.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        let rest = std::mem::take(&mut self.rest_ids);
+        let triangles: &[u32] = match samples {
+            Some(_) => &rest,
+            None if key.has_triangles => &cut.triangles,
+            None => &[],
         };
         let index_bytes = 12 * triangles.len() as u64;
         reserve(gpu, &mut self.indices, index_bytes)?;
         if ways.takes_triangles {
             reserve(gpu, &mut self.small, index_bytes)?;
         }
-        let is_small = ways
-            .takes_triangles
-            .then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
         pack_triangles(model, scene, triangles, self, is_small);
+        self.rest_ids = rest;
         self.held = Some(Held {
             packed,
+            samples: samples.unwrap_or(0),
             capacity,
             splat_bytes: (capacity * record_bytes) as u64,
             index_bytes,
-            triangles: triangles.len(),
+            triangles: if key.has_triangles {
+                cut.triangles.len()
+            } else {
+                0
+            },
             ways,
             stats: cut.stats,
             key,

@@ -1,7 +1,10 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
 use super::{Counts, End, FrameTimes, Renderer};
+use crate::abi::FrameConstants;
+use crate::draw::samples::Screen;
 use crate::gpu::Error;
+use crate::gpu::device::Kind;
 use crate::gpu::frame::Ticket;
 use crate::math::camera::View;
 use crate::method::compute::choice::{self, Asked};
@@ -12,9 +15,21 @@ use crate::method::lists::{Held, Key, Packing, Ways};
 use crate::method::plan::{Choice, Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
+use crate::method::targets::Context;
 use crate::method::times::{Kept, Stage};
 use crate::method::{Method, Path, Settings, SplatKind, filtered, fuzzy, hybrid, visibility};
 use crate::tree::Model;
+
+/// Where the device places corners of triangles.
+fn screen(frame: &FrameConstants, context: &Context) -> Screen {
+    Screen::new(
+        frame,
+        (context.width, context.height),
+        context.guard_px,
+        context.rect_px,
+        compute::list::constants(context).dropped_sign,
+    )
+}
 
 impl Renderer {
     pub(super) fn draw_pop(
@@ -46,7 +61,14 @@ impl Renderer {
         let gpu = self.gpu.clone();
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
-        let key = Key::of(settings, model, scene, view, (max_point, is_wanted));
+        let samples = gpu.info().kind == Kind::Cpu && self.targets.normal().is_none();
+        let key = Key::of(
+            settings,
+            model,
+            scene,
+            view,
+            (max_point, is_wanted, samples),
+        );
         let slot = self.frames.next_slot();
         let cut = Stage::Cut.begin();
         let is_new = if self.keeps_lists && self.lists[slot].hold(&key) {
@@ -81,7 +103,8 @@ impl Renderer {
             let triangles = self.cut.triangles.len();
             let cut = &mut self.cut;
             let lists = &mut self.lists[slot];
-            lists.pack(&gpu, (model, scene), cut, (key, packing), ways)?;
+            let screen = screen(&frame_constants(view, settings, &context), &context);
+            lists.pack(&gpu, (model, scene), cut, (key, packing), (ways, &screen))?;
             if self.cut.triangles.len() != triangles {
                 self.chosen = None;
             }
@@ -202,7 +225,7 @@ impl Renderer {
         times.counts = Counts {
             nodes_visited: held.stats.visited,
             hidden: held.stats.hidden,
-            splats: (packed.points + packed.quads) as u64,
+            splats: (packed.points + packed.quads - held.samples) as u64,
             triangles: held.triangles as u64,
             points: 0,
             draw_list_bytes: held.splat_bytes + held.index_bytes,
