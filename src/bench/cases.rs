@@ -202,8 +202,8 @@ impl Plan {
             thresholds: vec![1.0, 1.5, 2.0, 3.0, 6.0, 8.0, 16.0],
             has_blended: true,
             accurate: [
-                vec![0.25, 0.5, 1.0, 1.5, 2.0, 3.0],
-                vec![1.0, 1.5, 2.0, 3.0],
+                vec![0.0625, 0.125, 0.25, 0.35, 0.5, 1.0, 1.5, 2.0, 3.0],
+                vec![1.0, 1.5, 2.0, 2.5, 2.8, 3.0],
             ],
             error_views: 2,
             grid: 4,
@@ -220,7 +220,10 @@ impl Plan {
             thresholds: vec![1.0, 3.0, 8.0],
             has_blended: false,
             has_ray_reference: true,
-            accurate: [vec![0.25, 0.5, 1.0, 2.0], vec![1.0, 2.0, 3.0]],
+            accurate: [
+                vec![0.0625, 0.125, 0.25, 0.35, 0.5, 1.0, 2.0],
+                vec![1.0, 2.0, 2.5, 2.8],
+            ],
             error_views: 1,
             rounds: 3,
             ..Self::full()
