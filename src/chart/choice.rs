@@ -24,7 +24,7 @@ pub const TRIANGLES: Choice = Choice {
 };
 
 /// The thresholds of a full chart, pixels.
-pub const THRESHOLDS: [f32; 10] = [0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
+pub const THRESHOLDS: [f32; 11] = [0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
 
 /// All kinds of splats, in the order of the legend.
 pub const KINDS: [SplatKind; 6] = [
@@ -116,7 +116,7 @@ impl Choice {
         }
         few.push(Self::new(Method::Points, Square, 1.0));
         for (splat, thresholds) in [
-            (Square, &[1.0, 2.0, 4.0][..]),
+            (Square, &[0.25, 0.5, 1.0, 2.0, 4.0][..]),
             (Disc, &[2.0]),
             (Ellipse, &[1.0, 2.0]),
             (Gauss, &[2.0]),

@@ -32,7 +32,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Four views at full, half and an eighth of the picture, everything at ten thresholds.
+    /// Four views at full, half and an eighth of the picture, everything at eleven thresholds.
     pub fn full() -> Self {
         Self {
             size: (500, 500),
