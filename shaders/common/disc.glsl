@@ -29,13 +29,13 @@ const float LEAST_ROUND_PX = 1.41421356;
 
 // Framebuffer position of a view-space point in front of the eye.
 vec2 position_px(vec3 in_view) {
-    vec2 at = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? in_view.xy : in_view.xy / -in_view.z;
+    vec2 at = has_flag(FLAG_ORTHOGRAPHIC) ? in_view.xy : in_view.xy / -in_view.z;
     return (at - frame.ray_offset) / frame.ray_scale;
 }
 
 // Unit vector from a view-space point to the eye; towards the viewer in an orthographic view.
 vec3 to_eye(vec3 in_view) {
-    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(in_view);
+    return has_flag(FLAG_ORTHOGRAPHIC) ? vec3(0.0, 0.0, 1.0) : -normalize(in_view);
 }
 
 // Half the thickness of the patch over its radius, from the alpha of its color (1 / 255 to 1: 255 is flat).
@@ -90,14 +90,14 @@ Disc circle(vec3 center, float radius_px) {
 }
 
 // Form and skew of the footprint of a patch around `center`, all in view space; `normal` unit, or zero where there is
-// none. `low_pass_px` is the standard deviation of a Gaussian that the footprint is widened by, where rho = 1 stands for
-// two standard deviations.
-Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
+// none. `is_widened`: by the frame's Gaussian, where rho = 1 stands for two standard deviations. (A constant, since a device may
+// compile a shader anew that asks the frame whether there is one.)
+Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness, bool is_widened) {
     Disc disc;
     disc.center_px = position_px(center);
     disc.skew = vec2(0.0);
     vec2 scale = frame.ray_scale;
-    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
+    bool is_orthographic = has_flag(FLAG_ORTHOGRAPHIC);
     float distance = is_orthographic ? 1.0 : -center.z;
     // The near plane in view space, from the projection: depth 1 there.
     float near = frame.clip_from_view[3][2] / (1.0 + frame.clip_from_view[2][2]);
@@ -123,9 +123,9 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
         y *= scale.y * distance / radius;
         disc.form = vec3(dot(x, x), dot(x, y), dot(y, y));
     }
-    if (low_pass_px > 0.0) {
+    if (is_widened) {
         vec3 inverse = inverse_form(disc.form);
-        inverse.xz += 4.0 * low_pass_px * low_pass_px;
+        inverse.xz += 4.0 * frame.low_pass_px * frame.low_pass_px;
         disc.form = inverse_form(inverse);
     }
     disc.size_px = 0.0;
@@ -133,13 +133,13 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
 }
 
 // The footprint of a patch, see unbounded_footprint; a pixel at least.
-Disc footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
-    return bounded(unbounded_footprint(center, normal, radius, thickness, low_pass_px));
+Disc footprint(vec3 center, vec3 normal, float radius, float thickness, bool is_widened) {
+    return bounded(unbounded_footprint(center, normal, radius, thickness, is_widened));
 }
 
 // The footprint as it is: it may lie between the centers of pixels.
 Disc exact_footprint(vec3 center, vec3 normal, float radius, float thickness) {
-    Disc disc = unbounded_footprint(center, normal, radius, thickness, 0.0);
+    Disc disc = unbounded_footprint(center, normal, radius, thickness, false);
     float size = size_of(inverse_form(disc.form), disc.skew) + 1.0 / 64.0;
     disc.size_px = size >= 1.0 ? size : 1.0;
     return disc;

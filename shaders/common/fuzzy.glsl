@@ -48,11 +48,11 @@ Surfel surfel_of(vec3 center, float radius, vec2 packed_normal, float alpha) {
     return surfel;
 }
 
-Disc footprint_of(Surfel surfel, float low_pass_px) {
+Disc footprint_of(Surfel surfel, bool is_widened) {
     if (IS_ORIENTED) {
-        return footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness, low_pass_px);
+        return footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness, is_widened);
     }
-    float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -surfel.center.z;
+    float distance = has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : -surfel.center.z;
     float radius_px = surfel.radius * frame.focal_px / distance;
     if (IS_SQUARE) {
         return Disc(position_px(surfel.center), vec3(0.0), vec2(0.0), max(2.0 * radius_px, 1.0));
@@ -68,7 +68,7 @@ float weight_of(Surfel surfel, Disc disc, float area) {
         // A patch of some thickness has normals to all sides of the mean.
         float facing = clamp(length(vec2(surfel.facing, surfel.thickness)), LEAST_FACING, 1.0);
         float scale = frame.focal_px * frame.model_scale;
-        if ((frame.flags & FLAG_ORTHOGRAPHIC) == 0u) {
+        if (!has_flag(FLAG_ORTHOGRAPHIC)) {
             float z = -surfel.center.z;
             facing *= length(surfel.center) / z;
             scale /= z;
@@ -88,7 +88,7 @@ Disc hiding_footprint(Surfel surfel) {
     // A Gaussian's own footprint: wherever it hides something it also counts, since the kernel is never smaller. Small
     // ones between the centers of pixels hide nothing; what surface they stand for, their neighbors hide.
     return IS_GAUSS ? exact_footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness)
-                    : footprint_of(surfel, 0.0);
+                    : footprint_of(surfel, false);
 }
 
 // How far away from the eye a splat is pushed in the first pass, view space. Where discs of one plane overlap, the depths of
@@ -100,6 +100,6 @@ float offset_of(Surfel surfel) {
 
 // Whether compute draws a splat where it draws what is small.
 bool is_small(Surfel surfel) {
-    float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -surfel.center.z;
+    float distance = has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : -surfel.center.z;
     return 2.0 * surfel.radius * frame.focal_px <= LARGEST_SMALL_BLENDED_PX * distance;
 }

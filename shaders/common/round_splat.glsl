@@ -21,9 +21,9 @@ void emit_round(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     float r = radius_in_view(radius, center_in_view);
     Disc disc;
     if (IS_ORIENTED) {
-        disc = footprint(center_in_view, n, r, thickness_of(color.a), 0.0);
+        disc = footprint(center_in_view, n, r, thickness_of(color.a), false);
     } else {
-        float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -center_in_view.z;
+        float distance = has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : -center_in_view.z;
         disc = circle(center_in_view, r * frame.focal_px / distance);
     }
     center_px = disc.center_px;

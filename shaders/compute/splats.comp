@@ -74,7 +74,7 @@ void main() {
     float side = frame.splat_size_px;
     Disc disc = Disc(vec2(0.0), vec3(0.0), vec2(0.0), side);
     if (ARE_DISCS) {
-        float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -center_in_view.z;
+        float distance = has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : -center_in_view.z;
         float radius = radius_in_view(splats[own].radius, center_in_view);
         disc = circle(center_in_view, radius * frame.focal_px / distance);
         side = disc.size_px;

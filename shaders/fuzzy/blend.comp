@@ -8,6 +8,7 @@
 
 // The frame has a lamp instead of the headlight.
 layout(constant_id = 6) const bool HAS_LAMP = false;
+layout(constant_id = 11) const bool IS_WIDENED = false;
 
 layout(local_size_x = 64) in;
 
@@ -26,7 +27,7 @@ void main() {
     }
     SmallSplat small = small_splat(list.begin + item);
     Surfel surfel = small.surfel;
-    Disc disc = footprint_of(surfel, IS_GAUSS ? frame.low_pass_px : 0.0);
+    Disc disc = footprint_of(surfel, IS_WIDENED);
     float middle = weight_of(surfel, disc, splats[list.begin + item].area);
     vec3 tint = vec3(1.0, 0.2, 0.2);
     vec3 color = HAS_LAMP ? phong(surfel.center, surfel.normal, small.color.rgb, tint)

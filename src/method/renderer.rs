@@ -15,7 +15,7 @@ use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{Choice, Drawing, check, for_view, splat_plan};
+use super::plan::{Choice, Drawing, check, for_view, frame_flags, splat_plan};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
@@ -78,7 +78,7 @@ pub struct Renderer {
     selector: cut::Selector,
     costs: Option<Costs>,
     triangles: Option<(Variant, Pipeline)>,
-    /// One for each variant that was drawn, six at most.
+    /// One for each variant that was drawn, those drawn last.
     splats: Vec<Splats>,
     small: Option<Small>,
     filtered: Option<Filtered>,
@@ -343,6 +343,7 @@ impl Renderer {
     ) -> Result<(), Error> {
         let normals = self.outputs.normal;
         let lamp = !settings.has_headlight();
+        let flags = frame_flags(view, settings, settings.draws_fronts_only(model.is_closed));
         if settings.method == Method::Triangles {
             scene.ensure_indices(model)?;
         }
@@ -381,11 +382,14 @@ impl Renderer {
                     Some(made) => made,
                     none => none.insert(Visibility::new(&self.gpu, width, height, normals)?),
                 };
-                visibility.ensure(source, settings.reconstruction)?;
+                visibility.ensure(source, settings.reconstruction, flags)?;
             }
             Drawing::Opaque => {
-                let variant = Splats::variant_of(settings);
+                let variant = Splats::variant_of(settings, flags);
                 if self.splats.iter().all(|s| s.variant != variant) {
+                    if self.splats.len() == MOST_SPLATS {
+                        self.splats.remove(0);
+                    }
                     self.splats
                         .push(Splats::new(&self.gpu, variant, &self.targets)?);
                 }
@@ -397,7 +401,7 @@ impl Renderer {
                     settings,
                     has_triangles,
                     &self.targets,
-                    by_compute.then_some(is_gray),
+                    (flags, by_compute.then_some(is_gray)),
                 )?;
                 exchange(&mut self.fuzzy, &mut self.spare_fuzzy, |f| {
                     f.variant == variant
@@ -494,6 +498,9 @@ impl Renderer {
         Ok(image)
     }
 }
+
+/// Variants of opaque splats that are kept; pipelines alone take little.
+const MOST_SPLATS: usize = 16;
 
 /// Variants that are kept besides the present one.
 const MOST_SPARE: usize = 2;

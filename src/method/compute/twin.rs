@@ -120,7 +120,7 @@ const IS_GRAY: usize = 7;
 /// Place of the one that says that the rasterizer draws as well, and in vertex shaders that it draws what is large only.
 pub(crate) const HAS_LARGE: usize = 8;
 /// How many there are.
-pub(crate) const CONSTANTS: usize = 11;
+pub(crate) const CONSTANTS: usize = 12;
 
 /// Pipelines and the sums, for one picture size.
 #[derive(Debug)]

@@ -68,6 +68,8 @@ const NOTHING: Record = Record {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Variant {
     is_gauss: bool,
+    /// By the frame's low pass.
+    is_widened: bool,
     footprint: Footprint,
     is_deferred: bool,
     /// The mean normals are an output.
@@ -81,6 +83,8 @@ pub(crate) struct Variant {
     sums: Format,
     /// Of the picture.
     color: Format,
+    /// Of the frame.
+    flags: u32,
     /// Small splats are drawn by compute, all of them gray (true) or not.
     by_compute: Option<bool>,
 }
@@ -95,7 +99,7 @@ impl Variant {
         settings: &Settings,
         has_triangles: bool,
         targets: &Targets,
-        by_compute: Option<bool>,
+        (flags, by_compute): (u32, Option<bool>),
     ) -> Result<Self, Error> {
         let sums = match settings.sums {
             Some(SumFormat::Float) if !gpu.info().has_float_blend => {
@@ -114,6 +118,7 @@ impl Variant {
         };
         Ok(Self {
             is_gauss: settings.splat == SplatKind::Gauss,
+            is_widened: settings.low_pass_px() > 0.0,
             footprint: settings.footprint(),
             is_deferred: settings.shading == Shading::Deferred,
             writes_normals: targets.normal().is_some(),
@@ -122,6 +127,7 @@ impl Variant {
             has_lamp: !settings.has_headlight(),
             sums,
             color: targets.color().format,
+            flags,
             by_compute,
         })
     }
@@ -140,6 +146,7 @@ impl Variant {
             false,
             self.sums_normals(),
             self.writes_normals,
+            self.is_widened,
         ]
     }
 
@@ -201,6 +208,7 @@ impl Fuzzy {
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
+        let pipeline = |d: &Description<'_>| Pipeline::for_flags(gpu, d, variant.flags);
         let colors: &[Format] = match (variant.sums, variant.sums_normals()) {
             (sums, true) => &[sums; 2],
             (sums, false) => &[sums],
@@ -243,16 +251,13 @@ impl Fuzzy {
             let make = |topology, large_only| {
                 let mut constants = variant.constants(topology);
                 constants[twin::HAS_LARGE] = large_only;
-                Pipeline::new(
-                    gpu,
-                    &Description {
-                        name,
-                        topology,
-                        record,
-                        constants: &constants,
-                        ..description
-                    },
-                )
+                pipeline(&Description {
+                    name,
+                    topology,
+                    record,
+                    constants: &constants,
+                    ..description
+                })
             };
             Ok(Pair {
                 points: make(Topology::Points, false)?,
@@ -275,37 +280,28 @@ impl Fuzzy {
         };
         Ok(Self {
             variant,
-            depth_triangles: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "fuzzy.depth triangles",
-                    vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
-                    ..base
-                },
-            )?,
+            depth_triangles: pipeline(&Description {
+                name: "fuzzy.depth triangles",
+                vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
+                ..base
+            })?,
             depth_splats: pair("fuzzy.depth splats", depth_splats)?,
-            blend_triangles: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "fuzzy.blend triangles",
-                    vertex: &shaders::TRIANGLES_DRAW_VERT,
-                    fragment: Some(&shaders::FUZZY_BLEND_TRIANGLES_FRAG),
-                    ..blend
-                },
-            )?,
+            blend_triangles: pipeline(&Description {
+                name: "fuzzy.blend triangles",
+                vertex: &shaders::TRIANGLES_DRAW_VERT,
+                fragment: Some(&shaders::FUZZY_BLEND_TRIANGLES_FRAG),
+                ..blend
+            })?,
             blend_splats: pair("fuzzy.blend splats", blend_splats)?,
-            normalize: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "fuzzy.normalize",
-                    vertex: &shaders::FILTERED_NORMALIZE_VERT,
-                    fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
-                    record: NOTHING,
-                    colors: targets(variant.color, variant.writes_normals),
-                    depth: Depth::None,
-                    ..base
-                },
-            )?,
+            normalize: pipeline(&Description {
+                name: "fuzzy.normalize",
+                vertex: &shaders::FILTERED_NORMALIZE_VERT,
+                fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
+                record: NOTHING,
+                colors: targets(variant.color, variant.writes_normals),
+                depth: Depth::None,
+                ..base
+            })?,
             twin: match variant.by_compute {
                 None => None,
                 Some(is_gray) => {

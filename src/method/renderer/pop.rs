@@ -111,7 +111,9 @@ impl Renderer {
             asked.blended(held.triangles + packed.quads, has_large)
         });
         let mut frame = self.frames.begin()?;
-        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
+        let constants = frame_constants(view, settings, &context);
+        let flags = constants.flags;
+        let constants = frame.uniform(&constants)?;
         let plan = splat_plan(settings, max_point);
         let small_list = compute::List {
             scene,
@@ -127,7 +129,7 @@ impl Renderer {
             corners: &lists.small,
             runs: &lists.small_runs,
         };
-        let variant = Splats::variant_of(settings);
+        let variant = Splats::variant_of(settings, flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
             Drawing::of(settings),

@@ -72,7 +72,7 @@ impl Renderer {
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
-        let variant = Splats::variant_of(settings);
+        let variant = Splats::variant_of(settings, constants.flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         // Declared by the pass, not read.
         let indices = &self.lists[0].indices;
