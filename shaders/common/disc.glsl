@@ -7,25 +7,11 @@
 //     rho^2 = (x, y) form (x, y) / (1 + skew.(x, y))^2.
 //
 // Orthographic rays are parallel to z; then skew = 0.
+#include "common/form.glsl"
 #include "common/frame.glsl"
-
-struct Disc {
-    // Framebuffer position of the projected center.
-    vec2 center_px;
-    // xx, xy, yy of the quadratic form, 1 / pixels^2; all 0 where the footprint is the whole square.
-    vec3 form;
-    // 1 / pixels.
-    vec2 skew;
-    // Side of a square around the center that contains the footprint, pixels; at least 1.
-    float size_px;
-};
 
 // Smallest ratio of the axes of a footprint: at a rim normals are unsure and a line would leave holes.
 const float LEAST_RATIO = 0.1;
-
-// A circle of a smaller diameter may lie between the centers of pixels: it is the square around it instead, of one pixel
-// at least, so that no splat vanishes.
-const float LEAST_ROUND_PX = 1.41421356;
 
 // Framebuffer position of a view-space point in front of the eye.
 vec2 position_px(vec3 in_view) {
@@ -58,18 +44,6 @@ vec3 footprint_normal(vec3 n, vec3 v, float thickness) {
     return ratio * v + sqrt(1.0 - ratio * ratio) * sign(facing == 0.0 ? 1.0 : facing) * (across / sine);
 }
 
-// Side of the square around the center that contains the ellipse rho = 1, from the inverse of its form.
-float size_of(vec3 inverse, vec2 skew) {
-    vec2 shift = vec2(dot(inverse.xy, skew), dot(inverse.yz, skew));
-    float rest = 1.0 - dot(skew, shift);
-    vec2 extent = (abs(shift) + sqrt(inverse.xz * rest + shift * shift)) / rest;
-    return 2.0 * max(extent.x, extent.y);
-}
-
-vec3 inverse_form(vec3 form) {
-    return vec3(form.z, -form.y, form.x) / (form.x * form.z - form.y * form.y);
-}
-
 // Ends a footprint whose form and skew are set.
 Disc bounded(Disc disc) {
     disc.size_px = size_of(inverse_form(disc.form), disc.skew);
@@ -84,9 +58,14 @@ Disc bounded(Disc disc) {
     return disc;
 }
 
-// A circle of `radius_px` on the picture.
+// A circle of `radius_px` around a framebuffer position.
+Disc circle_at(vec2 center_px, float radius_px) {
+    return bounded(Disc(center_px, vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0));
+}
+
+// The same around a center in view space.
 Disc circle(vec3 center, float radius_px) {
-    return bounded(Disc(position_px(center), vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0));
+    return circle_at(position_px(center), radius_px);
 }
 
 // Form and skew of the footprint of a patch around `center`, all in view space; `normal` unit, or zero where there is
@@ -143,11 +122,4 @@ Disc exact_footprint(vec3 center, vec3 normal, float radius, float thickness) {
     float size = size_of(inverse_form(disc.form), disc.skew) + 1.0 / 64.0;
     disc.size_px = size >= 1.0 ? size : 1.0;
     return disc;
-}
-
-// rho^2 at an offset from the center, pixels; above 1 is outside.
-float rho_squared(vec3 form, vec2 skew, vec2 offset) {
-    float w = 1.0 + dot(skew, offset);
-    float squared = form.x * offset.x * offset.x + 2.0 * form.y * offset.x * offset.y + form.z * offset.y * offset.y;
-    return w > 0.0 ? squared / (w * w) : 2.0;
 }

@@ -24,8 +24,7 @@ void emit_blend(vec3 center, float radius, vec2 packed_normal, vec4 color, float
     center_px = disc.center_px;
     form = disc.form;
     skew = disc.skew;
-    bool is_left_out = LARGE_ONLY && is_small(surfel);
-    place(is_left_out ? vec4(0.0, 0.0, 2.0, 1.0) : frame.clip_from_view * vec4(surfel.center, 1.0), disc.size_px);
+    place(frame.clip_from_view * vec4(surfel.center, 1.0), disc.size_px);
 
     float weight = weight_of(surfel, disc, area);
     vec3 tint = vec3(1.0, 0.2, 0.2);

@@ -166,6 +166,19 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> draw::splats::Plan 
     }
 }
 
+/// What the packing of fuzzy splats for compute needs of the settings besides [`splat_plan`].
+pub fn fuzzy_look(settings: &Settings, model: &Model) -> draw::fuzzy::Look {
+    draw::fuzzy::Look {
+        is_gauss: settings.splat == SplatKind::Gauss,
+        depth_offset: settings.depth_offset(),
+        two_sided: settings.two_sided,
+        cull_back: settings.draws_fronts_only(model.is_closed),
+        use_colors: settings.use_colors,
+        color_by: settings.color_by,
+        light: settings.light.in_model(model.origin),
+    }
+}
+
 /// What the packing of filtered splats needs of the settings.
 pub fn filtered_shade(
     settings: &Settings,

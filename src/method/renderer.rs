@@ -362,8 +362,12 @@ impl Renderer {
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
         let is_gray =
             settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);
-        if by_compute && is_opaque && self.small.is_none() {
-            self.small = Some(Small::new(&self.gpu, &self.targets)?);
+        if by_compute && is_opaque {
+            let small = match &mut self.small {
+                Some(made) => made,
+                none => none.insert(Small::new(&self.gpu, &self.targets)?),
+            };
+            small.ensure(pop::compute_variant(settings, model))?;
         }
         if settings.has_cut() && Choice::of(settings, model, view).needs_undrawn() {
             // Looks at the whole model, once.
