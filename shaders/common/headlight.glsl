@@ -42,7 +42,8 @@ vec3 phong(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
         return albedo;
     }
     vec3 to_eye = has_flag(FLAG_ORTHOGRAPHIC) ? vec3(0.0, 0.0, 1.0) : -unit_or_zero(position_in_view);
-    vec3 to_lamp = frame.lamp.w != 0.0 ? unit_or_zero(frame.lamp.xyz - position_in_view) : frame.lamp.xyz;
+    // No branch: on a value that is the same for all a device may compile a shader anew for every frame.
+    vec3 to_lamp = unit_or_zero(frame.lamp.xyz - frame.lamp.w * position_in_view);
     bool is_back = !has_flag(FLAG_CULLS_BACK) && dot(normal, to_eye) < -LEAST_BACK;
     float cosine = dot(normal, to_lamp);
     float half_cosine = dot(normal, unit_or_zero(to_lamp + to_eye));

@@ -2,8 +2,8 @@
 //! and eight quotients, four splats at a time.
 //!
 //! A software device reads each number of a matrix for eight splats; that and the quotients took longer than the pixels of
-//! a small splat. A graphics card has the arithmetic for nothing and waits for the records, of which these are
-//! 48 instead of 28 bytes: there the rasterizer draws ([`crate::method::costs`] measures it).
+//! a small splat. A graphics card has the arithmetic for nothing and waits for memory: there the 48 bytes of these records
+//! instead of 28 are a loss, and packing is. So it is measured which of the two a device draws faster.
 //!
 //! **Footprint.** A disc with center c, unit normal n and radius r in view space lies, to first order around its projected
 //! center, in the ellipse x . C⁻¹ x <= 1 with C = s² P (I - n nᵀ) Pᵀ: P = (1 0 a; 0 1 b), (a, b, -1) = c / distance,

@@ -353,6 +353,7 @@ impl Renderer {
                 normals,
                 colors: scene.has_colors,
                 lamp,
+                flags,
             };
             if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
