@@ -28,6 +28,13 @@ layout(set = 0, binding = 3, std430) buffer Nearest {
     uint64_t nearest[];
 };
 
+// Depth and last component in clip space, as the rasterizer finds them to the bit: where two splats are as near as rounding
+// tells them apart, both shall show the same one. No projection has anything else in these rows.
+vec4 clip_of_depth(float z_in_view) {
+    mat4 m = frame.clip_from_view;
+    return vec4(0.0, 0.0, m[2][2] * z_in_view + m[3][2], m[2][3] * z_in_view + m[3][3]);
+}
+
 void leave(uint pixel, uint64_t key) {
     if (!LOOKS_FIRST || nearest[pixel] < key) {
         atomicMax(nearest[pixel], key);
@@ -44,11 +51,11 @@ void main() {
     // One condition at the end instead of returns: each return costs a software device a nanosecond.
     uint own = list.begin + min(item, list.count - 1u);
     vec3 center = vec3(splats[own].center[0], splats[own].center[1], splats[own].center[2]);
-    vec4 at = frame.window_from_model * vec4(center, 1.0);
-    vec3 window = at.xyz / at.w;
+    vec4 clip = clip_of_depth((frame.view_from_model * vec4(center, 1.0)).z);
+    vec3 window = vec3((frame.window_from_model * vec4(center, 1.0)).xy, clip.z) / clip.w;
     uint64_t key = packUint2x32(uvec2(~((list.first + item) | SPLAT_BIT), floatBitsToUint(window.z)));
     // The view volume in depth, and nothing that is not finite.
-    bool is_drawn = item < list.count && at.z >= 0.0 && at.z <= at.w && at.w > 0.0;
+    bool is_drawn = item < list.count && clip.z >= 0.0 && clip.z <= clip.w && clip.w > 0.0;
     if (SIDE == 1 && !ARE_DISCS) {
         // What square_around gives: pixel i if 256 i < the rounded 256 window <= 256 (i + 1).
         vec2 in_rect = ceil(window.xy - 1.0 / 512.0) - 1.0 - vec2(list.rect_px.xy);
@@ -58,7 +65,7 @@ void main() {
         }
         return;
     }
-    float side = 2.0 * radius_px_of(SIDE > 0 ? 0.0 : splats[own].radius, at.w);
+    float side = 2.0 * radius_px_of(SIDE > 0 ? 0.0 : splats[own].radius, clip.w);
     Square square = square_around(window.xy, side);
     // What is too small for a circle is a square, as `circle_at` has it.
     bool is_round = ARE_DISCS && (SIDE > 2 || side >= LEAST_ROUND_PX);

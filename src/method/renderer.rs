@@ -78,6 +78,7 @@ pub struct Renderer {
     selector: cut::Selector,
     costs: Option<Costs>,
     triangles: Option<(Variant, Pipeline)>,
+    spare_triangles: Vec<(Variant, Pipeline)>,
     /// One for each variant that was drawn, those drawn last.
     splats: Vec<Splats>,
     small: Option<Small>,
@@ -139,6 +140,7 @@ impl Renderer {
             selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
             triangles: None,
+            spare_triangles: Vec::new(),
             splats: Vec::new(),
             small: None,
             filtered: None,
@@ -355,6 +357,8 @@ impl Renderer {
                 lamp,
                 flags,
             };
+            let spare = &mut self.spare_triangles;
+            exchange(&mut self.triangles, spare, |t| t.0 == variant);
             if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
