@@ -42,6 +42,32 @@ pub struct WeightedSplat {
     pub area: f32,
 }
 
+/// A fuzzy splat with its place in the picture, 48 bytes: what compute draws. Pairs of fields that lie in one word of 64 bits
+/// are read together.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct FuzzySplat {
+    /// Where its center lies in the picture, pixels; x right and y down from the top left corner. Not finite where nothing
+    /// is drawn.
+    pub window_px: [f32; 2],
+    /// Reversed depth (1 at the near, 0 at the far plane) of the center in the first pass, pushed away from the viewer by
+    /// the depth offset; 0 hides nothing.
+    pub pushed_depth: f32,
+    /// xx, xy and yy of the inverse C of the footprint's quadratic form, square pixels: an offset x from the center is
+    /// inside where x . C⁻¹ x <= (1 + skew . x)². Of a square its side in the first, pixels.
+    pub inverse_px: [f32; 3],
+    /// See `inverse_px`; 1 / pixels.
+    pub skew: [f32; 2],
+    /// Reversed depth of the center, 0..=1.
+    pub depth: f32,
+    /// Area that its patch of surface covers, square pixels; negative where it is unknown, or weights are 1.
+    pub area_px: f32,
+    /// In the headlight red, green and blue of the surface in the three lowest bytes, then the bits of their factor, a float.
+    /// In the light of a lamp the shaded red and green in the halves of the first (lower half first), blue in the second,
+    /// 65535 is 1.
+    pub color: [u32; 2],
+}
+
 /// One filtered splat to draw, 48 bytes: a patch of surface by its integral over the pixel. Pairs of fields that lie in one
 /// word of 64 bits are read together.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -256,6 +282,21 @@ const _: () = {
             && std::mem::offset_of!(FilteredSplat, unused) == record::BLUE_NOTHING + 4
             && size_of::<FilteredSplat>() == record::END,
         "abi::FilteredSplat is not what the shaders have"
+    );
+};
+const _: () = {
+    use generated::layout::fuzzy_record as record;
+    assert!(
+        std::mem::offset_of!(FuzzySplat, window_px) == record::WINDOW
+            && std::mem::offset_of!(FuzzySplat, pushed_depth) == record::PUSHED_XX
+            && std::mem::offset_of!(FuzzySplat, inverse_px) == record::PUSHED_XX + 4
+            && record::XY_YY == record::PUSHED_XX + 8
+            && std::mem::offset_of!(FuzzySplat, skew) == record::SKEW
+            && std::mem::offset_of!(FuzzySplat, depth) == record::DEPTH_AREA
+            && std::mem::offset_of!(FuzzySplat, area_px) == record::DEPTH_AREA + 4
+            && std::mem::offset_of!(FuzzySplat, color) == record::COLOR
+            && size_of::<FuzzySplat>() == record::END,
+        "abi::FuzzySplat is not what the shaders have"
     );
 };
 same_layout!(

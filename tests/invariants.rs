@@ -4,10 +4,11 @@
 mod common;
 
 use common::{Device, generated, orbit};
+use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::gpu::Options;
 use surfel::image::{Difference, Image, compare};
-use surfel::math::camera::View;
+use surfel::math::camera::{Camera, View};
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Outputs, Renderer};
 use surfel::method::scene::Scene;
@@ -239,6 +240,85 @@ fn the_frame_loop_makes_nothing_new() {
             device.gpu().created_resources()
         )
     );
+}
+
+/// Pipelines are made for the kind of projection, light and color of their frames: each frame has those of its own.
+#[test]
+fn one_renderer_draws_frames_of_every_kind_as_a_new_one_does() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 20_000);
+    let size = (120, 100);
+    let perspective = orbit(&model, size, 30.0, 20.0, 1.0);
+    let center = model.origin + model.orbit_center.as_dvec3();
+    let mut camera = Camera::orbit(size, center, f64::from(model.orbit_radius), 0.5, 0.3, 0.7);
+    let (near, far) = (0.1, 100.0);
+    camera.proj = glam::DMat4::from_cols(
+        glam::DVec4::X * 0.6,
+        glam::DVec4::Y * 0.72,
+        glam::DVec4::Z / (near - far),
+        glam::DVec4::new(0.1, -0.05, near / (near - far), 1.0),
+    );
+    let parallel = camera.view(model.origin).unwrap();
+    let outputs = Outputs {
+        depth: true,
+        ..Outputs::default()
+    };
+    let backend = Backend::Device(device.gpu().clone());
+    for (method, splat, path) in [
+        (Method::Triangles, SplatKind::Square, Path::Raster),
+        (Method::Points, SplatKind::Square, Path::Raster),
+        (Method::Pop, SplatKind::Square, Path::Raster),
+        (Method::Pop, SplatKind::Disc, Path::Auto),
+        (Method::Pop, SplatKind::Gauss, Path::Raster),
+        (Method::Pop, SplatKind::Gauss, Path::Auto),
+        (Method::Pop, SplatKind::Visibility, Path::Raster),
+    ] {
+        let plain = Settings {
+            method,
+            splat,
+            path,
+            threshold_px: 2.0,
+            ..Settings::default()
+        };
+        let kinds = [
+            (perspective, plain),
+            (parallel, plain),
+            (
+                perspective,
+                Settings {
+                    light: Lighting::Phong(Phong::default()),
+                    ..plain
+                },
+            ),
+            (
+                perspective,
+                Settings {
+                    color_by: ColorBy::Normal,
+                    ..plain
+                },
+            ),
+            (
+                perspective,
+                Settings {
+                    color_by: ColorBy::Primitive,
+                    culling: Culling::Off,
+                    two_sided: false,
+                    threshold_px: 3.0,
+                    ..plain
+                },
+            ),
+        ];
+        let mut one = Engine::new(&backend, &model, size, outputs).unwrap();
+        for round in 0..2 {
+            for (kind, (view, settings)) in kinds.iter().enumerate() {
+                let picture = one.render(view, settings).unwrap();
+                let mut new = Engine::new(&backend, &model, size, outputs).unwrap();
+                let wanted = new.render(view, settings).unwrap();
+                let what = format!("{method:?}, {splat:?}, {path:?}, kind {kind}, round {round}");
+                assert_eq!(picture, wanted, "{what}");
+            }
+        }
+    }
 }
 
 #[test]

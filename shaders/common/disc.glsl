@@ -7,35 +7,21 @@
 //     rho^2 = (x, y) form (x, y) / (1 + skew.(x, y))^2.
 //
 // Orthographic rays are parallel to z; then skew = 0.
+#include "common/form.glsl"
 #include "common/frame.glsl"
-
-struct Disc {
-    // Framebuffer position of the projected center.
-    vec2 center_px;
-    // xx, xy, yy of the quadratic form, 1 / pixels^2; all 0 where the footprint is the whole square.
-    vec3 form;
-    // 1 / pixels.
-    vec2 skew;
-    // Side of a square around the center that contains the footprint, pixels; at least 1.
-    float size_px;
-};
 
 // Smallest ratio of the axes of a footprint: at a rim normals are unsure and a line would leave holes.
 const float LEAST_RATIO = 0.1;
 
-// A circle of a smaller diameter may lie between the centers of pixels: it is the square around it instead, of one pixel
-// at least, so that no splat vanishes.
-const float LEAST_ROUND_PX = 1.41421356;
-
 // Framebuffer position of a view-space point in front of the eye.
 vec2 position_px(vec3 in_view) {
-    vec2 at = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? in_view.xy : in_view.xy / -in_view.z;
+    vec2 at = has_flag(FLAG_ORTHOGRAPHIC) ? in_view.xy : in_view.xy / -in_view.z;
     return (at - frame.ray_offset) / frame.ray_scale;
 }
 
 // Unit vector from a view-space point to the eye; towards the viewer in an orthographic view.
 vec3 to_eye(vec3 in_view) {
-    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(in_view);
+    return has_flag(FLAG_ORTHOGRAPHIC) ? vec3(0.0, 0.0, 1.0) : -normalize(in_view);
 }
 
 // Half the thickness of the patch over its radius, from the alpha of its color (1 / 255 to 1: 255 is flat).
@@ -58,18 +44,6 @@ vec3 footprint_normal(vec3 n, vec3 v, float thickness) {
     return ratio * v + sqrt(1.0 - ratio * ratio) * sign(facing == 0.0 ? 1.0 : facing) * (across / sine);
 }
 
-// Side of the square around the center that contains the ellipse rho = 1, from the inverse of its form.
-float size_of(vec3 inverse, vec2 skew) {
-    vec2 shift = vec2(dot(inverse.xy, skew), dot(inverse.yz, skew));
-    float rest = 1.0 - dot(skew, shift);
-    vec2 extent = (abs(shift) + sqrt(inverse.xz * rest + shift * shift)) / rest;
-    return 2.0 * max(extent.x, extent.y);
-}
-
-vec3 inverse_form(vec3 form) {
-    return vec3(form.z, -form.y, form.x) / (form.x * form.z - form.y * form.y);
-}
-
 // Ends a footprint whose form and skew are set.
 Disc bounded(Disc disc) {
     disc.size_px = size_of(inverse_form(disc.form), disc.skew);
@@ -84,20 +58,25 @@ Disc bounded(Disc disc) {
     return disc;
 }
 
-// A circle of `radius_px` on the picture.
+// A circle of `radius_px` around a framebuffer position.
+Disc circle_at(vec2 center_px, float radius_px) {
+    return bounded(Disc(center_px, vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0));
+}
+
+// The same around a center in view space.
 Disc circle(vec3 center, float radius_px) {
-    return bounded(Disc(position_px(center), vec3(1.0, 0.0, 1.0) / (radius_px * radius_px), vec2(0.0), 0.0));
+    return circle_at(position_px(center), radius_px);
 }
 
 // Form and skew of the footprint of a patch around `center`, all in view space; `normal` unit, or zero where there is
-// none. `low_pass_px` is the standard deviation of a Gaussian that the footprint is widened by, where rho = 1 stands for
-// two standard deviations.
-Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
+// none. `is_widened`: by the frame's Gaussian, where rho = 1 stands for two standard deviations. (A constant, since a device may
+// compile a shader anew that asks the frame whether there is one.)
+Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness, bool is_widened) {
     Disc disc;
     disc.center_px = position_px(center);
     disc.skew = vec2(0.0);
     vec2 scale = frame.ray_scale;
-    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
+    bool is_orthographic = has_flag(FLAG_ORTHOGRAPHIC);
     float distance = is_orthographic ? 1.0 : -center.z;
     // The near plane in view space, from the projection: depth 1 there.
     float near = frame.clip_from_view[3][2] / (1.0 + frame.clip_from_view[2][2]);
@@ -123,9 +102,9 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
         y *= scale.y * distance / radius;
         disc.form = vec3(dot(x, x), dot(x, y), dot(y, y));
     }
-    if (low_pass_px > 0.0) {
+    if (is_widened) {
         vec3 inverse = inverse_form(disc.form);
-        inverse.xz += 4.0 * low_pass_px * low_pass_px;
+        inverse.xz += 4.0 * frame.low_pass_px * frame.low_pass_px;
         disc.form = inverse_form(inverse);
     }
     disc.size_px = 0.0;
@@ -133,21 +112,14 @@ Disc unbounded_footprint(vec3 center, vec3 normal, float radius, float thickness
 }
 
 // The footprint of a patch, see unbounded_footprint; a pixel at least.
-Disc footprint(vec3 center, vec3 normal, float radius, float thickness, float low_pass_px) {
-    return bounded(unbounded_footprint(center, normal, radius, thickness, low_pass_px));
+Disc footprint(vec3 center, vec3 normal, float radius, float thickness, bool is_widened) {
+    return bounded(unbounded_footprint(center, normal, radius, thickness, is_widened));
 }
 
 // The footprint as it is: it may lie between the centers of pixels.
 Disc exact_footprint(vec3 center, vec3 normal, float radius, float thickness) {
-    Disc disc = unbounded_footprint(center, normal, radius, thickness, 0.0);
+    Disc disc = unbounded_footprint(center, normal, radius, thickness, false);
     float size = size_of(inverse_form(disc.form), disc.skew) + 1.0 / 64.0;
     disc.size_px = size >= 1.0 ? size : 1.0;
     return disc;
-}
-
-// rho^2 at an offset from the center, pixels; above 1 is outside.
-float rho_squared(vec3 form, vec2 skew, vec2 offset) {
-    float w = 1.0 + dot(skew, offset);
-    float squared = form.x * offset.x * offset.x + 2.0 * form.y * offset.x * offset.y + form.z * offset.y * offset.y;
-    return w > 0.0 ? squared / (w * w) : 2.0;
 }

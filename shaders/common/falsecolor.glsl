@@ -15,15 +15,15 @@ vec3 ramp(float t) {
 }
 
 bool shows_data() {
-    return (frame.flags & (FLAG_COLOR_BY_LEVEL | FLAG_COLOR_BY_NORMAL | FLAG_COLOR_BY_DEPTH)) != 0u;
+    return has_flag(FLAG_COLOR_BY_LEVEL | FLAG_COLOR_BY_NORMAL | FLAG_COLOR_BY_DEPTH);
 }
 
 // `normal` unit or zero, both in view space; `level` is the color of the level in the tree.
 vec3 data_color(vec3 position_in_view, vec3 normal, vec3 level) {
-    if ((frame.flags & FLAG_COLOR_BY_LEVEL) != 0u) {
+    if (has_flag(FLAG_COLOR_BY_LEVEL)) {
         return level;
     }
-    if ((frame.flags & FLAG_COLOR_BY_NORMAL) != 0u) {
+    if (has_flag(FLAG_COLOR_BY_NORMAL)) {
         return 0.5 + 0.5 * (normal * mat3(frame.view_from_model)) / frame.model_scale;
     }
     return ramp((frame.depth_range.y + position_in_view.z) / (frame.depth_range.y - frame.depth_range.x));

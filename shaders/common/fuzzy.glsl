@@ -2,6 +2,7 @@
 #include "common/round.glsl"
 #include "common/headlight.glsl"
 #include "common/octahedral.glsl"
+#include "common/fuzzy_weight.glsl"
 
 // A Gaussian in the plane of the surface, else weights of 1.
 layout(constant_id = 0) const bool IS_GAUSS = false;
@@ -10,16 +11,8 @@ layout(constant_id = 1) const bool IS_ORIENTED = false;
 // A square, else (if not oriented) a circle.
 layout(constant_id = 3) const bool IS_SQUARE = false;
 
-// Compute draws what is small: vertex shaders leave it out.
-layout(constant_id = 8) const bool LARGE_ONLY = false;
-
-const float PI = 3.14159265;
-// Integral of exp(-2 rho^2) over the unit disc, over pi: (1 - exp(-2)) / 2.
-const float GAUSSIAN_MEAN = 0.43233236;
 // The least cosine under which a patch is taken to be seen: it covers something, or it would not be there.
 const float LEAST_FACING = 0.02;
-// The least weight in the middle: a pixel that a splat alone decides (exp(-2) of this) must show something.
-const float LEAST_DEPOSIT = 1e-3;
 
 struct Surfel {
     // All in view space.
@@ -48,11 +41,11 @@ Surfel surfel_of(vec3 center, float radius, vec2 packed_normal, float alpha) {
     return surfel;
 }
 
-Disc footprint_of(Surfel surfel, float low_pass_px) {
+Disc footprint_of(Surfel surfel, bool is_widened) {
     if (IS_ORIENTED) {
-        return footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness, low_pass_px);
+        return footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness, is_widened);
     }
-    float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -surfel.center.z;
+    float distance = has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : -surfel.center.z;
     float radius_px = surfel.radius * frame.focal_px / distance;
     if (IS_SQUARE) {
         return Disc(position_px(surfel.center), vec3(0.0), vec2(0.0), max(2.0 * radius_px, 1.0));
@@ -62,25 +55,18 @@ Disc footprint_of(Surfel surfel, float low_pass_px) {
 
 // The weight in the middle of a kernel; `area` in model units squared, negative where it is unknown.
 float weight_of(Surfel surfel, Disc disc, float area) {
-    // A Gaussian deposits the area that its patch covers, so that the sum of weights is coverage.
-    float weight = 1.0;
     if (IS_GAUSS && area >= 0.0) {
         // A patch of some thickness has normals to all sides of the mean.
         float facing = clamp(length(vec2(surfel.facing, surfel.thickness)), LEAST_FACING, 1.0);
         float scale = frame.focal_px * frame.model_scale;
-        if ((frame.flags & FLAG_ORTHOGRAPHIC) == 0u) {
+        if (!has_flag(FLAG_ORTHOGRAPHIC)) {
             float z = -surfel.center.z;
             facing *= length(surfel.center) / z;
             scale /= z;
         }
-        float area_px = area * scale * scale * facing;
-        float determinant = disc.form.x * disc.form.z - disc.form.y * disc.form.y;
-        // A square has no form.
-        weight = determinant > 0.0 ? area_px * sqrt(determinant) / (PI * GAUSSIAN_MEAN)
-                                   : area_px / (disc.size_px * disc.size_px);
-        weight = max(weight, LEAST_DEPOSIT);
+        return weight_in_middle(area * scale * scale * facing, disc);
     }
-    return weight;
+    return 1.0;
 }
 
 // The footprint that hides what is behind.
@@ -88,7 +74,7 @@ Disc hiding_footprint(Surfel surfel) {
     // A Gaussian's own footprint: wherever it hides something it also counts, since the kernel is never smaller. Small
     // ones between the centers of pixels hide nothing; what surface they stand for, their neighbors hide.
     return IS_GAUSS ? exact_footprint(surfel.center, surfel.normal, surfel.radius, surfel.thickness)
-                    : footprint_of(surfel, 0.0);
+                    : footprint_of(surfel, false);
 }
 
 // How far away from the eye a splat is pushed in the first pass, view space. Where discs of one plane overlap, the depths of
@@ -96,10 +82,4 @@ Disc hiding_footprint(Surfel surfel) {
 // footprint is enough.
 float offset_of(Surfel surfel) {
     return frame.background.a * surfel.radius / max(surfel.facing, LEAST_RATIO);
-}
-
-// Whether compute draws a splat where it draws what is small.
-bool is_small(Surfel surfel) {
-    float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -surfel.center.z;
-    return 2.0 * surfel.radius * frame.focal_px <= LARGEST_SMALL_BLENDED_PX * distance;
 }

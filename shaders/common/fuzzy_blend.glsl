@@ -6,6 +6,8 @@
 layout(constant_id = 4) const bool IS_DEFERRED = false;
 // The frame has a lamp instead of the headlight.
 layout(constant_id = 6) const bool HAS_LAMP = false;
+// Gaussians are widened by that of the frame.
+layout(constant_id = 11) const bool IS_WIDENED = false;
 
 layout(location = 0) flat out vec2 center_px;
 layout(location = 1) flat out vec3 form;
@@ -18,16 +20,15 @@ layout(location = 4) flat out vec4 normal_deposit;
 // `area` in model units squared; negative where it is unknown.
 void emit_blend(vec3 center, float radius, vec2 packed_normal, vec4 color, float area) {
     Surfel surfel = surfel_of(center, radius, packed_normal, color.a);
-    Disc disc = footprint_of(surfel, IS_GAUSS ? frame.low_pass_px : 0.0);
+    Disc disc = footprint_of(surfel, IS_WIDENED);
     center_px = disc.center_px;
     form = disc.form;
     skew = disc.skew;
-    bool is_left_out = LARGE_ONLY && is_small(surfel);
-    place(is_left_out ? vec4(0.0, 0.0, 2.0, 1.0) : frame.clip_from_view * vec4(surfel.center, 1.0), disc.size_px);
+    place(frame.clip_from_view * vec4(surfel.center, 1.0), disc.size_px);
 
     float weight = weight_of(surfel, disc, area);
     vec3 tint = vec3(1.0, 0.2, 0.2);
-    vec3 base = (frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u ? tint : color.rgb;
+    vec3 base = has_flag(FLAG_COLOR_BY_PRIMITIVE) ? tint : color.rgb;
     if (!IS_DEFERRED) {
         base = shade_at(surfel.center, surfel.normal, color.rgb, tint);
     }

@@ -16,7 +16,7 @@ void emit_depth(vec3 center, float radius, vec2 packed_normal, float alpha) {
     vec4 clip = clip_of_pushed(push_away(surfel.center, offset_of(surfel)));
     // Near and far are those of the center itself, as in the blend pass.
     vec4 unpushed = frame.clip_from_view * vec4(surfel.center, 1.0);
-    if (unpushed.z > unpushed.w || unpushed.z < 0.0 || (LARGE_ONLY && is_small(surfel))) {
+    if (unpushed.z > unpushed.w || unpushed.z < 0.0) {
         clip = vec4(0.0, 0.0, 2.0, 1.0);
     }
     place(clip, disc.size_px);

@@ -6,9 +6,9 @@
 // Color of the surface itself. `tint` is the color used when coloring by primitive.
 vec3 albedo_of(vec3 color, vec3 tint) {
     vec3 albedo = vec3(ALBEDO);
-    if ((frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u) {
+    if (has_flag(FLAG_COLOR_BY_PRIMITIVE)) {
         albedo *= tint;
-    } else if ((frame.flags & FLAG_USE_COLORS) != 0u) {
+    } else if (has_flag(FLAG_USE_COLORS)) {
         albedo *= color;
     }
     return albedo;
@@ -18,7 +18,7 @@ vec3 albedo_of(vec3 color, vec3 tint) {
 // faced the light. `tint` is the color used when coloring by primitive.
 vec3 headlight(vec3 normal, vec3 to_eye, vec3 color, vec3 tint) {
     float facing = dot(normal, to_eye);
-    float lambert = (frame.flags & FLAG_TWO_SIDED) != 0u ? abs(facing) : max(facing, 0.0);
+    float lambert = has_flag(FLAG_TWO_SIDED) ? abs(facing) : max(facing, 0.0);
     if (normal == vec3(0.0)) {
         lambert = 1.0;
     }
@@ -27,7 +27,7 @@ vec3 headlight(vec3 normal, vec3 to_eye, vec3 color, vec3 tint) {
 
 // Unit vector from a view-space point towards the headlight.
 vec3 to_light(vec3 position_in_view) {
-    return (frame.flags & FLAG_PARALLEL_LIGHT) != 0u ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
+    return has_flag(FLAG_PARALLEL_LIGHT) ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
 }
 
 vec3 unit_or_zero(vec3 v) {
@@ -41,14 +41,15 @@ vec3 phong(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
     if (normal == vec3(0.0)) {
         return albedo;
     }
-    vec3 to_eye = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(0.0, 0.0, 1.0) : -unit_or_zero(position_in_view);
-    vec3 to_lamp = frame.lamp.w != 0.0 ? unit_or_zero(frame.lamp.xyz - position_in_view) : frame.lamp.xyz;
-    bool is_back = (frame.flags & FLAG_CULLS_BACK) == 0u && dot(normal, to_eye) < -LEAST_BACK;
+    vec3 to_eye = has_flag(FLAG_ORTHOGRAPHIC) ? vec3(0.0, 0.0, 1.0) : -unit_or_zero(position_in_view);
+    // No branch: on a value that is the same for all a device may compile a shader anew for every frame.
+    vec3 to_lamp = unit_or_zero(frame.lamp.xyz - frame.lamp.w * position_in_view);
+    bool is_back = !has_flag(FLAG_CULLS_BACK) && dot(normal, to_eye) < -LEAST_BACK;
     float cosine = dot(normal, to_lamp);
     float half_cosine = dot(normal, unit_or_zero(to_lamp + to_eye));
     if (is_back) {
         // The side that is seen is the other one; lit from the front only, it has no light of the lamp.
-        float side = (frame.flags & FLAG_TWO_SIDED) != 0u ? -1.0 : 0.0;
+        float side = has_flag(FLAG_TWO_SIDED) ? -1.0 : 0.0;
         cosine *= side;
         half_cosine *= side;
     }
@@ -63,8 +64,8 @@ vec3 phong(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
 // the cosine to the eye. In the light of a lamp only what is certainly seen from behind: the headlight does not
 // care about the sign at a silhouette, a lamp does.
 bool is_turned_when_deferred(bool has_lamp, float facing) {
-    bool is_back = has_lamp ? (frame.flags & FLAG_CULLS_BACK) == 0u && facing < -LEAST_BACK : facing < 0.0;
-    return (frame.flags & FLAG_TWO_SIDED) != 0u && is_back;
+    bool is_back = has_lamp ? !has_flag(FLAG_CULLS_BACK) && facing < -LEAST_BACK : facing < 0.0;
+    return has_flag(FLAG_TWO_SIDED) && is_back;
 }
 
 // A surface point in whatever light the frame has, or as the data that the frame shows: what a method calls that shades
@@ -73,7 +74,7 @@ vec3 shade_at(vec3 position_in_view, vec3 normal, vec3 color, vec3 tint) {
     if (shows_data()) {
         return data_color(position_in_view, normal, color);
     }
-    if ((frame.flags & FLAG_PHONG) != 0u) {
+    if (has_flag(FLAG_PHONG)) {
         return phong(position_in_view, normal, color, tint);
     }
     return headlight(normal, to_light(position_in_view), color, tint);
@@ -87,7 +88,7 @@ vec3 shade_pixel(bool has_lamp, vec4 frag_coord, vec3 normal, vec3 color, vec3 t
     vec2 at = frag_coord.xy * frame.ray_scale + frame.ray_offset;
     if (has_lamp) {
         float depth_in_view = (frag_coord.z - frame.clip_from_view[3].z) / frame.clip_from_view[2].z;
-        vec3 position_in_view = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u
+        vec3 position_in_view = has_flag(FLAG_ORTHOGRAPHIC)
             ? vec3(at, depth_in_view)
             : vec3(at, -1.0) / frag_coord.w;
         if (shows_data()) {
@@ -96,7 +97,7 @@ vec3 shade_pixel(bool has_lamp, vec4 frag_coord, vec3 normal, vec3 color, vec3 t
         return phong(position_in_view, normal, color, tint);
     }
     vec3 l = vec3(0.0, 0.0, 1.0);
-    if ((frame.flags & FLAG_PARALLEL_LIGHT) == 0u) {
+    if (!has_flag(FLAG_PARALLEL_LIGHT)) {
         l = -normalize(vec3(at, -1.0));
     }
     return headlight(normal, l, color, tint);

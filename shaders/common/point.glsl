@@ -11,7 +11,7 @@ void emit_point(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     vec4 center_in_view = frame.view_from_model * vec4(center, 1.0);
     float side = frame.splat_size_px;
     if (radius > 0.0) {
-        float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -center_in_view.z;
+        float distance = has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : -center_in_view.z;
         side = 2.0 * frame.focal_px * radius * frame.model_scale / distance;
     }
     place(frame.clip_from_view * center_in_view, max(side, 1.0));

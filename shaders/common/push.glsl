@@ -3,7 +3,7 @@
 #include "common/frame.glsl"
 
 vec3 push_away(vec3 position_in_view, float distance) {
-    if ((frame.flags & FLAG_ORTHOGRAPHIC) != 0u) {
+    if (has_flag(FLAG_ORTHOGRAPHIC)) {
         return position_in_view - vec3(0.0, 0.0, distance);
     }
     float length_in_view = length(position_in_view);

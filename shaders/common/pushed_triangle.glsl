@@ -5,7 +5,7 @@
 
 vec4 clip_of_pushed_corner(vec3 position, vec2 normal, bool has_normal) {
     vec3 position_in_view = (frame.view_from_model * vec4(position, 1.0)).xyz;
-    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
+    bool is_orthographic = has_flag(FLAG_ORTHOGRAPHIC);
     vec3 to_eye = is_orthographic ? vec3(0.0, 0.0, 1.0) : -normalize(position_in_view);
     vec3 n = mat3(frame.view_from_model) * octahedral_decode(normal) / frame.model_scale;
     float facing = has_normal ? max(abs(dot(n, to_eye)), 0.1) : 1.0;

@@ -8,7 +8,7 @@ layout(location = 0) out vec4 color;
 void resolve(vec4 own, vec2 front, vec4 filled) {
     bool is_empty = !is_foreground(own) && !is_hole(own);
     vec3 shown = is_hole(own) && filled.a > 0.0 ? filled.rgb : own.rgb;
-    if ((frame.flags & FLAG_COLOR_BY_CLASSIFICATION) != 0u) {
+    if (has_flag(FLAG_COLOR_BY_CLASSIFICATION)) {
         shown = is_foreground(own) ? vec3(1.0) : filled.a > 0.0 ? vec3(HOLE) : vec3(1.0, 0.0, 0.0);
     }
     color = is_empty ? vec4(frame.background.rgb, 0.0) : vec4(shown, 1.0);

@@ -18,17 +18,19 @@ void emit_round(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     // Alpha 0 marks what has no normal.
     normal_in_model = color.a == 0.0 ? vec3(0.0) : octahedral_decode(packed_normal);
     vec3 n = mat3(frame.view_from_model) * normal_in_model / frame.model_scale;
-    float r = radius_in_view(radius, center_in_view);
+    vec4 clip = frame.clip_from_view * vec4(center_in_view, 1.0);
     Disc disc;
     if (IS_ORIENTED) {
-        disc = footprint(center_in_view, n, r, thickness_of(color.a), 0.0);
+        float r = radius_in_view(radius, center_in_view);
+        disc = footprint(center_in_view, n, r, thickness_of(color.a), false);
     } else {
-        float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -center_in_view.z;
-        disc = circle(center_in_view, r * frame.focal_px / distance);
+        // As compute finds them, to the bit: at the rim of a circle a last place decides.
+        vec2 window = (frame.window_from_model * vec4(center, 1.0)).xy / clip.w;
+        disc = circle_at(window, radius_px_of(radius, clip.w));
     }
     center_px = disc.center_px;
     form = disc.form;
     skew = disc.skew;
-    place(frame.clip_from_view * vec4(center_in_view, 1.0), disc.size_px);
+    place(clip, disc.size_px);
     shade = shade_at(center_in_view, n, color.rgb, vec3(1.0, 0.2, 0.2));
 }

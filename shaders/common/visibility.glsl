@@ -17,7 +17,7 @@ bool is_hole(vec4 texel) {
 
 // Half the side of a pixel at a distance along the view direction, view-space units.
 float pixel_radius(float distance) {
-    return 0.5 * ((frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : max(distance, 0.0)) / frame.focal_px;
+    return 0.5 * (has_flag(FLAG_ORTHOGRAPHIC) ? 1.0 : max(distance, 0.0)) / frame.focal_px;
 }
 
 // Radius of the frame's constant size there.

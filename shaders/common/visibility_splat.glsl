@@ -36,7 +36,7 @@ void emit_splat(vec3 center, float radius, vec2 packed_normal, vec4 color) {
     skew = vec2(0.0);
     if (!IS_CENTER) {
         clip = frame.clip_from_view * vec4(push_away(center_in_view, front.y), 1.0);
-        Disc disc = footprint(center_in_view, n, r, thickness_of(color.a), 0.0);
+        Disc disc = footprint(center_in_view, n, r, thickness_of(color.a), false);
         center_px = disc.center_px;
         form = disc.form;
         skew = disc.skew;

@@ -15,25 +15,24 @@ layout(constant_id = 0) const bool ARE_DISCS = false;
 // Look at a key before the atomic. Most squares of a dense surface lose, and where many invocations want one pixel only
 // atomics make them wait for each other. On a software device the look costs more than it spares.
 layout(constant_id = 1) const bool LOOKS_FIRST = false;
-// No square has a radius of its own.
-layout(constant_id = 2) const bool HAS_ONE_SIZE = false;
-// The one size is a pixel.
-layout(constant_id = 3) const bool IS_PIXEL = false;
+// None has a radius of its own, and the one size, rounded up, is that many pixels: three bits of 1 to 7; else 0.
+layout(constant_id = 2) const bool HAS_SIDE_1 = false;
+layout(constant_id = 3) const bool HAS_SIDE_2 = false;
+layout(constant_id = 4) const bool HAS_SIDE_4 = false;
+// Larger ones count their pixels.
+const int MOST_UNROLLED = 4;
+const int SIDE = int(HAS_SIDE_1) + 2 * int(HAS_SIDE_2) + 4 * int(HAS_SIDE_4);
 
 layout(set = 0, binding = 3, std430) buffer Nearest {
     // Reversed depth as bits (non-negative floats order like integers) above the complement of the number; 0: nothing.
     uint64_t nearest[];
 };
 
-// Clip position, without the entries that are zero in every projection.
-vec4 clip_of(vec3 in_view) {
+// Depth and last component in clip space, as the rasterizer finds them to the bit: where two splats are as near as rounding
+// tells them apart, both shall show the same one. No projection has anything else in these rows.
+vec4 clip_of_depth(float z_in_view) {
     mat4 m = frame.clip_from_view;
-    return vec4(
-        m[0][0] * in_view.x + m[2][0] * in_view.z + m[3][0],
-        m[1][1] * in_view.y + m[2][1] * in_view.z + m[3][1],
-        m[2][2] * in_view.z + m[3][2],
-        m[2][3] * in_view.z + m[3][3]
-    );
+    return vec4(0.0, 0.0, m[2][2] * z_in_view + m[3][2], m[2][3] * z_in_view + m[3][3]);
 }
 
 void leave(uint pixel, uint64_t key) {
@@ -42,27 +41,22 @@ void leave(uint pixel, uint64_t key) {
     }
 }
 
+// Whether an offset from the center is inside; the steps of `rho_squared`.
+bool is_in(float form, vec2 offset) {
+    return !ARE_DISCS || form * offset.x * offset.x + form * offset.y * offset.y <= 1.0;
+}
+
 void main() {
     uint item = ITEM;
     // One condition at the end instead of returns: each return costs a software device a nanosecond.
     uint own = list.begin + min(item, list.count - 1u);
     vec3 center = vec3(splats[own].center[0], splats[own].center[1], splats[own].center[2]);
-    vec3 center_in_view = vec3(0.0);
-    vec4 at;
-    vec3 window;
-    if (ARE_DISCS) {
-        // As the rasterizer finds them, to the bit: at the rim of a circle a last place decides.
-        center_in_view = (frame.view_from_model * vec4(center, 1.0)).xyz;
-        at = clip_of(center_in_view);
-        window = vec3(window_of(at), at.z / at.w);
-    } else {
-        at = frame.window_from_model * vec4(center, 1.0);
-        window = at.xyz / at.w;
-    }
+    vec4 clip = clip_of_depth((frame.view_from_model * vec4(center, 1.0)).z);
+    vec3 window = vec3((frame.window_from_model * vec4(center, 1.0)).xy, clip.z) / clip.w;
     uint64_t key = packUint2x32(uvec2(~((list.first + item) | SPLAT_BIT), floatBitsToUint(window.z)));
     // The view volume in depth, and nothing that is not finite.
-    bool is_drawn = item < list.count && at.z >= 0.0 && at.z <= at.w && at.w > 0.0;
-    if (IS_PIXEL) {
+    bool is_drawn = item < list.count && clip.z >= 0.0 && clip.z <= clip.w && clip.w > 0.0;
+    if (SIDE == 1 && !ARE_DISCS) {
         // What square_around gives: pixel i if 256 i < the rounded 256 window <= 256 (i + 1).
         vec2 in_rect = ceil(window.xy - 1.0 / 512.0) - 1.0 - vec2(list.rect_px.xy);
         vec2 size = vec2(list.rect_px.zw - list.rect_px.xy);
@@ -71,30 +65,44 @@ void main() {
         }
         return;
     }
-    float side = frame.splat_size_px;
-    Disc disc = Disc(vec2(0.0), vec3(0.0), vec2(0.0), side);
-    if (ARE_DISCS) {
-        float distance = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : -center_in_view.z;
-        float radius = radius_in_view(splats[own].radius, center_in_view);
-        disc = circle(center_in_view, radius * frame.focal_px / distance);
-        side = disc.size_px;
-    } else if (!HAS_ONE_SIZE && splats[own].radius > 0.0) {
-        // The last component is the distance, or 1 in an orthographic view.
-        side = 2.0 * frame.focal_px * splats[own].radius * frame.model_scale / at.w;
-    }
+    float side = 2.0 * radius_px_of(SIDE > 0 ? 0.0 : splats[own].radius, clip.w);
     Square square = square_around(window.xy, side);
+    // What is too small for a circle is a square, as `circle_at` has it.
+    bool is_round = ARE_DISCS && (SIDE > 2 || side >= LEAST_ROUND_PX);
+    float form = 0.0;
+    if (ARE_DISCS) {
+        form = is_round ? 4.0 / (side * side) : 0.0;
+        vec2 first = clamp(ceil(window.xy - 0.5 * side - 0.5), vec2(list.rect_px.xy), vec2(list.rect_px.zw));
+        vec2 end = clamp(floor(window.xy + 0.5 * side + 0.5), vec2(list.rect_px.xy), vec2(list.rect_px.zw));
+        square.first = is_round ? ivec2(first) : square.first;
+        square.end = is_round ? ivec2(end) : square.end;
+    }
     ivec2 size = max(square.end - square.first, ivec2(0));
-    // One loop over all pixels, row by row.
     uint pixel = index_of(square.first);
-    uint to_next_row = list.rect_px.z - list.rect_px.x - uint(size.x) + 1u;
-    vec2 to_first = vec2(square.first) + 0.5 - disc.center_px;
+    uint width = list.rect_px.z - list.rect_px.x;
+    vec2 to_first = vec2(square.first) + 0.5 - window.xy;
+    int pixels = is_drawn ? size.x * size.y : 0;
+    if (SIDE > 0 && SIDE <= MOST_UNROLLED) {
+        // Pixel by pixel without counting. More than the usual ones lie at the rim of a circle between them, if at all.
+        bool is_usual = pixels > 0 && max(size.x, size.y) <= SIDE;
+        for (int y = 0; y < SIDE; ++y) {
+            for (int x = 0; x < SIDE; ++x) {
+                bool is_inside = x < size.x && y < size.y && is_in(form, to_first + vec2(x, y));
+                if (is_usual && is_inside) {
+                    leave(pixel + uint(x) + uint(y) * width, key);
+                }
+            }
+        }
+        pixels = is_usual ? 0 : pixels;
+    }
+    // One loop over all pixels, row by row.
     ivec2 step = ivec2(0);
-    for (int left = is_drawn ? size.x * size.y : 0; left > 0; --left) {
-        if (!ARE_DISCS || !(rho_squared(disc.form, vec2(0.0), to_first + vec2(step)) > 1.0)) {
+    for (; pixels > 0; --pixels) {
+        if (is_in(form, to_first + vec2(step))) {
             leave(pixel, key);
         }
         bool is_end = ++step.x == size.x;
-        pixel += is_end ? to_next_row : 1u;
+        pixel += is_end ? width - uint(size.x) + 1u : 1u;
         step = is_end ? ivec2(0, step.y + 1) : step;
     }
 }

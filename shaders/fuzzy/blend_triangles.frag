@@ -17,13 +17,13 @@ layout(constant_id = 9) const bool HAS_NORMALS = false;
 void main() {
     float squared = dot(normal_in_view, normal_in_view);
     vec3 n = squared > 0.0 ? normal_in_view * inversesqrt(squared) : vec3(0.0);
-    bool is_orthographic = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u;
+    bool is_orthographic = has_flag(FLAG_ORTHOGRAPHIC);
     vec3 to_eye = is_orthographic
         ? vec3(0.0, 0.0, 1.0)
         : -normalize(vec3(gl_FragCoord.xy * frame.ray_scale + frame.ray_offset, -1.0));
     vec3 tint = vec3(0.2, 0.35, 1.0);
     if (IS_DEFERRED) {
-        sums = vec4((frame.flags & FLAG_COLOR_BY_PRIMITIVE) != 0u ? tint : vertex_color, 1.0);
+        sums = vec4(has_flag(FLAG_COLOR_BY_PRIMITIVE) ? tint : vertex_color, 1.0);
         if (is_turned_when_deferred(HAS_LAMP, dot(n, to_eye))) {
             n = -n;
         }

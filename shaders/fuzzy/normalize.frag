@@ -20,7 +20,7 @@ layout(constant_id = 10) const bool WRITE_NORMALS = false;
 
 // Where on the ray of the pixel a surface of that depth is, view space.
 vec3 position_at(vec2 at, float depth) {
-    if ((frame.flags & FLAG_ORTHOGRAPHIC) != 0u) {
+    if (has_flag(FLAG_ORTHOGRAPHIC)) {
         return vec3(at, (depth - frame.clip_from_view[3].z) / frame.clip_from_view[2].z);
     }
     return vec3(at, -1.0) * (frame.clip_from_view[3].z / (depth + frame.clip_from_view[2].z));
@@ -62,7 +62,7 @@ void main() {
         if (HAS_LAMP) {
             mean = phong(position_at(at, geometry.w / sum.a), n, mean, mean);
         } else {
-            bool is_parallel = (frame.flags & FLAG_PARALLEL_LIGHT) != 0u;
+            bool is_parallel = has_flag(FLAG_PARALLEL_LIGHT);
             mean = headlight(n, is_parallel ? vec3(0.0, 0.0, 1.0) : -normalize(vec3(at, -1.0)), mean, mean);
         }
     }

@@ -21,7 +21,7 @@ void main() {
     vec3 n = squared > 0.0 ? normal_in_view * inversesqrt(squared) : vec3(0.0);
     vec3 ray = vec3(gl_FragCoord.xy * frame.ray_scale + frame.ray_offset, -1.0);
     float facing = squared > 0.0 ? dot(n, to_eye(ray)) : 1.0;
-    vec3 at = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? vec3(ray.xy, -view_distance) : ray * view_distance;
+    vec3 at = has_flag(FLAG_ORTHOGRAPHIC) ? vec3(ray.xy, -view_distance) : ray * view_distance;
     vec3 base = shows_data() ? ramp(1.0) : vertex_color;
     picked = vec4(shade_at(at, n, base, vec3(0.2, 0.35, 1.0)), IS_CENTER ? FOREGROUND : HOLE);
     fronts = vec4(view_distance, depth_offset(splat_radius(view_distance), facing), 0.0, 0.0);

@@ -2,6 +2,7 @@
 
 pub mod falsecolor;
 pub mod filtered;
+pub mod fuzzy;
 mod light;
 pub mod pack;
 mod parts;

@@ -139,6 +139,25 @@ impl Plan {
     }
 }
 
+/// Where splats go.
+pub(super) trait Out {
+    /// The next splat, and the area of surface that it stands for.
+    fn point(&mut self, splat: Splat, area: f32);
+    /// The next of those that may be too large for a point.
+    fn quad(&mut self, splat: Splat, area: f32);
+}
+
+impl<R: Record> Out for Sink<'_, R> {
+    #[inline]
+    fn point(&mut self, splat: Splat, area: f32) {
+        Sink::point(self, R::new(splat, area));
+    }
+
+    fn quad(&mut self, splat: Splat, area: f32) {
+        Sink::quad(self, R::new(splat, area));
+    }
+}
+
 /// Number of records that [`pack`] needs room for.
 pub fn count(cut: &Cut, plan: &Plan) -> usize {
     let strips: usize = cut.strips.iter().map(|s| s.splats() as usize).sum();
@@ -166,14 +185,21 @@ pub fn pack<R: Record + Copy + Send>(
     plan: &Plan,
     out: &mut [R],
 ) -> Packed {
+    let writer = Writer::new(model, view, plan);
+    parts::write(parts_of(cut, plan), out, |part, sink| {
+        writer.part(part, sink);
+    })
+}
+
+/// What is written at a time, each with the most records that it may have.
+pub(super) fn parts_of<'a>(cut: &'a Cut, plan: &Plan) -> Vec<(Part<'a>, usize)> {
     let large: &[u32] = if plan.draws_large_leaves {
         &cut.triangles
     } else {
         &[]
     };
     let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.splats() as usize).sum();
-    let parts = (cut
-        .nodes
+    (cut.nodes
         .chunks(parts::PART)
         .map(|p| (Part::Nodes(p), p.len())))
     .chain(
@@ -186,25 +212,12 @@ pub fn pack<R: Record + Copy + Send>(
             .chunks(parts::PART)
             .map(|p| (Part::Leaves(p), p.len())),
     )
-    .chain(large.chunks(parts::PART).map(|p| (Part::Large(p), p.len())));
-    let writer = Writer {
-        model,
-        view,
-        plan,
-        is_oriented: plan.footprint == Footprint::Oriented,
-        is_checked: !plan.fits_always(model),
-        has_triangles: !model.triangles.is_empty(),
-    };
-    parts::write(parts.collect(), out, |part, sink| match part {
-        Part::Nodes(ids) => writer.nodes(ids, sink),
-        Part::Rows(rows) => writer.rows(rows, sink),
-        Part::Leaves(ids) => writer.leaves(ids, false, sink),
-        Part::Large(ids) => writer.leaves(ids, true, sink),
-    })
+    .chain(large.chunks(parts::PART).map(|p| (Part::Large(p), p.len())))
+    .collect()
 }
 
 /// What one thread writes at a time.
-enum Part<'a> {
+pub(super) enum Part<'a> {
     Nodes(&'a [u32]),
     Rows(&'a [StripRun]),
     Leaves(&'a [u32]),
@@ -266,7 +279,8 @@ pub(super) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
     view.focal_px() * view.model_scale / z
 }
 
-struct Writer<'a> {
+/// Makes splats of a cut.
+pub(super) struct Writer<'a> {
     model: &'a Model,
     view: &'a View,
     plan: &'a Plan,
@@ -277,8 +291,29 @@ struct Writer<'a> {
     has_triangles: bool,
 }
 
-impl Writer<'_> {
-    fn nodes<R: Record>(&self, ids: &[u32], sink: &mut Sink<'_, R>) {
+impl<'a> Writer<'a> {
+    pub(super) fn new(model: &'a Model, view: &'a View, plan: &'a Plan) -> Self {
+        Self {
+            model,
+            view,
+            plan,
+            is_oriented: plan.footprint == Footprint::Oriented,
+            is_checked: !plan.fits_always(model),
+            has_triangles: !model.triangles.is_empty(),
+        }
+    }
+
+    /// Writes the splats of a part.
+    pub(super) fn part(&self, part: Part<'_>, out: &mut impl Out) {
+        match part {
+            Part::Nodes(ids) => self.nodes(ids, out),
+            Part::Rows(rows) => self.rows(rows, out),
+            Part::Leaves(ids) => self.leaves(ids, false, out),
+            Part::Large(ids) => self.leaves(ids, true, out),
+        }
+    }
+
+    fn nodes(&self, ids: &[u32], out: &mut impl Out) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         for (index, &id) in ids.iter().enumerate() {
@@ -293,11 +328,11 @@ impl Writer<'_> {
                 normal: a.normal,
                 color: self.plan.color_of(self.model, Some(id), a.color),
             };
-            self.write(splat, a.area, sink);
+            self.write(splat, a.area, out);
         }
     }
 
-    fn rows<R: Record>(&self, rows: &[StripRun], sink: &mut Sink<'_, R>) {
+    fn rows(&self, rows: &[StripRun], out: &mut impl Out) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         for (index, row) in rows.iter().enumerate() {
@@ -325,12 +360,12 @@ impl Writer<'_> {
                     normal: a.normal,
                     color: [r, g, b, alpha],
                 };
-                self.write(splat, a.area / count as f32, sink);
+                self.write(splat, a.area / count as f32, out);
             }
         }
     }
 
-    fn leaves<R: Record>(&self, ids: &[u32], is_large: bool, sink: &mut Sink<'_, R>) {
+    fn leaves(&self, ids: &[u32], is_large: bool, out: &mut impl Out) {
         let model = self.model;
         let leaves: &[Leaf] = &model.tree.leaves;
         let of_cut = self.plan.cut_view.as_ref().unwrap_or(self.view);
@@ -380,7 +415,7 @@ impl Writer<'_> {
             {
                 splat.radius = sphere.radius;
             }
-            self.write(splat, area, sink);
+            self.write(splat, area, out);
         }
     }
 
@@ -390,7 +425,7 @@ impl Writer<'_> {
     }
 
     #[inline]
-    fn write<R: Record>(&self, mut splat: Splat, area: f32, sink: &mut Sink<'_, R>) {
+    fn write(&self, mut splat: Splat, area: f32, out: &mut impl Out) {
         if area == 0.0 && self.has_triangles {
             return;
         }
@@ -399,11 +434,10 @@ impl Writer<'_> {
         {
             splat.radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
         }
-        let record = R::new(splat, area);
         if self.is_checked && !self.fits(&splat) {
-            sink.quad(record);
+            out.quad(splat, area);
         } else {
-            sink.point(record);
+            out.point(splat, area);
         }
     }
 

@@ -2,7 +2,7 @@
 
 use super::image::Format;
 use super::{Error, Gpu, Remains};
-use crate::abi::{BindingKind, Shader, Stage};
+use crate::abi::{BindingKind, Shader, Stage, constants};
 use ash::vk;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -166,16 +166,34 @@ impl Pipeline {
     /// When a shader wants a vertex input that the record lacks, or the shaders disagree about a binding:
     /// broken promises of this crate, found by the first test that draws.
     pub fn new(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
-        Self::with(gpu, description, false)
+        Self::with(gpu, description, 0, false)
+    }
+
+    /// As [`new`](Pipeline::new), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone: shaders then
+    /// neither look at the flags of the frame nor branch on them.
+    ///
+    /// # Errors
+    /// As [`new`](Pipeline::new).
+    pub fn for_flags(
+        gpu: &Arc<Gpu>,
+        description: &Description<'_>,
+        flags: u32,
+    ) -> Result<Self, Error> {
+        Self::with(gpu, description, flags | constants::FLAGS_ARE_KNOWN, false)
     }
 
     /// As [`new`](Pipeline::new), drawing over what is there by premultiplied alpha.
     #[cfg(feature = "viewer")]
     pub(super) fn over(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
-        Self::with(gpu, description, true)
+        Self::with(gpu, description, 0, true)
     }
 
-    fn with(gpu: &Arc<Gpu>, description: &Description<'_>, is_over: bool) -> Result<Self, Error> {
+    fn with(
+        gpu: &Arc<Gpu>,
+        description: &Description<'_>,
+        flags: u32,
+        is_over: bool,
+    ) -> Result<Self, Error> {
         let Description {
             name,
             vertex,
@@ -183,7 +201,7 @@ impl Pipeline {
             ..
         } = *description;
         let mut pipeline = Self::with_layout(gpu, name, std::iter::once(vertex).chain(fragment))?;
-        pipeline.handle = compile(gpu, description, pipeline.layout, is_over)?;
+        pipeline.handle = compile(gpu, description, pipeline.layout, (flags, is_over))?;
         gpu.compiled_pipelines.fetch_add(1, Ordering::Relaxed);
         gpu.name(pipeline.handle, name);
         Ok(pipeline)
@@ -201,7 +219,7 @@ impl Pipeline {
     ) -> Result<Self, Error> {
         let mut pipeline = Self::with_layout(gpu, name, std::iter::once(shader))?;
         let module = Module::new(gpu, shader)?;
-        let (values, entries) = specialized(constants);
+        let (values, entries) = specialized(constants, 0);
         let specialization = vk::SpecializationInfo::default()
             .map_entries(&entries)
             .data(&values);
@@ -292,16 +310,18 @@ impl Pipeline {
     }
 }
 
-/// Boolean specialization constants 0, 1, ... and where they lie.
-fn specialized(constants: &[bool]) -> (Vec<u8>, Vec<vk::SpecializationMapEntry>) {
-    let values = constants
-        .iter()
-        .flat_map(|&b| u32::from(b).to_ne_bytes())
+/// Boolean specialization constants 0, 1, ... and the flags of the frame (0: not known), and where they lie.
+fn specialized(booleans: &[bool], flags: u32) -> (Vec<u8>, Vec<vk::SpecializationMapEntry>) {
+    let values = (booleans.iter().map(|&b| u32::from(b)))
+        .chain([flags])
+        .flat_map(u32::to_ne_bytes)
         .collect();
-    let entries = (0..constants.len())
-        .map(|i| {
+    let entries = (0..booleans.len() as u32)
+        .chain([constants::FLAGS_CONSTANT])
+        .enumerate()
+        .map(|(i, id)| {
             vk::SpecializationMapEntry::default()
-                .constant_id(i as u32)
+                .constant_id(id)
                 .offset(4 * i as u32)
                 .size(4)
         })
@@ -313,7 +333,7 @@ fn compile(
     gpu: &Gpu,
     description: &Description<'_>,
     layout: vk::PipelineLayout,
-    is_over: bool,
+    (flags, is_over): (u32, bool),
 ) -> Result<vk::Pipeline, Error> {
     let name = description.name;
     let vertex = Module::new(gpu, description.vertex)?;
@@ -321,7 +341,7 @@ fn compile(
         .fragment
         .map(|f| Module::new(gpu, f))
         .transpose()?;
-    let (values, entries) = specialized(description.constants);
+    let (values, entries) = specialized(description.constants, flags);
     let specialization = vk::SpecializationInfo::default()
         .map_entries(&entries)
         .data(&values);

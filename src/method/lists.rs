@@ -3,15 +3,15 @@
 
 use super::compute::twin::Share;
 use super::hybrid::Run;
-use super::plan::{Choice, Drawing, filtered_shade, splat_plan};
+use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use super::scene::Scene;
 use super::{Method, Path, Settings, compute};
-use crate::abi::{FilteredSplat, Splat, WeightedSplat};
+use crate::abi::{FilteredSplat, FuzzySplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::draw::ColorBy;
 use crate::draw::samples::{self, Screen};
 use crate::draw::splats::{self, Packed};
-use crate::draw::{filtered, pack};
+use crate::draw::{filtered, fuzzy, pack};
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
@@ -41,6 +41,8 @@ pub(super) struct Held {
     pub(super) packed: Packed,
     /// How many of them are triangles that cover one pixel.
     pub(super) samples: usize,
+    /// Where compute draws fuzzy splats, what of them is where; then nothing is in `packed`.
+    pub(super) placed: Option<fuzzy::Placed>,
     /// Records of the list of splats, with gaps.
     pub(super) capacity: usize,
     pub(super) splat_bytes: u64,
@@ -97,17 +99,27 @@ pub(super) enum Packing {
     Splats(splats::Plan),
     /// As [`WeightedSplat`].
     Weighted(splats::Plan),
+    /// As [`FuzzySplat`] where compute draws them, else as [`WeightedSplat`].
+    Fuzzy(splats::Plan, fuzzy::Look),
     /// As [`FilteredSplat`].
     Filtered(filtered::Shade),
 }
 
 impl Packing {
-    /// With points of at most `max_point_px` pixels.
-    pub(super) fn of(settings: &Settings, model: &Model, max_point_px: f32) -> Self {
+    /// With points of at most `max_point_px` pixels; `is_wanted`: compute may draw.
+    pub(super) fn of(
+        settings: &Settings,
+        model: &Model,
+        (max_point_px, is_wanted): (f32, bool),
+    ) -> Self {
         match Drawing::of(settings) {
             Drawing::Opaque | Drawing::Visibility => {
                 Self::Splats(splat_plan(settings, max_point_px))
             }
+            Drawing::Fuzzy if is_wanted => Self::Fuzzy(
+                splat_plan(settings, max_point_px),
+                fuzzy_look(settings, model),
+            ),
             Drawing::Fuzzy => Self::Weighted(splat_plan(settings, max_point_px)),
             Drawing::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
             Drawing::Nothing => Self::Nothing,
@@ -129,7 +141,7 @@ impl Key {
             scene: scene.id(),
             choice: Choice::of(settings, model, view),
             view: *view,
-            packing: Packing::of(settings, model, max_point_px),
+            packing: Packing::of(settings, model, (max_point_px, is_wanted)),
             path: settings.path,
             is_wanted,
             has_triangles: settings.method != Method::Splats,
@@ -186,6 +198,8 @@ impl Lists {
         self.held = None;
         let view = &key.view;
         let mut samples = None;
+        let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
+        let mut placed = None;
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan)
                 if key.may_sample
@@ -212,7 +226,13 @@ impl Lists {
                 let packed = splats::pack(model, cut, view, plan, out);
                 (packed, count, size_of::<Splat>())
             }
-            Packing::Weighted(plan) => {
+            Packing::Fuzzy(plan, look) if by_compute => {
+                let count = splats::count(cut, plan);
+                let out = records::<FuzzySplat>(gpu, &mut self.splats, count)?;
+                placed = Some(fuzzy::pack(model, cut, view, (plan, look), out));
+                (Packed::default(), count, size_of::<FuzzySplat>())
+            }
+            Packing::Weighted(plan) | Packing::Fuzzy(plan, _) => {
                 let count = splats::count(cut, plan);
                 let out = records::<WeightedSplat>(gpu, &mut self.splats, count)?;
                 let packed = splats::pack(model, cut, view, plan, out);
@@ -251,6 +271,7 @@ impl Lists {
         self.held = Some(Held {
             packed,
             samples: samples.unwrap_or(0),
+            placed,
             capacity,
             splat_bytes: (capacity * record_bytes) as u64,
             index_bytes,

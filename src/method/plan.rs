@@ -174,6 +174,19 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> draw::splats::Plan 
     }
 }
 
+/// What the packing of fuzzy splats for compute needs of the settings besides [`splat_plan`].
+pub fn fuzzy_look(settings: &Settings, model: &Model) -> draw::fuzzy::Look {
+    draw::fuzzy::Look {
+        is_gauss: settings.splat == SplatKind::Gauss,
+        depth_offset: settings.depth_offset(),
+        two_sided: settings.two_sided,
+        cull_back: settings.draws_fronts_only(model.is_closed),
+        use_colors: settings.use_colors,
+        color_by: settings.color_by,
+        light: settings.light.in_model(model.origin),
+    }
+}
+
 /// What the packing of filtered splats needs of the settings.
 pub fn filtered_shade(
     settings: &Settings,
@@ -309,23 +322,8 @@ fn check_filtered(settings: &Settings, outputs: Outputs, max_size_px: f32) -> Re
     })
 }
 
-/// The uniform block of a frame.
-pub(super) fn frame_constants(
-    view: &View,
-    settings: &Settings,
-    context: &Context,
-) -> FrameConstants {
-    let [_, _, width, height] = context.viewport();
-    // Maps the picture's clip space into the middle of the wider viewport.
-    let shrink = Mat4::from_scale(Vec3::new(
-        view.width as f32 / width,
-        view.height as f32 / height,
-        1.0,
-    ));
-    let clip = shrink * view.clip_from_view();
-    // x_ndc = 2 px / W - 1 and x_ndc = (sx x + ox z) / -z with z = -1: x = (x_ndc + ox) / sx.
-    let [sx, sy] = view.scale;
-    let [ox, oy] = view.offset;
+/// The flags of a frame; `cull_back`: no triangle that shows its back is drawn.
+pub(super) fn frame_flags(view: &View, settings: &Settings, cull_back: bool) -> u32 {
     let mut flags = 0;
     for (on, flag) in [
         (settings.use_colors, constants::FLAG_USE_COLORS),
@@ -355,9 +353,9 @@ pub(super) fn frame_constants(
             constants::FLAG_PARALLEL_LIGHT,
         ),
         (!view.is_perspective, constants::FLAG_ORTHOGRAPHIC),
-        (context.cull_back, constants::FLAG_CULLS_BACK),
+        (cull_back, constants::FLAG_CULLS_BACK),
         (
-            matches!(context.light, Lighting::Phong(_)),
+            matches!(settings.light, Lighting::Phong(_)),
             constants::FLAG_PHONG,
         ),
     ] {
@@ -365,6 +363,26 @@ pub(super) fn frame_constants(
             flags |= flag;
         }
     }
+    flags
+}
+
+/// The uniform block of a frame.
+pub(super) fn frame_constants(
+    view: &View,
+    settings: &Settings,
+    context: &Context,
+) -> FrameConstants {
+    let [_, _, width, height] = context.viewport();
+    // Maps the picture's clip space into the middle of the wider viewport.
+    let shrink = Mat4::from_scale(Vec3::new(
+        view.width as f32 / width,
+        view.height as f32 / height,
+        1.0,
+    ));
+    let clip = shrink * view.clip_from_view();
+    // x_ndc = 2 px / W - 1 and x_ndc = (sx x + ox z) / -z with z = -1: x = (x_ndc + ox) / sx.
+    let [sx, sy] = view.scale;
+    let [ox, oy] = view.offset;
     let phong = match context.light {
         Lighting::Phong(phong) => phong,
         // Not looked at.
@@ -394,7 +412,7 @@ pub(super) fn frame_constants(
         focal_px: view.focal_px(),
         splat_size_px: settings.threshold_px.max(1.0),
         model_scale: view.model_scale,
-        flags,
+        flags: frame_flags(view, settings, context.cull_back),
         background: {
             let [r, g, b] = settings.background;
             [r, g, b, settings.depth_offset()]

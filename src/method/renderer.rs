@@ -15,7 +15,7 @@ use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
-use super::plan::{Choice, Drawing, check, for_view, splat_plan};
+use super::plan::{Choice, Drawing, check, for_view, frame_flags, splat_plan};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
@@ -78,7 +78,8 @@ pub struct Renderer {
     selector: cut::Selector,
     costs: Option<Costs>,
     triangles: Option<(Variant, Pipeline)>,
-    /// One for each variant that was drawn, six at most.
+    spare_triangles: Vec<(Variant, Pipeline)>,
+    /// One for each variant that was drawn, those drawn last.
     splats: Vec<Splats>,
     small: Option<Small>,
     filtered: Option<Filtered>,
@@ -139,6 +140,7 @@ impl Renderer {
             selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
             triangles: None,
+            spare_triangles: Vec::new(),
             splats: Vec::new(),
             small: None,
             filtered: None,
@@ -343,6 +345,7 @@ impl Renderer {
     ) -> Result<(), Error> {
         let normals = self.outputs.normal;
         let lamp = !settings.has_headlight();
+        let flags = frame_flags(view, settings, settings.draws_fronts_only(model.is_closed));
         if settings.method == Method::Triangles {
             scene.ensure_indices(model)?;
         }
@@ -352,7 +355,10 @@ impl Renderer {
                 normals,
                 colors: scene.has_colors,
                 lamp,
+                flags,
             };
+            let spare = &mut self.spare_triangles;
+            exchange(&mut self.triangles, spare, |t| t.0 == variant);
             if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
@@ -361,8 +367,12 @@ impl Renderer {
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
         let is_gray =
             settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);
-        if by_compute && is_opaque && self.small.is_none() {
-            self.small = Some(Small::new(&self.gpu, &self.targets)?);
+        if by_compute && is_opaque {
+            let small = match &mut self.small {
+                Some(made) => made,
+                none => none.insert(Small::new(&self.gpu, &self.targets)?),
+            };
+            small.ensure(pop::compute_variant(settings, model))?;
         }
         if settings.has_cut() && Choice::of(settings, model, view).needs_undrawn() {
             // Looks at the whole model, once.
@@ -381,11 +391,14 @@ impl Renderer {
                     Some(made) => made,
                     none => none.insert(Visibility::new(&self.gpu, width, height, normals)?),
                 };
-                visibility.ensure(source, settings.reconstruction)?;
+                visibility.ensure(source, settings.reconstruction, flags)?;
             }
             Drawing::Opaque => {
-                let variant = Splats::variant_of(settings);
+                let variant = Splats::variant_of(settings, flags);
                 if self.splats.iter().all(|s| s.variant != variant) {
+                    if self.splats.len() == MOST_SPLATS {
+                        self.splats.remove(0);
+                    }
                     self.splats
                         .push(Splats::new(&self.gpu, variant, &self.targets)?);
                 }
@@ -397,7 +410,7 @@ impl Renderer {
                     settings,
                     has_triangles,
                     &self.targets,
-                    by_compute.then_some(is_gray),
+                    (flags, by_compute.then_some(is_gray)),
                 )?;
                 exchange(&mut self.fuzzy, &mut self.spare_fuzzy, |f| {
                     f.variant == variant
@@ -494,6 +507,9 @@ impl Renderer {
         Ok(image)
     }
 }
+
+/// Variants of opaque splats that are kept; pipelines alone take little.
+const MOST_SPLATS: usize = 16;
 
 /// Variants that are kept besides the present one.
 const MOST_SPARE: usize = 2;

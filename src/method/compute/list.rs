@@ -3,6 +3,7 @@
 use super::super::hybrid::Run;
 use super::super::scene::Scene;
 use super::super::targets::Context;
+use super::Variant;
 use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::Slice;
@@ -17,10 +18,8 @@ pub(crate) struct List<'a> {
     pub(crate) runs: &'a [Run],
     pub(crate) splats: &'a Upload,
     pub(crate) splat_count: u32,
-    /// Discs instead of squares.
-    pub(crate) are_discs: bool,
-    /// The size of all splats, pixels, where none has one of its own.
-    pub(crate) one_size_px: Option<f32>,
+    /// What the splats are.
+    pub(crate) variant: Variant,
 }
 
 /// Triangles of a scene: their corner indices, page by page.

@@ -40,12 +40,30 @@ const NOTHING: Record = Record {
     attributes: &[],
 };
 
+/// What decides the pipeline of splats: discs or squares, and where none has a size of its own that of all, rounded up to
+/// pixels; else 0.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Variant {
+    are_discs: bool,
+    side_px: u32,
+}
+
+impl Variant {
+    /// Of discs or squares of one size, pixels, at most [`LARGEST_SQUARE_PX`]; or of sizes of their own.
+    pub(crate) fn new(are_discs: bool, one_size_px: Option<f32>) -> Self {
+        Self {
+            are_discs,
+            side_px: one_size_px.map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32),
+        }
+    }
+}
+
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
 pub(crate) struct Small {
-    /// Of sizes of their own, of one size, of one pixel.
-    squares: [Pipeline; 3],
-    discs: Pipeline,
+    gpu: Arc<Gpu>,
+    /// Those that were asked for.
+    splats: Vec<(Variant, Pipeline)>,
     triangles: Pipeline,
     resolve_splats: Pipeline,
     resolve_triangles: Pipeline,
@@ -181,18 +199,9 @@ impl Small {
                 },
             )
         };
-        let looks_first = gpu.info().kind != Kind::Cpu;
-        let splats = |name, are_discs, has_one_size, is_pixel| {
-            let constants = [are_discs, looks_first, has_one_size, is_pixel];
-            Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
-        };
         Ok(Self {
-            squares: [
-                splats("small squares", false, false, false)?,
-                splats("small squares of one size", false, true, false)?,
-                splats("small squares of a pixel", false, true, true)?,
-            ],
-            discs: splats("small discs", true, false, false)?,
+            gpu: gpu.clone(),
+            splats: Vec::new(),
             triangles: Pipeline::compute(
                 gpu,
                 "small.triangles",
@@ -215,6 +224,28 @@ impl Small {
             )?,
             max_binding: gpu.info().max_storage_range,
         })
+    }
+
+    /// Makes the pipeline of splats of a variant, outside of the frame.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(crate) fn ensure(&mut self, variant: Variant) -> Result<(), Error> {
+        if self.splats.iter().any(|made| made.0 == variant) {
+            return Ok(());
+        }
+        let gpu = &self.gpu;
+        let looks_first = gpu.info().kind != Kind::Cpu;
+        let side = |bit: u32| variant.side_px & bit != 0;
+        let constants = [variant.are_discs, looks_first, side(1), side(2), side(4)];
+        let name = match variant.are_discs {
+            true => "small discs",
+            false => "small squares",
+        };
+        let shader = &shaders::COMPUTE_SPLATS_COMP;
+        let pipeline = Pipeline::compute(gpu, name, shader, &constants)?;
+        self.splats.push((variant, pipeline));
+        Ok(())
     }
 
     /// Passes small.clear, small.triangles, small.splats and small.resolve. Keeps what the targets hold where it is
@@ -258,10 +289,9 @@ impl Small {
             });
         }
         if !splats.is_empty() {
-            let pipeline = match (list.are_discs, list.one_size_px) {
-                (true, _) => &self.discs,
-                (false, None) => &self.squares[0],
-                (false, Some(px)) => &self.squares[if px > 1.0 { 1 } else { 2 }],
+            let made = self.splats.iter().find(|made| made.0 == list.variant);
+            let Some((_, pipeline)) = made else {
+                unreachable!("ensure made the pipeline")
             };
             frame
                 .pass("small.splats")

@@ -11,7 +11,7 @@
 use super::NOTHING;
 use super::list::{self, Bound, Triangles};
 use super::rect;
-use crate::abi::{FilteredSplat, Shader, WeightedSplat, shaders};
+use crate::abi::{FilteredSplat, FuzzySplat, Shader, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{Buffer, Upload, Usage};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
@@ -72,8 +72,8 @@ pub(crate) struct Kind {
     record: u64,
     /// Triangles are pushed away in the first pass, as splats are.
     pushes_triangles: bool,
-    /// Splats lie in model space, and their passes need the camera; else they come with their place in the picture.
-    needs_camera: bool,
+    /// The blending of splats asks the frame; else they come with all that is asked for.
+    blend_needs_frame: bool,
 }
 
 /// Filtered splats.
@@ -91,7 +91,7 @@ pub(crate) const FILTERED: Kind = Kind {
     normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
     record: size_of::<FilteredSplat>() as u64,
     pushes_triangles: false,
-    needs_camera: false,
+    blend_needs_frame: false,
 };
 
 /// Fuzzy splats.
@@ -107,9 +107,10 @@ pub(crate) const FUZZY: Kind = Kind {
     depth: &shaders::FUZZY_DEPTH_COMP,
     blend: &shaders::FUZZY_BLEND_COMP,
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
-    record: size_of::<WeightedSplat>() as u64,
+    record: size_of::<FuzzySplat>() as u64,
     pushes_triangles: true,
-    needs_camera: true,
+    // How far Gaussians are widened.
+    blend_needs_frame: true,
 };
 
 /// Places of those of triangles: a lamp instead of the headlight; they are pushed away.
@@ -117,10 +118,11 @@ const HAS_LAMP: usize = 0;
 const IS_PUSHED: usize = 1;
 /// Place of the specialization constant that says that red, green and blue are the same.
 const IS_GRAY: usize = 7;
-/// Place of the one that says that the rasterizer draws as well, and in vertex shaders that it draws what is large only.
+/// Place of the one that says that the rasterizer draws as well, and in vertex shaders of filtered splats that it draws what is
+/// large only.
 pub(crate) const HAS_LARGE: usize = 8;
 /// How many there are.
-pub(crate) const CONSTANTS: usize = 11;
+pub(crate) const CONSTANTS: usize = 12;
 
 /// Pipelines and the sums, for one picture size.
 #[derive(Debug)]
@@ -292,15 +294,6 @@ impl Twin {
         self.normalize(frame, targets, (rastered, sums), context, constants)
     }
 
-    /// What the passes over splats bind of the constants of a frame and of a list.
-    fn uniforms<'a>(&self, both: &'a [Uniform; 2]) -> &'a [Uniform] {
-        if self.kind.needs_camera {
-            both
-        } else {
-            &both[1..]
-        }
-    }
-
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
     fn clear(&self, frame: &mut Frame<'_>, rastered: Option<&Target>, context: &Context) {
         let pixels = rect::pixels(context.rect_px);
@@ -329,8 +322,7 @@ impl Twin {
                     compute.items(count);
                 }
                 for &(part, uniform, count) in &list.splats {
-                    let both = [constants, uniform];
-                    compute.bind(&self.depth, self.uniforms(&both), &[part, front]);
+                    compute.bind(&self.depth, &[uniform], &[part, front]);
                     compute.items(count);
                 }
             });
@@ -369,7 +361,11 @@ impl Twin {
                 }
                 for &(part, uniform, count) in &list.splats {
                     let both = [constants, uniform];
-                    compute.bind(&self.blend, self.uniforms(&both), &[part, front, sums]);
+                    let uniforms = match self.kind.blend_needs_frame {
+                        true => &both[..],
+                        false => &both[1..],
+                    };
+                    compute.bind(&self.blend, uniforms, &[part, front, sums]);
                     compute.items(count);
                 }
             });

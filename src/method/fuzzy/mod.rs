@@ -6,14 +6,15 @@
 //! deferred shading the sums are those of albedo and normals, and the last pass lights their mean.
 
 use super::compute::list::Triangles;
-use super::compute::twin::{self, Share, Twin};
+use super::compute::twin::{self, Twin};
 use super::hybrid::Run;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
 use super::{Settings, Shading, SplatKind, SumFormat, VERTEX};
-use crate::abi::{Shader, Splat, WeightedSplat, shaders};
+use crate::abi::{FuzzySplat, Shader, Splat, WeightedSplat, shaders};
 use crate::draw::Footprint;
+use crate::draw::fuzzy::Placed;
 use crate::draw::splats::Packed;
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
@@ -59,6 +60,12 @@ const RECORD: Record = Record {
     ],
 };
 
+/// The same where it lies in the place of a [`FuzzySplat`].
+const LARGE: Record = Record {
+    stride: size_of::<FuzzySplat>() as u32,
+    attributes: RECORD.attributes,
+};
+
 const NOTHING: Record = Record {
     stride: 0,
     attributes: &[],
@@ -68,6 +75,8 @@ const NOTHING: Record = Record {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Variant {
     is_gauss: bool,
+    /// By the frame's low pass.
+    is_widened: bool,
     footprint: Footprint,
     is_deferred: bool,
     /// The mean normals are an output.
@@ -81,6 +90,8 @@ pub(crate) struct Variant {
     sums: Format,
     /// Of the picture.
     color: Format,
+    /// Of the frame.
+    flags: u32,
     /// Small splats are drawn by compute, all of them gray (true) or not.
     by_compute: Option<bool>,
 }
@@ -95,7 +106,7 @@ impl Variant {
         settings: &Settings,
         has_triangles: bool,
         targets: &Targets,
-        by_compute: Option<bool>,
+        (flags, by_compute): (u32, Option<bool>),
     ) -> Result<Self, Error> {
         let sums = match settings.sums {
             Some(SumFormat::Float) if !gpu.info().has_float_blend => {
@@ -114,6 +125,7 @@ impl Variant {
         };
         Ok(Self {
             is_gauss: settings.splat == SplatKind::Gauss,
+            is_widened: settings.low_pass_px() > 0.0,
             footprint: settings.footprint(),
             is_deferred: settings.shading == Shading::Deferred,
             writes_normals: targets.normal().is_some(),
@@ -122,6 +134,7 @@ impl Variant {
             has_lamp: !settings.has_headlight(),
             sums,
             color: targets.color().format,
+            flags,
             by_compute,
         })
     }
@@ -140,6 +153,7 @@ impl Variant {
             false,
             self.sums_normals(),
             self.writes_normals,
+            self.is_widened,
         ]
     }
 
@@ -152,9 +166,9 @@ impl Variant {
 #[derive(Debug)]
 struct Pair {
     points: Pipeline,
-    /// As `points`, without those that compute draws.
-    large_points: Option<Pipeline>,
     quads: Pipeline,
+    /// Both, of what compute leaves of its list.
+    large: Option<[Pipeline; 2]>,
 }
 
 /// Pipelines and the targets of the sums, for one picture size.
@@ -188,6 +202,8 @@ pub(crate) struct List<'a> {
 pub(crate) enum Splats<'a> {
     /// A draw list of that many records.
     List(&'a Upload, Packed, usize),
+    /// A list of that many records, of which compute draws the small ones.
+    Placed(&'a Upload, Placed, usize),
     /// All vertices of the scene, as quads or as points.
     Vertices { as_quads: bool },
 }
@@ -201,6 +217,7 @@ impl Fuzzy {
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
+        let pipeline = |d: &Description<'_>| Pipeline::for_flags(gpu, d, variant.flags);
         let colors: &[Format] = match (variant.sums, variant.sums_normals()) {
             (sums, true) => &[sums; 2],
             (sums, false) => &[sums],
@@ -240,27 +257,25 @@ impl Fuzzy {
                 )
             };
         let pair = |name, description: Description<'_>| -> Result<Pair, Error> {
-            let make = |topology, large_only| {
-                let mut constants = variant.constants(topology);
-                constants[twin::HAS_LARGE] = large_only;
-                Pipeline::new(
-                    gpu,
-                    &Description {
-                        name,
-                        topology,
-                        record,
-                        constants: &constants,
-                        ..description
-                    },
-                )
+            let make = |topology, record| {
+                pipeline(&Description {
+                    name,
+                    topology,
+                    record,
+                    constants: &variant.constants(topology),
+                    ..description
+                })
             };
             Ok(Pair {
-                points: make(Topology::Points, false)?,
-                large_points: match variant.by_compute {
-                    Some(_) => Some(make(Topology::Points, true)?),
+                points: make(Topology::Points, record)?,
+                quads: make(Topology::Quads, record)?,
+                large: match variant.by_compute {
+                    Some(_) => Some([
+                        make(Topology::Points, LARGE)?,
+                        make(Topology::Quads, LARGE)?,
+                    ]),
                     None => None,
                 },
-                quads: make(Topology::Quads, false)?,
             })
         };
         let depth_splats = Description {
@@ -275,37 +290,28 @@ impl Fuzzy {
         };
         Ok(Self {
             variant,
-            depth_triangles: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "fuzzy.depth triangles",
-                    vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
-                    ..base
-                },
-            )?,
+            depth_triangles: pipeline(&Description {
+                name: "fuzzy.depth triangles",
+                vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
+                ..base
+            })?,
             depth_splats: pair("fuzzy.depth splats", depth_splats)?,
-            blend_triangles: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "fuzzy.blend triangles",
-                    vertex: &shaders::TRIANGLES_DRAW_VERT,
-                    fragment: Some(&shaders::FUZZY_BLEND_TRIANGLES_FRAG),
-                    ..blend
-                },
-            )?,
+            blend_triangles: pipeline(&Description {
+                name: "fuzzy.blend triangles",
+                vertex: &shaders::TRIANGLES_DRAW_VERT,
+                fragment: Some(&shaders::FUZZY_BLEND_TRIANGLES_FRAG),
+                ..blend
+            })?,
             blend_splats: pair("fuzzy.blend splats", blend_splats)?,
-            normalize: Pipeline::new(
-                gpu,
-                &Description {
-                    name: "fuzzy.normalize",
-                    vertex: &shaders::FILTERED_NORMALIZE_VERT,
-                    fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
-                    record: NOTHING,
-                    colors: targets(variant.color, variant.writes_normals),
-                    depth: Depth::None,
-                    ..base
-                },
-            )?,
+            normalize: pipeline(&Description {
+                name: "fuzzy.normalize",
+                vertex: &shaders::FILTERED_NORMALIZE_VERT,
+                fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
+                record: NOTHING,
+                colors: targets(variant.color, variant.writes_normals),
+                depth: Depth::None,
+                ..base
+            })?,
             twin: match variant.by_compute {
                 None => None,
                 Some(is_gray) => {
@@ -327,7 +333,7 @@ impl Fuzzy {
         })
     }
 
-    /// The passes of a frame; compute draws its share only of a list, and where the variant has it.
+    /// The passes of a frame.
     ///
     /// # Errors
     /// When the frame has no room for the constants of its parts.
@@ -336,38 +342,23 @@ impl Fuzzy {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        share: Share,
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        let (Some(twin), Splats::List(splats, packed, capacity), Share::Small | Share::All) =
-            (&self.twin, list.splats, share)
-        else {
-            self.raster_depth(frame, targets, list, Share::Nothing, context, constants);
-            self.raster_blend(frame, targets, list, Share::Nothing, context, constants);
+        let (Some(twin), Splats::Placed(splats, placed, _)) = (&self.twin, list.splats) else {
+            self.raster_depth(frame, targets, list, context, constants);
+            self.raster_blend(frame, targets, list, context, constants);
             self.normalize(frame, targets, context, constants);
             return Ok(());
         };
-        let left = Packed {
-            points: if share == Share::Small {
-                packed.points
-            } else {
-                0
-            },
-            ..packed
-        };
-        let large = List {
-            splats: Splats::List(splats, left, capacity),
-            ..list
-        };
         let rastered = twin::Rastered {
-            depth: &|frame| self.raster_depth(frame, targets, large, share, context, constants),
-            blend: &|frame| self.raster_blend(frame, targets, large, share, context, constants),
+            depth: &|frame| self.raster_depth(frame, targets, list, context, constants),
+            blend: &|frame| self.raster_blend(frame, targets, list, context, constants),
         };
-        let is_rastered = left.points + left.quads > 0 || !list.runs.is_empty();
+        let is_rastered = placed.points + placed.quads > 0 || !list.runs.is_empty();
         let small = twin::Small {
             splats,
-            splat_count: packed.points as u32,
+            splat_count: placed.small as u32,
             triangles: list.small,
         };
         let rastered = (is_rastered.then_some(&rastered), &self.sums);
@@ -380,7 +371,6 @@ impl Fuzzy {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        share: Share,
         context: &Context,
         constants: Uniform,
     ) {
@@ -388,7 +378,7 @@ impl Fuzzy {
             .pass("fuzzy.depth")
             .depth(targets.depth(), Load::Clear([0.0; 4]));
         let pipelines = (&self.depth_triangles, &self.depth_splats);
-        raster(pass, list, pipelines, share, context, constants);
+        raster(pass, list, pipelines, context, constants);
     }
 
     /// Pass `fuzzy.blend` by the rasterizer.
@@ -397,7 +387,6 @@ impl Fuzzy {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        share: Share,
         context: &Context,
         constants: Uniform,
     ) {
@@ -409,7 +398,7 @@ impl Fuzzy {
         }
         let pass = pass.depth_test(targets.depth());
         let pipelines = (&self.blend_triangles, &self.blend_splats);
-        raster(pass, list, pipelines, share, context, constants);
+        raster(pass, list, pipelines, context, constants);
     }
 
     /// Pass `fuzzy.normalize` of what was rastered.
@@ -444,17 +433,16 @@ impl Fuzzy {
     }
 }
 
-/// Draws a list in a pass whose targets are attached, without the points of compute's share.
+/// Draws a list in a pass whose targets are attached, without what compute draws of it.
 fn raster(
     pass: Pass<'_>,
     list: List<'_>,
     (triangles, splats): (&Pipeline, &Pair),
-    share: Share,
     context: &Context,
     constants: Uniform,
 ) {
     let mut pass = pass.indices(list.indices);
-    if let Splats::List(splats, ..) = list.splats {
+    if let Splats::List(splats, ..) | Splats::Placed(splats, ..) = list.splats {
         pass = pass.vertices(splats);
     }
     for page in &list.scene.pages {
@@ -474,11 +462,7 @@ fn raster(
         match list.splats {
             Splats::List(buffer, packed, capacity) => {
                 if packed.points > 0 {
-                    let points = match (&splats.large_points, share) {
-                        (Some(large), Share::Small) => large,
-                        _ => &splats.points,
-                    };
-                    draw.bind(points, &[constants], &[]);
+                    draw.bind(&splats.points, &[constants], &[]);
                     draw.vertices(buffer, 0);
                     draw.draw(0, packed.points as u32);
                 }
@@ -486,6 +470,22 @@ fn raster(
                     draw.bind(&splats.quads, &[constants], &[]);
                     draw.vertices(buffer, 0);
                     draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
+                }
+            }
+            Splats::Placed(buffer, placed, capacity) => {
+                let Some([points, quads]) = &splats.large else {
+                    unreachable!("made for compute")
+                };
+                let first_quad = (capacity - placed.quads) as u32;
+                if placed.points > 0 {
+                    draw.bind(points, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw(first_quad - placed.points as u32, placed.points as u32);
+                }
+                if placed.quads > 0 {
+                    draw.bind(quads, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw_quads(first_quad, placed.quads as u32);
                 }
             }
             Splats::Vertices { as_quads } => {

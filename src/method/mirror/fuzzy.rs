@@ -515,3 +515,6 @@ fn pushed_vertex(frame: &Frame, vertex: &Vertex) -> Option<Placed> {
         radius / cosine.max(LEAST_COSINE as f32),
     ))
 }
+
+#[cfg(test)]
+mod tests;

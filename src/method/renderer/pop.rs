@@ -31,6 +31,13 @@ fn screen(frame: &FrameConstants, context: &Context) -> Screen {
     )
 }
 
+/// What compute draws opaque splats as.
+pub(super) fn compute_variant(settings: &Settings, model: &Model) -> compute::Variant {
+    let plan = splat_plan(settings, f32::INFINITY);
+    let one_size_px = plan.has_one_size(model).then_some(plan.threshold_px);
+    compute::Variant::new(settings.splat == SplatKind::Disc, one_size_px)
+}
+
 impl Renderer {
     pub(super) fn draw_pop(
         &mut self,
@@ -99,7 +106,7 @@ impl Renderer {
                 }
                 _ => max_point,
             };
-            let packing = Packing::of(settings, model, max_point);
+            let packing = Packing::of(settings, model, (max_point, is_wanted));
             let triangles = self.cut.triangles.len();
             let cut = &mut self.cut;
             let lists = &mut self.lists[slot];
@@ -122,7 +129,10 @@ impl Renderer {
             unreachable!("packed now or before")
         };
         let Held {
-            packed, capacity, ..
+            packed,
+            placed,
+            capacity,
+            ..
         } = held;
         let ways = held.ways;
         let share = ways.share.unwrap_or_else(|| {
@@ -134,23 +144,23 @@ impl Renderer {
             asked.blended(held.triangles + packed.quads, has_large)
         });
         let mut frame = self.frames.begin()?;
-        let constants = frame.uniform(&frame_constants(view, settings, &context))?;
-        let plan = splat_plan(settings, max_point);
+        let constants = frame_constants(view, settings, &context);
+        let flags = constants.flags;
+        let constants = frame.uniform(&constants)?;
         let small_list = compute::List {
             scene,
             corners: &lists.small,
             runs: &lists.small_runs,
             splats: &lists.splats,
             splat_count: packed.points as u32,
-            are_discs: settings.splat == SplatKind::Disc,
-            one_size_px: plan.has_one_size(model).then_some(plan.threshold_px),
+            variant: compute_variant(settings, model),
         };
         let small_triangles = Triangles {
             scene,
             corners: &lists.small,
             runs: &lists.small_runs,
         };
-        let variant = Splats::variant_of(settings);
+        let variant = Splats::variant_of(settings, flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
             Drawing::of(settings),
@@ -190,9 +200,12 @@ impl Renderer {
                     indices: &lists.indices,
                     runs: &lists.runs,
                     small: small_triangles,
-                    splats: fuzzy::Splats::List(&lists.splats, packed, capacity),
+                    splats: match placed {
+                        Some(placed) => fuzzy::Splats::Placed(&lists.splats, placed, capacity),
+                        None => fuzzy::Splats::List(&lists.splats, packed, capacity),
+                    },
                 };
-                fuzzy.record(&mut frame, &self.targets, list, share, &context, constants)?;
+                fuzzy.record(&mut frame, &self.targets, list, &context, constants)?;
             }
             (Drawing::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
@@ -225,7 +238,7 @@ impl Renderer {
         times.counts = Counts {
             nodes_visited: held.stats.visited,
             hidden: held.stats.hidden,
-            splats: (packed.points + packed.quads - held.samples) as u64,
+            splats: placed.map_or(packed.points + packed.quads - held.samples, |p| p.all()) as u64,
             triangles: held.triangles as u64,
             points: 0,
             draw_list_bytes: held.splat_bytes + held.index_bytes,
@@ -259,9 +272,7 @@ impl Renderer {
                 // Filtered splats are known once they are packed.
                 let share = match drawing {
                     _ if all != Share::Nothing => Some(all),
-                    Drawing::Fuzzy if self.costs.is_some() => {
-                        Some(asked.blended(asked.triangles, has_large))
-                    }
+                    Drawing::Fuzzy => Some(asked.blended(asked.triangles, has_large)),
                     _ => None,
                 };
                 Ways {

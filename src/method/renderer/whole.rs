@@ -7,7 +7,6 @@ use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
 use crate::method::compute::choice;
 use crate::method::compute::list::Triangles;
-use crate::method::compute::twin::Share;
 use crate::method::plan::{Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
@@ -72,7 +71,7 @@ impl Renderer {
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
-        let variant = Splats::variant_of(settings);
+        let variant = Splats::variant_of(settings, constants.flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         // Declared by the pass, not read.
         let indices = &self.lists[0].indices;
@@ -99,7 +98,7 @@ impl Renderer {
                             },
                             splats: fuzzy::Splats::Vertices { as_quads },
                         };
-                        fuzzy.record(frame, targets, list, Share::Nothing, &context, c)?;
+                        fuzzy.record(frame, targets, list, &context, c)?;
                     }
                     (Drawing::Visibility, ..) => {
                         let Some(visibility) = &self.visibility else {

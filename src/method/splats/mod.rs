@@ -23,31 +23,34 @@ pub(crate) enum Source {
     Vertices,
 }
 
+/// What decides the pipelines; the last are the flags of the frame.
+pub(crate) type Variant = (Footprint, Source, u32);
+
 /// Pipelines of one kind of opaque splat.
 #[derive(Debug)]
 pub(crate) struct Splats {
     /// What the pipelines were made for.
-    pub(crate) variant: (Footprint, Source),
+    pub(crate) variant: Variant,
     points: Pipeline,
     quads: Pipeline,
 }
 
 impl Splats {
-    /// What `settings` need.
-    pub(crate) fn variant_of(settings: &Settings) -> (Footprint, Source) {
+    /// What `settings` need in frames of these flags.
+    pub(crate) fn variant_of(settings: &Settings, flags: u32) -> Variant {
         let source = if settings.has_cut() {
             Source::List
         } else {
             Source::Vertices
         };
-        (settings.footprint(), source)
+        (settings.footprint(), source, flags)
     }
 
     /// # Errors
     /// When a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        variant @ (footprint, source): (Footprint, Source),
+        variant @ (footprint, source, flags): Variant,
         targets: &Targets,
     ) -> Result<Self, Error> {
         let is_square = footprint == Footprint::Square;
@@ -64,7 +67,7 @@ impl Splats {
         };
         let is_oriented = footprint == Footprint::Oriented;
         let pipeline = |name, topology| {
-            Pipeline::new(
+            Pipeline::for_flags(
                 gpu,
                 &Description {
                     name,
@@ -81,6 +84,7 @@ impl Splats {
                     depth: Depth::Nearest,
                     is_additive: false,
                 },
+                flags,
             )
         };
         Ok(Self {

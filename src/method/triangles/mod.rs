@@ -18,6 +18,8 @@ pub(crate) struct Variant {
     pub(crate) colors: bool,
     /// A lamp instead of the headlight.
     pub(crate) lamp: bool,
+    /// Those of the frame.
+    pub(crate) flags: u32,
 }
 
 /// The color targets of a pass whose first is [`COLOR`] or [`SAMPLES`].
@@ -32,7 +34,7 @@ pub(crate) fn targets(color: Format, normals: bool) -> &'static [Format] {
 
 /// The pipeline that draws indexed mesh triangles.
 pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Error> {
-    Pipeline::new(
+    Pipeline::for_flags(
         gpu,
         &Description {
             name: "triangles.draw",
@@ -45,6 +47,7 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Err
             depth: Depth::Nearest,
             is_additive: false,
         },
+        variant.flags,
     )
 }
 

@@ -76,8 +76,8 @@ struct SplatPipelines {
 pub(crate) struct Visibility {
     gpu: Arc<Gpu>,
     normals: bool,
-    /// Of the first and of the second pass.
-    triangles: [Pipeline; 2],
+    /// Of the first and of the second pass, and of which flags of a frame they are, as those of splats.
+    triangles: Option<(u32, [Pipeline; 2])>,
     from_list: Option<SplatPipelines>,
     from_vertices: Option<SplatPipelines>,
     picked: Target,
@@ -90,14 +90,14 @@ pub(crate) struct Visibility {
 /// A pipeline of one of the first two passes.
 fn first_pass(
     gpu: &Arc<Gpu>,
-    normals: bool,
+    (normals, flags): (bool, u32),
     is_center: bool,
     (vertex, record): (&Shader, Record),
     topology: Topology,
 ) -> Result<Pipeline, Error> {
     let formats = [PICKED, FRONTS, NORMAL];
     let pass = if is_center { "centers" } else { "depth" };
-    Pipeline::new(
+    Pipeline::for_flags(
         gpu,
         &Description {
             name: &format!("visibility.{pass} {topology:?}"),
@@ -118,19 +118,20 @@ fn first_pass(
             },
             is_additive: false,
         },
+        flags,
     )
 }
 
 impl SplatPipelines {
-    fn new(gpu: &Arc<Gpu>, normals: bool, source: Source) -> Result<Self, Error> {
+    fn new(gpu: &Arc<Gpu>, how: (bool, u32), source: Source) -> Result<Self, Error> {
         let from = match source {
             Source::List => (&shaders::VISIBILITY_SPLATS_VERT, SPLAT),
             Source::Vertices => (&shaders::VISIBILITY_POINTS_VERT, VERTEX),
         };
         Ok(Self {
-            points: first_pass(gpu, normals, false, from, Topology::Points)?,
-            quads: first_pass(gpu, normals, false, from, Topology::Quads)?,
-            centers: first_pass(gpu, normals, true, from, Topology::Points)?,
+            points: first_pass(gpu, how, false, from, Topology::Points)?,
+            quads: first_pass(gpu, how, false, from, Topology::Quads)?,
+            centers: first_pass(gpu, how, true, from, Topology::Points)?,
         })
     }
 }
@@ -154,7 +155,7 @@ fn last_pass(gpu: &Arc<Gpu>, name: &str, fragment: &Shader) -> Result<Pipeline, 
 }
 
 impl Visibility {
-    /// Targets and the pipelines of triangles; [`Visibility::ensure`] makes the others.
+    /// Targets; [`Visibility::ensure`] makes the pipelines.
     ///
     /// # Errors
     /// When memory runs out.
@@ -164,14 +165,10 @@ impl Visibility {
         height: u32,
         normals: bool,
     ) -> Result<Self, Error> {
-        let triangles = |is_center| {
-            let from = (&shaders::VISIBILITY_TRIANGLES_VERT, VERTEX);
-            first_pass(gpu, normals, is_center, from, Topology::Triangles)
-        };
         Ok(Self {
             gpu: gpu.clone(),
             normals,
-            triangles: [triangles(false)?, triangles(true)?],
+            triangles: None,
             from_list: None,
             from_vertices: None,
             picked: Target::new(gpu, "picked", PICKED, width, height)?,
@@ -182,7 +179,7 @@ impl Visibility {
         })
     }
 
-    /// Makes what splats from `source` and `reconstruction` need, outside of the frame.
+    /// Makes what splats from `source` and `reconstruction` need in frames of these flags, outside of the frame.
     ///
     /// # Errors
     /// When memory runs out.
@@ -190,13 +187,23 @@ impl Visibility {
         &mut self,
         source: Source,
         reconstruction: Reconstruction,
+        flags: u32,
     ) -> Result<(), Error> {
+        let how = (self.normals, flags);
+        if self.triangles.as_ref().is_none_or(|made| made.0 != flags) {
+            let make = |is_center| {
+                let from = (&shaders::VISIBILITY_TRIANGLES_VERT, VERTEX);
+                first_pass(&self.gpu, how, is_center, from, Topology::Triangles)
+            };
+            self.triangles = Some((flags, [make(false)?, make(true)?]));
+            (self.from_list, self.from_vertices) = (None, None);
+        }
         let pipelines = match source {
             Source::List => &mut self.from_list,
             Source::Vertices => &mut self.from_vertices,
         };
         if pipelines.is_none() {
-            *pipelines = Some(SplatPipelines::new(&self.gpu, self.normals, source)?);
+            *pipelines = Some(SplatPipelines::new(&self.gpu, how, source)?);
         }
         let gpu = &self.gpu;
         match reconstruction {
@@ -280,12 +287,12 @@ impl Visibility {
             Splats::List(..) => &self.from_list,
             Splats::Vertices { .. } => &self.from_vertices,
         };
-        let Some(splats) = splats else {
+        let (Some(splats), Some((_, triangles))) = (splats, &self.triangles) else {
             unreachable!("ensure made the pipelines")
         };
         for (name, triangles, is_center) in [
-            ("visibility.depth", &self.triangles[0], false),
-            ("visibility.centers", &self.triangles[1], true),
+            ("visibility.depth", &triangles[0], false),
+            ("visibility.centers", &triangles[1], true),
         ] {
             let load = |clear| match is_center {
                 false => Load::Clear(clear),
