@@ -1,6 +1,7 @@
 use super::lists::retain;
 use super::*;
-use crate::cut::{Settings, quad};
+use crate::cut::Settings;
+use crate::cut::quad::{self, Balls};
 use crate::math::camera::Camera;
 use crate::tree::Model;
 use glam::DVec3;
@@ -51,6 +52,15 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
     ]
 }
 
+/// Which of four nodes are not hidden so far; each leaves a mark.
+fn keep_nodes(hiding: &Hiding<'_>, balls: &Balls, first: u32, marks: &mut Vec<Mark>) -> u64 {
+    let mut chunk = Chunk::default();
+    let [x, y] = hiding.along(balls.center);
+    let splats = [x, y, balls.depth, glam::Vec4::ZERO];
+    hiding.place(&mut chunk, 0, splats, (15, hiding.undrawn_nodes(first)));
+    hiding.ask(&chunk, 4, marks)[0]
+}
+
 /// Brute force over random splats: what is dropped is covered in each of its pixels, and in those that it would have half a
 /// step of window positions farther on, by a nearer one that is half a step smaller and was kept.
 #[test]
@@ -81,7 +91,7 @@ fn what_is_dropped_is_covered() {
         let mut found = Vec::new();
         for (index, four) in points.as_chunks::<4>().0.iter().enumerate() {
             let balls = tester.balls(quad::columns(four.map(|p| p.extend(0.0))));
-            let kept = hiding.keep_nodes(&balls, 0, 15, &mut marks);
+            let kept = keep_nodes(&hiding, &balls, 0, &mut marks);
             found.extend((0..4).filter(|i| kept >> i & 1 != 0).map(|i| 4 * index + i));
         }
         assert_eq!(found.len(), marks.len());
@@ -124,6 +134,48 @@ fn what_is_dropped_is_covered() {
     }
 }
 
+/// What another thread has stored over is there again before anything is asked for the last time.
+#[test]
+fn depths_that_were_stored_over_come_back() {
+    let model = Model::default();
+    let view = views()[0];
+    let tester = Tester::new(&model, &view, &Settings::default());
+    let undrawn = Undrawn::default();
+    let footprints = Footprints {
+        side_px: 1.0,
+        are_discs: false,
+        large_leaves: false,
+        is_cloud: false,
+    };
+    let mut nearest = Nearest::default();
+    assert!(nearest.clear(view.width, view.height));
+    let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
+    let mut number = numbers();
+    let mut marks = Marks::default();
+    for round in 0..1000 {
+        let four = [0; 4].map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0);
+        let balls = tester.balls(quad::columns(four.map(|p| p.extend(0.0))));
+        let list = [&mut marks.nodes, &mut marks.strips, &mut marks.leaves];
+        for (index, list) in list.into_iter().enumerate() {
+            if index == round % 3 {
+                keep_nodes(&hiding, &balls, 0, list);
+            }
+        }
+    }
+    let depths = || -> Vec<u32> {
+        let pixels = nearest.pixels.iter();
+        pixels.map(|pixel| pixel.load(Ordering::Relaxed)).collect()
+    };
+    let expected = depths();
+    let lost = |&&depth: &&u32| depth != NOTHING;
+    assert!(expected.iter().filter(lost).count() > 300);
+    for pixel in &nearest.pixels {
+        pixel.store(NOTHING, Ordering::Relaxed);
+    }
+    hiding.repair(&marks);
+    assert_eq!(depths(), expected);
+}
+
 /// Ends of levels move along with what is left of a list.
 #[test]
 fn ends_move_along_and_huge_pictures_are_refused() {
@@ -159,8 +211,8 @@ fn nothing_is_dropped_where_nothing_is_covered() {
     ));
     // Without area: all stay. Then the nearest hides two of them, and not what is no number.
     for _ in 0..2 {
-        assert_eq!(hiding.keep_nodes(&middle, 0, 15, &mut marks), 15);
+        assert_eq!(keep_nodes(&hiding, &middle, 0, &mut marks), 15);
     }
-    assert_eq!(hiding.keep_nodes(&middle, 64, 15, &mut marks) & 9, 9);
-    assert_eq!(hiding.keep_nodes(&middle, 64, 15, &mut marks), 9);
+    assert_eq!(keep_nodes(&hiding, &middle, 64, &mut marks) & 9, 9);
+    assert_eq!(keep_nodes(&hiding, &middle, 64, &mut marks), 9);
 }
