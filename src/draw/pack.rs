@@ -74,7 +74,11 @@ mod tests {
         let corners: Vec<[u32; 3]> = (0..90_000).map(|i| [i, i + 1, i + 2]).collect();
         for many in [0, 1, 4096, 22_000] {
             let ids: Vec<u32> = (0..many).map(|i| 100 + 4 * i).collect();
-            for rule in [|id: u32| id % 3 == 0, |_: u32| true, |id: u32| id > 60_000] {
+            for rule in [
+                |id: u32| id.is_multiple_of(3),
+                |_: u32| true,
+                |id: u32| id > 60_000,
+            ] {
                 let all = |is_first: bool| -> Vec<[u32; 3]> {
                     let own = ids.iter().filter(|&&id| rule(id) == is_first);
                     own.map(|&id| corners[id as usize - 100]).collect()
