@@ -8,7 +8,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use surfel::cut::{self, Cut, Selector};
+use surfel::cut::{self, Cut, Footprints, Selector, StripRun, Undrawn};
 use surfel::generate::{self, Shape, Spec};
 use surfel::gpu::{Gpu, Options};
 use surfel::image::compare;
@@ -229,6 +229,51 @@ fn cutting(model: &Model, name: &str) {
     }
 }
 
+/// What the search for hidden squares costs, in turn with the same cut without it.
+fn hiding(model: &Model, name: &str) {
+    let settings = cut::Settings {
+        threshold_px: 1.0,
+        cull_back: model.is_closed,
+        ..cut::Settings::default()
+    };
+    let footprints = Footprints {
+        side_px: 1.0,
+        are_discs: false,
+        large_leaves: false,
+        is_cloud: model.triangles.is_empty(),
+    };
+    let undrawn = Undrawn::new(model);
+    let splats = |cut: &Cut| {
+        let rows: u32 = cut.strips.iter().map(StripRun::splats).sum();
+        (cut.nodes.len() + cut.leaves.len()) as f64 + f64::from(rows)
+    };
+    for threads in [1, 2] {
+        let mut selector = Selector::with_threads(threads).with_subpixel_bits(8);
+        let mut cut = Cut::default();
+        let (mut plain, mut seen, mut found, mut left) = (vec![], vec![], vec![], vec![]);
+        for repeat in 0..3 {
+            for k in 0..12 {
+                let view = orbit(model, 1.0, k, 12);
+                let without = ms(|| selector.select(model, &view, &settings, &mut cut));
+                found.push(splats(&cut));
+                let what = (footprints, &undrawn);
+                let with = ms(|| selector.select_seen(model, &view, &settings, what, &mut cut));
+                left.push(splats(&cut));
+                if repeat > 0 {
+                    plain.push(without);
+                    seen.push(with);
+                }
+            }
+        }
+        let [plain, seen, found, left] =
+            [plain, seen, found, left].map(|values| Distribution::of(&values).median);
+        println!("{name}, {threads} threads: {left} squares left of {found}");
+        row("   a cut without what is hidden", seen, "ms", None);
+        let each = (seen - plain) * threads as f64 / found.max(1.0);
+        row("   the search, a splat and thread", each * 1e6, "ns", None);
+    }
+}
+
 fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
     let mut scene = Scene::new(gpu, model).expect("the model fits the device");
     let mut renderer =
@@ -437,6 +482,7 @@ fn main() {
         let model = build(mesh(shape, triangles / scale));
         if wants("cut") {
             cutting(&model, shape.name());
+            hiding(&model, shape.name());
         }
         if wants("draw") {
             drawing(&gpu, &model, shape.name(), Some(target));

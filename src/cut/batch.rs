@@ -6,8 +6,10 @@
 //! after the batch are prefetched meanwhile, a line a stage, since the processor has only so many requests on
 //! their way. One group at a time and with branches, all this took about twice as long.
 
+mod hide;
+
 use super::class::inherit;
-use super::nearest::{Hiding, Marks};
+use super::nearest::{Chunk, Hiding, Marks};
 use super::quad::{self, Balls, Words};
 use super::tester::Tester;
 use super::{Cut, StripRun};
@@ -143,7 +145,7 @@ fn bits(mask: u8) -> u32 {
 /// Lanes of a batch, and room for the store of a push beyond the last.
 const ROOM: usize = 4 * SIZE + 4;
 
-/// The working memory of the stages, 26 KiB. Masks have a bit a sibling.
+/// The working memory of the stages, 44 KiB. Masks have a bit a sibling.
 #[derive(Debug)]
 pub(super) struct Batch {
     balls: [Balls; SIZE],
@@ -167,6 +169,8 @@ pub(super) struct Batch {
     faces: List<u32, ROOM>,
     places: List<u32, ROOM>,
     corners: [[u32; 3]; ROOM],
+    split: hide::Rows,
+    chunk: Chunk,
 }
 
 impl Default for Batch {
@@ -187,6 +191,8 @@ impl Default for Batch {
             faces: List::new(0),
             places: List::new(0),
             corners: [[0; 3]; ROOM],
+            split: hide::Rows::default(),
+            chunk: Chunk::default(),
         }
     }
 }
@@ -219,12 +225,13 @@ impl Batch {
         self.sizes(tester, groups.len());
         self.volumes(tester, groups, cut);
         self.cones(tester, groups, &mut prefetch, cut);
-        let rows = cut.strips.len();
-        self.rows(tester, groups, &mut prefetch, cut);
-        if let Some(hiding) = hiding.filter(|hiding| hiding.asks_splats()) {
-            cut.stats.hidden +=
-                hiding.keep_rows(model, tester, &mut cut.strips, rows, &mut marks.strips);
-            self.hide_nodes(hiding, groups, marks, cut);
+        self.rows(tester, groups, &mut prefetch);
+        match hiding.filter(|hiding| hiding.asks_splats()) {
+            Some(hiding) => {
+                self.hide_rows(hiding, tester, marks, cut);
+                self.hide_nodes(hiding, groups, marks, cut);
+            }
+            None => self.runs.flush(&mut cut.strips),
         }
         self.emit_nodes(groups, &mut prefetch, cut, open);
     }
@@ -319,14 +326,9 @@ impl Batch {
         cut.stats.facing_away += u64::from(dropped);
     }
 
+    /// Lists the nodes that are rows.
     #[inline]
-    fn rows(
-        &mut self,
-        tester: &Tester,
-        groups: &[Group],
-        mut prefetch: impl FnMut(),
-        cut: &mut Cut,
-    ) {
+    fn rows(&mut self, tester: &Tester, groups: &[Group], mut prefetch: impl FnMut()) {
         self.listed.clear();
         let masks = self.kept.iter().zip(&self.small);
         for ((&kept, &small), index) in masks.zip(0..).take(groups.len()) {
@@ -357,7 +359,6 @@ impl Batch {
             self.rows[i] &= fits as u8;
             self.runs.push_lanes(group.first, counts, self.rows[i]);
         }
-        self.runs.flush(&mut cut.strips);
     }
 
     #[inline]
@@ -399,44 +400,6 @@ impl Batch {
             }
         }
         open.truncate(end);
-    }
-
-    /// Drops small nodes that are hidden.
-    fn hide_nodes(
-        &mut self,
-        hiding: &Hiding<'_>,
-        groups: &[Group],
-        marks: &mut Marks,
-        cut: &mut Cut,
-    ) {
-        let lanes = self.balls.iter().zip(&self.small);
-        for ((group, (balls, &small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
-            let splats = *kept & small;
-            let seen = hiding.keep_nodes(balls, group.first, splats, &mut marks.nodes);
-            cut.stats.hidden += u64::from(bits(splats & !seen));
-            *kept &= seen | !small;
-        }
-    }
-
-    /// Drops leaves that are hidden.
-    fn hide_leaves(
-        &mut self,
-        hiding: &Hiding<'_>,
-        groups: &[Group],
-        always: u8,
-        marks: &mut Marks,
-        cut: &mut Cut,
-    ) {
-        let lanes = self.balls.iter().zip(&self.small);
-        for ((group, (balls, &small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
-            let splats = small | always;
-            let seen = hiding.keep_leaves(balls, group.first, (*kept, splats), marks);
-            let triangles = if hiding.has_triangles() { !splats } else { 0 };
-            let dropped = *kept & !seen;
-            cut.stats.hidden += u64::from(bits(dropped & !triangles));
-            cut.stats.between += u64::from(bits(dropped & triangles));
-            *kept = seen;
-        }
     }
 
     /// The same for groups of leaves, all of which are drawn or dropped.

@@ -51,9 +51,20 @@ impl Undrawn {
         }
     }
 
+    /// Which of the four nodes or leaves from `first` on are in their list.
+    #[inline]
+    pub(super) fn four(list: &[u64], first: u32) -> u8 {
+        if list.is_empty() {
+            return 0;
+        }
+        (0..4).fold(0, |mask, lane| {
+            mask | u8::from(Self::has(list, first.wrapping_add(lane))) << lane
+        })
+    }
+
     /// Whether a node or leaf is in its list.
     #[inline]
-    pub(super) fn has(list: &[u64], id: u32) -> bool {
+    fn has(list: &[u64], id: u32) -> bool {
         let word = list.get(id as usize / 64);
         word.is_some_and(|word| word >> (id % 64) & 1 != 0)
     }

@@ -12,13 +12,16 @@
 //! none. What is left does not depend on the order in which splats are found: the nearest of a pixel is never dropped, and
 //! all are asked again once all are found.
 
+mod chunk;
 mod lists;
+
+pub(super) use chunk::{CHUNK, Chunk};
 
 use super::footprints::{Footprints, Undrawn};
 use super::quad::Balls;
 use super::tester::Tester;
 use crate::math::camera::View;
-use glam::{Vec3, Vec4};
+use glam::{BVec4A, Vec3, Vec4};
 use std::ops::{Range, RangeInclusive};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -28,6 +31,10 @@ pub(super) const SUBPIXEL_BITS: RangeInclusive<u32> = 4..=8;
 const MOST_PIXELS: u32 = 1024;
 /// Nothing is nearer.
 const NOTHING: u32 = f32::INFINITY.to_bits();
+/// How far off a coordinate of a splat may be, over the sum of the terms that it is made of, on the device and here
+/// together. On either side numbers of the matrix are rounded, and their products and sums: at most ten times, or twelve
+/// where a device places points in two steps, by 2^-24 each.
+const POSITION_ERROR: f32 = 24.0 / 16_777_216.0;
 
 /// The nearest splat of every pixel: its distance along the view direction from the near plane, as bits (floats that are
 /// not negative order like integers).
@@ -45,7 +52,8 @@ impl Nearest {
             return false;
         }
         (self.width, self.height) = (width, height);
-        let count = width as usize * height as usize;
+        // One more, which stands for pixels that are not known.
+        let count = width as usize * height as usize + 1;
         self.pixels.resize_with(count, AtomicU32::default);
         for pixel in &mut self.pixels {
             *pixel.get_mut() = NOTHING;
@@ -60,7 +68,9 @@ pub(super) struct Mark {
     first: u32,
     columns: u16,
     rows: u16,
-    /// As [`Nearest`] has it, less the error of both sides.
+    /// The splat's, as [`Nearest`] has it, less the error of both sides.
+    asked: u32,
+    /// The splat's, where it may have been stored over by another thread ([`Hiding::repair`]); else [`NOTHING`].
     distance: u32,
 }
 
@@ -70,14 +80,16 @@ impl Mark {
         first: 0,
         columns: 0,
         rows: 0,
-        distance: 0,
+        asked: 0,
+        distance: NOTHING,
     };
     /// Never hidden.
     const SEEN: Self = Self {
         first: 0,
         columns: 1,
         rows: 1,
-        distance: 0,
+        asked: 0,
+        distance: NOTHING,
     };
 }
 
@@ -116,6 +128,8 @@ pub(super) struct Hiding<'a> {
     near: f32,
     far: f32,
     is_perspective: bool,
+    /// Pixels that a place may be off, times the distance (perspective) or alone.
+    place_error: f32,
     /// Error of a distance; and what a depth that is rounded is off, as a distance: the factor of z² (perspective) or
     /// alone.
     distance_error: f32,
@@ -125,6 +139,8 @@ pub(super) struct Hiding<'a> {
     outer_px: f32,
     /// Pixels by which a device may place a splat elsewhere by rounding.
     snap_px: f32,
+    /// Splats are pixels. Some of them may be two, and surely cover neither.
+    are_pixels: bool,
 }
 
 /// Four splats in the picture.
@@ -137,10 +153,10 @@ struct Placed {
     outer: Vec4,
     inner: Vec4,
     /// Lanes that the clip volume takes nothing away of: else nothing is covered surely. Not what is no number.
-    known: u8,
+    known: BVec4A,
     /// From the near plane; and less the error of both sides.
-    distance: [u32; 4],
-    asked: [u32; 4],
+    distance: Vec4,
+    asked: Vec4,
 }
 
 impl<'a> Hiding<'a> {
@@ -194,84 +210,121 @@ impl<'a> Hiding<'a> {
         } else {
             (side.floor() / 2.0, side.ceil() / 2.0)
         };
+        let focal = [
+            view.scale[0] * half[0] * unit,
+            -view.scale[1] * half[1] * unit,
+        ];
+        let middle = [
+            half[0] * (1.0 + sign * view.offset[0]),
+            half[1] * (1.0 - sign * view.offset[1]),
+        ];
+        // A coordinate in view space is the product of a unit vector and a position, and the place of the model's zero;
+        // one in the window those of a vector as long as focal length and middle together, over a distance that is off
+        // as well.
+        let position_error = POSITION_ERROR * tester.extent;
+        let place = |i: usize| {
+            let in_window = focal[i].hypot(if view.is_perspective { middle[i] } else { 0.0 });
+            in_window + 2.0 * half[i]
+        };
         Self {
             nearest,
             footprints,
             undrawn,
             axes: [axis(0), axis(1)],
-            focal: [
-                view.scale[0] * half[0] * unit,
-                -view.scale[1] * half[1] * unit,
-            ],
-            middle: [
-                half[0] * (1.0 + sign * view.offset[0]),
-                half[1] * (1.0 - sign * view.offset[1]),
-            ],
+            focal,
+            middle,
             size: [nearest.width as f32, nearest.height as f32],
             near,
             far,
             is_perspective: view.is_perspective,
-            // Device and host transform positions in single precision, a part in 2^24 of the model's reach and more
-            // than one rounding each.
-            distance_error: 8.0 * tester.plane_error,
+            place_error: position_error * place(0).max(place(1)),
+            // Of the one that is nearer and of the other.
+            distance_error: 2.0 * position_error,
             depth_error,
             inner_px,
             outer_px,
             // Half a step, and the roundings of positions in single precision.
             snap_px: 0.5_f32.powi(1 + subpixel_bits as i32)
                 + 1e-6 * nearest.width.max(nearest.height) as f32,
+            are_pixels: side <= 1.0 && !footprints.large_leaves && !footprints.is_cloud,
         }
     }
 
+    /// How far four centers are along the axes of the picture, in the tester's unit.
     #[inline]
-    fn placed(&self, balls: &Balls) -> Placed {
-        let z = balls.depth;
-        let along = self.axes.map(|([a, b, c], start)| {
-            let [x, y, z] = balls.center;
-            a * x + b * y + c * z + start
-        });
+    pub(super) fn along(&self, [x, y, z]: [Vec4; 3]) -> [Vec4; 2] {
+        self.axes
+            .map(|([a, b, c], start)| a * x + b * y + c * z + start)
+    }
+
+    /// How far four ways go along the axes of the picture.
+    #[inline]
+    pub(super) fn way_along(&self, [x, y, z]: [Vec4; 3]) -> [Vec4; 2] {
+        self.axes.map(|([a, b, c], _)| a * x + b * y + c * z)
+    }
+
+    /// Whether any node is not drawn.
+    pub(super) fn has_undrawn_nodes(&self) -> bool {
+        !self.undrawn.nodes.is_empty()
+    }
+
+    /// Which of the four nodes from `first` on are not drawn.
+    #[inline]
+    pub(super) fn undrawn_nodes(&self, first: u32) -> u8 {
+        Undrawn::four(&self.undrawn.nodes, first)
+    }
+
+    /// The same for leaves.
+    #[inline]
+    pub(super) fn undrawn_leaves(&self, first: u32) -> u8 {
+        Undrawn::four(&self.undrawn.leaves, first)
+    }
+
+    /// Whether small leaves have sizes of their own, as points do, and whether large ones are splats.
+    pub(super) fn of_leaves(&self) -> (bool, bool) {
+        (self.footprints.is_cloud, self.footprints.large_leaves)
+    }
+
+    /// Of four splats: how far they are along the axes of the picture and the view direction, and their own radii.
+    #[inline]
+    fn placed(&self, [x, y, z, radius]: [Vec4; 4]) -> Placed {
         // By how much pixels are off, and half of what a splat of the ball's size is drawn as.
-        let focal = self.focal[0].abs().max(self.focal[1].abs());
+        let own = radius * (1.001 * self.focal[0].abs().max(self.focal[1].abs()));
         let ([x, y], off, own, error) = if self.is_perspective {
             let inverse = Vec4::ONE / z;
-            let [x, y] = along.map(|v| v * inverse);
-            let slope = 1.0 + x.abs().max(y.abs());
             (
-                [x, y],
-                slope * inverse * (focal * self.distance_error),
-                balls.radius * inverse * (1.001 * focal),
+                [x * inverse, y * inverse],
+                inverse * self.place_error,
+                own * inverse,
                 z * z * self.depth_error + self.distance_error,
             )
         } else {
             (
-                along,
-                Vec4::splat(focal * self.distance_error),
-                balls.radius * (1.001 * focal),
+                [x, y],
+                Vec4::splat(self.place_error),
+                own,
                 Vec4::splat(self.depth_error + self.distance_error),
             )
         };
         let off = off + self.snap_px;
-        let is_known =
-            z.cmpgt(Vec4::splat(self.near) + error) & z.cmplt(Vec4::splat(self.far) - error);
-        let distance = z - self.near;
         // What is smaller than a pixel is drawn as one pixel or none, of any other the device may round the size.
         let rounded = if self.is_sampled() {
             Vec4::select(own.cmplt(Vec4::splat(0.5)), own, own + 0.5)
         } else {
             own + 0.5
         };
+        let distance = z - self.near;
         Placed {
             x: x * self.focal[0] + self.middle[0],
             y: y * self.focal[1] + self.middle[1],
             outer: rounded.max(Vec4::splat(self.outer_px)) + off,
             inner: Vec4::splat(self.inner_px) - off,
-            known: is_known.bitmask() as u8,
-            distance: distance.to_array().map(f32::to_bits),
+            known: z.cmpgt(Vec4::splat(self.near) + error) & z.cmplt(Vec4::splat(self.far) - error),
+            distance,
             asked: if self.footprints.hides {
-                let asked = (distance - error).max(Vec4::ZERO);
-                asked.to_array().map(f32::to_bits)
+                (distance - error).max(Vec4::ZERO)
             } else {
-                [0; 4]
+                Vec4::ZERO
             },
         }
     }
@@ -282,138 +335,49 @@ impl<'a> Hiding<'a> {
         self.footprints.hides || self.is_sampled()
     }
 
-    /// Whether leaves that are larger than the threshold are triangles.
-    #[inline]
-    pub(super) fn has_triangles(&self) -> bool {
-        !self.footprints.large_leaves && !self.footprints.is_cloud
-    }
-
     /// Whether splats are smaller than a pixel.
     #[inline]
     fn is_sampled(&self) -> bool {
         self.outer_px < 0.5
     }
 
-    /// Those of `lanes` whose triangle, which lies in the ball, may contain the center of a pixel. Between them no device
-    /// draws anything of it.
+    /// Which of four triangles, which lie in the balls, may contain the center of a pixel. Between them no device draws
+    /// anything.
     #[inline]
-    fn meets_centers(&self, balls: &Balls, lanes: u8) -> u8 {
-        if lanes == 0 {
-            return 0;
-        }
-        let along = self.axes.map(|([a, b, c], start)| {
-            let [x, y, z] = balls.center;
-            a * x + b * y + c * z + start
-        });
+    pub(super) fn meets_centers(&self, balls: &Balls) -> u8 {
         let focal = self.focal[0].abs().max(self.focal[1].abs());
-        let ([x, y], scale, stretch, is_known) = if self.is_perspective {
+        let [x, y] = self.along(balls.center);
+        let ([x, y], scale, off, stretch, is_known) = if self.is_perspective {
             let inverse = Vec4::ONE / balls.depth;
-            let [x, y] = along.map(|v| v * inverse);
+            let (x, y) = (x * inverse, y * inverse);
             let aside = x.abs().max(y.abs());
             // A ball of radius r at a distance of 1 reaches r sqrt(1 + a²) / (1 - r²) to the side, from a middle that is
             // a r² / (1 - r²) farther off; so near that r matters here, nothing is dropped.
             let is_small = (balls.radius * inverse).cmplt(Vec4::splat(0.01));
             let stretch = 1.001 + 0.01 * aside + 0.5 * aside * aside;
-            ([x, y], inverse * focal, stretch, is_small)
+            let off = inverse * self.place_error;
+            ([x, y], inverse * focal, off, stretch, is_small)
         } else {
             let every = Vec4::ONE.cmpeq(Vec4::ONE);
-            (along, Vec4::splat(focal), Vec4::splat(1.001), every)
+            let off = Vec4::splat(self.place_error);
+            ([x, y], Vec4::splat(focal), off, Vec4::splat(1.001), every)
         };
         let to_center = |v: Vec4| (v - v.floor() - 0.5).abs();
         let x = to_center(x * self.focal[0] + self.middle[0]);
         let y = to_center(y * self.focal[1] + self.middle[1]);
         // Corners are moved by rounding in both directions.
-        let off = (stretch * scale * self.distance_error + self.snap_px) * std::f32::consts::SQRT_2;
+        let off = (off + self.snap_px) * std::f32::consts::SQRT_2;
         let reach = balls.radius * scale * stretch + off;
         let misses = (x * x + y * y).cmpgt(reach * reach)
             & is_known
             & balls.depth.cmpgt(Vec4::splat(self.near));
-        lanes & !(misses.bitmask() as u8)
+        !(misses.bitmask() as u8) & 15
     }
 
-    /// The marks of splats around the centers of `lanes`, of the constant size or that of their balls, whichever is
-    /// larger. What is not hidden so far leaves its depth, unless `is_undrawn`.
-    #[inline]
-    fn ask(&self, balls: &Balls, lanes: u8, is_undrawn: impl Fn(u32) -> bool) -> [Mark; 4] {
-        let placed = self.placed(balls);
+    /// The marks of squares of any size and place. What is not hidden so far leaves its depth in what it surely covers, but
+    /// for those in `undrawn`.
+    fn ask_squares(&self, placed: &Placed, lanes: u8, undrawn: u8) -> [Mark; 4] {
         let mut marks = [Mark::HIDDEN; 4];
-        let rest = if self.outer_px > 0.5 {
-            lanes
-        } else {
-            lanes & !self.ask_pixels(&placed, lanes, &is_undrawn, &mut marks)
-        };
-        if rest != 0 {
-            self.ask_squares(&placed, rest, is_undrawn, &mut marks);
-        }
-        marks
-    }
-
-    /// What [`ask`](Self::ask) does for those of `lanes` that cover one pixel of the picture and may cover no other, which
-    /// of squares of a pixel are nearly all: in a third of the time. Returns which they are.
-    #[inline]
-    fn ask_pixels(
-        &self,
-        placed: &Placed,
-        lanes: u8,
-        is_undrawn: impl Fn(u32) -> bool,
-        marks: &mut [Mark; 4],
-    ) -> u8 {
-        // A sum with 2^23 is rounded to whole numbers, and has them in its low bits: here 1 more than the pixel's.
-        let sums = [placed.x, placed.y].map(|v| v + 0.5 + 8_388_608.0);
-        let [x, y] = [(placed.x, sums[0]), (placed.y, sums[1])]
-            .map(|(v, sum)| (v + 0.5 - (sum - 8_388_608.0)).abs());
-        // The pixel's own center is that far away, the next one 1 less that.
-        let farther = x.max(y);
-        let [width, height] = self.size.map(Vec4::splat);
-        let is_one = farther.cmplt((1.0 - placed.outer).min(placed.inner))
-            & placed.x.cmpgt(Vec4::ZERO)
-            & placed.y.cmpgt(Vec4::ZERO)
-            & placed.x.cmplt(width)
-            & placed.y.cmplt(height);
-        let ones = lanes & placed.known & is_one.bitmask() as u8;
-        // Smaller than a pixel, it contains no center.
-        let none = farther.cmpgt(placed.outer).bitmask() as u8;
-        let nones = lanes & placed.known & none;
-        let [columns, rows] = sums.map(|sum| sum.to_array().map(|v| v.to_bits() & 0x7f_ffff));
-        for lane in 0..4 {
-            if ones >> lane & 1 == 0 {
-                continue;
-            }
-            let (row, column) = (
-                rows[lane].saturating_sub(1),
-                columns[lane].saturating_sub(1),
-            );
-            let first = row * self.nearest.width + column;
-            let Some(pixel) = self.nearest.pixels.get(first as usize) else {
-                marks[lane] = Mark::SEEN;
-                continue;
-            };
-            let there = pixel.load(Ordering::Relaxed);
-            if there < placed.asked[lane] {
-                continue;
-            }
-            marks[lane] = Mark {
-                first,
-                columns: 1,
-                rows: 1,
-                distance: placed.asked[lane],
-            };
-            let distance = placed.distance[lane];
-            if distance < there && !is_undrawn(lane as u32) {
-                pixel.fetch_min(distance, Ordering::Relaxed);
-            }
-        }
-        ones | nones
-    }
-
-    /// The same for squares of any size and place.
-    fn ask_squares(
-        &self,
-        placed: &Placed,
-        lanes: u8,
-        is_undrawn: impl Fn(u32) -> bool,
-        marks: &mut [Mark; 4],
-    ) {
         let Placed {
             x, y, outer, inner, ..
         } = *placed;
@@ -424,6 +388,9 @@ impl<'a> Hiding<'a> {
             let sum = v.max(Vec4::ZERO).min(Vec4::splat(most)) + 8_388_608.0;
             sum.to_array().map(|v| v.to_bits() & 0x7f_ffff)
         };
+        let known = placed.known.bitmask();
+        let bits = |v: Vec4| v.to_array().map(f32::to_bits);
+        let (distances, asked) = (bits(placed.distance), bits(placed.asked));
         let (left, right) = (round(x - outer, width), round(x + outer, width));
         let (top, bottom) = (round(y - outer, height), round(y + outer, height));
         let inner_x = (round(x - inner, width), round(x + inner, width));
@@ -432,7 +399,7 @@ impl<'a> Hiding<'a> {
             if lanes >> lane & 1 == 0 {
                 continue;
             }
-            if placed.known >> lane & 1 == 0 {
+            if known >> lane & 1 == 0 {
                 marks[lane] = Mark::SEEN;
                 continue;
             }
@@ -446,24 +413,26 @@ impl<'a> Hiding<'a> {
                     first: top[lane] * self.nearest.width + left[lane],
                     columns: columns as u16,
                     rows: rows as u16,
-                    distance: placed.asked[lane],
+                    asked: asked[lane],
+                    distance: NOTHING,
                 }
             };
             if self.is_hidden(mark) {
                 continue;
             }
             marks[lane] = mark;
-            if !is_undrawn(lane as u32) {
+            if undrawn >> lane & 1 == 0 {
                 let own_columns = inner_x.0[lane]..inner_x.1[lane];
                 let own_rows = inner_y.0[lane]..inner_y.1[lane];
-                self.cover(own_columns, own_rows, placed.distance[lane]);
+                self.cover(own_columns, own_rows, distances[lane]);
             }
         }
+        marks
     }
 
     #[inline]
     fn is_hidden(&self, mark: Mark) -> bool {
-        let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.distance;
+        let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.asked;
         let mut first = mark.first as usize;
         if (mark.columns, mark.rows) == (1, 1) {
             return self.nearest.pixels.get(first).is_some_and(is_nearer);
@@ -497,83 +466,6 @@ impl<'a> Hiding<'a> {
                 }
             }
         }
-    }
-
-    /// Leaves `lanes` without what is hidden so far; what is not has a mark.
-    #[inline]
-    fn keep(
-        &self,
-        balls: &Balls,
-        lanes: u8,
-        is_undrawn: impl Fn(u32) -> bool,
-        marks: &mut Vec<Mark>,
-    ) -> u8 {
-        if lanes == 0 || !self.asks_splats() {
-            return lanes;
-        }
-        // Who is hidden cannot be foreseen: stores that are always made, instead of branches.
-        let (mut found, mut count, mut kept) = ([Mark::HIDDEN; 5], 0, 0);
-        for (lane, mark) in self.ask(balls, lanes, is_undrawn).into_iter().enumerate() {
-            found[count] = mark;
-            let is_seen = mark.rows != 0;
-            count += usize::from(is_seen);
-            kept |= u8::from(is_seen) << lane;
-        }
-        marks.extend_from_slice(found.get(..count).unwrap_or_default());
-        kept
-    }
-
-    /// As [`keep`](Self::keep), for nodes that are splats of the constant size.
-    #[inline]
-    pub(super) fn keep_nodes(
-        &self,
-        balls: &Balls,
-        first: u32,
-        lanes: u8,
-        marks: &mut Vec<Mark>,
-    ) -> u8 {
-        let undrawn = &self.undrawn.nodes;
-        let is_undrawn = |lane| Undrawn::has(undrawn, first.wrapping_add(lane));
-        self.keep(&points(balls), lanes, is_undrawn, marks)
-    }
-
-    /// The same for leaves; those in `splats` are splats in any case.
-    #[inline]
-    pub(super) fn keep_leaves(
-        &self,
-        balls: &Balls,
-        first: u32,
-        (lanes, splats): (u8, u8),
-        marks: &mut Marks,
-    ) -> u8 {
-        let Footprints {
-            large_leaves,
-            is_cloud,
-            ..
-        } = self.footprints;
-        let undrawn = &self.undrawn.leaves;
-        let is_undrawn = |lane| Undrawn::has(undrawn, first.wrapping_add(lane));
-        let (small, large) = (lanes & splats, lanes & !splats);
-        // A small triangle has the constant size, a point of a cloud its own.
-        let seen = if is_cloud {
-            self.keep(balls, small, is_undrawn, &mut marks.leaves)
-        } else {
-            self.keep(&points(balls), small, is_undrawn, &mut marks.leaves)
-        };
-        if large_leaves {
-            seen | self.keep(balls, large, is_undrawn, &mut marks.triangles)
-        } else {
-            seen | self.meets_centers(balls, large)
-        }
-    }
-}
-
-/// The centers alone.
-#[inline]
-fn points(balls: &Balls) -> Balls {
-    Balls {
-        radius: Vec4::ZERO,
-        ..*balls
     }
 }
 

@@ -74,6 +74,15 @@ impl Words {
         (Vec4::from_array(half), Vec4::from_array(width))
     }
 
+    /// The packed directions of the strips, whole numbers.
+    #[inline]
+    pub(super) fn direction(&self) -> (Vec4, Vec4) {
+        // -128 is no code; a damaged file may hold it.
+        let x = self.sine.map(|w| ((w << 8) as i32 >> 24).max(-127) as f32);
+        let y = self.sine.map(|w| (w as i32 >> 24).max(-127) as f32);
+        (Vec4::from_array(x), Vec4::from_array(y))
+    }
+
     /// Numbers of children.
     #[inline]
     pub(super) fn child_counts(&self) -> [u32; 4] {

@@ -121,7 +121,7 @@ impl Part {
 /// A large cut (some ten thousand nodes) is divided among threads. Every list has the same ids in the same
 /// order whatever their number.
 ///
-/// Memory: about 8 bytes for each node that is opened on a level and 26 KiB a thread; with several threads the
+/// Memory: about 8 bytes for each node that is opened on a level and 44 KiB a thread; with several threads the
 /// lists of the cut once more.
 #[derive(Debug)]
 pub struct Selector {
@@ -270,6 +270,10 @@ impl Selector {
             part.run(model, tests, batch, levels);
         });
         if let Some(hiding) = tests.hiding {
+            hiding.repair(&self.marks);
+            share(&mut self.batches, parts.iter_mut(), |_, part| {
+                hiding.repair(&part.marks);
+            });
             hiding.finish(cut, &self.marks, &mut []);
             share(&mut self.batches, parts.iter_mut(), |_, part| {
                 part.hide(hiding);

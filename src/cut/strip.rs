@@ -111,6 +111,21 @@ fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) 
     (squared.sqrt().ceil().max(Vec4::splat(2.0)), fits.bitmask())
 }
 
+/// The ways from the centers of four nodes to the ends of their rows, in the tester's unit.
+#[inline]
+pub(super) fn half_rows(balls: &quad::Balls, words: &Words) -> [Vec4; 3] {
+    let (half, _) = relative_sizes(words.strip());
+    // As `octahedral::decode` unpacks what `Strip::direction` gives it.
+    let (x, y) = words.direction();
+    let [mut x, mut y] = [x, y].map(|v| v * (258.0 / 32767.0));
+    let z = 1.0 - x.abs() - y.abs();
+    let fold = (-z).max(Vec4::ZERO);
+    x -= fold.copysign(x);
+    y -= fold.copysign(y);
+    let scale = half * balls.radius / (x * x + y * y + z * z).sqrt();
+    [x * scale, y * scale, z * scale]
+}
+
 impl Tester {
     /// Most splats in a row for each of the nodes from `first` on: fewer than there are leaves below, else
     /// the leaves are the better picture.
@@ -199,4 +214,47 @@ pub fn strip_ball_radius(node: &Node, count: u32) -> f32 {
     let (half, width) = relative_size(node);
     let piece = half / count.max(1) as f32;
     (piece * piece + width * width).sqrt() * node.radius
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cut::Settings;
+    use crate::math::camera::Camera;
+    use crate::tree::{Cone, Model, Strip};
+    use glam::DVec3;
+
+    /// Four rows at once end where each ends by itself, whatever their directions.
+    #[test]
+    fn four_rows_are_as_long_as_each_is() {
+        let model = Model::default();
+        let camera = Camera::orbit((40, 30), DVec3::ZERO, 1.0, 0.7, 0.3, 1.0);
+        let view = camera.view(DVec3::ZERO).expect("a usable camera");
+        let tester = Tester::new(&model, &view, &Settings::default());
+        for code in (-128i8..=127).step_by(3) {
+            let nodes = [-128i8, -40, 3, 127].map(|other| Node {
+                center: Vec3::new(0.3, -0.2, 0.1),
+                radius: 0.01 * f32::from(code.unsigned_abs()),
+                first_child: 0,
+                cone: Cone::ALL,
+                strip: Strip {
+                    direction: [code, other],
+                    half_length: code as u8,
+                    width: other as u8,
+                },
+                child_count: 2,
+                flags: 0,
+            });
+            let (spheres, words) = quad::of_nodes(&nodes);
+            let [x, y, z] = half_rows(&tester.balls(spheres), &words).map(|v| v.to_array());
+            for (lane, node) in nodes.iter().enumerate() {
+                let (first, step) = strip_steps(node, 2);
+                let expected = (first + step * 1.5 - node.center) * tester.unit;
+                let found = Vec3::new(x[lane], y[lane], z[lane]);
+                let error = found.distance(expected);
+                // Roundings of single precision, of the center as well.
+                assert!(error <= 1e-6 * tester.unit, "{node:?}: {found} {expected}");
+            }
+        }
+    }
 }

@@ -54,6 +54,9 @@ pub struct Tester {
     pub(super) far: f32,
     /// Absolute error of a distance to a plane.
     pub(super) plane_error: f32,
+    /// The most that the terms of a coordinate in view space add up to: how far the model reaches from its zero, and how
+    /// far that is from the zero of view space.
+    pub(super) extent: f32,
     pub(super) size: SizeMetric,
     /// 2 f / threshold, and its square: what a size is compared with.
     pub(super) ratio: f32,
@@ -135,6 +138,10 @@ impl Tester {
             // Normals, products and sums each round by 2^-24; centers are at most 2^10 (the model's reach)
             // away. The view matrix itself was rounded the same way.
             plane_error: (f64::from(reach) * unit * 1e-6) as f32,
+            extent: (root_center.length()
+                + root_radius
+                + view.view_from_model.w_axis.truncate().length() / scale as f32)
+                * unit as f32,
             size: settings.size,
             ratio: ratio as f32,
             ratio_squared: (ratio * ratio) as f32,
@@ -167,6 +174,12 @@ impl Tester {
             radius: radius * self.unit,
             depth: self.forward.distance(center),
         }
+    }
+
+    /// How far four ways go along the view direction.
+    #[inline]
+    pub(super) fn way_forward(&self, [x, y, z]: [Vec4; 3]) -> Vec4 {
+        self.forward.x * x + self.forward.y * y + self.forward.z * z
     }
 
     /// One ball in all lanes.

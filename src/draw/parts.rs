@@ -86,10 +86,12 @@ fn with_threads<I: Send, R: Copy + Send>(
         .collect();
     let count = jobs.len();
     let written = Mutex::new(Vec::with_capacity(count));
-    let jobs = Mutex::new(jobs.into_iter());
-    let work = || {
-        // A poisoned lock means that another thread panicked, which the scope passes on.
-        while let Some((index, items, out)) = jobs.lock().ok().and_then(|mut j| j.next()) {
+    // Of few records the calling thread writes all.
+    let threads = if end < MANY { 1 } else { threads };
+    share_among(
+        threads.min(count),
+        jobs.into_iter(),
+        |(index, items, out)| {
             let mut sink = Sink {
                 out,
                 points: 0,
@@ -97,23 +99,12 @@ fn with_threads<I: Send, R: Copy + Send>(
             };
             write(items, &mut sink);
             let Sink { points, quads, .. } = sink;
+            // A poisoned lock means that another thread panicked, which the scope passes on.
             if let Ok(mut written) = written.lock() {
                 written.push((index, points, quads));
             }
-        }
-    };
-    if end < MANY {
-        work();
-    } else {
-        std::thread::scope(|scope| {
-            for _ in 1..threads.min(count) {
-                // Where no thread can be started, the others do its work.
-                let _ = std::thread::Builder::new().spawn_scoped(scope, work);
-            }
-            work();
-        });
-    }
-    drop(jobs);
+        },
+    );
     let mut written = written.into_inner().unwrap_or_default();
     written.sort_unstable_by_key(|part| part.0);
 
@@ -132,6 +123,35 @@ fn with_threads<I: Send, R: Copy + Send>(
         *out = *quad;
     }
     packed
+}
+
+/// Does all jobs, which write `records` records together, on several threads if these are many.
+pub(super) fn share<J: Send>(
+    records: usize,
+    jobs: impl Iterator<Item = J> + Send,
+    work: impl Fn(J) + Sync,
+) {
+    share_among(if records < MANY { 1 } else { *THREADS }, jobs, work);
+}
+
+fn share_among<J: Send>(
+    threads: usize,
+    jobs: impl Iterator<Item = J> + Send,
+    work: impl Fn(J) + Sync,
+) {
+    let jobs = Mutex::new(jobs);
+    let all = || {
+        while let Some(job) = jobs.lock().ok().and_then(|mut jobs| jobs.next()) {
+            work(job);
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 1..threads {
+            // Where no thread can be started, the others do its work.
+            let _ = std::thread::Builder::new().spawn_scoped(scope, all);
+        }
+        all();
+    });
 }
 
 #[cfg(test)]

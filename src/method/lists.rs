@@ -16,6 +16,7 @@ use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::tree::Model;
+use prefetch_index::prefetch_index;
 use std::sync::Arc;
 
 /// Mapped draw lists of one slot.
@@ -332,7 +333,7 @@ fn pack_triangles(
     scene: &Scene,
     ids: &[u32],
     lists: &mut Lists,
-    is_small: Option<impl Fn(u32) -> bool>,
+    is_small: Option<impl Fn(u32) -> bool + Sync>,
 ) {
     lists.runs.clear();
     lists.small_runs.clear();
@@ -347,13 +348,12 @@ fn pack_triangles(
         let before = written;
         match &is_small {
             Some(is_small) => {
-                for &id in ids {
-                    let corners = corners[(id - page.triangles.start) as usize];
-                    let which = usize::from(is_small(id));
-                    let list = if which == 1 { &mut *small } else { &mut *out };
-                    list[written[which]] = corners;
-                    written[which] += 1;
-                }
+                let lists = [&mut out[written[0]..], &mut small[written[1]..]];
+                let is_large = |id| !is_small(id);
+                let sphere = |id| prefetch_index(&*model.tree.leaves, id as usize);
+                let first = page.triangles.start;
+                let found = pack::split_triangles(ids, corners, first, (is_large, sphere), lists);
+                written = [0, 1].map(|i| written[i] + found[i]);
             }
             None => {
                 let out = &mut out[written[0]..written[0] + ids.len()];

@@ -1,6 +1,7 @@
 use super::lists::retain;
 use super::*;
-use crate::cut::{Settings, quad};
+use crate::cut::Settings;
+use crate::cut::quad::{self, Balls};
 use crate::math::camera::Camera;
 use crate::tree::Model;
 use glam::DVec3;
@@ -51,6 +52,15 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
     ]
 }
 
+/// Which of four nodes are not hidden so far; each leaves a mark.
+fn keep_nodes(hiding: &Hiding<'_>, balls: &Balls, first: u32, marks: &mut Vec<Mark>) -> u64 {
+    let mut chunk = Chunk::default();
+    let [x, y] = hiding.along(balls.center);
+    let splats = [x, y, balls.depth, glam::Vec4::ZERO];
+    hiding.place(&mut chunk, 0, splats, (15, hiding.undrawn_nodes(first)));
+    hiding.ask(&chunk, 4, marks)[0]
+}
+
 /// Brute force over random splats: what is dropped is covered in each of its pixels, and in those that it would have half a
 /// step of window positions farther on, by a nearer one that is half a step smaller and was kept.
 #[test]
@@ -81,7 +91,7 @@ fn what_is_dropped_is_covered() {
         let mut found = Vec::new();
         for (index, four) in points.as_chunks::<4>().0.iter().enumerate() {
             let balls = tester.balls(quad::columns(four.map(|p| p.extend(0.0))));
-            let kept = hiding.keep_nodes(&balls, 0, 15, &mut marks);
+            let kept = keep_nodes(&hiding, &balls, 0, &mut marks);
             found.extend((0..4).filter(|i| kept >> i & 1 != 0).map(|i| 4 * index + i));
         }
         assert_eq!(found.len(), marks.len());
@@ -124,6 +134,49 @@ fn what_is_dropped_is_covered() {
     }
 }
 
+/// What another thread has stored over is there again before anything is asked for the last time.
+#[test]
+fn depths_that_were_stored_over_come_back() {
+    let model = Model::default();
+    let view = views()[0];
+    let tester = Tester::new(&model, &view, &Settings::default());
+    let undrawn = Undrawn::default();
+    let footprints = Footprints {
+        side_px: 1.0,
+        hides: true,
+        are_discs: false,
+        large_leaves: false,
+        is_cloud: false,
+    };
+    let mut nearest = Nearest::default();
+    assert!(nearest.clear(view.width, view.height));
+    let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
+    let mut number = numbers();
+    let mut marks = Marks::default();
+    for round in 0..1000 {
+        let four = [0; 4].map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0);
+        let balls = tester.balls(quad::columns(four.map(|p| p.extend(0.0))));
+        let list = [&mut marks.nodes, &mut marks.strips, &mut marks.leaves];
+        for (index, list) in list.into_iter().enumerate() {
+            if index == round % 3 {
+                keep_nodes(&hiding, &balls, 0, list);
+            }
+        }
+    }
+    let depths = || -> Vec<u32> {
+        let pixels = nearest.pixels.iter();
+        pixels.map(|pixel| pixel.load(Ordering::Relaxed)).collect()
+    };
+    let expected = depths();
+    let lost = |&&depth: &&u32| depth != NOTHING;
+    assert!(expected.iter().filter(lost).count() > 300);
+    for pixel in &nearest.pixels {
+        pixel.store(NOTHING, Ordering::Relaxed);
+    }
+    hiding.repair(&marks);
+    assert_eq!(depths(), expected);
+}
+
 /// Brute force over random balls: of those that are dropped no point is seen at the center of a pixel, though a device may
 /// place it half a step of window positions elsewhere.
 #[test]
@@ -150,12 +203,7 @@ fn triangles_that_are_dropped_lie_between_the_centers_of_pixels() {
                 let center = (Vec3::new(number(), number(), number()) * 2.0 - 1.0) * 0.7;
                 center.extend(2.0 * pixel * number())
             });
-            let stays = hiding.keep_leaves(
-                &tester.balls(quad::columns(balls)),
-                0,
-                (15, 0),
-                &mut Marks::default(),
-            );
+            let stays = hiding.meets_centers(&tester.balls(quad::columns(balls)));
             for (lane, ball) in balls.into_iter().enumerate() {
                 if stays >> lane & 1 != 0 {
                     kept += 1;
@@ -222,8 +270,8 @@ fn nothing_is_dropped_where_nothing_is_covered() {
     ));
     // Without area: all stay. Then the nearest hides two of them, and not what is no number.
     for _ in 0..2 {
-        assert_eq!(hiding.keep_nodes(&middle, 0, 15, &mut marks), 15);
+        assert_eq!(keep_nodes(&hiding, &middle, 0, &mut marks), 15);
     }
-    assert_eq!(hiding.keep_nodes(&middle, 64, 15, &mut marks) & 9, 9);
-    assert_eq!(hiding.keep_nodes(&middle, 64, 15, &mut marks), 9);
+    assert_eq!(keep_nodes(&hiding, &middle, 64, &mut marks) & 9, 9);
+    assert_eq!(keep_nodes(&hiding, &middle, 64, &mut marks), 9);
 }
