@@ -21,58 +21,22 @@
 //! same time but of different thresholds.
 
 mod model;
+mod plan;
 
 pub use model::{Place, Took, Work};
 
-use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
-use crate::method::LARGEST_COMPUTE_SQUARE_PX;
 use crate::method::costs::{SplatCosts, Ways};
-use model::{Model, Numbers, Rates, apart};
+use model::{Model, Numbers};
+use plan::{Seen, Tried};
 use std::collections::VecDeque;
 
 /// Largest threshold that is chosen, pixels (theirs).
 pub const COARSEST_PX: f32 = 50.0;
-/// Foreseen to miss the wanted time by less than this, a frame is drawn as the one before. Where it is more, another cut is
-/// counted if that takes less.
-const DEAD_BAND: f64 = 0.02;
-/// At a place that was drawn before it is drawn as then, if that is foreseen to miss the time by less than this: so much
-/// less than [`HELD`] that noise does not decide. The same way there and back has the same thresholds so.
-const AGAIN: f64 = 0.08;
-/// While the camera stays where it is, the threshold does as well if the time is foreseen to be missed by less than this:
-/// noise moves nothing.
-const STAYS: f64 = 0.045;
 /// Frames whose median says how much longer frames take than foreseen.
 const DRIFTS: usize = 9;
 /// By less than this (a logarithm) that is noise, and by more than the other it is none.
 const NOISE: f64 = 0.02;
 const MOST_DRIFT: f64 = 0.5;
-/// Places that are remembered.
-const SEEN: usize = 2048;
-/// Places that are nearer than this are one, radii of the model or radians.
-const MOVED: f64 = 0.002;
-/// Cuts that are counted for a frame at most.
-const MOST_CUTS: usize = 4;
-/// Two thresholds of less than this factor between which the time jumps over the wanted one are not looked between.
-const JUMP: f32 = 1.05;
-/// The factor by which the next threshold is tried where one did not bring the time nearer by half.
-const LEAP: f32 = 4.0;
-/// What is foreseen to miss the time by more than this does not stay, even if all else that was counted is foreseen to be
-/// worse.
-const MOST_OFF: f64 = 0.1;
-/// Of less than this factor they are near enough for that.
-const WIDE_JUMP: f32 = 1.2;
-/// Where the time jumps, it is looked beside the jump again after so many frames that this takes less than this part of them.
-const LOOKED: f64 = 0.01;
-/// Nor until the time is missed by so much more.
-const WORSE: f64 = 0.02;
-/// The largest splats that compute draws may take so much longer: one size up may take far longer.
-const EDGE_BAND: f64 = 0.06;
-/// The other way to draw is taken where its threshold is finer than this part of the present way's.
-const FINER: f32 = 0.95;
-/// A threshold is changed by at most this factor before it is looked at what that draws.
-const LARGEST_STEP: f32 = 2.0;
-/// A frame that takes too long is by this factor worse than one that is too short.
-const SLOWER: f64 = 1.3;
 /// Factor of the threshold from step to step at rest (theirs).
 const REFINE: f32 = 0.7;
 /// Off by less than this the time counts as held.
@@ -87,24 +51,6 @@ pub enum Report {
     Held,
     /// No threshold reaches it: frames at the coarsest take about this long, milliseconds.
     Unreachable(f64),
-}
-
-/// The largest threshold with which compute draws, pixels.
-fn largest_by_compute(work: &Work) -> f32 {
-    if work.is_blended {
-        LARGEST_SMALL_BLENDED_PX
-    } else {
-        LARGEST_COMPUTE_SQUARE_PX
-    }
-}
-
-/// Where the wanted time lies between a threshold that is too coarse and one that is too fine, on a straight line of
-/// logarithms.
-fn between(coarse: &Tried, fine: &Tried) -> f32 {
-    let (a, b) = (coarse.share.ln(), fine.share.ln());
-    let along = (-a / (b - a)).clamp(0.1, 0.9);
-    let px = |tried: &Tried| f64::from(tried.px).ln();
-    (px(coarse) + along * (px(fine) - px(coarse))).exp() as f32
 }
 
 /// Chooses thresholds for a wanted time of a frame.
@@ -150,41 +96,6 @@ fn median(mut values: Vec<f64>) -> f64 {
     match values.len() {
         0 => 0.0,
         n => values[(n - 1) / 2],
-    }
-}
-
-/// How a place was drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Seen {
-    place: Place,
-    px: f32,
-    way: bool,
-}
-
-/// A threshold whose cut was counted.
-#[derive(Debug, Clone, Copy, PartialEq)]
-struct Tried {
-    px: f32,
-    way: bool,
-    /// Foreseen time, as part of the wanted one.
-    share: f64,
-    /// Threshold and way that are foreseen to take the wanted time.
-    next: (f32, bool),
-}
-
-impl Tried {
-    fn off(&self) -> f64 {
-        self.share.ln().abs()
-    }
-
-    /// How bad that is: of what is as far off, the faster one is better.
-    fn cost(&self) -> f64 {
-        self.off() * if self.share > 1.0 { SLOWER } else { 1.0 }
-    }
-
-    /// 0 where a finer threshold is asked for, 1 where a coarser one is.
-    fn side(&self) -> usize {
-        usize::from(self.share > 1.0)
     }
 }
 
@@ -271,270 +182,6 @@ impl Control {
         self.is_moving = false;
         let next = (self.shown_px * REFINE).max(self.finest_px);
         std::mem::replace(&mut self.shown_px, next) != next
-    }
-
-    /// The threshold between `ends` with which what is drawn with `px` takes `ms`, foreseen by `rates`; the nearer end
-    /// where none does.
-    fn threshold_for(
-        &self,
-        ms: f64,
-        (work, px): (&Work, f32),
-        rates: Rates,
-        (mut low, mut high): (f32, f32),
-    ) -> f32 {
-        let numbers = Numbers::of(work);
-        let is_too_much = |at: f32| self.foreseen(rates, numbers, (px, at)) > ms;
-        if is_too_much(high) {
-            return high;
-        }
-        if !is_too_much(low) {
-            return low;
-        }
-        for _ in 0..24 {
-            let middle = (low * high).sqrt();
-            if is_too_much(middle) {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        high
-    }
-
-    /// Milliseconds of a frame with the threshold `at`, of which it is known what it draws with `px`.
-    fn foreseen(&self, rates: Rates, numbers: Numbers, (px, at): (f32, f32)) -> f64 {
-        let fewer = f64::from(at / px).powf(-self.power);
-        rates.ms(&numbers.times(fewer), at)
-    }
-
-    /// The threshold to be tried after `px`, for frames of `ms`, and the way, of which it is now `by_compute`; between
-    /// `ends`. None before the first frame.
-    fn next(
-        &self,
-        ms: f64,
-        (work, px): (&Work, f32),
-        by_compute: bool,
-        ends: (f32, f32),
-    ) -> Option<(f32, bool)> {
-        let of = |by_compute: bool| {
-            let rates = self.model.rates(px, work, by_compute)?;
-            let (mut low, mut high) = ends;
-            if by_compute && self.has_choice {
-                high = high.min(largest_by_compute(work));
-                low = low.min(high);
-            }
-            let next = self.threshold_for(ms, (work, px), rates, (low, high));
-            let misses = self.foreseen(rates, Numbers::of(work), (px, next)) / ms - 1.0;
-            Some((next, misses))
-        };
-        let now = of(by_compute)?;
-        if !self.has_choice {
-            return Some((now.0, by_compute));
-        }
-        let other = of(!by_compute)?;
-        // Compute cannot go further than its largest size.
-        let keeps = |(_, misses): (f32, f64)| misses <= EDGE_BAND;
-        let is_other = match (keeps(now), keeps(other)) {
-            (true, true) => other.0 < FINER * now.0,
-            (false, false) => other.1 < now.1,
-            (_, is_other) => is_other,
-        };
-        Some(if is_other {
-            (other.0, !by_compute)
-        } else {
-            (now.0, by_compute)
-        })
-    }
-
-    /// The threshold for the next frame, pixels. `work` says what would be drawn with a threshold; it is asked only while
-    /// the camera moves, and the last answer is that for the result. [`counted`](Control::counted) says what asking took,
-    /// [`by_compute`](Control::by_compute) how it is to be drawn.
-    pub fn plan(&mut self, place: Place, mut work: impl FnMut(f32) -> Work) -> f32 {
-        self.counted = 0;
-        if !self.is_moving || self.model.count == 0 {
-            return self.shown_px;
-        }
-        self.planned += 1;
-        let coarsest = COARSEST_PX.max(self.finest_px);
-        let (mut px, mut way, mut allowed) = self.begin(place);
-        let begun = px;
-        let mut work = |px: f32| Work { place, ..work(px) };
-        let mut now = work(px);
-        // The nearest that were found too fine and too coarse.
-        let mut around: [Option<Tried>; 2] = [None; 2];
-        // What counting takes, as part of the wanted time.
-        let mut spent = 0.0;
-        let (mut first, mut best): (Option<Tried>, Option<Tried>) = (None, None);
-        for left in (0..MOST_CUTS).rev() {
-            self.has_choice |= now.is_free;
-            if !now.is_free {
-                way = now.by_compute;
-            }
-            let Some(rates) = self.model.rates(px, &now, way) else {
-                break;
-            };
-            let ms = self.drift * rates.ms(&Numbers::of(&now), px);
-            let share = (ms / self.target_ms).max(1e-6);
-            let ends = (
-                (px / LARGEST_STEP).max(self.finest_px),
-                (px * LARGEST_STEP).min(coarsest),
-            );
-            let next = self
-                .next(self.target_ms / self.drift, (&now, px), way, ends)
-                .unwrap_or((px, way));
-            tracing::trace!(px, way, share, ?next, is_known = rates.is_known, "counted");
-            let tried = Tried {
-                px,
-                way,
-                share,
-                next,
-            };
-            let is_better = best.as_ref().is_none_or(|best| {
-                let first = first.unwrap_or(*best);
-                // Where the time jumps or falls, it is no way out of what takes too long to draw more.
-                let is_away =
-                    first.way == way && (px < first.px) == (first.share > 1.0) && px != first.px;
-                tried.cost() < best.cost() && !is_away
-            });
-            first.get_or_insert(tried);
-            if is_better {
-                best = Some(tried);
-            }
-            let cut = rates.cut_ms(now.visited) / self.target_ms;
-            spent += cut;
-            let is_blocked = self.is_blocked(&tried);
-            if left == 0 || next == (px, way) || is_blocked || tried.off() <= allowed.max(cut) {
-                break;
-            }
-            let (mut next_px, next_way) = next;
-            if next_way == way {
-                let before = around[tried.side()].replace(tried);
-                let drawn = self.last.filter(|last| {
-                    last.px != px && last.side() != tried.side() && last.off() < tried.off()
-                });
-                if let [Some(coarse), Some(fine)] = around {
-                    if coarse.px < JUMP * fine.px {
-                        break;
-                    }
-                    next_px = between(&coarse, &fine);
-                } else if self.counted == 0
-                    && let Some(drawn) = drawn
-                {
-                    // From there to here it jumped over the wanted time.
-                    next_px = drawn.px;
-                } else if let Some(before) = before
-                    && tried.off() > 0.8 * before.off()
-                {
-                    // Where the threshold changes little, it takes another one.
-                    let by = if share > 1.0 { LEAP } else { LEAP.recip() };
-                    next_px = (px * by).clamp(self.finest_px, coarsest);
-                }
-            } else {
-                around = [None; 2];
-            }
-            allowed = DEAD_BAND;
-            self.counted += now.visited;
-            let other = work(next_px);
-            let steps = f64::from(next_px / px).ln();
-            if steps.abs() > 1e-3 {
-                let change = Numbers::of(&other).packed() / Numbers::of(&now).packed();
-                self.power = (-change.ln() / steps).clamp(0.7, 3.0);
-            }
-            (px, way, now) = (next_px, next_way, other);
-        }
-        if let Some(mut best) = best {
-            let stay = (spent / LOOKED).ceil().min(60.0) as u64;
-            if best.off() > MOST_OFF && best.px == begun && !self.is_blocked(&best) {
-                // What misses the time is not drawn again and again where nothing is known of its neighbors.
-                let step = (best.share as f32).sqrt();
-                let at = (best.px * step.clamp(LARGEST_STEP.recip(), LARGEST_STEP))
-                    .clamp(self.finest_px, coarsest);
-                if at != best.px {
-                    self.counted += now.visited;
-                    (px, now) = (at, work(at));
-                    let by_compute = if now.is_free {
-                        best.way
-                    } else {
-                        now.by_compute
-                    };
-                    let is_known = self
-                        .model
-                        .rates(px, &now, by_compute)
-                        .is_some_and(|rates| rates.is_known);
-                    if is_known {
-                        self.blocked[best.side()] = (self.planned + stay, best.off());
-                    } else {
-                        best = Tried {
-                            px,
-                            way: by_compute,
-                            share: 1.0,
-                            next: (px, by_compute),
-                        };
-                    }
-                }
-            } else if best.off() > DEAD_BAND
-                && let [Some(coarse), Some(fine)] = around
-                && coarse.px < WIDE_JUMP * fine.px
-            {
-                // Between them the time jumps over the wanted one.
-                self.blocked[best.side()] = (self.planned + stay, best.off());
-            }
-            if best.px != px {
-                self.counted += now.visited;
-                work(best.px);
-            }
-            self.decide(&best);
-            px = best.px;
-        }
-        self.moving_px = px;
-        self.shown_px = px;
-        px
-    }
-
-    /// Threshold and way that a frame begins with which is seen from `place`, and how far off the wanted time it stays with
-    /// them: those of a frame that was seen from there before, or what would have been right for the last one.
-    fn begin(&mut self, place: Place) -> (f32, bool, f64) {
-        let moved = apart(&place, &self.place);
-        self.place = place;
-        let (finest, coarsest) = (self.finest_px, COARSEST_PX.max(self.finest_px));
-        let distances = self.seen.iter().rev();
-        let nearest = distances
-            .map(|seen| (apart(&place, &seen.place), seen))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        // The frame before is farther away, unless the camera stays where it is.
-        if let Some((distance, seen)) = nearest
-            && distance <= MOVED.max(0.5 * moved)
-        {
-            let allowed = if moved <= MOVED { STAYS } else { AGAIN };
-            return (seen.px.clamp(finest, coarsest), seen.way, allowed);
-        }
-        match self.last {
-            Some(last) if last.off() <= DEAD_BAND || self.is_blocked(&last) => {
-                (last.px.clamp(finest, coarsest), last.way, DEAD_BAND)
-            }
-            Some(last) => (last.next.0.clamp(finest, coarsest), last.next.1, DEAD_BAND),
-            None => (self.moving_px.max(finest), self.by_compute, DEAD_BAND),
-        }
-    }
-
-    /// Whether it is known that nothing nearer the wanted time lies beside this.
-    fn is_blocked(&self, tried: &Tried) -> bool {
-        let (until, off) = self.blocked[tried.side()];
-        self.planned < until && tried.off() < off + WORSE
-    }
-
-    /// What is to be drawn.
-    fn decide(&mut self, best: &Tried) {
-        self.by_compute = best.way;
-        self.last = Some(*best);
-        if self.seen.len() == SEEN {
-            self.seen.pop_front();
-        }
-        self.seen.push_back(Seen {
-            place: self.place,
-            px: best.px,
-            way: best.way,
-        });
     }
 
     /// How splats of the planned frame are to be drawn, where they may be drawn in either way.

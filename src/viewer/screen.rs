@@ -428,11 +428,8 @@ impl Screen {
         };
         let (width, height) = onto.as_ref().map_or(request.size, |o| (o.width, o.height));
         // The window may have become narrower than its events say.
-        let inset = if request.has_overlay && request.inset < width {
-            request.inset
-        } else {
-            0
-        };
+        let has_inset = request.has_overlay && request.inset < width;
+        let inset = u32::from(has_inset) * request.inset;
         let size = (width - inset, height);
         let mut settings = *request.settings;
         if settings.method == Method::Points {
