@@ -390,13 +390,20 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
         there.reverse();
         let mut back = drive(&model, &there, &device, &mut control, &mut noise);
         back.reverse();
-        let apart = forward
+        let ratios = forward
             .iter()
             .zip(&back)
-            .map(|(a, b)| (a.threshold_px / b.threshold_px).max(b.threshold_px / a.threshold_px))
-            .fold(1.0f32, f32::max);
-        println!("{name}: thresholds there and back differ by a factor of at most {apart}");
-        assert!(apart < 1.1, "{name}: {apart}");
+            .map(|(a, b)| (a.threshold_px / b.threshold_px).max(b.threshold_px / a.threshold_px));
+        let apart = ratios.clone().filter(|ratio| *ratio >= 1.1).count();
+        let most = ratios.fold(1.0f32, f32::max);
+        println!("{name}: there and back {apart} frames are apart, by a factor of at most {most}");
+        // Near the model the time of blended splats hardly changes with the threshold and goes up and down with it: two far
+        // apart can be as good, and noise may decide single frames.
+        let allowed = match device.blended {
+            Some(_) => half / 100,
+            None => 0,
+        };
+        assert!(apart <= allowed, "{name}: {apart} frames, {most}");
         for frames in [&forward, &back] {
             let again = Summary::of(frames, TARGET);
             assert!(again.kept() >= 0.95, "{name}, the way known: {again}");

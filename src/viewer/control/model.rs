@@ -19,7 +19,7 @@ use std::collections::VecDeque;
 
 /// Frames whose median says what a unit of work takes: a quarter of those that are kept, at most and at least so many.
 const RATES: usize = 31;
-const LEAST: usize = 7;
+const LEAST: usize = 5;
 /// Frames that are kept of each of the two ways.
 const FRAMES: usize = 768;
 /// Frames differ by 1 where their thresholds, what they pack, and the pixels of their boxes differ by these (logarithms),
@@ -30,6 +30,8 @@ const NEAR_PIXELS: f64 = 0.3;
 const NEAR_SHARE: f64 = 0.15;
 const NEAR_PLACE: f64 = 0.1;
 const RECENT: f64 = 400.0;
+/// How much farther than the nearest ones frames count.
+const FARTHER: f64 = 1.0;
 /// Two frames that differ by less from one say what it takes.
 const KNOWN: f64 = 2.0;
 /// Frames at most from which shares are learned, evenly of those kept.
@@ -405,10 +407,12 @@ impl Model {
         let frames = &self.ways[usize::from(by_compute)].frames;
         let mut found: Vec<(f64, &Frame)> = frames.iter().map(|f| (distance(f), f)).collect();
         let most = (found.len() / 4).clamp(LEAST, RATES).min(found.len());
-        if most < found.len() {
-            found.select_nth_unstable_by(most, |a, b| a.0.total_cmp(&b.0));
-        }
+        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         found.truncate(most);
+        // What is much less like it than the nearest ones says nothing beside them.
+        if let Some(limit) = found.get(LEAST - 1).map(|(d, _)| d + FARTHER) {
+            found.retain(|(d, _)| *d <= limit);
+        }
         let is_known = found.iter().filter(|(d, _)| *d < KNOWN).count() > 1;
         (found.into_iter().map(|(_, f)| f).collect(), is_known)
     }

@@ -9,8 +9,8 @@ use crate::method::LARGEST_COMPUTE_SQUARE_PX;
 /// counted if that takes less.
 const DEAD_BAND: f64 = 0.02;
 /// At a place that was drawn before it is drawn as then, if that is foreseen to miss the time by less than this: so much
-/// less than 15 percent that noise does not decide. The same way there and back has the same thresholds so.
-const AGAIN: f64 = 0.08;
+/// less than the 15 percent of a frame that counts as missed that noise does not decide. The same way there and back has the same thresholds so.
+const AGAIN: f64 = 0.1;
 /// While the camera stays where it is, the threshold does as well if the time is foreseen to be missed by less than this:
 /// noise moves nothing.
 const STAYS: f64 = 0.045;
