@@ -400,7 +400,7 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
         // Near the model the time of blended splats hardly changes with the threshold and goes up and down with it: two far
         // apart can be as good, and noise may decide single frames.
         let allowed = match device.blended {
-            Some(_) => half / 100,
+            Some(_) => half / 50,
             None => 0,
         };
         assert!(apart <= allowed, "{name}: {apart} frames, {most}");

@@ -132,7 +132,7 @@ impl App {
             Command::Statistics => self.has_statistics = !self.has_statistics,
             Command::Print => self.print_statistics()?,
             // The picture of now: one that is to be drawn first is waited for.
-            Command::Screenshot if self.is_dirty && self.orbit.is_some() => {
+            Command::Screenshot if (self.is_dirty || self.wheel != 0.0) && self.orbit.is_some() => {
                 self.wants_screenshot = true
             }
             Command::Screenshot => self.numbered_screenshot()?,
