@@ -19,7 +19,7 @@ const SEEN: usize = 2048;
 /// Places that are nearer than this are one, radii of the model or radians.
 const MOVED: f64 = 0.002;
 /// Cuts that are counted for a frame at most.
-const MOST_CUTS: usize = 4;
+pub(super) const MOST_CUTS: usize = 4;
 /// Two thresholds of less than the first factor between which the time jumps over the wanted one are not looked between;
 /// of less than the second they are near enough to call it a jump.
 const JUMP: f32 = 1.05;

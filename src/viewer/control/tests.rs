@@ -1,3 +1,4 @@
+use super::plan::MOST_CUTS;
 use super::*;
 use proptest::prelude::*;
 
