@@ -6,6 +6,8 @@
 
 #[path = "viewer/display.rs"]
 mod display;
+#[path = "viewer/docked.rs"]
+mod docked;
 #[path = "viewer/files.rs"]
 mod files;
 #[path = "viewer/light.rs"]

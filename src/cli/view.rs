@@ -213,6 +213,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         warning,
         screenshot: args.screenshot,
         with_panel: args.panel == Some(Switch::On),
+        panel_is_asked: args.panel.is_some(),
         turntable: args.turntable,
         turntable_frames: args.frames,
         record: args.record,

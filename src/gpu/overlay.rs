@@ -99,8 +99,12 @@ pub struct Overlay {
     /// Stale textures with their places in the memory of the slot.
     writes: Vec<(TextureId, u64)>,
     shown: Option<Image>,
+    /// Columns at the left that the picture leaves free.
+    inset: u32,
 }
 
+/// What is behind them: no part of the picture, and dark where nothing is drawn there, in the encoding of the screen.
+const BEHIND: [f32; 4] = [18.0 / 255.0, 20.0 / 255.0, 24.0 / 255.0, 1.0];
 /// First size of the mapped lists, bytes.
 const FIRST_BYTES: u64 = 1 << 18;
 
@@ -153,6 +157,7 @@ impl Overlay {
             runs: Vec::new(),
             writes: Vec::new(),
             shown: None,
+            inset: 0,
         })
     }
 
@@ -205,11 +210,17 @@ impl Overlay {
     }
 
     /// Makes everything ready for a frame of `width` x `height` pixels in ring slot `slot`, whose last use has
-    /// finished; must come before the frame is begun.
+    /// finished; must come before the frame is begun. The picture begins `inset` pixels from the left.
     ///
     /// # Errors
     /// When memory runs out or a side is above the device's limit.
-    pub fn prepare(&mut self, slot: usize, width: u32, height: u32) -> Result<(), Error> {
+    pub fn prepare(
+        &mut self,
+        slot: usize,
+        (width, height): (u32, u32),
+        inset: u32,
+    ) -> Result<(), Error> {
+        self.inset = inset.min(width);
         if self
             .shown
             .as_ref()
@@ -314,7 +325,7 @@ impl Overlay {
     /// Records what was prepared over `picture`, and gives the image that is to be shown.
     ///
     /// # Panics
-    /// When `picture` has another size than [`prepare`](Overlay::prepare) was told.
+    /// When `picture` has not the size that [`prepare`](Overlay::prepare) was told, less the inset.
     pub fn record(&mut self, frame: &mut Frame<'_>, picture: &Image) -> &Image {
         let slot = frame.slot() % self.slots.len();
         let lists = &self.slots[slot];
@@ -331,12 +342,12 @@ impl Overlay {
             unreachable!("prepare made the image")
         };
         assert!(
-            (shown.width, shown.height) == (picture.width, picture.height),
+            (shown.width, shown.height) == (picture.width + self.inset, picture.height),
             "the overlay was prepared for another size"
         );
         let mut pass = frame
             .pass("overlay")
-            .color(shown, Load::Clear([0.0; 4]))
+            .color(shown, Load::Clear(BEHIND))
             .sampled(picture)
             .vertices(&lists.corners)
             .indices(&lists.indices);
@@ -344,13 +355,14 @@ impl Overlay {
             pass = pass.sampled(image);
         }
         let (textures, runs) = (&self.textures, &self.runs);
-        let (draw_pipeline, copy) = (&self.draw, &self.copy);
+        let (draw_pipeline, copy, inset) = (&self.draw, &self.copy, self.inset);
         pass.draw(
             [0.0, 0.0, shown.width as f32, shown.height as f32],
             |draw| {
                 draw.cull_back_faces(false, false);
                 draw.bind(copy, &[], &[picture]);
-                draw.draw(0, 3);
+                draw.scissor([inset, 0, picture.width, picture.height]);
+                draw.draw(3 * inset, 3);
                 let mut bound = None;
                 for run in runs {
                     let Some(image) = textures.get(&run.texture).and_then(|t| t.image.as_ref())

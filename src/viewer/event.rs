@@ -98,6 +98,8 @@ pub enum Event {
         /// Pixels for one point; above 0.
         scale: f32,
     },
+    /// The window opened with the panel or without.
+    Panel(bool),
     /// The window got or lost the keyboard.
     Focus(bool),
     /// The cursor moved here.

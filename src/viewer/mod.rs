@@ -112,6 +112,8 @@ pub struct Options {
     pub screenshot: Option<PathBuf>,
     /// With what covers the picture.
     pub with_panel: bool,
+    /// Somebody asked for the panel, or for none: a replay does not take it from its recording.
+    pub panel_is_asked: bool,
     /// Write pictures from all around into this folder and close.
     pub turntable: Option<PathBuf>,
     /// How many pictures a turntable has.
@@ -179,6 +181,7 @@ fn replay_headless(
     let size = replay::first_size(&entries, &options);
     let mut app = App::new(screen, options);
     app.size = size;
+    app.lay_out();
     replay::run(&mut app, &entries, loader, None, should_stop)?;
     Ok(app.messages.clone())
 }
@@ -227,6 +230,7 @@ fn show(
     // Dropped before the window.
     let mut app = App::new(screen, options);
     app.size = window.size();
+    app.lay_out();
     if let Some(warning) = warning {
         app.warn(&warning);
     }

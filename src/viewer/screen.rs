@@ -11,11 +11,11 @@ use crate::gpu::surface::Surface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
-use crate::method::costs::Costs;
+use crate::method::costs::{Costs, SplatCosts, Ways};
 use crate::method::renderer::present::Show;
 use crate::method::renderer::{FrameTimes, Outputs, Renderer, Submitted};
 use crate::method::scene::Scene;
-use crate::method::{Method, Settings};
+use crate::method::{Method, Settings, SplatKind};
 use crate::tree::Model;
 use ash::vk::Result as R;
 use glam::DVec2;
@@ -101,7 +101,7 @@ pub(super) struct Finished {
 pub(super) struct Request<'r> {
     /// The window; none where frames are only read back.
     pub(super) window: Option<&'r glfw::Window>,
-    /// Size of the picture where there is no window, pixels.
+    /// Size of what is shown where there is no window, pixels.
     pub(super) size: (u32, u32),
     /// How the model is drawn.
     pub(super) settings: &'r Settings,
@@ -109,6 +109,8 @@ pub(super) struct Request<'r> {
     pub(super) is_new_picture: bool,
     /// Cover the picture with the overlay.
     pub(super) has_overlay: bool,
+    /// Columns at the left of the window that belong to the overlay alone, pixels.
+    pub(super) inset: u32,
     /// The camera moves.
     pub(super) is_moving: bool,
     /// What is foreseen of the frame.
@@ -216,6 +218,11 @@ impl Screen {
     pub(super) fn set_costs(&mut self, costs: Option<Costs>) {
         self.costs = costs;
         self.renderer.set_costs(costs);
+    }
+
+    /// What splats of a kind were measured to cost.
+    pub(super) fn costs_of(&self, kind: SplatKind) -> Option<Ways<SplatCosts>> {
+        self.costs.as_ref()?.of(kind).copied()
     }
 
     /// Whether those costs decide how frames are drawn, or rules of thumb.
@@ -345,7 +352,7 @@ impl Screen {
             is_blended: foreseen.is_blended,
             by_compute: foreseen.by_compute,
             is_free: foreseen.is_free,
-            counted: 0,
+            ..Work::default()
         }
     }
 
@@ -419,7 +426,11 @@ impl Screen {
             },
             _ => None,
         };
-        let size = onto.as_ref().map_or(request.size, |o| (o.width, o.height));
+        let (width, height) = onto.as_ref().map_or(request.size, |o| (o.width, o.height));
+        // The window may have become narrower than its events say.
+        let has_inset = request.has_overlay && request.inset < width;
+        let inset = u32::from(has_inset) * request.inset;
+        let size = (width - inset, height);
         let mut settings = *request.settings;
         if settings.method == Method::Points {
             settings.threshold_px = settings.threshold_px.min(self.gpu.info().max_point_size_px);
@@ -430,11 +441,12 @@ impl Screen {
             let shown = Show {
                 onto: onto.as_ref(),
                 overlay: self.overlay.as_mut().filter(|_| request.has_overlay),
+                inset,
             };
             self.renderer.submit_again(shown).map(|s| (s, None))
         } else {
             self.look_as(request, &settings, size).and_then(|()| {
-                let overlay = request.has_overlay;
+                let overlay = (request.has_overlay, inset);
                 self.draw_picture(&settings, size, overlay, onto.as_ref(), camera)
             })
         };
@@ -489,7 +501,7 @@ impl Screen {
         &mut self,
         settings: &Settings,
         size: (u32, u32),
-        has_overlay: bool,
+        (has_overlay, inset): (bool, u32),
         onto: Option<&crate::gpu::surface::Acquired>,
         camera: impl FnOnce((u32, u32)) -> Option<Camera>,
     ) -> Result<(Submitted, Option<f32>), Error> {
@@ -505,6 +517,7 @@ impl Screen {
         let shown = Show {
             onto,
             overlay: self.overlay.as_mut().filter(|_| has_overlay),
+            inset,
         };
         let submitted = match (view, &self.model, &mut self.scene) {
             (Some(view), Some(model), Some(scene)) => {

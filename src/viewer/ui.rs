@@ -60,7 +60,7 @@ fn style(style: &mut egui::Style) {
     style.interaction.tooltip_grace_time = 0.0;
     style.spacing.slider_width = 120.0;
     style.spacing.item_spacing = vec2(6.0, 4.0);
-    style.visuals.panel_fill = egui::Color32::from_rgba_unmultiplied(18, 20, 24, 225);
+    style.visuals.panel_fill = egui::Color32::from_rgb(18, 20, 24);
     style.visuals.window_fill = egui::Color32::from_rgb(24, 27, 32);
     style.visuals.override_text_color = Some(egui::Color32::from_gray(225));
     style.visuals.popup_shadow = egui::Shadow::NONE;
@@ -233,6 +233,11 @@ impl Interface {
     /// Width and height of the window, points.
     pub fn size_in_points(&self) -> egui::Vec2 {
         vec2(self.size.0 as f32, self.size.1 as f32) / self.scale
+    }
+
+    /// Pixels of so many points, rounded.
+    pub fn pixels(&self, points: f32) -> u32 {
+        (points * self.scale).round() as u32
     }
 
     /// Lays out and paints what `content` shows, at `time` seconds.

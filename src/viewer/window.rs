@@ -285,7 +285,7 @@ impl Window {
         let mut step = 0;
         let mut has_drawn = true;
         let mut last_time = glfw.get_time();
-        let mut answers = vec![self.size_event()];
+        let mut answers = vec![self.size_event(), Event::Panel(app.has_panel)];
         while !(app.is_closing || self.window.should_close() || should_stop()) {
             let can_draw = app.is_dirty() && self.can_draw();
             if can_draw && has_drawn || !answers.is_empty() {

@@ -29,11 +29,12 @@ fn the_panel_covers_its_place_and_nothing_when_hidden() {
     let folder = tempfile::tempdir().unwrap();
     let look = ["generate:statue:20000", "--size", "800x600", "--validate"];
     let expected = render(&look, &folder.path().join("drawn.png"));
+    let narrow = ["generate:statue:20000", "--size", "524x600", "--validate"];
+    let right = render(&narrow, &folder.path().join("narrow.png"));
     let window = Window::open(&display, &[&look[..], &["--panel", "on"]].concat());
     window.wait_for_title("threshold 1 px");
-    let (_, right) = halves(&expected, 300);
     wait_for("the panel beside the picture", || {
-        let (covered, beside) = halves(&window.picture(), 300);
+        let (covered, beside) = halves(&window.picture(), 276);
         (beside == right && lit_pixels(&covered) > 40_000).then_some(())
     });
     // A click on "points" draws points; one beside the panel draws nothing anew.

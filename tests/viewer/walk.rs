@@ -11,7 +11,7 @@ use surfel::method::{LARGEST_COMPUTE_SQUARE_PX, Settings, plan};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 use surfel::viewer::camera::Orbit;
-use surfel::viewer::control::{Control, Took, Work};
+use surfel::viewer::control::{Control, Place, Took, Work};
 use surfel::viewer::event::{Event, Key};
 use surfel::viewer::input::{Drag, Gesture, Mouse};
 use surfel::viewer::pace::{Paced, Summary};
@@ -191,6 +191,15 @@ fn pixels(model: &Model, orbit: &Orbit, view: &View) -> u64 {
     (side(view.width) * side(view.height)) as u64
 }
 
+/// Eye and direction of a camera, as the window tells them.
+fn place(model: &Model, orbit: &Orbit) -> Place {
+    let center = model.origin + model.orbit_center.as_dvec3();
+    let world = orbit.camera().view.inverse();
+    let eye = (world.w_axis.truncate() - center) / f64::from(model.orbit_radius);
+    let toward = -world.z_axis.truncate();
+    [eye.x, eye.y, eye.z, toward.x, toward.y, toward.z]
+}
+
 /// The frames of a walk over `cameras`.
 fn drive(
     model: &Model,
@@ -207,6 +216,7 @@ fn drive(
         .iter()
         .map(|orbit| {
             let view = orbit.camera().view(model.origin).unwrap();
+            let place = place(model, orbit);
             let mut work = |threshold_px: f32| {
                 let settings = Settings {
                     threshold_px,
@@ -224,11 +234,12 @@ fn drive(
                     is_blended: device.blended.is_some(),
                     is_free: by_compute,
                     by_compute,
-                    counted: 0,
+                    place,
+                    ..Work::default()
                 }
             };
             control.moved();
-            let threshold_px = control.plan(&mut work);
+            let threshold_px = control.plan(place, &mut work);
             let mut drawn = Work {
                 counted: control.counted(),
                 ..work(threshold_px)
@@ -295,7 +306,7 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             "splats",
             Device {
                 frame: 1.0,
-                visited: 1e-5,
+                visited: 2e-5,
                 splat: 2e-3,
                 triangle: 3e-3,
                 ..PLAIN
@@ -362,11 +373,8 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
         let frames = drive(&model, &cameras, &device, &mut control, &mut noise);
         let summary = Summary::of(&frames, TARGET);
         println!("{name}: {summary}");
-        // Devices whose splats cost the same at any size are unlike what is taken to be usual, and their first frames, told
-        // two frames late, are spent on learning that.
-        let least_kept = if device.blended.is_some() { 0.95 } else { 0.94 };
         assert!(
-            summary.frames > 350 && summary.kept() >= least_kept,
+            summary.frames > 350 && summary.kept() >= 0.95,
             "{name}: {summary}"
         );
         // The walk asks for other thresholds on its way, or it would show nothing.
@@ -382,23 +390,24 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
         there.reverse();
         let mut back = drive(&model, &there, &device, &mut control, &mut noise);
         back.reverse();
-        let mut ratios: Vec<f32> = forward
+        let ratios = forward
             .iter()
             .zip(&back)
-            .map(|(a, b)| (a.threshold_px / b.threshold_px).max(b.threshold_px / a.threshold_px))
-            .collect();
-        ratios.sort_by(f32::total_cmp);
-        // Near the model the time of blended splats hardly changes with the threshold (their pixels stay as many), so noise
-        // within the dead band is much of a threshold: there half of the frames decide, elsewhere all of them.
-        let apart = match device.blended {
-            Some(_) => ratios[ratios.len() / 2],
-            None => ratios[ratios.len() - 1],
+            .map(|(a, b)| (a.threshold_px / b.threshold_px).max(b.threshold_px / a.threshold_px));
+        let apart = ratios.clone().filter(|ratio| *ratio >= 1.1).count();
+        let most = ratios.fold(1.0f32, f32::max);
+        println!("{name}: there and back {apart} frames are apart, by a factor of at most {most}");
+        // Near the model the time of blended splats hardly changes with the threshold and goes up and down with it: two far
+        // apart can be as good, and noise may decide single frames.
+        let allowed = match device.blended {
+            Some(_) => half / 50,
+            None => 0,
         };
-        let most = ratios[ratios.len() - 1];
-        println!(
-            "{name}: thresholds there and back differ by a factor of at most {most}, {apart} counts"
-        );
-        assert!(apart < 1.1 && most < 1.4, "{name}: {apart}, {most}");
+        assert!(apart <= allowed, "{name}: {apart} frames, {most}");
+        for frames in [&forward, &back] {
+            let again = Summary::of(frames, TARGET);
+            assert!(again.kept() >= 0.95, "{name}, the way known: {again}");
+        }
         // A camera that stays where it is, as under a hand that trembles: the threshold settles and stays within
         // what noise may move it, and it does not swing.
         let still = vec![cameras[half].clone(); 120];

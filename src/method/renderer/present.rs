@@ -49,6 +49,8 @@ pub struct Show<'a> {
     pub onto: Option<&'a Acquired>,
     /// What covers the picture.
     pub overlay: Option<&'a mut Overlay>,
+    /// Columns at the left that the picture leaves to the overlay, pixels; 0 without one.
+    pub inset: u32,
 }
 
 impl Show<'_> {
@@ -219,7 +221,8 @@ impl Renderer {
         };
         self.frames.wait_for_next()?;
         let (width, height) = (self.targets.color.width, self.targets.color.height);
-        overlay.prepare(self.frames.next_slot(), width, height)
+        let inset = shown.inset;
+        overlay.prepare(self.frames.next_slot(), (width + inset, height), inset)
     }
 
     /// Submits a frame that shows nothing but the background, for a window without a model.

@@ -132,7 +132,7 @@ impl App {
             Command::Statistics => self.has_statistics = !self.has_statistics,
             Command::Print => self.print_statistics()?,
             // The picture of now: one that is to be drawn first is waited for.
-            Command::Screenshot if self.is_dirty && self.orbit.is_some() => {
+            Command::Screenshot if (self.is_dirty || self.wheel != 0.0) && self.orbit.is_some() => {
                 self.wants_screenshot = true
             }
             Command::Screenshot => self.numbered_screenshot()?,
@@ -160,7 +160,10 @@ impl App {
                 }
             }
             Command::Paste => self.asks.push(Ask::Paste),
-            Command::Panel => self.has_panel = !self.has_panel,
+            Command::Panel => {
+                self.has_panel = !self.has_panel;
+                self.lay_out();
+            }
             Command::Help => self.has_help = !self.has_help,
             Command::Graph => self.has_graph = !self.has_graph,
             Command::Freeze => self.history.toggle_frozen(),
@@ -358,7 +361,8 @@ impl App {
             self.warn("surfel-photo-000.png to surfel-photo-999.png are all there; move some away");
             return Ok(());
         };
-        let size = (PHOTO * self.size.0.max(1), PHOTO * self.size.1.max(1));
+        let (width, height) = self.picture_size();
+        let size = (PHOTO * width, PHOTO * height);
         let camera = camera_of(orbit, self.fixed.as_ref(), self.light, size);
         let mut settings = self.settings;
         if settings.holds_cut() {
@@ -481,7 +485,7 @@ impl App {
             headlight: self.light,
             device: &self.screen.gpu().info().name,
             present_mode: self.screen.present_mode(),
-            size: self.size,
+            size: self.picture_size(),
         };
         let mut out = text::statistics(&facts, self.screen.frame_ms(), self.screen.times());
         if let Ok(camera) = serde_json::to_string(&camera) {

@@ -8,11 +8,12 @@ use crate::method::times::Kept;
 use crate::method::{Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
-use crate::viewer::control::Work;
+use crate::viewer::control::{Place, Work};
 use crate::viewer::event::Event;
 use crate::viewer::graph;
 use crate::viewer::pace::{Paced, Summary};
 use crate::viewer::screen::{Request, Shown, Way, way_after};
+use glam::DVec3;
 use std::sync::Arc;
 
 impl App {
@@ -125,9 +126,14 @@ impl App {
             if settings.occlusion == Occlusion::Auto {
                 settings.occlusion = Occlusion::Off;
             }
+            let screen = &mut self.screen;
+            let place = screen.model().map_or([0.0; 6], |model| {
+                let center = model.origin + model.orbit_center.as_dvec3();
+                place_of(&camera, center, f64::from(model.orbit_radius))
+            });
+            control.know(screen.costs_of(settings.splat));
             let px = if is_planned {
-                let screen = &mut self.screen;
-                control.plan(|threshold_px| {
+                control.plan(place, |threshold_px| {
                     let settings = Settings {
                         threshold_px,
                         ..settings
@@ -141,7 +147,7 @@ impl App {
             let mut work = is_new_picture.then(|| self.screen.foresee(&settings, &camera));
             if let (true, Some(work)) = (is_planned, &mut work) {
                 // Of the drawn frame only this is comparable with what is foreseen of others.
-                work.counted = control.counted();
+                (work.counted, work.place) = (control.counted(), place);
                 if work.is_free {
                     work.by_compute = control.by_compute();
                     settings.path = if work.by_compute {
@@ -213,6 +219,7 @@ impl App {
             settings: &settings,
             is_new_picture,
             has_overlay: self.has_cover(),
+            inset: self.inset(),
             is_moving,
             work,
         };
@@ -319,6 +326,14 @@ pub(super) fn camera_of(
     camera
 }
 
+/// From where a camera sees a model.
+fn place_of(camera: &Camera, center: DVec3, radius: f64) -> Place {
+    let world = camera.view.inverse();
+    let eye = (world.w_axis.truncate() - center) / radius.max(f64::MIN_POSITIVE);
+    let toward = -world.z_axis.truncate().normalize_or_zero();
+    [eye.x, eye.y, eye.z, toward.x, toward.y, toward.z]
+}
+
 /// `camera` for a picture of `size` pixels: the same height is seen, and pixels stay as square as they were.
 fn fit(camera: &Camera, (width, height): (u32, u32)) -> Camera {
     let mut fitted = camera.clone();
@@ -333,7 +348,6 @@ fn fit(camera: &Camera, (width, height): (u32, u32)) -> Camera {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::DVec3;
 
     #[test]
     fn a_camera_that_is_fitted_keeps_its_height_and_square_pixels() {

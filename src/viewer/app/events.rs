@@ -39,16 +39,15 @@ impl App {
         self.is_cover_dirty |= taken.changes;
         if taken.consumed {
             if let Event::Cursor(at) = event {
-                let _ = self.mouse.moved(DVec2::from_array(*at));
+                let at = self.in_picture(*at);
+                let _ = self.mouse.moved(at);
             }
             return Ok(());
         }
         match event {
             Event::Size { width, height, .. } => {
                 self.size = (*width, *height);
-                if let Some(orbit) = &mut self.orbit {
-                    orbit.resize(self.size);
-                }
+                self.lay_out();
                 self.is_dirty = true;
             }
             Event::Focus(has_focus) => {
@@ -58,7 +57,7 @@ impl App {
                 }
             }
             Event::Cursor(at) => {
-                let at = DVec2::from_array(*at);
+                let at = self.in_picture(*at);
                 if let Some(fly) = &mut self.fly {
                     let by = fly.last_at.map(|last| at - last);
                     fly.last_at = Some(at);
@@ -119,6 +118,12 @@ impl App {
                 if let Some(control) = &mut self.control {
                     let took = parts.unwrap_or_else(|| (*ms).into());
                     control.frame(*threshold_px, drew, took);
+                }
+            }
+            Event::Panel(is_shown) => {
+                if !self.options.panel_is_asked {
+                    self.has_panel = *is_shown;
+                    self.lay_out();
                 }
             }
             Event::Text(_) | Event::CursorGone | Event::Preview(_) | Event::Loaded(_) => {}
@@ -252,10 +257,11 @@ impl App {
         self.is_dirty = true;
     }
 
-    /// The camera for a picture of the size that the window has.
+    /// The camera for the picture that the window shows.
     pub(super) fn camera(&self) -> Option<Camera> {
         let orbit = self.orbit.as_ref()?;
-        Some(camera_of(orbit, self.fixed.as_ref(), self.light, self.size))
+        let size = self.picture_size();
+        Some(camera_of(orbit, self.fixed.as_ref(), self.light, size))
     }
 
     /// Distance of what is seen at a pixel, or of the center of rotation where nothing is.

@@ -123,7 +123,10 @@ pub(super) struct App {
     shown_figures: (u64, u64),
     /// What the validation layer says of each device that was opened.
     pub(super) messages: Vec<Messages>,
+    /// Of the window, pixels.
     pub(super) size: (u32, u32),
+    /// Columns of it that belonged to the panel when it was laid out.
+    laid_inset: u32,
     /// Frames of a model so far.
     pub(super) frames: u64,
     pub(super) asks: Vec<Ask>,
@@ -184,6 +187,7 @@ impl App {
             shown_figures: (0, 0),
             messages,
             size: (1, 1),
+            laid_inset: 0,
             frames: 0,
             asks: Vec::new(),
             options,
@@ -323,7 +327,7 @@ impl App {
         let center = model.origin + model.orbit_center.as_dvec3();
         let radius = f64::from(model.orbit_radius);
         if !is_expected || self.orbit.is_none() {
-            self.orbit = Some(Orbit::new(center, radius, self.size, orbit));
+            self.orbit = Some(Orbit::new(center, radius, self.picture_size(), orbit));
             if is_another {
                 self.fixed = None;
             }

@@ -4,11 +4,51 @@ use super::App;
 use crate::viewer::panel::{self, State, Wish};
 use crate::viewer::{Error, help};
 use egui::{Align2, Area, Frame, vec2};
+use glam::DVec2;
 
 /// Width of the graph, points.
 const GRAPH_WIDTH: f32 = 380.0;
 
 impl App {
+    /// Columns at the left of the window that belong to the panel alone, pixels: the picture is drawn beside it. Where that
+    /// would be narrower than half of the panel, the panel covers the picture instead.
+    pub(super) fn inset(&self) -> u32 {
+        let panel = if self.has_panel {
+            self.interface.pixels(panel::WIDTH)
+        } else {
+            0
+        };
+        let is_beside = self.size.0 >= panel + panel / 2;
+        if is_beside { panel } else { 0 }
+    }
+
+    /// Width and height of the picture in the window, pixels; at least 1.
+    pub(super) fn picture_size(&self) -> (u32, u32) {
+        ((self.size.0 - self.inset()).max(1), self.size.1.max(1))
+    }
+
+    /// Where a place in the window lies in the picture.
+    pub(super) fn in_picture(&self, [x, y]: [f64; 2]) -> DVec2 {
+        DVec2::new(x - f64::from(self.inset()), y)
+    }
+
+    /// Fits picture and camera into what the panel leaves of the window.
+    pub(in crate::viewer) fn lay_out(&mut self) {
+        let (inset, size) = (self.inset(), self.picture_size());
+        if inset != self.laid_inset {
+            // The cursor has not moved, but the picture below it.
+            let by = f64::from(self.laid_inset) - f64::from(inset);
+            let _ = self
+                .mouse
+                .moved(self.mouse.position() + DVec2::new(by, 0.0));
+            self.laid_inset = inset;
+            self.is_dirty = true;
+        }
+        if let Some(orbit) = &mut self.orbit {
+            orbit.resize(size);
+        }
+    }
+
     /// Lets egui lay out and paint, does what the user asked for, and hands the triangles to the screen.
     pub(super) fn paint_cover(&mut self) -> Result<(), Error> {
         if !self.is_cover_dirty && !self.is_dirty {

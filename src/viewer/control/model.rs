@@ -7,32 +7,48 @@
 //! frames that are all held at one time look as if it came from nothing (tried: thresholds swung).
 //!
 //! What splats, their pixels and triangles take of the drawing passes is known beforehand only roughly. One factor for all
-//! of it follows the last frames at once; how pixels and triangles compare with splats follows slowly, a step a frame
-//! at most, in the direction in which the frames kept agree better.
+//! of it is that of the frames kept that are most like the coming one: seen from about there, of about as much, drawn in the
+//! same way. What counts do not tell (splats that nearer ones hide, passes that only some frames have) is in it so. How
+//! pixels and triangles compare with splats follows slowly, a step a frame at most, in the direction in which the frames
+//! kept agree better; it matters where none is like the coming one.
 
 use super::median;
+use crate::method::costs::{SIZES_PX, SplatCosts, Ways};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
-/// Frames whose median says what a unit of work takes.
-const RATES: usize = 7;
-/// A frame whose threshold differs by this factor tells as little as one that is as old as the next.
-const NEAR: f64 = 1.6;
+/// Frames whose median says what a unit of work takes: a quarter of those that are kept, at most and at least so many.
+const RATES: usize = 31;
+const LEAST: usize = 5;
 /// Frames that are kept of each of the two ways.
-const FRAMES: usize = 96;
-/// So many frames later a frame tells little.
-const RECENT: f64 = 40.0;
-/// Frames from which on shares are learned.
+const FRAMES: usize = 768;
+/// Frames differ by 1 where their thresholds, what they pack, and the pixels of their boxes differ by these (logarithms),
+/// triangles are so much more of what they pack, and they are seen from places so far apart; or so many frames later.
+const NEAR_PX: f64 = 0.15;
+const NEAR_PACKED: f64 = 0.2;
+const NEAR_PIXELS: f64 = 0.3;
+const NEAR_SHARE: f64 = 0.15;
+const NEAR_PLACE: f64 = 0.1;
+const RECENT: f64 = 400.0;
+/// How much farther than the nearest ones frames count.
+const FARTHER: f64 = 1.0;
+/// Two frames that differ by less from one say what it takes.
+const KNOWN: f64 = 2.0;
+/// Frames at most from which shares are learned, evenly of those kept.
+const LEARNED: usize = 96;
+/// Frames from which on they are.
 const LEAST_FRAMES: usize = 10;
 /// Factors by which a share may change from frame to frame.
 const STEPS: [f64; 5] = [0.5, 0.87, 1.0, 1.15, 2.0];
-/// Other shares must leave less than this part of what the frames disagree by.
-const BETTER: f64 = 0.97;
+/// Other shares must leave less by this part of what the frames disagree by, for a factor of e.
+const BETTER: f64 = 0.2;
+/// What shares that differ from the usual ones by a factor of e count as, of the mean square of what frames disagree by.
+const UNUSUAL: f64 = 3e-5;
 /// What a frame disagrees by counts less and less above this: one that waited for something must not decide.
 const FAR_OFF: f64 = 0.1;
 
 /// What is drawn in a frame, in numbers that are known before it is drawn.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Work {
     /// Nodes that the cut looked at.
@@ -51,6 +67,17 @@ pub struct Work {
     pub is_free: bool,
     /// Nodes that cuts looked at which were counted for this frame and not drawn.
     pub counted: u64,
+    /// Where it is seen from.
+    pub place: Place,
+}
+
+/// Where the eye is, in radii of the model, and which way it looks, of length 1.
+pub type Place = [f64; 6];
+
+/// How far apart two places are, radii of the model or radians.
+pub(super) fn apart(a: &Place, b: &Place) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
+    squares.sum::<f64>().sqrt()
 }
 
 /// What a frame took, milliseconds.
@@ -120,6 +147,20 @@ impl Shares {
         }
     }
 
+    /// As the usual ones, with splats as they were measured on the device.
+    fn measured(self, costs: &SplatCosts) -> Self {
+        let largest = SIZES_PX.len() - 1;
+        let areas = f64::from(SIZES_PX[largest]).powi(2) - f64::from(SIZES_PX[0]).powi(2);
+        let ns = costs.splat_ns[largest] - costs.splat_ns[0];
+        let pixel = (ns / areas).max(0.0);
+        let splat = costs.splat_ns[0] - pixel * f64::from(SIZES_PX[0]).powi(2);
+        Self {
+            splat: splat.max(1.0),
+            pixel,
+            ..self
+        }
+    }
+
     /// Nanoseconds of all that is drawn with a threshold of `px`.
     fn ns(self, work: &Numbers, px: f64) -> f64 {
         let splat = self.splat + self.pixel * px * px;
@@ -154,6 +195,10 @@ impl Numbers {
             triangles: factor * self.triangles,
             ..self
         }
+    }
+
+    fn triangle_share(&self) -> f64 {
+        self.triangles / self.packed()
     }
 
     /// What is packed.
@@ -199,8 +244,7 @@ impl Default for Way {
 }
 
 impl Way {
-    fn shares(&self, is_blended: bool, by_compute: bool, learned: [f64; 2]) -> Shares {
-        let usual = Shares::usual(is_blended, by_compute);
+    fn shares(usual: Shares, learned: [f64; 2]) -> Shares {
         Shares {
             pixel: learned[0] * usual.pixel,
             triangle: learned[1] * usual.triangle,
@@ -209,31 +253,34 @@ impl Way {
     }
 
     /// One step, if the frames agree better there.
-    fn learn(&mut self, by_compute: bool) {
-        let Some(last) = self.frames.back() else {
-            return;
-        };
+    fn learn(&mut self, usual: Shares) {
         if self.frames.len() < LEAST_FRAMES {
             return;
         }
-        let is_blended = last.work.is_blended;
         // Mean square of the distance of logarithms from their mean.
+        let stride = self.frames.len().div_ceil(LEARNED);
         let disagreement = |learned: [f64; 2]| {
-            let shares = self.shares(is_blended, by_compute, learned);
-            let rates = self.frames.iter().map(|f| f.draw_rate(shares));
+            let shares = Self::shares(usual, learned);
+            let frames = self.frames.iter().rev().step_by(stride);
+            let rates = frames.map(|f| f.draw_rate(shares));
             let logs: Vec<f64> = rates.filter(|r| *r > 0.0).map(f64::ln).collect();
             let middle = median(logs.clone());
             let off = |r: &f64| ((r - middle) / FAR_OFF).powi(2).ln_1p() * FAR_OFF.powi(2);
             let sum: f64 = logs.iter().map(off).sum();
-            sum
+            // What frames hardly tell stays as usual.
+            let unusual: f64 = learned.iter().map(|l| l.ln().powi(2)).sum();
+            sum / logs.len().max(1) as f64 + UNUSUAL * unusual
         };
-        let (mut best, mut least) = (self.learned, BETTER * disagreement(self.learned));
+        let now = disagreement(self.learned);
+        let (mut best, mut least) = (self.learned, 1.0);
         for (of_pixel, of_triangle) in STEPS.iter().flat_map(|a| STEPS.map(|b| (a, b))) {
             let learned = [
                 (self.learned[0] * of_pixel).clamp(1e-2, 1e2),
                 (self.learned[1] * of_triangle).clamp(1e-2, 1e2),
             ];
-            let value = disagreement(learned);
+            // The larger the step, the better it must be.
+            let step: f64 = of_pixel.ln().abs() + of_triangle.ln().abs();
+            let value = disagreement(learned) / now.max(1e-12) + BETTER * step;
             if value < least {
                 (best, least) = (learned, value);
             }
@@ -250,6 +297,8 @@ pub(super) struct Rates {
     picture: f64,
     draw: f64,
     shares: Shares,
+    /// Frames nearly like this one were drawn.
+    pub(super) is_known: bool,
     overlaps: bool,
 }
 
@@ -281,6 +330,8 @@ impl Rates {
 pub(super) struct Model {
     /// By the rasterizer, and by compute.
     ways: [Way; 2],
+    /// What splats were measured to take.
+    costs: Option<Ways<SplatCosts>>,
     /// Frames so far.
     pub(super) count: u64,
 }
@@ -291,12 +342,36 @@ impl Model {
         [0, 1].map(|way: usize| self.ways[way].learned)
     }
 
+    /// Forgets all frames.
+    pub(super) fn forget(&mut self) {
+        *self = Self {
+            costs: self.costs,
+            ..Self::default()
+        };
+    }
+
+    /// What splats were measured to take on the device.
+    pub(super) fn know(&mut self, costs: Option<Ways<SplatCosts>>) {
+        self.costs = costs;
+    }
+
+    fn usual(&self, is_blended: bool, by_compute: bool) -> Shares {
+        let usual = Shares::usual(is_blended, by_compute);
+        let costs = self.costs.as_ref();
+        let measured = costs.and_then(|ways| match by_compute {
+            true => ways.compute.as_ref(),
+            false => ways.raster.as_ref(),
+        });
+        measured.map_or(usual, |costs| usual.measured(costs))
+    }
+
     /// A frame has finished. Returns whether its time can be.
     pub(super) fn learn(&mut self, px: f32, work: &Work, took: Took) -> bool {
         if !(took.is_time() && px > 0.0) {
             return false;
         }
         self.count += 1;
+        let usual = self.usual(work.is_blended, work.by_compute);
         let way = &mut self.ways[usize::from(work.by_compute)];
         // The first frame of a way makes what is made once, and waits for it: it counts only until there is another.
         if way.frames.len() == FRAMES || way.frames.len() == 1 && !way.is_known {
@@ -309,21 +384,37 @@ impl Model {
             took,
             number: self.count,
         });
-        way.learn(work.by_compute);
+        way.learn(usual);
         true
     }
 
-    /// The frames of a way that tell most of one with a threshold of about `px`: of late, and with about that threshold.
-    fn frames(&self, px: f32, by_compute: bool) -> Vec<&Frame> {
+    /// The frames of a way that tell most of one like `work`: those that drew about the same from about there, and of late.
+    /// And whether some are so near that it is known what it takes.
+    fn frames(&self, px: f32, work: &Work, by_compute: bool) -> (Vec<&Frame>, bool) {
+        let wanted = Numbers::of(work);
+        let far = |a: f64, b: f64, near: f64| ((a / b).ln() / near).powi(2);
         let distance = |f: &Frame| {
-            let age = (self.count - f.number) as f64 / RECENT;
-            f64::from(f.px / px).ln().abs() / NEAR.ln() + age
+            let drew = Numbers::of(&f.work);
+            let triangles = (wanted.triangle_share() - drew.triangle_share()) / NEAR_SHARE;
+            let place = apart(&work.place, &f.work.place) / NEAR_PLACE;
+            let squares = far(px.into(), f.px.into(), NEAR_PX)
+                + far(wanted.packed(), drew.packed(), NEAR_PACKED)
+                + far(wanted.pixels, drew.pixels, NEAR_PIXELS)
+                + triangles.powi(2)
+                + place.powi(2);
+            squares.sqrt() + (self.count - f.number) as f64 / RECENT
         };
         let frames = &self.ways[usize::from(by_compute)].frames;
-        let mut found: Vec<&Frame> = frames.iter().rev().collect();
-        found.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-        found.truncate(RATES);
-        found
+        let mut found: Vec<(f64, &Frame)> = frames.iter().map(|f| (distance(f), f)).collect();
+        let most = (found.len() / 4).clamp(LEAST, RATES).min(found.len());
+        found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        found.truncate(most);
+        // What is much less like it than the nearest ones says nothing beside them.
+        if let Some(limit) = found.get(LEAST - 1).map(|(d, _)| d + FARTHER) {
+            found.retain(|(d, _)| *d <= limit);
+        }
+        let is_known = found.iter().filter(|(d, _)| *d < KNOWN).count() > 1;
+        (found.into_iter().map(|(_, f)| f).collect(), is_known)
     }
 
     /// Whether the last frame was drawn by compute; none before the first.
@@ -343,41 +434,33 @@ impl Model {
         let present = self.last_by_compute()?;
         let shares = |by_compute: bool| {
             let way = &self.ways[usize::from(by_compute)];
-            way.shares(work.is_blended, by_compute, way.learned)
+            Way::shares(self.usual(work.is_blended, by_compute), way.learned)
         };
         let of_draw = |frames: &[&Frame], by_compute: bool| {
             let shares = shares(by_compute);
             median_of(frames, |f| f.draw_rate(shares))
         };
         let of_picture = |f: &Frame| f.took.picture_ms / f.work.pixels.max(1) as f64;
-        let frames = self.frames(px, present);
-        let mut draw = of_draw(&frames, present);
-        let mut picture = median_of(&frames, of_picture);
         let other = &self.ways[usize::from(by_compute)];
-        if by_compute != present && !other.is_known {
+        let of_way = by_compute == present || other.is_known;
+        let (frames, is_known) = self.frames(px, work, if of_way { by_compute } else { present });
+        let picture = median_of(&frames, of_picture);
+        let draw = if of_way {
+            of_draw(&frames, by_compute)
+        } else {
             // What was learned of this way's shares says nothing of how the ways compare.
-            let usual = Shares::usual(work.is_blended, present);
-            draw = median_of(&frames, |f| f.draw_rate(usual));
-        } else if by_compute != present {
-            let all = |by_compute: bool| -> Vec<&Frame> {
-                self.ways[usize::from(by_compute)].frames.iter().collect()
-            };
-            let slower = draw / of_draw(&all(present), present).max(1e-12);
-            draw = slower * of_draw(&all(by_compute), by_compute);
-            picture = slower * median_of(&all(by_compute), of_picture);
-        }
-        // The host's work is the same in both ways.
-        let mut last: Vec<&Frame> = self.ways.iter().flat_map(|way| &way.frames).collect();
-        last.sort_by_key(|f| std::cmp::Reverse(f.number));
-        last.truncate(RATES);
+            let usual = self.usual(work.is_blended, present);
+            median_of(&frames, |f| f.draw_rate(usual))
+        };
         let looked = |f: &Frame| (f.work.visited + f.work.counted).max(1) as f64;
         Some(Rates {
-            cut: median_of(&last, |f| f.took.cut_ms / looked(f)),
-            pack: median_of(&last, |f| f.took.pack_ms / Numbers::of(&f.work).packed()),
+            cut: median_of(&frames, |f| f.took.cut_ms / looked(f)),
+            pack: median_of(&frames, |f| f.took.pack_ms / Numbers::of(&f.work).packed()),
             picture,
             draw,
             shares: shares(by_compute),
-            overlaps: last.first()?.took.overlaps,
+            is_known,
+            overlaps: frames.first()?.took.overlaps,
         })
     }
 }
