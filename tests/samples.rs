@@ -41,7 +41,10 @@ fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, 
     }
     assert!(of_raster.triangles > 1000, "{what}: {of_raster:?}");
     assert_eq!(of_raster.triangles, of_compute.triangles, "{what}");
-    assert_eq!(of_raster.splats, of_compute.splats, "{what}");
+    if settings.threshold_px <= 2.0 {
+        // Above that the rasterizer alone has hidden ones left out.
+        assert_eq!(of_raster.splats, of_compute.splats, "{what}");
+    }
     let d = compare(&raster, &compute, 1.5).unwrap();
     let pixels = f64::from(view.width * view.height);
     assert!(d.object.pixels > 500, "{what}: an empty picture");
@@ -162,12 +165,17 @@ fn samples_of_a_scan_are_the_pixels_of_the_rasterizer() {
     let Some(model) = real("meshes/bun_zipper.ply.gz") else {
         return;
     };
-    for fill in [0.3, 1.0] {
-        let view = orbit(&model, (300, 300), 30.0, 20.0, fill);
-        let settings = Settings {
-            threshold_px: 0.25,
-            ..Settings::default()
-        };
-        assert_same(&device, &model, &view, settings, &format!("fill {fill}"));
+    // Above a pixel too, beside splats that are larger.
+    for (fill, threshold_px) in [(0.3, 0.25), (1.0, 0.25), (1.0, 1.5), (2.0, 3.0)] {
+        for splat in [SplatKind::Square, SplatKind::Disc] {
+            let view = orbit(&model, (300, 300), 30.0, 20.0, fill);
+            let settings = Settings {
+                splat,
+                threshold_px,
+                ..Settings::default()
+            };
+            let what = format!("fill {fill}, threshold {threshold_px}, {splat:?}");
+            assert_same(&device, &model, &view, settings, &what);
+        }
     }
 }

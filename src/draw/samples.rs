@@ -324,13 +324,13 @@ pub fn pack(
     let packed = parts::write(parts.collect(), out, |(ids, rest), sink| {
         rest.clear();
         for (index, four) in ids.chunks(4).enumerate() {
-            let ahead = 4 * index + parts::AHEAD;
+            let ahead = 4 * index + 2 * parts::AHEAD;
             for &next in ids.iter().skip(ahead).take(4) {
                 for &corner in model.triangles.get(next as usize).into_iter().flatten() {
                     prefetch_index(&model.vertices, corner as usize);
                 }
             }
-            for &next in ids.iter().skip(ahead + parts::AHEAD).take(4) {
+            for &next in ids.iter().skip(ahead + 2 * parts::AHEAD).take(4) {
                 prefetch_index(&model.triangles, next as usize);
             }
             self::four(model, four, screen, ids.len() - 4 * index, (rest, sink));

@@ -149,7 +149,6 @@ impl Key {
             may_sample: samples
                 && Drawing::of(settings) == Drawing::Opaque
                 && settings.method == Method::Pop
-                && settings.threshold_px <= 1.0
                 && settings.color_by == ColorBy::Shading
                 && !settings.holds_cut(),
         }

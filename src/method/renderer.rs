@@ -373,6 +373,7 @@ impl Renderer {
                 none => none.insert(Small::new(&self.gpu, &self.targets)?),
             };
             small.ensure(pop::compute_variant(settings, model))?;
+            small.ensure(compute::Variant::SAMPLES)?;
         }
         if settings.has_cut() && Choice::of(settings, model, view).needs_undrawn() {
             // Looks at the whole model, once.

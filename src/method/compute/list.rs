@@ -18,7 +18,9 @@ pub(crate) struct List<'a> {
     pub(crate) runs: &'a [Run],
     pub(crate) splats: &'a Upload,
     pub(crate) splat_count: u32,
-    /// What the splats are.
+    /// So many of them, the last, are samples: squares of a pixel.
+    pub(crate) sample_count: u32,
+    /// What the others are.
     pub(crate) variant: Variant,
 }
 
@@ -57,7 +59,10 @@ pub(crate) type Bound<'a> = (Slice<'a>, Uniform, u32);
 
 /// The items of a frame, ready to be bound.
 pub(super) struct Items<'a> {
-    pub(super) splats: Vec<Bound<'a>>,
+    /// Each with what its splats are.
+    pub(super) splats: Vec<(Variant, Bound<'a>)>,
+    /// All of them, whatever they are.
+    pub(super) all: Vec<Bound<'a>>,
     /// Each with the vertices of its page.
     pub(super) triangles: Vec<(Bound<'a>, Slice<'a>)>,
 }
@@ -91,20 +96,25 @@ impl<'a> List<'a> {
         context: &Context,
         max_binding: u64,
     ) -> Result<Items<'a>, Error> {
-        let splats = bound(
-            frame,
-            context,
-            max_binding,
-            (self.splats, size_of::<Splat>() as u64),
-            (0, self.splat_count),
-        )?;
+        let others = self.splat_count - self.sample_count;
+        let records: (&dyn AnyBuffer, u64) = (self.splats, size_of::<Splat>() as u64);
+        let mut of = |range| bound(frame, context, max_binding, records, range);
+        let (own, samples) = (of((0, others))?, of((others, self.sample_count))?);
+        let all = of((0, self.splat_count))?;
+        let own = own.into_iter().map(|bound| (self.variant, bound));
+        let samples = samples.into_iter().map(|bound| (Variant::SAMPLES, bound));
+        let splats = own.chain(samples).collect();
         let triangles = Triangles {
             scene: self.scene,
             corners: self.corners,
             runs: self.runs,
         };
         let triangles = triangles.bound(frame, context, max_binding)?;
-        Ok(Items { splats, triangles })
+        Ok(Items {
+            splats,
+            all,
+            triangles,
+        })
     }
 }
 

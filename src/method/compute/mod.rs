@@ -49,6 +49,12 @@ pub(crate) struct Variant {
 }
 
 impl Variant {
+    /// Squares of a pixel.
+    pub(crate) const SAMPLES: Self = Self {
+        are_discs: false,
+        side_px: 1,
+    };
+
     /// Of discs or squares of one size, pixels, at most [`LARGEST_SQUARE_PX`]; or of sizes of their own.
     pub(crate) fn new(are_discs: bool, one_size_px: Option<f32>) -> Self {
         Self {
@@ -264,7 +270,11 @@ impl Small {
         if list.runs.is_empty() && list.splat_count == 0 {
             return Ok(());
         }
-        let Items { splats, triangles } = list.bound(frame, context, self.max_binding)?;
+        let Items {
+            splats,
+            all,
+            triangles,
+        } = list.bound(frame, context, self.max_binding)?;
         let keys = Slice::whole(&self.keys);
         frame
             .pass("small.clear")
@@ -289,17 +299,20 @@ impl Small {
             });
         }
         if !splats.is_empty() {
-            let made = self.splats.iter().find(|made| made.0 == list.variant);
-            let Some((_, pipeline)) = made else {
-                unreachable!("ensure made the pipeline")
+            let pipeline = |variant: Variant| {
+                let made = self.splats.iter().find(|made| made.0 == variant);
+                let Some((_, pipeline)) = made else {
+                    unreachable!("ensure made the pipeline")
+                };
+                pipeline
             };
             frame
                 .pass("small.splats")
                 .storage_read(list.splats)
                 .storage(&self.keys)
                 .compute(|compute| {
-                    for &(part, uniform, count) in &splats {
-                        compute.bind(pipeline, &[constants, uniform], &[part, keys]);
+                    for &(variant, (part, uniform, count)) in &splats {
+                        compute.bind(pipeline(variant), &[constants, uniform], &[part, keys]);
                         compute.items(count);
                     }
                 });
@@ -325,7 +338,7 @@ impl Small {
                 );
                 draw.draw(0, 3);
             }
-            for &(part, uniform, _) in &splats {
+            for &(part, uniform, _) in &all {
                 draw.bind_storage(
                     &self.resolve_splats,
                     &[constants, uniform],

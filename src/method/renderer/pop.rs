@@ -153,6 +153,7 @@ impl Renderer {
             runs: &lists.small_runs,
             splats: &lists.splats,
             splat_count: packed.points as u32,
+            sample_count: held.samples as u32,
             variant: compute_variant(settings, model),
         };
         let small_triangles = Triangles {
