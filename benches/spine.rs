@@ -238,6 +238,7 @@ fn hiding(model: &Model, name: &str) {
     };
     let footprints = Footprints {
         side_px: 1.0,
+        hides: true,
         are_discs: false,
         large_leaves: false,
         is_cloud: model.triangles.is_empty(),
