@@ -138,8 +138,9 @@ fn a_lower_threshold_is_not_less_accurate_and_draws_no_less() {
                     Selector::default().select(&model, &view, &cut_settings, &mut cut);
                     let size = [&cut.nodes, &cut.leaves, &cut.triangles].map(Vec::len);
                     let counts = [
-                        // What nearer splats hide is no fewer because it is not drawn.
-                        (counts.splats + counts.triangles + counts.hidden) as usize,
+                        // What nearer splats hide, or what contains no center, is no fewer because it is not drawn.
+                        (counts.splats + counts.triangles + counts.hidden + counts.between)
+                            as usize,
                         size.iter().sum::<usize>() + cut.strips.len(),
                     ];
                     for (now, before) in counts.into_iter().zip(drawn) {

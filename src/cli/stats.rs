@@ -90,6 +90,7 @@ pub(crate) fn of(
             "nodes_in_tree": model.tree.nodes.len() + model.tree.leaves.len(),
             "nodes_visited": count(|t| t.counts.nodes_visited),
             "hidden": count(|t| t.counts.hidden),
+            "between": count(|t| t.counts.between),
             "splats": count(|t| t.counts.splats),
             "triangles": count(|t| t.counts.triangles),
             "points": count(|t| t.counts.points),

@@ -313,6 +313,11 @@ impl MirrorEngine {
             } else {
                 0
             },
+            between: if settings.has_cut() {
+                self.cut.stats.between
+            } else {
+                0
+            },
             splats: (list.splats.len() + filtered.len() + weighted.len()) as u64,
             triangles: list.triangles.len() as u64,
             points: list.points.len() as u64,

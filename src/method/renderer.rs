@@ -42,8 +42,11 @@ use std::time::Instant;
 pub struct Counts {
     /// Nodes and leaves that the cut looked at, when it was chosen.
     pub nodes_visited: u64,
-    /// Splats of the cut that are left out because nearer ones hide them.
+    /// Splats of the cut that are left out because nearer ones hide them, or because they are smaller than a pixel and contain
+    /// no center.
     pub hidden: u64,
+    /// Triangles of the cut that are left out because they lie between the centers of pixels.
+    pub between: u64,
     /// Splats drawn.
     pub splats: u64,
     /// Triangles drawn.

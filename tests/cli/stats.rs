@@ -95,6 +95,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
     assert_eq!(
         keys(&stats["counts"]),
         [
+            "between",
             "draw_list_bytes",
             "hidden",
             "nodes_in_tree",

@@ -239,6 +239,7 @@ impl Renderer {
         times.counts = Counts {
             nodes_visited: held.stats.visited,
             hidden: held.stats.hidden,
+            between: held.stats.between,
             splats: placed.map_or(packed.points + packed.quads - held.samples, |p| p.all()) as u64,
             triangles: held.triangles as u64,
             points: 0,
