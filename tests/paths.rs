@@ -232,7 +232,7 @@ fn discs_go_by_compute_where_that_pays() {
     for (fill, threshold_px, path, is_wanted) in [
         (1.0, 2.0, Path::Auto, true),
         (1.0, 2.0, Path::Raster, false),
-        (1.0, 8.5, Path::Auto, false),
+        (1.0, 6.5, Path::Auto, false),
         (0.01, 2.0, Path::Auto, false),
         (0.01, 2.0, Path::Compute, true),
     ] {
@@ -379,10 +379,10 @@ fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
     let view = orbit(&model, (64, 64), 30.0, 20.0, 1.0);
     for settings in [
         Settings {
-            threshold_px: 9.0,
+            threshold_px: 7.0,
             ..Settings::default()
         },
-        discs(8.5),
+        discs(6.5),
         Settings {
             method: Method::Splats,
             ..discs(3.0)

@@ -259,8 +259,8 @@ mod tests {
                 .filter(|c| c.path == Path::Compute)
                 .count()
         };
-        // Squares up to 8 pixels; Gaussians and filtered splats of all eleven sizes, in splats and in pop.
-        assert_eq!((twins(false), twins(true)), (0, 9 + 4 * 11));
+        // Squares up to 6 pixels; Gaussians and filtered splats of all eleven sizes, in splats and in pop.
+        assert_eq!((twins(false), twins(true)), (0, 8 + 4 * 11));
         let lines = |is_cloud| {
             let few = Choice::few(is_cloud, true).into_iter();
             let mut lines: Vec<String> = few

@@ -109,7 +109,7 @@ struct Device {
     visited: f64,
     splat: f64,
     triangle: f64,
-    /// Splats of up to 8 pixels (16, if they are blended) are drawn by compute, and each takes this part of the time.
+    /// Splats of up to 6 pixels (16, if they are blended) are drawn by compute, and each takes this part of the time.
     by_compute: Option<f64>,
     blended: Option<Blended>,
     /// Passes are timed: it is known what takes how long.

@@ -31,9 +31,7 @@ use std::sync::Arc;
 
 /// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
 /// atomics do.
-pub const LARGEST_SQUARE_PX: f32 = 8.0;
-/// Largest side, pixels, that there are pipelines for: three constants say it.
-const LARGEST_SIDE: u32 = 7;
+pub const LARGEST_SQUARE_PX: f32 = 6.0;
 /// Largest bounding circle of a triangle that is drawn this way, pixels.
 pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 
@@ -61,12 +59,7 @@ impl Variant {
     pub(crate) fn new(are_discs: bool, one_size_px: Option<f32>) -> Self {
         Self {
             are_discs,
-            side_px: match one_size_px
-                .map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32)
-            {
-                side if side <= LARGEST_SIDE => side,
-                _ => 0,
-            },
+            side_px: one_size_px.map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32),
         }
     }
 }
@@ -143,7 +136,7 @@ fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
         Some("it knows the headlight only, and no colors by level, normal or depth")
     } else if settings.threshold_px > LARGEST_SQUARE_PX {
         Some(
-            "squares and discs of this size are cheaper to rasterize; use a threshold of at most 8 pixels",
+            "squares and discs of this size are cheaper to rasterize; use a threshold of at most 6 pixels",
         )
     } else {
         None
