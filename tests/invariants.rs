@@ -249,16 +249,7 @@ fn one_renderer_draws_frames_of_every_kind_as_a_new_one_does() {
     let model = generated(Shape::Statue, 20_000);
     let size = (120, 100);
     let perspective = orbit(&model, size, 30.0, 20.0, 1.0);
-    let center = model.origin + model.orbit_center.as_dvec3();
-    let mut camera = Camera::orbit(size, center, f64::from(model.orbit_radius), 0.5, 0.3, 0.7);
-    let (near, far) = (0.1, 100.0);
-    camera.proj = glam::DMat4::from_cols(
-        glam::DVec4::X * 0.6,
-        glam::DVec4::Y * 0.72,
-        glam::DVec4::Z / (near - far),
-        glam::DVec4::new(0.1, -0.05, near / (near - far), 1.0),
-    );
-    let parallel = camera.view(model.origin).unwrap();
+    let parallel = common::orthographic(&model, size);
     let outputs = Outputs {
         depth: true,
         ..Outputs::default()

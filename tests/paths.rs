@@ -8,7 +8,7 @@ use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::gpu::Error;
 use surfel::image::{Image, compare};
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
 use surfel::method::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
@@ -192,17 +192,7 @@ fn opaque_discs_are_the_same_in_every_projection_and_light() {
     let mut mirrored = view;
     mirrored.scale[0] = -mirrored.scale[0];
     mirrored.offset[0] = -mirrored.offset[0];
-    let center = model.origin + model.orbit_center.as_dvec3();
-    let mut camera = Camera::orbit(size, center, f64::from(model.orbit_radius), 0.5, 0.3, 0.7);
-    let (near, far) = (0.1, 100.0);
-    camera.proj = glam::DMat4::from_cols(
-        glam::DVec4::X * 0.6,
-        glam::DVec4::Y * 0.72,
-        glam::DVec4::Z / (near - far),
-        glam::DVec4::new(0.1, -0.05, near / (near - far), 1.0),
-    );
-    let orthographic = camera.view(model.origin).unwrap();
-    assert!(!orthographic.is_perspective);
+    let orthographic = common::orthographic(&model, size);
     for (name, view) in [
         ("perspective", view),
         ("mirrored", mirrored),

@@ -7,7 +7,7 @@ use common::{Device, generated, orbit, real};
 use surfel::generate::Shape;
 use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Counts, Outputs};
@@ -79,18 +79,7 @@ fn samples_are_the_pixels_of_the_rasterizer() {
         let mut mirrored = view;
         mirrored.scale[0] = -mirrored.scale[0];
         mirrored.offset = [0.07, -0.03];
-        let center = model.origin + model.orbit_center.as_dvec3();
-        let radius = f64::from(model.orbit_radius);
-        let mut camera = Camera::orbit(size, center, radius, 0.5, 0.3, 0.7);
-        let (near, far) = (0.1, 100.0);
-        camera.proj = glam::DMat4::from_cols(
-            glam::DVec4::X * 0.6,
-            glam::DVec4::Y * 0.72,
-            glam::DVec4::Z / (near - far),
-            glam::DVec4::new(0.1, -0.05, near / (near - far), 1.0),
-        );
-        let orthographic = camera.view(model.origin).unwrap();
-        assert!(!orthographic.is_perspective);
+        let orthographic = common::orthographic(&model, size);
         for (name, view) in [
             ("perspective", view),
             ("mirrored", mirrored),

@@ -112,6 +112,22 @@ fn load(path: &Path) -> surfel::mesh::Mesh {
         .mesh
 }
 
+/// A model without perspective, off the middle of the picture, with pixels that are not square.
+pub(crate) fn orthographic(model: &Model, size: (u32, u32)) -> View {
+    let center = model.origin + model.orbit_center.as_dvec3();
+    let mut camera = Camera::orbit(size, center, f64::from(model.orbit_radius), 0.5, 0.3, 0.7);
+    let (near, far) = (0.1, 100.0);
+    camera.proj = glam::DMat4::from_cols(
+        glam::DVec4::X * 0.6,
+        glam::DVec4::Y * 0.72,
+        glam::DVec4::Z / (near - far),
+        glam::DVec4::new(0.1, -0.05, near / (near - far), 1.0),
+    );
+    let view = camera.view(model.origin).unwrap();
+    assert!(!view.is_perspective);
+    view
+}
+
 /// The standard orbit of a model; angles in degrees.
 pub(crate) fn orbit(
     model: &Model,
