@@ -8,7 +8,7 @@ use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::gpu::Options;
 use surfel::image::{Difference, Image, compare};
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Outputs, Renderer};
 use surfel::method::scene::Scene;
