@@ -60,6 +60,7 @@ fn costs(path: Path, largest_point_px: f32) -> Costs {
             quad_ns: [10.0; 6],
         }),
         node_ns: None,
+        device_node_ns: None,
     }
 }
 

@@ -197,6 +197,8 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         low_pass_px: _,
         reconstruction: _,
         path: _,
+        // tests/device_cut.rs has that: of what is equally near another may be seen.
+        cut_on: _,
         occlusion: _,
         threshold_px,
         depth_offset: _,

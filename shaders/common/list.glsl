@@ -1,3 +1,5 @@
+#include "common/item.glsl"
+
 // What a pass over storage knows of the picture and of the part of the list that is bound. Mirrored by
 // `abi::ListConstants`.
 layout(set = 0, binding = 1, std140) uniform ListConstants {
@@ -17,8 +19,6 @@ layout(set = 0, binding = 1, std140) uniform ListConstants {
     int dropped_sign;
 } list;
 
-// Which item of the bound part an invocation of a compute shader does; not all are below `list.count`.
-#define ITEM (gl_WorkGroupID.y * gl_NumWorkGroups.x * gl_WorkGroupSize.x + gl_GlobalInvocationID.x)
 
 // The low half of a key of the nearest: complement of this bit for splats, and the number in the list. Triangles are
 // drawn first, so of equal depths they win.

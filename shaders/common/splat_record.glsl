@@ -1,15 +1,6 @@
-// One splat of the draw list as storage. Mirrored by `abi::Splat`.
+// The draw list of splats as storage.
 #include "common/list.glsl"
-
-struct SplatRecord {
-    float center[3];
-    // Model units; 0 asks for the constant size of the frame.
-    float radius;
-    // Octahedral, 2 x 16 bit signed normalized.
-    uint normal;
-    // Red, green, blue, alpha from the lowest byte; alpha 0 marks a splat without normal.
-    uint color;
-};
+#include "common/splat.glsl"
 
 layout(set = 0, binding = 2, std430) readonly buffer Splats {
     SplatRecord splats[];

@@ -4,15 +4,7 @@
 #include "common/headlight.glsl"
 #include "common/list.glsl"
 #include "common/octahedral.glsl"
-
-// Mirrored by `abi::Vertex`.
-struct VertexRecord {
-    float position[3];
-    // Octahedral, 2 x 16 bit signed normalized.
-    uint normal;
-    // Red, green, blue, alpha from the lowest byte; alpha 0 marks a vertex without normal.
-    uint color;
-};
+#include "common/vertex.glsl"
 
 layout(set = 0, binding = 2, std430) readonly buffer Corners {
     uint corners[];

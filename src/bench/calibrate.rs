@@ -302,7 +302,10 @@ impl Calibration {
                     (costs.filtered, costs.filtered_merge) = stand.splats(SplatKind::Filtered)?;
                 }
                 Part::Primitives => costs.primitives = stand.primitives()?,
-                Part::Nodes => costs.node_ns = Some(stand.node_ns()?),
+                Part::Nodes => {
+                    costs.node_ns = Some(stand.node_ns()?);
+                    costs.device_node_ns = stand.device_node_ns()?;
+                }
             }
             tracing::debug!(
                 "{part:?}: frames of a view took up to {:.2} times as long",

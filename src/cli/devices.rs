@@ -73,6 +73,9 @@ fn costs_text(found: &Found) -> String {
     if let Some(ns) = costs.node_ns {
         line("visited node, CPU", &[format!("{ns:.2}")]);
     }
+    if let Some(ns) = costs.device_node_ns {
+        line("visited node, device", &[format!("{ns:.2}")]);
+    }
     if let Some(both) = &costs.primitives {
         line("", &sizes(&PRIMITIVE_SIZES_PX));
         line("square as point", &tenths(&both.point_ns));

@@ -7,7 +7,7 @@ use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
 use surfel::method::{
-    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    Blend, Culling, CutOn, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
     SumFormat,
 };
 
@@ -126,6 +126,16 @@ enum PathName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum CutOnName {
+    /// The device where it can and was measured to be faster, else the host
+    Auto,
+    /// The host
+    Host,
+    /// The device; an error where it cannot
+    Device,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum OcclusionName {
     /// Leave hidden splats out where that saves time
     Auto,
@@ -221,6 +231,9 @@ pub(crate) struct LookArgs {
     /// What draws splats and triangles of a few pixels on a device; the picture is the same
     #[arg(long, value_enum, default_value = "auto")]
     path: PathName,
+    /// What goes down the tree; the picture is the same. The device knows squares and discs of --method pop
+    #[arg(long, value_enum, default_value = "auto")]
+    cut_on: CutOnName,
     /// Whether splats that nearer splats hide are left out; the picture is the same
     #[arg(long, value_enum, default_value = "auto")]
     occlusion: OcclusionName,
@@ -355,6 +368,11 @@ impl LookArgs {
                 PathName::Auto => Path::Auto,
                 PathName::Raster => Path::Raster,
                 PathName::Compute => Path::Compute,
+            },
+            cut_on: match self.cut_on {
+                CutOnName::Auto => CutOn::Auto,
+                CutOnName::Host => CutOn::Host,
+                CutOnName::Device => CutOn::Device,
             },
             occlusion: match self.occlusion {
                 OcclusionName::Auto => Occlusion::Auto,

@@ -6,6 +6,7 @@
 mod batch;
 mod class;
 mod coherent;
+mod constants;
 mod facing;
 mod footprints;
 mod nearest;
@@ -16,6 +17,7 @@ mod tester;
 mod walk;
 
 pub use coherent::{Coherent, Update};
+pub use constants::most_splats;
 pub use facing::Facing;
 pub use footprints::{Footprints, Undrawn};
 pub use select::{Selector, select};

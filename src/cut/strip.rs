@@ -29,7 +29,10 @@ pub const MAX_COUNT: u32 = 16;
 
 /// Widest strip over the ball that a splat stands for. Beyond, pieces are so short that a row is hardly
 /// cheaper than the children.
-const MAX_WIDTH: f32 = 0.95;
+pub(super) const MAX_WIDTH: f32 = 0.95;
+
+/// The limits of counts are a little low, so that rounding there and in the size test cannot disagree.
+pub(super) const LOW: f32 = 0.999_8;
 
 /// What the count needs to know of the frame; lengths in the tester's unit.
 struct Frame {
@@ -80,9 +83,7 @@ fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) 
     let (t, f) = (frame.threshold_px, frame.twice_focal_px);
     let kappa = t / f;
     // `ball`: how deep a ball reaches in front of its center at most. The square of the count is
-    // half² far² / (limit - width² far²). The limits are a little low, so that rounding here and in the size
-    // test cannot disagree.
-    const LOW: f32 = 0.999_8;
+    // half² far² / (limit - width² far²).
     let (ball, limit, far_squared) = if !frame.is_perspective {
         (
             Vec4::splat(kappa),

@@ -15,7 +15,7 @@ use super::quad::{self, Balls};
 use super::{Settings, SizeMetric};
 use crate::math::camera::View;
 use crate::math::frustum::{Frustum, Plane};
-use crate::tree::Model;
+use crate::tree::{Model, Tree};
 use glam::{BVec4A, Vec3, Vec4};
 
 /// A plane ready for four balls: coefficients repeated in every lane.
@@ -31,6 +31,10 @@ impl Plane4 {
     #[inline]
     fn distance(&self, [x, y, z]: [Vec4; 3]) -> Vec4 {
         self.x * x + self.y * y + self.z * z + self.offset
+    }
+
+    fn row(&self) -> [f32; 4] {
+        [self.x.x, self.y.x, self.z.x, self.offset.x]
     }
 }
 
@@ -60,7 +64,7 @@ pub struct Tester {
     pub(super) size: SizeMetric,
     /// 2 f / threshold, and its square: what a size is compared with.
     pub(super) ratio: f32,
-    ratio_squared: f32,
+    pub(super) ratio_squared: f32,
     /// 2 f (perspective, pixels) or 2 pixels per tester unit (orthographic).
     pub(super) twice_focal_px: f32,
     pub(super) threshold_px: f32,
@@ -70,6 +74,18 @@ pub struct Tester {
     pub(super) lowest_nodes: u32,
     pub(super) low_nodes: u32,
     pub(super) low_leaves: u32,
+}
+
+/// First node of the level above the lowest one, first one of the lowest, and how many leaves are below one of the former on
+/// average.
+pub(super) fn low_levels(tree: &Tree) -> [u32; 3] {
+    // Level starts end with the number of nodes.
+    let (low, lowest) = match *tree.level_starts.as_slice() {
+        [.., low, lowest, _] => (low, lowest),
+        _ => (0, 0),
+    };
+    let leaves = tree.leaves.len() as u32 / lowest.saturating_sub(low).max(1);
+    [low, lowest, leaves]
 }
 
 impl Tester {
@@ -119,13 +135,7 @@ impl Tester {
             };
         let ratio = twice_focal / f64::from(threshold_px);
         let cull = |on: bool, bit: u8| if on { 0 } else { bit };
-        // Level starts end with the number of nodes.
-        let tree = &model.tree;
-        let (low_nodes, lowest_nodes) = match *tree.level_starts.as_slice() {
-            [.., low, lowest, _] => (low, lowest),
-            _ => (0, 0),
-        };
-        let low_leaves = tree.leaves.len() as u32 / lowest_nodes.saturating_sub(low_nodes).max(1);
+        let [low_nodes, lowest_nodes, low_leaves] = low_levels(&model.tree);
         Self {
             reference,
             unit: unit as f32,
@@ -153,6 +163,16 @@ impl Tester {
             start: cull(settings.cull_frustum, inherit::INSIDE)
                 | cull(settings.cull_back, inherit::FRONT),
         }
+    }
+
+    /// The sides of the view volume: inward unit normals, and what is added.
+    pub(super) fn side_planes(&self) -> [[f32; 4]; 4] {
+        self.sides.map(|plane| plane.row())
+    }
+
+    /// The view direction, and what is added.
+    pub(super) fn forward_plane(&self) -> [f32; 4] {
+        self.forward.row()
     }
 
     /// What the root inherits.

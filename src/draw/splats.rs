@@ -76,7 +76,7 @@ impl Plan {
     ///
     /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
     /// that ball, and the ellipse contains the projected center: the footprint reaches at most t from there.
-    fn fits_always(&self, model: &Model) -> bool {
+    pub(crate) fn fits_always(&self, model: &Model) -> bool {
         self.bound_px() <= self.max_point_px
             && !self.draws_large_leaves
             && self.cut_view.is_none()

@@ -41,6 +41,8 @@ pub enum Access {
     VertexRead,
     /// Read as indices.
     IndexRead,
+    /// Read as the arguments of a draw or dispatch.
+    IndirectRead,
     /// Read as a uniform block by any shader.
     UniformRead,
     /// Handed to the presentation engine.
@@ -62,7 +64,7 @@ pub struct Scope {
 
 impl Access {
     /// Every access, for tests of the table.
-    pub const ALL: [Self; 18] = [
+    pub const ALL: [Self; 19] = [
         Self::Sampled,
         Self::StorageRead,
         Self::StorageWrite,
@@ -79,6 +81,7 @@ impl Access {
         Self::HostRead,
         Self::VertexRead,
         Self::IndexRead,
+        Self::IndirectRead,
         Self::UniformRead,
         Self::Present,
     ];
@@ -152,6 +155,12 @@ impl Access {
                 false,
             ),
             Self::IndexRead => (S::INDEX_INPUT, A::INDEX_READ, L::UNDEFINED, false),
+            Self::IndirectRead => (
+                S::DRAW_INDIRECT,
+                A::INDIRECT_COMMAND_READ,
+                L::UNDEFINED,
+                false,
+            ),
             Self::UniformRead => (
                 S::VERTEX_SHADER | S::FRAGMENT_SHADER | S::COMPUTE_SHADER,
                 A::UNIFORM_READ,

@@ -143,6 +143,8 @@ pub enum Usage {
     Index,
     /// Storage of compute passes.
     Storage,
+    /// Vertex attributes, indices, or arguments of draws and dispatches that compute passes write; may be copied from.
+    List,
 }
 
 impl Usage {
@@ -153,6 +155,13 @@ impl Usage {
             }
             Self::Index => vk::BufferUsageFlags::INDEX_BUFFER,
             Self::Storage => vk::BufferUsageFlags::STORAGE_BUFFER,
+            Self::List => {
+                vk::BufferUsageFlags::VERTEX_BUFFER
+                    | vk::BufferUsageFlags::INDEX_BUFFER
+                    | vk::BufferUsageFlags::INDIRECT_BUFFER
+                    | vk::BufferUsageFlags::STORAGE_BUFFER
+                    | vk::BufferUsageFlags::TRANSFER_SRC
+            }
         }
     }
 }

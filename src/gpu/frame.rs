@@ -406,6 +406,37 @@ impl Frame<'_> {
         timing.end(&pass.slot.queries);
     }
 
+    /// Copies the first bytes of a buffer into a readback buffer, as many as that has, as a pass of its own.
+    ///
+    /// # Panics
+    /// When the buffer is smaller.
+    pub fn read_back_buffer(&mut self, name: &'static str, from: &dyn AnyBuffer, into: &Readback) {
+        assert!(
+            from.bytes() >= into.bytes(),
+            "{name}: the buffer is smaller than what is read back of it"
+        );
+        let mut pass = self.pass(name);
+        let (gpu, commands) = (pass.gpu.clone(), pass.slot.commands);
+        pass.barriers.buffer(from, Access::CopySource);
+        pass.barriers.buffer(into, Access::CopyTarget);
+        let timing = pass.begin();
+        let regions = [vk::BufferCopy {
+            src_offset: 0,
+            dst_offset: 0,
+            size: into.bytes(),
+        }];
+        // SAFETY: both are alive until the frame has finished (their Drop defers) and large enough.
+        unsafe {
+            gpu.device
+                .cmd_copy_buffer(commands, from.handle(), into.handle(), &regions);
+        }
+        timing.end(&pass.slot.queries);
+        self.frames.barriers.buffer(into, Access::HostRead);
+        self.frames
+            .barriers
+            .record(&gpu, self.frames.slots[self.index].commands);
+    }
+
     /// Puts `image` onto an image acquired from a window, scaled if the sizes differ, and hands that to the
     /// presentation engine, as the pass `present`. The frame must end with [`submit_onto`](Frame::submit_onto).
     #[cfg(feature = "viewer")]

@@ -225,6 +225,15 @@ pub struct Costs {
     /// A node that the cut visits on the processor, all threads together, nanoseconds. Of a small model, whose nodes lie in
     /// the caches: a lower bound.
     pub node_ns: Option<f64>,
+    /// A node that a cut visits on the device, nanoseconds, of a small model.
+    pub device_node_ns: Option<f64>,
+}
+
+impl Costs {
+    /// Whether a cut takes the device less time than the host, which has to write and move its lists besides.
+    pub fn cuts_on_device(&self) -> bool {
+        matches!((self.device_node_ns, self.node_ns), (Some(device), Some(host)) if device < host)
+    }
 }
 
 /// What one frame has to draw.
@@ -377,6 +386,7 @@ impl Costs {
             triangle: self.triangle.or(other.triangle),
             primitives: self.primitives.or(other.primitives),
             node_ns: self.node_ns.or(other.node_ns),
+            device_node_ns: self.device_node_ns.or(other.device_node_ns),
         }
     }
 
@@ -410,6 +420,7 @@ impl Costs {
                 .iter()
                 .all(|p| p.point_ns.iter().chain(&p.quad_ns).all(is_time))
             && self.node_ns.iter().all(is_time)
+            && self.device_node_ns.iter().all(is_time)
     }
 }
 

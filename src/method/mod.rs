@@ -3,6 +3,7 @@
 
 mod compute;
 pub mod costs;
+mod device_cut;
 pub mod engine;
 pub mod filtered;
 pub mod fuzzy;
@@ -20,7 +21,7 @@ pub mod triangles;
 pub(crate) mod visibility;
 
 pub use settings::{
-    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    Blend, Culling, CutOn, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
     SumFormat,
 };
 

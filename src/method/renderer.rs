@@ -3,6 +3,7 @@
 //! A frame goes: cut (CPU) -> pack into the mapped buffers of a free slot -> passes -> wait. Reading the
 //! picture back is a submission of its own, so that its cost is not part of the frame's.
 
+mod on_device;
 mod pop;
 #[cfg(feature = "viewer")]
 pub mod present;
@@ -11,6 +12,7 @@ mod whole;
 use super::compute::choice::Asked;
 use super::compute::{self, Small};
 use super::costs::Costs;
+use super::device_cut::DeviceCut;
 use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
@@ -64,6 +66,8 @@ pub struct Submitted {
     ticket: Ticket,
     times: FrameTimes,
     start: Instant,
+    /// The device chose its cut and knows its counts.
+    on_device: bool,
 }
 
 /// Ends a frame: submits it, after passes of its own that may read the color target.
@@ -80,6 +84,11 @@ pub struct Renderer {
     cut: Cut,
     selector: cut::Selector,
     costs: Option<Costs>,
+    device_cut: Option<DeviceCut>,
+    /// What its lists are of.
+    held_on_device: Option<(u64, Choice)>,
+    /// The scene whose tree does not fit the device.
+    too_large: Option<u64>,
     triangles: Option<(Variant, Pipeline)>,
     spare_triangles: Vec<(Variant, Pipeline)>,
     /// One for each variant that was drawn, those drawn last.
@@ -142,6 +151,9 @@ impl Renderer {
             cut: Cut::default(),
             selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
+            device_cut: None,
+            held_on_device: None,
+            too_large: None,
             triangles: None,
             spare_triangles: Vec::new(),
             splats: Vec::new(),
@@ -276,6 +288,7 @@ impl Renderer {
             ticket,
             mut times,
             start,
+            on_device,
         } = submitted;
         let wait = Stage::Wait.begin();
         let finished = self.frames.finish(ticket)?;
@@ -286,6 +299,18 @@ impl Renderer {
         times.passes = finished.passes;
         times.device = finished.device;
         times.counters = finished.counters;
+        if let (true, Some(cut)) = (on_device, &mut self.device_cut) {
+            let counts = cut.counts(ticket.slot);
+            times.counts = Counts {
+                nodes_visited: u64::from(counts.visited),
+                splats: u64::from(counts.splats[0]),
+                triangles: u64::from(counts.triangles[0] / 3),
+                ..Counts::default()
+            };
+            if times.kept != Kept::Lists {
+                self.visited += times.counts.nodes_visited;
+            }
+        }
         times.uploaded_bytes = finished.uniform_bytes;
         if times.kept != Kept::Lists {
             times.uploaded_bytes += times.counts.draw_list_bytes;
@@ -326,16 +351,19 @@ impl Renderer {
         check(model, settings, self.outputs, max_point)?;
         let settings = &for_view(settings, model, view);
         self.prepare((model, scene), view, settings)?;
+        let on_device = self.prepare_cut(model, scene, settings)?;
         let start = Instant::now();
         let (ticket, times) = match settings.method {
             Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
             Method::Points => self.draw_points(model, scene, view, settings, end)?,
+            Method::Pop if on_device => self.draw_on_device(model, scene, view, settings, end)?,
             Method::Splats | Method::Pop => self.draw_pop(model, scene, view, settings, end)?,
         };
         Ok(Submitted {
             ticket,
             times,
             start,
+            on_device,
         })
     }
 

@@ -100,6 +100,19 @@ pub enum Path {
     Compute,
 }
 
+/// What chooses the cut of a device's frame. The picture is the same, but where two surfaces are equally near.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CutOn {
+    /// The device where it can and was measured to be faster, else the host.
+    #[default]
+    Auto,
+    /// The host.
+    Host,
+    /// The device; refused where it cannot.
+    Device,
+}
+
 /// Whether splats that nearer splats hide are left out. The picture is the same to the bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -146,6 +159,8 @@ pub struct Settings {
     pub reconstruction: Reconstruction,
     /// What draws small primitives on a device.
     pub path: Path,
+    /// What chooses the cut on a device.
+    pub cut_on: CutOn,
     /// Whether what is hidden is left out.
     pub occlusion: Occlusion,
     /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0.
@@ -184,6 +199,7 @@ impl Default for Settings {
             low_pass_px: None,
             reconstruction: Reconstruction::Gaussian,
             path: Path::Auto,
+            cut_on: CutOn::Auto,
             occlusion: Occlusion::Auto,
             depth_offset: None,
             threshold_px: 1.0,

@@ -15,7 +15,7 @@ use crate::method::costs::{
 use crate::method::plan::cut_settings;
 use crate::method::renderer::{Outputs, Renderer};
 use crate::method::scene::Scene;
-use crate::method::{Culling, Method, Occlusion, Path, Settings, SplatKind};
+use crate::method::{Culling, CutOn, Method, Occlusion, Path, Settings, SplatKind};
 use crate::progress::Silent;
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
@@ -385,6 +385,34 @@ impl Stand {
             least = least.min(ns / cut.stats.visited.max(1) as f64);
         }
         Ok(least)
+    }
+
+    /// The same by the device, of its passes `cut`; `None` where it cannot.
+    pub(super) fn device_node_ns(&mut self) -> Result<Option<f64>, Error> {
+        let settings = Settings {
+            cut_on: CutOn::Device,
+            path: Path::Raster,
+            ..Settings::default()
+        };
+        let model = &self.statue.model;
+        let view: View = orbit(model, (self.side, self.side), 1.0, 0, 9)?;
+        let mut least = f64::INFINITY;
+        for _ in 0..=FRAMES {
+            let drawn = self
+                .renderer
+                .draw(model, &mut self.statue.scene, &view, &settings);
+            let times = match drawn {
+                Ok(times) => times,
+                Err(crate::gpu::Error::Unsupported { .. }) => return Ok(None),
+                Err(error) => return Err(error.into()),
+            };
+            let passes = times.passes.iter();
+            let own = passes.filter(|pass| pass.name.starts_with("cut."));
+            let ms: f64 = own.map(|pass| pass.ms).sum();
+            least = least.min(ms * 1e6 / times.counts.nodes_visited.max(1) as f64);
+        }
+        // Without timestamps nothing was measured.
+        Ok((least > 0.0 && least.is_finite()).then_some(least))
     }
 }
 

@@ -177,6 +177,7 @@ fn made(version: &str) -> Calibration {
                 compute: None,
             }),
             node_ns: Some(4.0),
+            device_node_ns: Some(6.0),
             ..Costs::default()
         },
         took_ms: 300.0,

@@ -48,6 +48,7 @@ fn costs() -> Costs {
             }),
         }),
         node_ns: Some(4.0),
+        device_node_ns: Some(6.0),
         ..Costs::default()
     }
 }
@@ -256,6 +257,7 @@ fn times_that_cannot_be_are_seen() {
         assert!(!c.is_whole(), "{c:?}");
     };
     wrong(|c| c.node_ns = Some(f64::NAN));
+    wrong(|c| c.device_node_ns = Some(-1.0));
     wrong(|c| c.square.as_mut().unwrap().raster = Some(splat([1.0, 1.0, -1.0], 0.0, 0.0)));
     wrong(|c| {
         c.gauss.as_mut().unwrap().compute = Some(splat([1.0, f64::INFINITY, 1.0], 0.0, 0.0));

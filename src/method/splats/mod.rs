@@ -8,7 +8,7 @@ use super::{SPLAT, Settings, VERTEX};
 use crate::abi::{Shader, shaders};
 use crate::draw::Footprint;
 use crate::draw::splats::Packed;
-use crate::gpu::buffer::Upload;
+use crate::gpu::buffer::{Buffer, Upload};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
@@ -121,6 +121,27 @@ impl Splats {
                 draw.vertices(list, 0);
                 draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
             }
+        });
+    }
+
+    /// Pass `hybrid.splats`: the points of a list by the arguments at an offset of a buffer. Keeps what the triangles left.
+    pub(crate) fn record_from(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        (list, (arguments, offset)): (&Buffer, (&Buffer, u64)),
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let pass = targets
+            .attach_with(frame.pass("hybrid.splats"), context, |_| Load::Keep)
+            .vertices(list)
+            .arguments(arguments);
+        pass.draw(context.viewport(), |draw| {
+            draw.cull_back_faces(false, false);
+            draw.bind(&self.points, &[constants], &[]);
+            draw.vertices(list, 0);
+            draw.draw_from(arguments, offset);
         });
     }
 

@@ -1,0 +1,161 @@
+// What the passes that choose a cut know, and the tests that they share: those of `cut::Tester` in the same operations in
+// the same order, so that both choose the same. Nothing is contracted.
+#include "common/item.glsl"
+
+// Mirrored by `abi::CutConstants`.
+layout(set = 0, binding = 0, std140) uniform CutConstants {
+    // The sides of the view volume and the view direction: unit normals, and what is added.
+    vec4 sides[4];
+    vec4 forward;
+    // Where lengths start, and their units in a unit of the model.
+    vec3 reference;
+    float unit;
+    // From the scene to the viewer (orthographic).
+    vec3 backward;
+    float plane_error;
+    float near;
+    float far;
+    // 2 f / threshold, and its square.
+    float ratio;
+    float ratio_squared;
+    // Rows of splats: the threshold over 2 f, the limit of the square of a count, the widest strip over the ball of a splat
+    // and its square.
+    float row_ball;
+    float row_limit;
+    float row_width;
+    float row_width_squared;
+    // First node of the lowest level and of the one above it, and how many leaves are below one of the latter.
+    uint lowest_nodes;
+    uint low_nodes;
+    uint low_leaves;
+    // Most splats in a row.
+    uint most_in_row;
+    // What the root inherits.
+    uint start;
+    uint is_perspective;
+    // Records that the lists have room for.
+    uint most_splats;
+    uint most_triangles;
+} cut;
+
+// Mirrored by `abi::CutCounters`: commands that the device makes for itself, then counts.
+layout(set = 0, binding = 1, std430) buffer Counters {
+    // A draw of all splats.
+    uint splats;
+    uint splat_instances;
+    uint first_splat;
+    uint first_splat_instance;
+    // A draw of all triangles.
+    uint indices;
+    uint index_instances;
+    uint first_index;
+    int vertex_offset;
+    uint first_index_instance;
+    // A dispatch over the groups of the level.
+    uint groups_x;
+    uint groups_y;
+    uint groups_z;
+    // Sibling groups of the level, and of the next one so far.
+    uint groups;
+    uint opened;
+    // As `cut::Stats` has them.
+    uint visited;
+    uint outside;
+    uint facing_away;
+} counters;
+
+// Siblings that are to be looked at: the first one; in the lowest byte of the other word how many they are, above it what
+// they inherit.
+const uint COUNT_BITS = 8u;
+// Wholly inside the view volume (or nothing is dropped by it): no test below.
+const uint INSIDE = 1u << COUNT_BITS;
+// Every normal faces the viewer (or nothing is dropped by facing): no test below.
+const uint FRONT = 2u << COUNT_BITS;
+
+struct Ball {
+    // From the reference, in its unit.
+    vec3 center;
+    float radius;
+    // Along the view direction.
+    float depth;
+};
+
+float sum_of(vec3 products) {
+    precise float sum = (products.x + products.y) + products.z;
+    return sum;
+}
+
+float dot_of(vec3 a, vec3 b) {
+    precise vec3 products = a * b;
+    return sum_of(products);
+}
+
+float distance_from(vec4 plane, vec3 center) {
+    precise float sum = dot_of(plane.xyz, center) + plane.w;
+    return sum;
+}
+
+Ball ball_of(vec3 center, float radius) {
+    precise vec3 at = (center - cut.reference) * cut.unit;
+    precise float scaled = radius * cut.unit;
+    return Ball(at, scaled, distance_from(cut.forward, at));
+}
+
+// At most the threshold wide on the screen and in front of the near plane.
+bool is_small(Ball ball) {
+    precise float front = ball.depth - ball.radius;
+    precise float squared = ball.radius * ball.radius;
+    precise float tangent = dot_of(ball.center, ball.center) - squared;
+    precise float depths = ball.depth * ball.depth - squared;
+    precise float seen = (squared * cut.ratio_squared) * tangent;
+    precise float most = depths * depths;
+    precise float in_pixels = ball.radius * cut.ratio;
+    return front > cut.near && (cut.is_perspective != 0u ? seen <= most : in_pixels <= 1.0);
+}
+
+// The least distance to a side of the view volume, inward.
+float least_inside(Ball ball) {
+    precise float near = ball.depth - cut.near;
+    precise float far = cut.far - ball.depth;
+    float least = min(near, far);
+    for (int i = 0; i < 4; ++i) {
+        least = min(least, distance_from(cut.sides[i], ball.center));
+    }
+    return least;
+}
+
+bool is_outside(float least, Ball ball) {
+    precise float limit = -ball.radius - cut.plane_error;
+    return least < limit;
+}
+
+bool is_inside(float least, Ball ball) {
+    precise float limit = ball.radius + cut.plane_error;
+    return least >= limit;
+}
+
+float with_sign_of(float magnitude, float v) {
+    return uintBitsToFloat((floatBitsToUint(magnitude) & 0x7fffffffu) | (floatBitsToUint(v) & 0x80000000u));
+}
+
+// The point of the octahedron, of a radius of `one`, that a code stands for.
+vec3 unfolded(vec2 code, float one) {
+    precise float z = (one - abs(code.x)) - abs(code.y);
+    float fold = max(-z, 0.0);
+    precise vec2 xy = code - vec2(with_sign_of(fold, code.x), with_sign_of(fold, code.y));
+    return vec3(xy, z);
+}
+
+// The unit vector of a code of signed 16-bit numbers, by a quotient as `math::octahedral::decode` has it.
+vec3 unit_of(ivec2 code) {
+    precise vec2 v = max(vec2(code) * (1.0 / 32767.0), vec2(-1.0));
+    vec3 at = unfolded(v, 1.0);
+    precise float size = sqrt(dot_of(at, at));
+    precise vec3 unit = at / size;
+    return unit;
+}
+
+// The two signed halves of a word, the lower one first.
+ivec2 halves_of(uint word) {
+    return ivec2(int(word << 16) >> 16, int(word) >> 16);
+}

@@ -1,0 +1,183 @@
+#version 460
+// Pass cut.tree, for every level: which nodes are dropped, which are splats or rows of splats, and of which the children are
+// looked at. An invocation does one node, four those of a sibling group; the host does the same in `cut::Selector`.
+#include "common/cut_lists.glsl"
+
+layout(local_size_x = 64) in;
+
+// Mirrored by `tree::Node`.
+struct NodeRecord {
+    float center[3];
+    float radius;
+    uint first_child;
+    // Both halves of the cone's axis.
+    uint axis;
+    // Sine of the cone's half angle; above it the strip's direction.
+    uint sine;
+    // Half length and width of the strip, number of children, flags; a byte each.
+    uint shape;
+};
+
+// Mirrored by `tree::NodeAttributes`.
+struct AttributesRecord {
+    uint normal;
+    uint color;
+    float splat_radius;
+    float area;
+};
+
+layout(set = 0, binding = 4, std430) readonly buffer Nodes {
+    NodeRecord nodes[];
+};
+
+layout(set = 0, binding = 5, std430) readonly buffer Attributes {
+    AttributesRecord attributes[];
+};
+
+layout(set = 0, binding = 6, std430) writeonly buffer Opened {
+    uvec2 opened[];
+};
+
+// Whether everything in the ball faces away (x), or the viewer (y).
+bvec2 facing(NodeRecord node, Ball ball) {
+    uint packed_sine = node.sine & 0xffffu;
+    vec3 axis = unfolded(max(vec2(halves_of(node.axis)), vec2(-32767.0)), 32767.0);
+    precise float sine = float(packed_sine) * (1.0 / 65535.0);
+    precise float sine_squared = sine * sine;
+    precise float cosine = sqrt(max(1.0 - sine_squared, 0.0));
+    float length_squared = dot_of(axis, axis);
+    bool is_perspective = cut.is_perspective != 0u;
+    float along = dot_of(axis, is_perspective ? ball.center : -cut.backward);
+    float distance_squared = is_perspective ? dot_of(ball.center, ball.center) : 1.0;
+    float radius = is_perspective ? ball.radius : 0.0;
+    precise float k = distance_squared * length_squared;
+    precise float t = (abs(along) * cosine) * 0.999999 - (radius * sqrt(length_squared)) * 1.000001;
+    precise float across = max(k * 1.000001 - along * along, 0.0);
+    precise float limit = (across * sine_squared) * 1.0001 + k * 4e-9;
+    precise float t_squared = t * t;
+    bool is_decided = packed_sine != 0xffffu && t > 0.0 && t_squared >= limit;
+    return bvec2(is_decided && along > 0.0, is_decided && !(along > 0.0));
+}
+
+// Half length of the row and width of the strip over the node's radius.
+vec2 relative_size(NodeRecord node) {
+    float half_length = float(node.shape & 0xffu);
+    float width = float((node.shape >> 8) & 0xffu);
+    precise vec2 size = vec2(min(half_length + width, 255.0), width) * (1.0 / 255.0);
+    return size;
+}
+
+// Number of splats of the row that stands for a node, or 0: see `cut::strip`.
+uint row_of(uint id, NodeRecord node, Ball ball) {
+    uint children = (node.shape >> 16) & 0xffu;
+    float most = float(cut.most_in_row);
+    if (id >= cut.lowest_nodes) {
+        most = float(int(children) - 1);
+    } else if (id >= cut.low_nodes) {
+        most = float(min(max(cut.low_leaves, 1u) - 1u, cut.most_in_row));
+    }
+    vec2 relative = relative_size(node);
+    bool is_perspective = cut.is_perspective != 0u;
+    float depth = is_perspective ? ball.depth : 1.0;
+    precise float in_balls = ball.radius * cut.ratio;
+    precise vec2 sizes = relative * in_balls;
+    precise vec2 limits = vec2(depth * most, depth * cut.row_width);
+    if (!(relative.y < 1.0 && sizes.y <= limits.y && sizes.x <= limits.x)) {
+        return 0u;
+    }
+    precise vec2 size = relative * ball.radius;
+    precise float nearest = ball.depth - size.x;
+    precise float far = sqrt(dot_of(ball.center, ball.center)) + size.x;
+    precise float far_squared = is_perspective ? far * far : 1.0;
+    precise float near_squared = nearest * nearest;
+    precise float limit = is_perspective ? (near_squared * near_squared) * cut.row_limit : cut.row_limit;
+    precise float reach = is_perspective ? nearest * cut.row_ball : cut.row_ball;
+    precise float thick = (size.y * size.y) * far_squared;
+    precise float squared = ((size.x * size.x) * far_squared) / (limit - thick);
+    precise float front = nearest - reach;
+    precise float thickest = limit * cut.row_width_squared;
+    float longest = float(cut.most_in_row * cut.most_in_row);
+    if (!(front > cut.near && nearest > 0.0 && thick <= thickest && squared <= longest)) {
+        return 0u;
+    }
+    precise float count = max(ceil(sqrt(squared)), 2.0);
+    return count <= most ? uint(count) : 0u;
+}
+
+void put_row(uint at, uint id, NodeRecord node, uint count) {
+    vec3 center = vec3(node.center[0], node.center[1], node.center[2]);
+    AttributesRecord of = attributes[id];
+    vec2 relative = relative_size(node);
+    ivec2 code = max(ivec2(int(node.sine << 8) >> 24, int(node.sine) >> 24), ivec2(-127)) * 258;
+    vec3 direction = unit_of(code);
+    vec3 normal = unit_of(halves_of(of.normal));
+    precise float piece = relative.x / float(count);
+    precise float ball = sqrt(piece * piece + relative.y * relative.y) * node.radius;
+    uint own = of.color >> 24;
+    precise float thickness = (float(255u - own) / 254.0) * of.splat_radius;
+    for (uint i = 0u; i < count; ++i) {
+        precise float along = float(2u * i + 1u) / float(count) - 1.0;
+        precise float way = (relative.x * node.radius) * along;
+        precise vec3 to = center + direction * way;
+        precise vec3 off = to - center;
+        precise float thick = (thickness + abs(dot_of(normal, off))) / ball;
+        uint alpha = own == 0u ? 0u : alpha_of(thick);
+        if (at + i < cut.most_splats) {
+            splats[at + i] = SplatRecord(float[3](to.x, to.y, to.z), 0.0, of.normal, (of.color & 0xffffffu) | (alpha << 24));
+        }
+    }
+}
+
+void main() {
+    begin_group();
+    uint group = ITEM / 4u;
+    uint lane = ITEM % 4u;
+    uvec2 siblings = group < counters.groups ? groups[group] : uvec2(0u);
+    uint id = siblings.x + lane;
+    bool is_there = lane < (siblings.y & 0xffu) && id < uint(nodes.length());
+    NodeRecord node = nodes[is_there ? id : 0u];
+    Ball ball = ball_of(vec3(node.center[0], node.center[1], node.center[2]), node.radius);
+    float least = least_inside(ball);
+    bool asks_volume = (siblings.y & INSIDE) == 0u;
+    bool is_off = is_there && asks_volume && is_outside(least, ball);
+    bool is_kept = is_there && !is_off;
+    bvec2 faces = facing(node, ball);
+    bool asks_cones = (siblings.y & FRONT) == 0u;
+    bool is_away = is_kept && asks_cones && faces.x;
+    is_kept = is_kept && !is_away;
+    count(is_there, is_off, is_away);
+
+    uint own = 0u;
+    bool is_open = false;
+    if (is_kept && is_small(ball)) {
+        own = 1u;
+    } else if (is_kept) {
+        own = row_of(id, node, ball);
+        is_open = own == 0u;
+    }
+    bool is_row = own > 1u;
+    // Without area it covers nothing.
+    bool has_area = is_there && attributes[id].area != 0.0;
+    own = has_area ? own : 0u;
+    uint splat = own > 0u ? atomicAdd(own_splats, own) : 0u;
+    uint other = is_open ? atomicAdd(own_others, 1u) : 0u;
+    barrier();
+    if (gl_LocalInvocationIndex == 0u) {
+        splats_at = atomicAdd(counters.splats, own_splats);
+        others_at = atomicAdd(counters.opened, own_others);
+        add_counts();
+    }
+    barrier();
+    splat += splats_at;
+    if (own > 0u && is_row) {
+        put_row(splat, id, node, own);
+    } else if (own > 0u && splat < cut.most_splats) {
+        splats[splat] = SplatRecord(node.center, 0.0, attributes[id].normal, attributes[id].color);
+    }
+    if (is_open && others_at + other < uint(opened.length())) {
+        bool is_within = asks_volume && is_inside(least, ball);
+        uint found = (is_within ? INSIDE : 0u) | (asks_cones && faces.y ? FRONT : 0u);
+        uint inherited = siblings.y & ~0xffu;
+        opened[others_at + other] = uvec2(node.first_child, ((node.shape >> 16) & 0xffu) | inherited | found);
+    }
+}

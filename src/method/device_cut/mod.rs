@@ -1,0 +1,320 @@
+//! The cut of `pop` on the device: the tree lies there, and so do the draw lists, which no one reads back.
+//!
+//! `cut.tree` goes down level by level ([`crate::cut::Selector`] does the same on the host): an invocation a node, a queue
+//! of sibling groups a level, and each level tells how many workgroups the next one has. What is small is written to the
+//! list of splats at once. `cut.leaves` writes the others, and the corners of triangles. Both lists are drawn by arguments
+//! that the passes left beside them. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders and
+//! Vertex Order Optimization* (2021), where nodes are chosen on the device too.
+//!
+//! It chooses what the host chooses, by the same operations in the same order; but for triangles that single precision
+//! takes for edge-on, which stay. Room is for the worst case, so that nothing is ever lost. What is hidden is not looked for,
+//! and lists are in no order: of two equal depths another may win.
+
+use super::scene::Scene;
+use super::splats::Splats;
+use super::targets::{Context, Targets};
+use super::{Method, Path, Settings};
+use crate::abi::{CutConstants, CutCounters, Splat, shaders};
+use crate::cut::{self, SizeMetric};
+use crate::draw::{ColorBy, Footprint};
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{AnyBuffer, Buffer, Readback, Usage};
+use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::pipeline::Pipeline;
+use crate::gpu::{Error, Gpu};
+use crate::method::plan::Drawing;
+use crate::tree::{Leaf, Model, Node, NodeAttributes};
+use std::sync::Arc;
+
+#[cfg(test)]
+mod tests;
+
+/// Why a frame cannot have its cut chosen on the device; `None` where it can.
+pub(crate) fn why_not(settings: &Settings, model: &Model) -> Option<&'static str> {
+    if settings.method != Method::Pop || Drawing::of(settings) != Drawing::Opaque {
+        Some("it knows opaque squares and discs of --method pop")
+    } else if settings.footprint() == Footprint::Oriented || settings.size != SizeMetric::Exact {
+        Some("it knows squares and discs of one size, by --metric exact")
+    } else if settings.path == Path::Compute {
+        Some("the rasterizer draws what it chose; leave --path compute out")
+    } else if settings.threshold_px < 1.0 {
+        Some("it knows no splats below a pixel; use a threshold of at least 1")
+    } else if settings.holds_cut() {
+        Some("the cut is held")
+    } else if settings.color_by == ColorBy::Level {
+        Some("it does not tell levels of the tree; use another --color-by")
+    } else if model.triangles.is_empty() {
+        Some("the model has no triangles")
+    } else {
+        None
+    }
+}
+
+/// The tree of a scene on the device, and the lists of its cut.
+#[derive(Debug)]
+pub(crate) struct DeviceCut {
+    scene: u64,
+    levels: usize,
+    most_splats: u32,
+    most_triangles: u32,
+    nodes: Buffer,
+    attributes: Buffer,
+    leaves: Buffer,
+    corners: Buffer,
+    /// Sibling groups of a level and of the next one, in turn.
+    queues: [Buffer; 2],
+    splats: Buffer,
+    indices: Buffer,
+    counters: Buffer,
+    start: Pipeline,
+    next: Pipeline,
+    of_nodes: Pipeline,
+    of_leaves: Pipeline,
+    /// What the frame of each slot counted.
+    read: Vec<Readback>,
+}
+
+/// Number of bytes of so many records, of one at least.
+fn bytes_of<T>(count: usize) -> u64 {
+    (count.max(1) * size_of::<T>()) as u64
+}
+
+impl DeviceCut {
+    /// Whether the tree is that of the scene.
+    pub(crate) fn is_of(&self, scene: &Scene) -> bool {
+        self.scene == scene.id()
+    }
+
+    /// Copies the tree to the device, with room for the largest cut there is. `slots`: frames in flight.
+    ///
+    /// # Errors
+    /// When it does not fit, or a Vulkan call fails.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        model: &Model,
+        scene: &Scene,
+        slots: usize,
+    ) -> Result<Self, Error> {
+        let tree = &model.tree;
+        let [page] = scene.pages.as_slice() else {
+            return Err(too_large(
+                "the vertices do not fit one buffer of the device",
+            ));
+        };
+        let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
+        let (leaves, corners): (&[Leaf], &[[u32; 3]]) = (&tree.leaves, page.corners(model));
+        let most_splats = cut::most_splats(model);
+        let groups = (0..tree.level_count()).map(|level| tree.level(level).len());
+        let queue = bytes_of::<[u32; 2]>(groups.max().unwrap_or(0));
+        let splats = most_splats.max(1) * size_of::<Splat>() as u64;
+        let indices = bytes_of::<[u32; 3]>(corners.len());
+        let all = [
+            bytes_of::<Node>(nodes.len()),
+            bytes_of::<NodeAttributes>(attributes.len()),
+            bytes_of::<Leaf>(leaves.len()),
+            2 * indices,
+            2 * queue,
+            splats,
+        ];
+        let info = gpu.info();
+        let limit = info.max_storage_range.min(info.max_buffer);
+        let largest = [
+            all[0],
+            all[1],
+            all[2],
+            indices,
+            queue,
+            splats,
+            page.vertices.bytes(),
+        ];
+        if largest.into_iter().any(|bytes| bytes > limit) {
+            return Err(too_large(
+                "a list does not fit one storage binding of the device",
+            ));
+        }
+        // The model itself and the targets need room as well.
+        if all.into_iter().sum::<u64>() > info.device_memory / 2 {
+            return Err(too_large(
+                "tree and lists take more than half of the device's memory",
+            ));
+        }
+        let filled = |name: &str, data: &[u8]| {
+            // A buffer has a byte at least; nothing is looked at of what is not there.
+            let data = if data.is_empty() { &[0; 32][..] } else { data };
+            Buffer::with_data(gpu, name, Usage::Storage, data)
+        };
+        let pipeline = |name, shader| Pipeline::compute(gpu, name, shader, &[]);
+        let counters = bytes_of::<CutCounters>(1);
+        let list = |name, bytes| Buffer::new(gpu, name, Usage::List, bytes);
+        Ok(Self {
+            scene: scene.id(),
+            levels: if nodes.is_empty() {
+                0
+            } else {
+                tree.level_count()
+            },
+            most_splats: most_splats as u32,
+            most_triangles: corners.len() as u32,
+            nodes: filled("nodes", bytemuck::cast_slice(nodes))?,
+            attributes: filled("attributes of nodes", bytemuck::cast_slice(attributes))?,
+            leaves: filled("leaves", bytemuck::cast_slice(leaves))?,
+            corners: filled("corners", bytemuck::cast_slice(corners))?,
+            queues: [
+                Buffer::new(gpu, "groups of even levels", Usage::Storage, queue)?,
+                Buffer::new(gpu, "groups of odd levels", Usage::Storage, queue)?,
+            ],
+            splats: list("splats of the device's cut", splats)?,
+            indices: list("triangles of the device's cut", indices)?,
+            counters: list("counts of the device's cut", counters)?,
+            start: pipeline("cut.start", &shaders::CUT_START_COMP)?,
+            next: pipeline("cut.next", &shaders::CUT_NEXT_COMP)?,
+            of_nodes: pipeline("cut.nodes", &shaders::CUT_NODES_COMP)?,
+            of_leaves: pipeline("cut.leaves", &shaders::CUT_LEAVES_COMP)?,
+            read: (0..slots)
+                .map(|slot| {
+                    let name = format!("counts of the cut of frame {slot}");
+                    Readback::new(gpu, &name, counters)
+                })
+                .collect::<Result<_, Error>>()?,
+        })
+    }
+
+    /// What the passes know, of a frame's tester.
+    pub(crate) fn constants(&self, tester: &cut::Tester) -> CutConstants {
+        tester.constants(self.most_splats, self.most_triangles)
+    }
+
+    /// Passes `cut.tree` and `cut.leaves`: replaces the lists.
+    pub(crate) fn choose(&self, frame: &mut Frame<'_>, scene: &Scene, constants: Uniform) {
+        let whole = |buffer| Slice::whole(buffer);
+        let counters = whole(&self.counters);
+        let workgroups = std::mem::offset_of!(CutCounters, workgroups) as u64;
+        frame
+            .pass("cut.tree")
+            .storage_read(&self.nodes)
+            .storage_read(&self.attributes)
+            .storage(&self.queues[0])
+            .storage(&self.queues[1])
+            .storage(&self.splats)
+            .storage(&self.counters)
+            .compute(|compute| {
+                compute.bind(
+                    &self.start,
+                    &[constants],
+                    &[counters, whole(&self.queues[0])],
+                );
+                compute.items(1);
+                for level in 0..self.levels {
+                    let (from, to) = (&self.queues[level % 2], &self.queues[(level + 1) % 2]);
+                    compute.after();
+                    compute.bind(
+                        &self.of_nodes,
+                        &[constants],
+                        &[
+                            counters,
+                            whole(from),
+                            whole(&self.splats),
+                            whole(&self.nodes),
+                            whole(&self.attributes),
+                            whole(to),
+                        ],
+                    );
+                    compute.groups_from(&self.counters, workgroups);
+                    compute.after();
+                    compute.bind(&self.next, &[constants], &[counters]);
+                    compute.items(1);
+                }
+            });
+        let [page] = scene.pages.as_slice() else {
+            return;
+        };
+        let queue = &self.queues[self.levels % 2];
+        frame
+            .pass("cut.leaves")
+            .storage_read(&self.leaves)
+            .storage_read(&self.corners)
+            .storage_read(&page.vertices)
+            .storage_read(queue)
+            .storage(&self.splats)
+            .storage(&self.indices)
+            .storage(&self.counters)
+            .compute(|compute| {
+                compute.after();
+                compute.bind(
+                    &self.of_leaves,
+                    &[constants],
+                    &[
+                        counters,
+                        whole(queue),
+                        whole(&self.splats),
+                        whole(&self.leaves),
+                        whole(&self.corners),
+                        whole(&page.vertices),
+                        whole(&self.indices),
+                    ],
+                );
+                compute.groups_from(&self.counters, workgroups);
+            });
+        self.count(frame);
+    }
+
+    /// Pass `cut.counts`: reads back, for the time when the frame has finished, what the lists have.
+    pub(crate) fn count(&self, frame: &mut Frame<'_>) {
+        if let Some(read) = self.read.get(frame.slot()) {
+            frame.read_back_buffer("cut.counts", &self.counters, read);
+        }
+    }
+
+    /// Passes `hybrid.triangles`, which clears the targets, and `hybrid.splats`: what is in the lists.
+    pub(crate) fn draw(
+        &self,
+        frame: &mut Frame<'_>,
+        (triangles, splats): (&Pipeline, &Splats),
+        (targets, scene): (&Targets, &Scene),
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let [page] = scene.pages.as_slice() else {
+            return;
+        };
+        targets
+            .attach(frame.pass("hybrid.triangles"), context)
+            .indices(&self.indices)
+            .vertices(&page.vertices)
+            .arguments(&self.counters)
+            .draw(context.viewport(), |draw| {
+                draw.cull_back_faces(context.cull_back, context.is_mirrored);
+                draw.bind(triangles, &[constants], &[]);
+                draw.indices(&self.indices, 0);
+                draw.vertices(&page.vertices, 0);
+                let offset = std::mem::offset_of!(CutCounters, triangles) as u64;
+                draw.draw_indexed_from(&self.counters, offset);
+            });
+        let arguments = (
+            &self.counters,
+            std::mem::offset_of!(CutCounters, splats) as u64,
+        );
+        splats.record_from(
+            frame,
+            targets,
+            (&self.splats, arguments),
+            context,
+            constants,
+        );
+    }
+
+    /// What the frame of a slot, which has finished, counted.
+    pub(crate) fn counts(&mut self, slot: usize) -> CutCounters {
+        let read = self.read.get_mut(slot);
+        read.map_or_else(CutCounters::default, |read| {
+            bytemuck::pod_read_unaligned(&read.bytes()[..size_of::<CutCounters>()])
+        })
+    }
+}
+
+fn too_large(why: &str) -> Error {
+    Error::Unsupported {
+        what: "the cut on the device",
+        why: why.into(),
+    }
+}

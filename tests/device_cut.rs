@@ -1,0 +1,290 @@
+//! Cuts that the device chooses: the same pictures and counts as those of the host, frame after frame, and refused by name
+//! where it cannot. That the lists are the same node for node is tested beside the passes (`method::device_cut`).
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit, orthographic, real};
+use surfel::draw::ColorBy;
+use surfel::generate::Shape;
+use surfel::gpu::Error;
+use surfel::image::{Image, compare};
+use surfel::math::camera::View;
+use surfel::method::costs::Costs;
+use surfel::method::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::method::scene::Scene;
+use surfel::method::times::Kept;
+use surfel::method::{Culling, CutOn, Method, Path, Settings, SplatKind};
+use surfel::tree::Model;
+
+const SIZE: (u32, u32) = (240, 200);
+
+fn renderer(device: &Device) -> Renderer {
+    let outputs = Outputs {
+        depth: true,
+        ..Outputs::default()
+    };
+    Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
+}
+
+/// By the rasterizer, without what is hidden left out: the same primitives.
+fn on(cut_on: CutOn) -> Settings {
+    Settings {
+        cut_on,
+        path: Path::Raster,
+        occlusion: surfel::method::Occlusion::Off,
+        threshold_px: 2.0,
+        ..Settings::default()
+    }
+}
+
+fn draw(
+    renderer: &mut Renderer,
+    (model, scene): (&Model, &mut Scene),
+    view: &View,
+    settings: &Settings,
+) -> (Image, FrameTimes) {
+    let times = renderer.draw(model, scene, view, settings).unwrap();
+    (renderer.read(view).unwrap(), times)
+}
+
+fn is_on_device(times: &FrameTimes) -> bool {
+    times.passes.iter().any(|pass| pass.name == "cut.tree")
+}
+
+/// The same coverage; colors but where two surfaces are equally near, since the device's lists are in no order.
+fn assert_same(host: &Image, device: &Image, what: &str) {
+    assert!(
+        host.color.iter().any(|c| c[3] != 0),
+        "{what}: nothing is drawn"
+    );
+    let covered = |image: &Image| image.color.iter().map(|c| c[3]).collect::<Vec<_>>();
+    assert!(covered(host) == covered(device), "{what}: another coverage");
+    // The nearest depth of a pixel has no ties.
+    assert!(host.depth == device.depth, "{what}: other depths");
+    let d = compare(host, device, 1.5).unwrap();
+    let pixels = f64::from(SIZE.0 * SIZE.1);
+    assert!(
+        d.whole.past_level as f64 <= 1.0 + 0.001 * pixels,
+        "{what}: {d:?}"
+    );
+}
+
+#[test]
+fn the_device_draws_what_the_host_draws() {
+    let Some(device) = Device::open() else { return };
+    let models = [
+        (Shape::Statue, 60_000),
+        (Shape::Torus, 30_000),
+        (Shape::Square, 2),
+        (Shape::Square, 3_000),
+    ];
+    for (shape, triangles) in models {
+        let model = generated(shape, triangles);
+        let mut scene = Scene::new(device.gpu(), &model).unwrap();
+        let mut renderer = renderer(&device);
+        let mut views: Vec<View> = [(20.0, 0.05), (70.0, 0.5), (130.0, 1.0), (200.0, 3.0)]
+            .map(|(azimuth, fill)| orbit(&model, SIZE, azimuth, 25.0, fill))
+            .to_vec();
+        views.push(orthographic(&model, SIZE));
+        for (index, view) in views.iter().enumerate() {
+            for (threshold_px, splat, culling) in [
+                (1.0, SplatKind::Square, Culling::Auto),
+                (3.0, SplatKind::Disc, Culling::Off),
+                (9.0, SplatKind::Square, Culling::Off),
+            ] {
+                let settings = |cut_on| Settings {
+                    threshold_px,
+                    splat,
+                    culling,
+                    ..on(cut_on)
+                };
+                let what = format!("{shape:?} {triangles}, view {index}, {threshold_px} px");
+                let mut draw = |on| draw(&mut renderer, (&model, &mut scene), view, &settings(on));
+                let (host, of_host) = draw(CutOn::Host);
+                let (chosen, of_device) = draw(CutOn::Device);
+                assert!(
+                    is_on_device(&of_device) && !is_on_device(&of_host),
+                    "{what}"
+                );
+                let (a, b) = (of_host.counts, of_device.counts);
+                assert_eq!(a.nodes_visited, b.nodes_visited, "{what}");
+                // The few that are seen edge-on.
+                let most = 2 + (a.splats + a.triangles) / 1000;
+                assert!(b.splats.abs_diff(a.splats) <= most, "{what}: {a:?} {b:?}");
+                let between = a.triangles + a.between;
+                assert!(b.triangles.abs_diff(between) <= most, "{what}: {a:?} {b:?}");
+                assert_eq!((of_device.cut_ms, of_device.pack_ms), (0.0, 0.0));
+                // Triangles seen edge-on cover what the others do not only where nothing is closed.
+                assert_same(&host, &chosen, &what);
+            }
+        }
+    }
+}
+
+#[test]
+fn a_scan_is_cut_on_the_device() {
+    let Some(device) = Device::open() else { return };
+    let Some(model) = real("thesis/dragon_vrip_res3.ply.gz") else {
+        return;
+    };
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut renderer = renderer(&device);
+    for fill in [0.3, 1.0, 2.0] {
+        let view = orbit(&model, SIZE, 30.0, 20.0, fill);
+        let mut draw = |settings| draw(&mut renderer, (&model, &mut scene), &view, &settings);
+        let (host, _) = draw(on(CutOn::Host));
+        let (chosen, _) = draw(on(CutOn::Device));
+        assert_same(&host, &chosen, &format!("fill {fill}"));
+    }
+}
+
+/// A camera that rests keeps the device's lists, one that moves or another model does not.
+#[test]
+fn lists_stay_on_the_device() {
+    let Some(device) = Device::open() else { return };
+    let models = [
+        generated(Shape::Statue, 20_000),
+        generated(Shape::Torus, 20_000),
+    ];
+    let mut scenes = [0, 1].map(|i: usize| Scene::new(device.gpu(), &models[i]).unwrap());
+    let mut renderer = renderer(&device);
+    renderer.keep_lists(true);
+    let settings = on(CutOn::Device);
+    let mut first = None;
+    for (which, azimuth, is_kept) in [
+        (0, 10.0, false),
+        (0, 10.0, true),
+        (0, 10.0, true),
+        (0, 40.0, false),
+        (1, 40.0, false),
+        (1, 40.0, true),
+        (0, 10.0, false),
+    ] {
+        let view = orbit(&models[which], SIZE, azimuth, 20.0, 0.8);
+        let model = (&models[which], &mut scenes[which]);
+        let (image, times) = draw(&mut renderer, model, &view, &settings);
+        assert_eq!(times.kept == Kept::Lists, is_kept);
+        assert_eq!(is_on_device(&times), !is_kept);
+        assert!(times.counts.splats + times.counts.triangles > 0);
+        assert!(times.counts.nodes_visited > 0);
+        if (which, azimuth) == (0, 10.0) {
+            let first = first.get_or_insert_with(|| image.clone());
+            assert_same(first, &image, "the same view");
+        }
+    }
+}
+
+/// Costs decide where it is left open, and only of what the device knows.
+#[test]
+fn costs_decide_what_chooses() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 20_000);
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut renderer = renderer(&device);
+    let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);
+    let costs = |host, on_device| {
+        Some(Costs {
+            node_ns: Some(host),
+            device_node_ns: on_device,
+            ..Costs::default()
+        })
+    };
+    for (costs, threshold_px, expected) in [
+        (None, 2.0, false),
+        (costs(4.0, None), 2.0, false),
+        (costs(4.0, Some(5.0)), 2.0, false),
+        (costs(4.0, Some(1.0)), 2.0, true),
+        (costs(4.0, Some(1.0)), 0.5, false),
+    ] {
+        renderer.set_costs(costs);
+        let settings = Settings {
+            threshold_px,
+            ..on(CutOn::Auto)
+        };
+        let times = renderer.draw(&model, &mut scene, &view, &settings).unwrap();
+        assert_eq!(is_on_device(&times), expected, "{costs:?}, {threshold_px}");
+    }
+}
+
+#[test]
+fn what_the_device_cannot_choose_is_refused_by_name() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 2_000);
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut renderer = renderer(&device);
+    let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);
+    let usual = on(CutOn::Device);
+    let cases = [
+        (
+            Settings {
+                method: Method::Splats,
+                ..usual
+            },
+            "--method pop",
+        ),
+        (
+            Settings {
+                splat: SplatKind::Gauss,
+                ..usual
+            },
+            "--method pop",
+        ),
+        (
+            Settings {
+                splat: SplatKind::Ellipse,
+                ..usual
+            },
+            "one size",
+        ),
+        (
+            Settings {
+                path: Path::Compute,
+                ..usual
+            },
+            "rasterizer",
+        ),
+        (
+            Settings {
+                threshold_px: 0.5,
+                ..usual
+            },
+            "at least 1",
+        ),
+        (
+            Settings {
+                cut_view: Some(view),
+                ..usual
+            },
+            "held",
+        ),
+        (
+            Settings {
+                color_by: ColorBy::Level,
+                ..usual
+            },
+            "levels",
+        ),
+        (
+            Settings {
+                threshold_px: 9000.0,
+                ..usual
+            },
+            "points of this size",
+        ),
+    ];
+    for (settings, word) in cases {
+        match renderer.draw(&model, &mut scene, &view, &settings) {
+            Err(Error::Unsupported { what, why }) => {
+                assert!(
+                    what.contains("cut on the device") && why.contains(word),
+                    "{word}: {why}"
+                );
+            }
+            other => panic!("{word}: {other:?}"),
+        }
+    }
+    // The next frame is drawn all the same.
+    let times = renderer.draw(&model, &mut scene, &view, &usual).unwrap();
+    assert!(is_on_device(&times));
+}
