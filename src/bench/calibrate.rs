@@ -15,10 +15,11 @@ mod stand;
 
 use super::Error;
 use crate::gpu::Gpu;
+use crate::gpu::device::Kind;
 use crate::measure::store;
 use crate::method::costs::Costs;
 use crate::method::times::FrameTimes;
-use crate::method::{Blend, Method, Path, Settings, SplatKind};
+use crate::method::{Blend, CutOn, Method, Path, Settings, SplatKind};
 use stand::Stand;
 use std::path::{Path as File, PathBuf};
 use std::sync::Arc;
@@ -41,7 +42,7 @@ pub enum Part {
     Filtered,
     /// Opaque splats as points and as quads.
     Primitives,
-    /// What the cut visits, on the processor. It decides nothing.
+    /// What the cut visits, on the processor and on the device.
     Nodes,
 }
 
@@ -68,6 +69,16 @@ impl Part {
             _ if is_opaque || !settings.has_cut() => &[Self::Primitives],
             _ => &[Self::Blended, Self::Primitives],
         }
+    }
+}
+
+impl Part {
+    /// Whether it is open what chooses the cut of these settings.
+    fn asks_nodes(settings: &Settings) -> bool {
+        settings.cut_on == CutOn::Auto
+            && settings.method == Method::Pop
+            && settings.path == Path::Auto
+            && matches!(settings.splat, SplatKind::Square | SplatKind::Disc)
     }
 }
 
@@ -353,6 +364,10 @@ pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<Costs> {
                 parts.push(*part);
             }
         }
+    }
+    // A software device would go down the tree on the same processor, by more instructions (docs/PERFORMANCE.md).
+    if gpu.info().kind != Kind::Cpu && settings.iter().any(Part::asks_nodes) {
+        parts.push(Part::Nodes);
     }
     if parts.is_empty() {
         let kept = folder.and_then(|f| Calibration::read(&f, &Key::of(gpu)));

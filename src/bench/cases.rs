@@ -4,7 +4,7 @@ use super::report::Place;
 use super::verdict::Target;
 use crate::chart::run::orbit;
 use crate::math::camera::{Camera, View};
-use crate::method::{Method, Path, Settings, SplatKind};
+use crate::method::{CutOn, Method, Path, Settings, SplatKind};
 use crate::tree::Model;
 use glam::DVec3;
 
@@ -167,6 +167,20 @@ pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> Line {
     }
 }
 
+/// `pop` with squares whose cut the device chooses and the rasterizer draws.
+pub fn cut_on_device(threshold_px: f32) -> Line {
+    Line {
+        name: format!("pop square, cut on the device, {threshold_px} px"),
+        settings: Settings {
+            path: Path::Raster,
+            cut_on: CutOn::Device,
+            threshold_px,
+            ..Settings::default()
+        },
+        is_rare: true,
+    }
+}
+
 /// How much is measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
@@ -246,6 +260,7 @@ impl Plan {
                 );
             }
         }
+        lines.push(cut_on_device(1.0));
         lines
     }
 

@@ -92,6 +92,10 @@ pub fn calibration(session: &Session) -> Vec<Figure> {
     if let Some(ns) = costs.node_ns {
         figures.push(figure("host", "a visited node of a small model", ns, "ns"));
     }
+    if let Some(ns) = costs.device_node_ns {
+        let name = "a visited node of a small model, cut on the device";
+        figures.push(figure("device", name, ns, "ns"));
+    }
     for (name, ways) in kinds(costs) {
         for (by, way) in [("raster", &ways.raster), ("compute", &ways.compute)] {
             let line = format!("{name} by {by}");

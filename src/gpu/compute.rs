@@ -10,7 +10,7 @@ use ash::vk;
 
 /// Dispatches inside a pass.
 pub struct Compute<'a> {
-    site: Site<'a>,
+    pub(super) site: Site<'a>,
     /// Invocations of a workgroup of the bound pipeline.
     group: u32,
 }
@@ -132,65 +132,6 @@ impl Compute<'_> {
                 .gpu
                 .device
                 .cmd_dispatch(self.site.commands, groups.div_ceil(rows), rows, 1);
-        }
-    }
-}
-
-impl Compute<'_> {
-    /// Runs as many workgroups as the three words at `offset` (a multiple of 4) of a buffer say that a dispatch before it in
-    /// this pass wrote, and [`after`](Compute::after) it. Each must be below what every device takes.
-    ///
-    /// # Panics
-    /// When the words lie outside of the buffer, or the pass did not declare it.
-    pub fn groups_from(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
-        self.check_arguments(buffer, offset, 12);
-        // SAFETY: a compute pipeline and its descriptors are bound; the buffer is alive until the frame has finished, has
-        // the usage of arguments, and the words lie in it.
-        unsafe {
-            self.site
-                .gpu
-                .device
-                .cmd_dispatch_indirect(self.site.commands, buffer.handle(), offset);
-        }
-    }
-
-    fn check_arguments(&self, buffer: &dyn AnyBuffer, offset: u64, bytes: u64) {
-        assert!(
-            self.site.storage.contains(&buffer.handle()),
-            "pass {} did not declare storage buffer {}",
-            self.site.name,
-            buffer.name()
-        );
-        assert!(
-            offset.is_multiple_of(4) && offset + bytes <= buffer.bytes(),
-            "pass {}: arguments outside of {}",
-            self.site.name,
-            buffer.name()
-        );
-    }
-
-    /// Dispatches from here on see what those before wrote, as storage and as arguments, and write after these have read.
-    pub fn after(&mut self) {
-        let barrier = [vk::MemoryBarrier2::default()
-            .src_stage_mask(
-                vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::DRAW_INDIRECT,
-            )
-            .src_access_mask(vk::AccessFlags2::SHADER_STORAGE_WRITE)
-            .dst_stage_mask(
-                vk::PipelineStageFlags2::COMPUTE_SHADER | vk::PipelineStageFlags2::DRAW_INDIRECT,
-            )
-            .dst_access_mask(
-                vk::AccessFlags2::SHADER_STORAGE_READ
-                    | vk::AccessFlags2::SHADER_STORAGE_WRITE
-                    | vk::AccessFlags2::INDIRECT_COMMAND_READ,
-            )];
-        let info = vk::DependencyInfo::default().memory_barriers(&barrier);
-        // SAFETY: the command buffer is being recorded outside of a rendering scope.
-        unsafe {
-            self.site
-                .gpu
-                .device
-                .cmd_pipeline_barrier2(self.site.commands, &info);
         }
     }
 }

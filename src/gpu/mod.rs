@@ -18,6 +18,7 @@ pub mod compute;
 pub mod device;
 pub mod frame;
 pub mod image;
+mod indirect;
 pub mod messages;
 #[cfg(feature = "viewer")]
 pub mod overlay;

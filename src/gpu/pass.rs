@@ -217,14 +217,6 @@ impl<'f> Pass<'f> {
         self
     }
 
-    /// Reads the arguments of draws from a buffer.
-    #[must_use]
-    pub fn arguments(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::IndirectRead);
-        self.barriers.declared[3].push(buffer.handle());
-        self
-    }
-
     /// Reads a storage buffer in the fragment shader.
     #[must_use]
     pub fn fragment_storage(self, buffer: &dyn AnyBuffer) -> Self {
@@ -383,7 +375,7 @@ pub struct Draw<'a> {
     pub(super) site: Site<'a>,
     vertex_buffers: &'a [vk::Buffer],
     index_buffers: &'a [vk::Buffer],
-    argument_buffers: &'a [vk::Buffer],
+    pub(super) argument_buffers: &'a [vk::Buffer],
 }
 
 impl std::fmt::Debug for Draw<'_> {
@@ -527,59 +519,6 @@ impl Draw<'_> {
                 .device
                 .cmd_draw(self.site.commands, count, 1, first, 0)
         };
-    }
-
-    /// Draws what the four words at `offset` of a declared buffer say: number of vertices and instances, first vertex and
-    /// instance.
-    ///
-    /// # Panics
-    /// When the pass did not declare the buffer, or the words lie outside of it.
-    pub fn draw_from(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
-        self.check_arguments(buffer, offset, 16);
-        // SAFETY: as in `draw`; the arguments were written by a pass before, whose writes this one was made to see.
-        unsafe {
-            self.site.gpu.device.cmd_draw_indirect(
-                self.site.commands,
-                buffer.handle(),
-                offset,
-                1,
-                16,
-            );
-        }
-    }
-
-    /// Draws what the five words at `offset` of a declared buffer say: number of indices and instances, first index, what is
-    /// added to each, first instance.
-    ///
-    /// # Panics
-    /// As [`draw_from`](Draw::draw_from).
-    pub fn draw_indexed_from(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
-        self.check_arguments(buffer, offset, 20);
-        // SAFETY: as in `draw_from`; every index names a vertex of the bound buffer.
-        unsafe {
-            self.site.gpu.device.cmd_draw_indexed_indirect(
-                self.site.commands,
-                buffer.handle(),
-                offset,
-                1,
-                20,
-            );
-        }
-    }
-
-    fn check_arguments(&self, buffer: &dyn AnyBuffer, offset: u64, bytes: u64) {
-        assert!(
-            self.argument_buffers.contains(&buffer.handle()),
-            "pass {} did not declare arguments {}",
-            self.site.name,
-            buffer.name()
-        );
-        assert!(
-            offset.is_multiple_of(4) && offset + bytes <= buffer.bytes(),
-            "pass {}: arguments outside of {}",
-            self.site.name,
-            buffer.name()
-        );
     }
 
     /// Draws `count` records from `first` on as quads

@@ -212,6 +212,7 @@ impl Renderer {
             ticket,
             times: FrameTimes::default(),
             start,
+            on_device: false,
         })
     }
 
@@ -256,6 +257,7 @@ impl Renderer {
             ticket,
             times: FrameTimes::default(),
             start,
+            on_device: false,
         })
     }
 
