@@ -317,8 +317,9 @@ fn too_large(why: &str) -> Error {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
     use super::*;
     use crate::cut::{Cut, Selector};
     use crate::draw::splats;
