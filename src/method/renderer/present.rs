@@ -103,6 +103,7 @@ impl Renderer {
             (self.filtered, self.spare_filtered) = (None, Vec::new());
             self.visibility = None;
             (self.fuzzy, self.spare_fuzzy) = (None, Vec::new());
+            (self.overdraw, self.counted) = (None, None);
         }
         Ok(())
     }
@@ -212,6 +213,7 @@ impl Renderer {
             ticket,
             times: FrameTimes::default(),
             start,
+            counted: None,
         })
     }
 
@@ -256,6 +258,7 @@ impl Renderer {
             ticket,
             times: FrameTimes::default(),
             start,
+            counted: None,
         })
     }
 
