@@ -267,6 +267,13 @@ fn what_the_device_cannot_choose_is_refused_by_name() {
         ),
         (
             Settings {
+                color_by: ColorBy::Overdraw,
+                ..usual
+            },
+            "overdraw",
+        ),
+        (
+            Settings {
                 threshold_px: 9000.0,
                 ..usual
             },

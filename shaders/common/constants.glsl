@@ -38,3 +38,5 @@ const uint FILTERED_REACH_PX = 8u;
 const float LEAST_FILTERED_COVERAGE = 0.002;
 // Compute draws blended splats up to this size, pixels; the rasterizer those that are larger.
 const float LARGEST_SMALL_BLENDED_PX = 16.0;
+// From so many splats and triangles in a pixel on, the heat map of overdraw has the color of the end of its ramp.
+const float MOST_OVERDRAW = 64.0;

@@ -196,6 +196,8 @@ enum ColorByName {
     Normal,
     /// Distance along the view direction, not lit: the near side of the bounding sphere bright, the far one dark
     Depth,
+    /// How many splats and triangles cover each pixel before they hide one another: from 1 (dark violet) over 8 (teal) to 64 and more (yellow)
+    Overdraw,
 }
 
 /// How the model is drawn.
@@ -392,6 +394,7 @@ impl LookArgs {
                 ColorByName::Level => ColorBy::Level,
                 ColorByName::Normal => ColorBy::Normal,
                 ColorByName::Depth => ColorBy::Depth,
+                ColorByName::Overdraw => ColorBy::Overdraw,
             },
             light: self.light.lighting()?,
             two_sided: !self.one_sided,

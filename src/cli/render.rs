@@ -4,17 +4,20 @@ use super::auto::AutoArgs;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
 use super::source::{Ready, Source};
-use super::{Failure, Outcome, usage, write_text};
+use super::{Failure, Outcome, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::bench::calibrate;
+use surfel::draw::ColorBy;
 use surfel::gpu::Options as GpuOptions;
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
 use surfel::method::Settings;
 use surfel::method::costs::Costs;
 use surfel::method::engine::{Backend, Engine};
+use surfel::method::overdraw::{self, Overdraw};
 use surfel::method::renderer::Outputs;
+use surfel::method::times::FrameTimes;
 use surfel::progress::Progress;
 
 /// Which device draws.
@@ -359,6 +362,15 @@ impl Args {
     }
 }
 
+/// What the colors of overdraw mean, with the figures of all frames.
+fn tell_overdraw(times: &[FrameTimes]) {
+    let counted = times.iter().filter_map(|t| t.overdraw);
+    if let Some(all) = counted.reduce(Overdraw::with) {
+        say(&format!("surfel: {}", overdraw::legend_line()));
+        say(&format!("surfel: {all}"));
+    }
+}
+
 enum Picture {
     Single(Image),
     Mean(FloatImage),
@@ -386,6 +398,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     args.check()?;
     args.auto.check(args.look.is_auto())?;
     let mut settings = args.look.settings_to_choose()?;
+    if args.samples > 1 && settings.color_by == ColorBy::Overdraw {
+        return Err(usage(
+            "--color-by overdraw: a mean of the colors of counts is the color of no count; leave --samples out",
+        ));
+    }
     let read = args.camera.as_deref().map(read_camera).transpose()?;
     let cut_camera = args.cut_camera.as_deref().map(read_camera).transpose()?;
     if cut_camera.is_some() && (args.look.is_auto() || !settings.has_cut()) {
@@ -451,6 +468,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         bar.advance(1);
     }
     drop(bar);
+    if !quiet {
+        tell_overdraw(&times);
+    }
     if let Some(path) = &args.stats {
         let stats = super::stats::of(&ready, &backend, &settings, size, &times);
         let text = serde_json::to_string_pretty(&stats).map_err(|e| Failure::Run(e.into()))?;

@@ -1,9 +1,10 @@
-//! False colors: levels of the tree, normals and depth as colors that no light changes.
+//! False colors: levels of the tree, normals, depth and overdraw as colors that no light changes.
 //!
 //! The ramp is viridis (Smith and van der Walt, 2015), whose lightness grows evenly from end to end, so that its order is
 //! seen without a legend, in gray and by eyes that tell few colors apart. Here it is a polynomial of degree 6 for each
 //! channel, the fit by Zucker (2019, public domain), within 5 levels of the published colors.
 
+use crate::abi::constants::MOST_OVERDRAW;
 use crate::math::camera::View;
 use crate::tree::{Model, Tree};
 use glam::Vec3;
@@ -70,6 +71,12 @@ pub fn depth_range(model: &Model, view: &View) -> [f32; 2] {
 /// A distance along the view direction as color: the near end of `range` is bright, the far one dark.
 pub fn of_depth(distance: f32, [near, far]: [f32; 2]) -> [f32; 3] {
     ramp(1.0 - (distance - near) / (far - near))
+}
+
+/// How many primitives cover a pixel as color: 1 is at the dark end, twice as many are a sixth of the ramp farther,
+/// [`MOST_OVERDRAW`] and more are at the bright end. Of 0 as of 1.
+pub fn of_overdraw(count: u32) -> [f32; 3] {
+    ramp((count.max(1) as f32).log2() / MOST_OVERDRAW.log2())
 }
 
 #[cfg(test)]

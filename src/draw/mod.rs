@@ -147,11 +147,17 @@ pub enum ColorBy {
     /// The distance along the view direction, from the near side of the model's bounding sphere (bright) to the far one
     /// (dark), without light. A splat has that of its center.
     Depth,
+    /// How many splats and triangles cover each pixel before they hide one another, without light
+    /// ([`crate::method::overdraw`]).
+    Overdraw,
 }
 
 impl ColorBy {
     /// Whether the color is data that no light changes.
     pub fn is_data(self) -> bool {
-        matches!(self, Self::Level | Self::Normal | Self::Depth)
+        matches!(
+            self,
+            Self::Level | Self::Normal | Self::Depth | Self::Overdraw
+        )
     }
 }

@@ -279,13 +279,13 @@ fn inspect(
     let mut features13 = vk::PhysicalDeviceVulkan13Features::default();
     // SAFETY: the physical device belongs to the instance, and the chained structures live until the calls
     // return. A device older than 1.3 ignores what it does not know.
-    let (families, memory, float_target) = unsafe {
+    let (families, memory, float_targets) = unsafe {
         instance.get_physical_device_properties2(physical, &mut properties);
         (
             instance.get_physical_device_queue_family_properties(physical),
             instance.get_physical_device_memory_properties(physical),
-            instance
-                .get_physical_device_format_properties(physical, vk::Format::R32G32B32A32_SFLOAT),
+            [vk::Format::R32_SFLOAT, vk::Format::R32G32B32A32_SFLOAT]
+                .map(|format| instance.get_physical_device_format_properties(physical, format)),
         )
     };
     let p = properties.properties;
@@ -384,9 +384,11 @@ fn inspect(
         has_full_index: core.full_draw_index_uint32 == vk::TRUE,
         has_int64_atomics: core.shader_int64 == vk::TRUE
             && features12.shader_buffer_int64_atomics == vk::TRUE,
-        has_float_blend: float_target
-            .optimal_tiling_features
-            .contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND),
+        has_float_blend: float_targets.iter().all(|target| {
+            target
+                .optimal_tiling_features
+                .contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND)
+        }),
         subpixel_bits: p.limits.sub_pixel_precision_bits,
     };
     Chosen {

@@ -12,6 +12,8 @@ use std::sync::{Arc, Mutex};
 pub enum Format {
     /// Eight bits a channel, 0..=1.
     Rgba8,
+    /// One 32-bit float.
+    R32Float,
     /// Two 32-bit floats.
     Rg32Float,
     /// Four 16-bit floats.
@@ -26,7 +28,7 @@ impl Format {
     /// Bytes of one pixel.
     pub fn pixel_bytes(self) -> u64 {
         match self {
-            Self::Rgba8 | Self::Depth32 => 4,
+            Self::Rgba8 | Self::R32Float | Self::Depth32 => 4,
             Self::Rg32Float => 8,
             Self::Rgba16Float => 8,
             Self::Rgba32Float => 16,
@@ -36,6 +38,7 @@ impl Format {
     pub(super) fn vk(self) -> vk::Format {
         match self {
             Self::Rgba8 => vk::Format::R8G8B8A8_UNORM,
+            Self::R32Float => vk::Format::R32_SFLOAT,
             Self::Rg32Float => vk::Format::R32G32_SFLOAT,
             Self::Rgba16Float => vk::Format::R16G16B16A16_SFLOAT,
             Self::Rgba32Float => vk::Format::R32G32B32A32_SFLOAT,

@@ -38,6 +38,8 @@ pub(crate) fn why_not(settings: &Settings, model: &Model) -> Option<&'static str
         Some("it knows no splats below a pixel; use a threshold of at least 1")
     } else if settings.holds_cut() {
         Some("the cut is held")
+    } else if settings.color_by == ColorBy::Overdraw {
+        Some("overdraw is counted of the host's lists; use another --color-by")
     } else if settings.color_by == ColorBy::Level {
         Some("it does not tell levels of the tree; use another --color-by")
     } else if model.triangles.is_empty() {

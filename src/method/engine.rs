@@ -2,6 +2,8 @@
 //! the CPU where there is none.
 
 use super::costs::Costs;
+use super::mirror::{Drawn, count_overdraw};
+use super::overdraw::Overdraw;
 use super::plan::{Choice, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan};
 use super::renderer::{Counts, FrameTimes, Outputs, Renderer};
 use super::scene::Scene;
@@ -9,7 +11,7 @@ use super::times::Stage;
 use super::{Blend, Method, Settings, Shading, SplatKind, mirror};
 use crate::abi::{FilteredSplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Selector, Undrawn};
-use crate::draw::{self, DrawList, FilteredList, FuzzyList, Style, pack};
+use crate::draw::{self, ColorBy, DrawList, FilteredList, FuzzyList, Style, pack};
 use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
@@ -79,6 +81,8 @@ struct MirrorEngine {
     /// Of the engine's model.
     undrawn: OnceLock<Undrawn>,
     image: Image,
+    /// Of the last frame, where overdraw was counted.
+    counts: Option<Vec<u32>>,
 }
 
 impl<'m> Engine<'m> {
@@ -157,6 +161,14 @@ impl<'m> Engine<'m> {
         match &mut self.kind {
             Kind::Device { renderer, .. } => renderer.read(view),
             Kind::Mirror(mirror) => Ok(mirror.image.clone()),
+        }
+    }
+
+    /// As [`Renderer::overdraw`].
+    pub fn overdraw(&mut self) -> Option<Vec<u32>> {
+        match &mut self.kind {
+            Kind::Device { renderer, .. } => renderer.overdraw(),
+            Kind::Mirror(mirror) => mirror.counts.clone(),
         }
     }
 
@@ -326,18 +338,22 @@ impl MirrorEngine {
                 + size_of_val(weighted.as_slice())
                 + size_of_val(triangles.as_slice())) as u64,
         };
+        let is_counted = settings.color_by == ColorBy::Overdraw;
+        let count = |drawn: Drawn<'_>| is_counted.then(|| count_overdraw(view, drawn, &style));
         self.image = if settings.draws_filtered() {
             let list = FilteredList {
                 vertices: list.vertices,
                 triangles: list.triangles,
                 splats: &filtered,
             };
+            self.counts = count(Drawn::Filtered(&list));
             mirror::render_filtered(view, &list, &style, self.outputs).image
         } else if settings.draws_visibility() {
             let how = mirror::Filling {
                 reconstruction: settings.reconstruction,
                 largest_px: largest_splat_px(model, settings),
             };
+            self.counts = count(Drawn::Opaque(&list));
             mirror::render_visibility(view, &list, &style, how, self.outputs).image
         } else if Drawing::of(settings) == Drawing::Fuzzy {
             let list = FuzzyList {
@@ -352,10 +368,16 @@ impl MirrorEngine {
                 Blend::DepthRange => mirror::Passes::DepthRange,
                 Blend::TwoPass | Blend::Opaque => mirror::Passes::Two,
             };
+            self.counts = count(Drawn::Fuzzy(&list));
             mirror::render_fuzzy(view, &list, &style, passes, self.outputs).image
         } else {
+            self.counts = count(Drawn::Opaque(&list));
             mirror::render(view, &list, &style, self.outputs)
         };
+        if let Some(counts) = &self.counts {
+            times.overdraw = Some(Overdraw::of(counts.iter().copied()));
+            self.image.color = mirror::show_overdraw(counts, &style);
+        }
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         times
     }

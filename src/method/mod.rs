@@ -10,6 +10,7 @@ pub mod fuzzy;
 pub mod hybrid;
 mod lists;
 pub mod mirror;
+pub mod overdraw;
 pub mod plan;
 pub mod renderer;
 pub mod scene;

@@ -233,6 +233,9 @@ pub fn check(
             why: "only what is drawn from the tree has levels; use --method pop or splats".into(),
         });
     }
+    if settings.color_by == ColorBy::Overdraw {
+        check_overdraw(settings, outputs)?;
+    }
     if outputs.values && settings.draws_visibility() {
         return Err(Error::Unsupported {
             what: "values of visibility splats",
@@ -248,6 +251,21 @@ pub fn check(
         check_filtered(settings, outputs, max_size_px)?;
     }
     Ok(())
+}
+
+/// Refuses by name where overdraw cannot be counted.
+fn check_overdraw(settings: &Settings, outputs: Outputs) -> Result<(), Error> {
+    let why = if outputs.values {
+        "a mean of the colors of counts is the color of no count; draw one sample a pixel"
+    } else if settings.path == Path::Compute {
+        "footprints are counted by the rasterizer; leave --path compute out"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "color by overdraw",
+        why: why.into(),
+    })
 }
 
 /// Refuses by name what the blending of splats cannot do.
@@ -289,7 +307,7 @@ fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
         Blend::Opaque => Ok(()),
         _ if settings.shading == Shading::Deferred && settings.color_by.is_data() => refuse(
             "deferred shading",
-            "colors by level, normal and depth are not lit; leave --shading deferred out",
+            "colors by level, normal, depth and overdraw are not lit; leave --shading deferred out",
         ),
         _ => Ok(()),
     }

@@ -17,6 +17,7 @@ use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
+use super::overdraw::{self, Overdraw};
 use super::plan::{Choice, Drawing, check, for_view, frame_flags, splat_plan};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
@@ -68,6 +69,8 @@ pub struct Submitted {
     start: Instant,
     /// The device chose its cut and knows its counts.
     on_device: bool,
+    /// Slot of the ring in which overdraw was counted.
+    counted: Option<usize>,
 }
 
 /// Ends a frame: submits it, after passes of its own that may read the color target.
@@ -99,6 +102,10 @@ pub struct Renderer {
     visibility: Option<Visibility>,
     fuzzy: Option<Fuzzy>,
     spare_fuzzy: Vec<Fuzzy>,
+    /// Once overdraw was counted.
+    overdraw: Option<overdraw::Counter>,
+    /// Slot of the frame that was last waited for, where it was counted there.
+    counted: Option<usize>,
     readback: Option<[Option<Readback>; 3]>,
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
@@ -163,6 +170,8 @@ impl Renderer {
             visibility: None,
             fuzzy: None,
             spare_fuzzy: Vec::new(),
+            overdraw: None,
+            counted: None,
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
@@ -289,6 +298,7 @@ impl Renderer {
             mut times,
             start,
             on_device,
+            counted,
         } = submitted;
         let wait = Stage::Wait.begin();
         let finished = self.frames.finish(ticket)?;
@@ -315,7 +325,20 @@ impl Renderer {
         if times.kept != Kept::Lists {
             times.uploaded_bytes += times.counts.draw_list_bytes;
         }
+        self.counted = counted;
+        times.overdraw = self.counted().map(Overdraw::of);
         Ok(times)
+    }
+
+    fn counted(&mut self) -> Option<impl Iterator<Item = u32>> {
+        let slot = self.counted?;
+        Some(self.overdraw.as_mut()?.of_slot(slot))
+    }
+
+    /// How many splats and triangles cover each pixel of the frame that was last waited for, row by row from the top left,
+    /// as [`ColorBy::Overdraw`] shows them; `None` of a frame that was drawn otherwise.
+    pub fn overdraw(&mut self) -> Option<Vec<u32>> {
+        Some(self.counted()?.collect())
     }
 
     /// Records and submits one frame that `end` ends.
@@ -353,6 +376,8 @@ impl Renderer {
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
         let start = Instant::now();
+        let is_counted = settings.color_by == ColorBy::Overdraw;
+        let counted = is_counted.then(|| self.frames.next_slot());
         let (ticket, times) = match settings.method {
             Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
             Method::Points => self.draw_points(model, scene, view, settings, end)?,
@@ -364,6 +389,7 @@ impl Renderer {
             times,
             start,
             on_device,
+            counted,
         })
     }
 
@@ -465,6 +491,19 @@ impl Renderer {
                     self.filtered = Some(Filtered::new(&self.gpu, size, variant)?);
                 }
             }
+        }
+        if settings.color_by == ColorBy::Overdraw {
+            let size = (self.targets.color.width, self.targets.color.height);
+            let counter = match &mut self.overdraw {
+                Some(made) => made,
+                none => none.insert(overdraw::Counter::new(
+                    &self.gpu,
+                    size,
+                    self.frames.in_flight(),
+                )?),
+            };
+            let fuzzy = self.fuzzy.as_ref().map(|fuzzy| fuzzy.variant);
+            counter.ensure(settings, &self.targets, (flags, fuzzy))?;
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! What one frame cost: the stages on the CPU with their clocks and their spans in the log, the passes on the device.
 
+use super::overdraw::Overdraw;
 use super::renderer::Counts;
 use crate::gpu::frame::{DeviceTimes, PassCounters};
 use crate::gpu::profile::PassTime;
@@ -30,6 +31,8 @@ pub struct FrameTimes {
     pub counters: Vec<PassCounters>,
     /// What was drawn.
     pub counts: Counts,
+    /// How much of that covers a pixel, where that is shown ([`ColorBy::Overdraw`](crate::draw::ColorBy::Overdraw)).
+    pub overdraw: Option<Overdraw>,
     /// What was not made again; the counts are those of what is drawn all the same.
     pub kept: Kept,
     /// Bytes that the host wrote for the device: draw lists, unless they were kept, and uniform blocks.

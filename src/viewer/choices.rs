@@ -171,6 +171,11 @@ pub const COLORS_BY: &[Choice<ColorBy>] = &[
         "depth",
         "Distance: near is bright, far dark",
     ),
+    (
+        ColorBy::Overdraw,
+        "overdraw",
+        "How many splats and triangles cover a pixel before they hide one another: few dark, many bright",
+    ),
 ];
 
 /// The backgrounds that a key goes through.

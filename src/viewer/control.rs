@@ -70,6 +70,8 @@ pub struct Control {
     blocked: [(u64, f64); 2],
     /// Planned frames so far.
     planned: u64,
+    /// Until which of them compute is too slow, however coarse.
+    past_edge: u64,
     /// Now.
     shown_px: f32,
     is_moving: bool,
@@ -111,6 +113,7 @@ impl Control {
             place: [0.0; 6],
             blocked: [(0, 0.0); 2],
             planned: 0,
+            past_edge: 0,
             shown_px: finest_px,
             is_moving: false,
             model: Model::default(),
@@ -144,6 +147,7 @@ impl Control {
         (self.by_compute, self.has_choice) = (true, false);
         self.seen.clear();
         (self.last, self.blocked) = (None, [(0, 0.0); 2]);
+        self.past_edge = 0;
         self.last_ms.clear();
         self.longer.clear();
         self.drift = 1.0;
@@ -220,6 +224,7 @@ impl Control {
         if !self.model.learn(drawn_px, work, took) {
             return;
         }
+        self.note_seen(drawn_px, work, took);
         let ms = took.ms();
         tracing::debug!(ms, drawn_px, ?work, ?took, learned = ?self.model.learned(), "frame");
         let coarsest = COARSEST_PX.max(self.finest_px);

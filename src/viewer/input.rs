@@ -68,7 +68,7 @@ pub const KEYS: &[KeyGroup] = &[
             ("B", "culling of what faces away"),
             (
                 "C, Shift C",
-                "next or previous coloring: light, primitives, levels, normals, depth",
+                "next or previous coloring: light, primitives, levels, normals, depth, overdraw",
             ),
             (
                 "Y",

@@ -7,10 +7,13 @@ use super::help::ACCENT;
 use super::input::Command;
 use super::lamp::Kind;
 use super::text::count;
-use crate::draw::Lighting;
+use crate::draw::{ColorBy, Lighting};
+use crate::method::overdraw::{self, Overdraw};
 use crate::method::renderer::Counts;
 use crate::method::{Blend, Method, Settings, Shading, SplatKind};
-use egui::{Area, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2};
+use egui::{
+    Area, Color32, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2,
+};
 
 /// Width of the panel, points.
 pub const WIDTH: f32 = 276.0;
@@ -49,6 +52,8 @@ pub struct State<'a> {
     pub frame_ms: f64,
     /// What the last frame drew.
     pub counts: Counts,
+    /// What covers its pixels, where that decides the color.
+    pub overdraw: Option<Overdraw>,
     /// The threshold of the last frame, and what is known about the time of frames, where that is controlled.
     pub control: Option<(f32, f64, Report)>,
     /// The user flies.
@@ -110,6 +115,9 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     heading(ui, "Look");
     let mut light = state.light;
     look(ui, &mut settings, &mut light);
+    if settings.color_by == ColorBy::Overdraw {
+        legend(ui, state.overdraw);
+    }
     if let Lighting::Phong(phong) = &mut settings.light {
         lamp::show(ui, phong, state.radius, wishes);
     }
@@ -426,6 +434,41 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Kind) {
         ui.checkbox(&mut settings.use_colors, "vertex colors")
             .on_hover_text("Multiply by the colors of the vertices (V)");
     });
+}
+
+/// What the colors of overdraw mean, and the figures of the last frame.
+fn legend(ui: &mut Ui, found: Option<Overdraw>) {
+    ui.horizontal(|ui| {
+        ui.spacing_mut().item_spacing.x = 0.0;
+        let steps: Vec<(u32, [f32; 3], &str)> = overdraw::legend().collect();
+        for (index, (count, color, name)) in steps.iter().enumerate() {
+            let [r, g, b] = color.map(|c| (c * 255.0).round() as u8);
+            let is_last = index + 1 == steps.len();
+            let text = format!(" {count}{} ", if is_last { "+" } else { "" });
+            let on_bright = 2 * index >= steps.len();
+            let text = RichText::new(text)
+                .monospace()
+                .background_color(Color32::from_rgb(r, g, b))
+                .color(if on_bright {
+                    Color32::BLACK
+                } else {
+                    Color32::WHITE
+                });
+            let more = if is_last { " and more" } else { "" };
+            ui.label(text).on_hover_text(format!(
+                "{name}: {count}{more} splats and triangles in a pixel"
+            ));
+        }
+    });
+    if let Some(found) = found {
+        let tip = "How many splats and triangles cover a pixel, over the pixels that any covers: the mean, and the most";
+        ui.label(format!(
+            "mean {:.2} a pixel, most {}",
+            found.mean(),
+            count(u64::from(found.most))
+        ))
+        .on_hover_text(tip);
+    }
 }
 
 fn frame(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {

@@ -2,6 +2,7 @@
 
 use crate::gpu::profile::PassTime;
 use crate::math::camera::Light;
+use crate::method::overdraw;
 use crate::method::renderer::{Counts, FrameTimes};
 use crate::method::{Method, Settings};
 use crate::tree::Model;
@@ -161,6 +162,10 @@ pub fn statistics(facts: &Facts<'_>, frame_ms: f64, times: &FrameTimes) -> Strin
         count(c.nodes_visited),
         count(c.draw_list_bytes),
     );
+    if let Some(found) = times.overdraw {
+        let _ = writeln!(out, "  {found}");
+        let _ = writeln!(out, "  {}", overdraw::legend_line());
+    }
     out
 }
 

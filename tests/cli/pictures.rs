@@ -344,3 +344,45 @@ fn filtered_splats_cover_rims_in_part() {
         );
     }
 }
+
+#[test]
+fn overdraw_says_what_its_colors_mean() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "render generate:sphere:9000 --size 60x60 --orbit 0,0,0.7 --device mirror -o a.png";
+    let counted = format!("{scene} --color-by overdraw");
+    let all = format!("{counted} --method triangles --culling");
+    // A line of sight goes into a ball and out of it.
+    let run = expect(at, 0, &format!("{all} off"));
+    let words = [
+        "1 dark violet, 2 indigo",
+        "64 and more yellow",
+        "mean 2.00 in",
+        "most 2\n",
+    ];
+    for words in words {
+        assert!(run.err.contains(words), "{words}: {}", run.err);
+    }
+    let middle = load(&at.join("a.png")).color[30 * 60 + 30];
+    let two = surfel::draw::falsecolor::of_overdraw(2);
+    assert!(
+        (0..3).all(|c| (middle[c] - two[c]).abs() < 0.003),
+        "{middle:?}"
+    );
+    let run = expect(at, 0, &format!("{all} on"));
+    assert!(
+        run.err.contains("mean 1.00 in") && run.err.contains("most 1\n"),
+        "{}",
+        run.err
+    );
+    // Nothing is said where nobody wants to hear it, or of other colors.
+    assert_eq!(expect(at, 0, &format!("--quiet {all} on")).err, "");
+    assert!(!expect(at, 0, scene).err.contains("overdraw"));
+    for (options, words) in [
+        ("--samples 4", "leave --samples out"),
+        ("--path compute", "leave --path compute out"),
+    ] {
+        let run = expect(at, 2, &format!("{counted} {options}"));
+        assert!(run.err.contains(words), "{}", run.err);
+    }
+}

@@ -13,16 +13,19 @@ fn beside(picture: &image::RgbImage) -> image::RgbImage {
     image::imageops::crop_imm(picture, PANEL, 0, width - PANEL, height).to_image()
 }
 
+/// The next picture that P writes; `pictures` were written before.
+fn written(window: &Window<'_>, folder: &Path, pictures: &[image::RgbImage]) -> image::RgbImage {
+    let path = folder.join(format!("surfel-{:03}.png", pictures.len()));
+    window.key("p");
+    wait_for("the picture written by P", || path.is_file().then_some(()));
+    load(&path)
+}
+
 /// Wheel, double click, drags with both buttons, each followed by a picture that P writes; `left` is where the picture
 /// begins in the window.
 fn gestures(window: &Window<'_>, folder: &Path, left: i16) -> Vec<image::RgbImage> {
     let mut pictures = Vec::new();
-    let mut write = || {
-        let path = folder.join(format!("surfel-{:03}.png", pictures.len()));
-        window.key("p");
-        wait_for("the picture written by P", || path.is_file().then_some(()));
-        pictures.push(load(&path));
-    };
+    let mut write = || pictures.push(written(window, folder, &pictures));
     write();
     window.move_to(left + 330, 200);
     window.button(4, true);
@@ -40,6 +43,17 @@ fn gestures(window: &Window<'_>, folder: &Path, left: i16) -> Vec<image::RgbImag
     pictures
 }
 
+/// Keys while the cursor rests, and then a turn from where it is.
+fn turn_after(window: &Window<'_>, keys: &[&str]) {
+    window.move_to(476, 300);
+    for key in keys {
+        window.key(key);
+    }
+    window.button(1, true);
+    window.move_to(520, 310);
+    window.button(1, false);
+}
+
 #[test]
 fn the_picture_beside_the_panel_is_that_of_a_window_without_one() {
     let Some(display) = Display::open() else {
@@ -52,6 +66,10 @@ fn the_picture_beside_the_panel_is_that_of_a_window_without_one() {
         &[&look[..], &part].concat(),
         &folder.path().join("drawn.png"),
     );
+    let wide = render(
+        &[&look[..], &["--size", "800x600"]].concat(),
+        &folder.path().join("wide.png"),
+    );
     let (with, without) = (folder.path().join("with"), folder.path().join("without"));
     std::fs::create_dir_all(&with).unwrap();
     std::fs::create_dir_all(&without).unwrap();
@@ -62,10 +80,18 @@ fn the_picture_beside_the_panel_is_that_of_a_window_without_one() {
     wait_for("the whole model beside the panel", || {
         (beside(&window.picture()) == expected).then_some(())
     });
-    let found = gestures(&window, &with, PANEL as i16);
-    // The panel goes and comes while the cursor stays where it is, and the next turn is as if it had not.
-    window.key("r");
+    // Gestures are those in the smaller picture once that was laid out anew.
     window.key("Tab");
+    window.wait_for_picture("the model in the whole window", &wide);
+    window.key("Tab");
+    wait_for("the panel again", || {
+        (beside(&window.picture()) == expected).then_some(())
+    });
+    let mut found = gestures(&window, &with, PANEL as i16);
+    // The panel goes while the cursor stays where it is, and the next turn is as if it had not been there.
+    turn_after(&window, &["r", "Tab"]);
+    found.push(written(&window, &with, &found));
+    window.key("r");
     window.resize(700, 500);
     let whole = render(
         &[&look[..], &["--size", "700x500"]].concat(),
@@ -80,18 +106,26 @@ fn the_picture_beside_the_panel_is_that_of_a_window_without_one() {
     wait_for("what the panel leaves of the smaller window", || {
         (beside(&window.picture()) == narrow).then_some(())
     });
-    // Narrower than the panel and half of it: no room beside it.
+    // As wide as the panel and half of it, then a pixel narrower: no room beside it.
+    window.resize(414, 500);
+    let narrowest = render(
+        &[&look[..], &["--size", "138x500"]].concat(),
+        &folder.path().join("narrowest.png"),
+    );
+    wait_for("what the panel leaves of the narrowest window", || {
+        (beside(&window.picture()) == narrowest).then_some(())
+    });
     window.key("Tab");
-    window.resize(400, 500);
+    window.resize(413, 500);
     let small = render(
-        &[&look[..], &["--size", "400x500"]].concat(),
+        &[&look[..], &["--size", "413x500"]].concat(),
         &folder.path().join("small.png"),
     );
     window.wait_for_picture("the small window", &small);
     window.key("Tab");
     wait_for("the panel over the picture", || {
         let picture = window.picture();
-        let is_same = picture.dimensions() == (400, 500) && picture != small;
+        let is_same = picture.dimensions() == (413, 500) && picture != small;
         let (picture, small) = (beside(&picture), beside(&small));
         (is_same && picture == small).then_some(())
     });
@@ -101,7 +135,12 @@ fn the_picture_beside_the_panel_is_that_of_a_window_without_one() {
     let sized = [&look[..], &part, &["--panel", "off"]].concat();
     let window = Window::open_in(&display, &without, &sized);
     window.wait_for_picture("the model in a window of that part", &expected);
-    let wanted = gestures(&window, &without, 0);
+    let mut wanted = gestures(&window, &without, 0);
+    window.resize(800, 600);
+    window.key("r");
+    window.wait_for_picture("the model in the whole window", &wide);
+    turn_after(&window, &[]);
+    wanted.push(written(&window, &without, &wanted));
     window.key("q");
     must_succeed(&window.end());
     for (step, (found, wanted)) in found.iter().zip(&wanted).enumerate() {

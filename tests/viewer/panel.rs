@@ -365,14 +365,16 @@ fn the_window_shows_what_render_draws_with_every_method_and_splat() {
         (&["c"], "--color-by level"),
         (&["c"], "--color-by normal"),
         (&["c"], "--color-by depth"),
+        (&["c"], "--color-by overdraw"),
         (
             &["c", "Shift+c", "a"],
-            "--method triangles --color-by depth",
+            "--method triangles --color-by overdraw",
         ),
+        (&["Shift+c"], "--method triangles --color-by depth"),
         (&["Shift+c"], "--method triangles --color-by normal"),
         // There are no levels without a cut: no message, the next.
         (&["Shift+c", "c", "d"], "--color-by normal"),
-        (&["c", "c", "b"], "--culling off"),
+        (&["c", "c", "c", "b"], "--culling off"),
         (&["b", "a"], "--method triangles"),
         (&["u"], "--method triangles --one-sided"),
         (&["u", "s"], "--method points"),

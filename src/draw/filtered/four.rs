@@ -386,7 +386,7 @@ impl Eye<'_> {
         match self.shade.color_by {
             ColorBy::Primitive => lit([1.0, 0.2, 0.2]),
             ColorBy::Shading | ColorBy::Classification if self.shade.use_colors => lit(own()),
-            ColorBy::Shading | ColorBy::Classification => lit([1.0; 3]),
+            ColorBy::Shading | ColorBy::Classification | ColorBy::Overdraw => lit([1.0; 3]),
             ColorBy::Level => falsecolor::of_item(self.tree, patch.node),
             ColorBy::Normal => falsecolor::of_normal(self.normal(patch)),
             ColorBy::Depth => falsecolor::of_depth(self.view.distance(center), self.depth_range),

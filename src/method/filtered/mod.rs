@@ -27,7 +27,7 @@ use crate::gpu::{Error, Gpu};
 use std::sync::Arc;
 
 /// [`FilteredSplat`] as pipelines see it.
-const RECORD: Record = Record {
+pub(super) const RECORD: Record = Record {
     stride: size_of::<FilteredSplat>() as u32,
     attributes: &[
         Attribute {

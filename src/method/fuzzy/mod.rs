@@ -29,7 +29,7 @@ use std::sync::Arc;
 const SPLAT_AT: u32 = std::mem::offset_of!(WeightedSplat, splat) as u32;
 
 /// [`WeightedSplat`] as pipelines see it.
-const RECORD: Record = Record {
+pub(crate) const RECORD: Record = Record {
     stride: size_of::<WeightedSplat>() as u32,
     attributes: &[
         Attribute {
@@ -84,7 +84,7 @@ pub(crate) struct Variant {
     /// Weights are areas, and their sum is coverage.
     has_coverage: bool,
     /// From the vertices of the mesh instead of a draw list.
-    from_vertices: bool,
+    pub(crate) from_vertices: bool,
     /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
     sums: Format,
@@ -140,7 +140,7 @@ impl Variant {
     }
 
     /// The specialization constants of all shaders of fuzzy splats.
-    fn constants(&self, topology: Topology) -> [bool; twin::CONSTANTS] {
+    pub(crate) fn constants(&self, topology: Topology) -> [bool; twin::CONSTANTS] {
         [
             self.is_gauss,
             self.footprint == Footprint::Oriented,

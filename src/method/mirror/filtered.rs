@@ -143,15 +143,15 @@ pub fn render_filtered(
 }
 
 /// A splat ready to be drawn in both passes.
-struct Patch {
+pub(super) struct Patch {
     /// Columns and rows of the square of the first pass, and its reversed depth.
     hidden: [Range<u32>; 2],
     pushed_depth: f32,
     /// Reversed depth of the center.
     depth: f32,
     /// Pixels that the rectangle overlaps.
-    columns: Range<u32>,
-    rows: Range<u32>,
+    pub(super) columns: Range<u32>,
+    pub(super) rows: Range<u32>,
     /// Center and extents of the rectangle, pixels.
     center: [f64; 2],
     extent: [f64; 2],
@@ -160,7 +160,7 @@ struct Patch {
     density: f32,
 }
 
-fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
+pub(super) fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
     let ([width, height], side) = (splat.extent_px, splat.side_px);
     // The shader takes nothing less, and what is no number draws nothing.
     let is_placed = splat.window_px.iter().all(|c| c.abs() < LIMIT_PX);
@@ -199,14 +199,18 @@ fn patch(frame: &Frame, splat: &FilteredSplat) -> Option<Patch> {
 }
 
 impl Patch {
-    /// What it adds to a pixel.
-    fn deposit(&self, x: u32, y: u32) -> [f32; 4] {
+    /// The area in which a pixel overlaps the rectangle.
+    pub(super) fn overlap(&self, x: u32, y: u32) -> f64 {
         let overlap = |axis: usize, pixel: u32, extent: f64| {
             let distance = (f64::from(pixel) + 0.5 - self.center[axis]).abs();
             (0.5 * (extent + 1.0) - distance).clamp(0.0, extent.min(1.0))
         };
-        let own = overlap(0, x, self.extent[0]) * overlap(1, y, self.extent[1]);
-        let weight = self.density * own as f32;
+        overlap(0, x, self.extent[0]) * overlap(1, y, self.extent[1])
+    }
+
+    /// What it adds to a pixel.
+    fn deposit(&self, x: u32, y: u32) -> [f32; 4] {
+        let weight = self.density * self.overlap(x, y) as f32;
         let [r, g, b] = self.color;
         [r * weight, g * weight, b * weight, weight]
     }

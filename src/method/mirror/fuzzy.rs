@@ -92,15 +92,6 @@ pub fn render_fuzzy(
     if pixels > 0 {
         let mut bands = bands(view, &mut front, &mut back, &mut sums, &mut normals);
         let two = passes == Passes::Two;
-        let vertex_splat = |vertex: &Vertex| WeightedSplat {
-            splat: Splat {
-                center: vertex.position,
-                radius: 0.0,
-                normal: vertex.normal,
-                color: vertex.color,
-            },
-            area: -1.0,
-        };
         if two {
             for chunk in list.triangles.chunks(CHUNK) {
                 let set_up = gather(chunk, |corners, out| {
@@ -227,8 +218,21 @@ fn share(frame: &Frame, kind: Kind, position: DVec3, normal: DVec3, color: DVec3
     }
 }
 
+/// A vertex as a splat of the frame's constant size: what it stands for is unknown.
+pub(super) fn vertex_splat(vertex: &Vertex) -> WeightedSplat {
+    WeightedSplat {
+        splat: Splat {
+            center: vertex.position,
+            radius: 0.0,
+            normal: vertex.normal,
+            color: vertex.color,
+        },
+        area: -1.0,
+    }
+}
+
 /// A splat ready to be drawn.
-struct Ready {
+pub(super) struct Ready {
     shape: Shape,
     depth: f32,
     pushed_depth: f32,
@@ -246,7 +250,7 @@ enum Shape {
 }
 
 impl Ready {
-    fn rows(&self) -> &Range<u32> {
+    pub(super) fn rows(&self) -> &Range<u32> {
         match &self.shape {
             Shape::Square(square) => &square.rows,
             Shape::Disc(disc) => &disc.rows,
@@ -254,7 +258,7 @@ impl Ready {
     }
 
     /// Calls `visit(x, y, kernel)` for every pixel of `rows` in the footprint.
-    fn for_each_pixel(&self, rows: Range<u32>, mut visit: impl FnMut(u32, u32, f64)) {
+    pub(super) fn for_each_pixel(&self, rows: Range<u32>, mut visit: impl FnMut(u32, u32, f64)) {
         match &self.shape {
             Shape::Square(square) => {
                 for y in rows {
@@ -276,7 +280,11 @@ impl Ready {
 }
 
 /// `low_pass_px` is that of the blend pass; `None` for the first.
-fn ready(frame: &Frame, weighted: &WeightedSplat, low_pass_px: Option<f64>) -> Option<Ready> {
+pub(super) fn ready(
+    frame: &Frame,
+    weighted: &WeightedSplat,
+    low_pass_px: Option<f64>,
+) -> Option<Ready> {
     let WeightedSplat { splat, area } = *weighted;
     let style = frame.style;
     let (patch, placed) = patch(frame, splat.center, splat.radius, splat.normal, splat.color)?;

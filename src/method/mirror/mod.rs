@@ -19,6 +19,7 @@ mod clip;
 mod disc;
 mod filtered;
 mod fuzzy;
+mod overdraw;
 mod round;
 mod shade;
 mod square;
@@ -28,6 +29,7 @@ mod visibility;
 
 pub use filtered::{Filtered, render_filtered};
 pub use fuzzy::{Fuzzy, Passes, render_fuzzy};
+pub use overdraw::{Drawn, count_overdraw, show_overdraw};
 pub use visibility::{Class, Filling, Pixel, Visibility, render_visibility};
 
 use crate::draw::{DrawList, Footprint, Style};

@@ -106,7 +106,10 @@ impl Shading {
     /// What is shown without light.
     fn data(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> Option<DVec3> {
         let shown = match (self.color_by, kind) {
-            (ColorBy::Shading | ColorBy::Primitive | ColorBy::Classification, _) => return None,
+            (
+                ColorBy::Shading | ColorBy::Primitive | ColorBy::Classification | ColorBy::Overdraw,
+                _,
+            ) => return None,
             (ColorBy::Level, Kind::Splat) => return Some(color),
             (ColorBy::Level, Kind::Triangle) => falsecolor::ramp(falsecolor::LEAF),
             (ColorBy::Normal, _) => falsecolor::of_normal(normal.as_vec3()),

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 /// A splat or point ready to be drawn.
 pub(super) struct Square {
-    footprint: Footprint,
+    pub(super) footprint: Footprint,
     fragment: Fragment,
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Counts, End, FrameTimes, Renderer};
 use crate::abi::FrameConstants;
+use crate::draw::ColorBy;
 use crate::draw::samples::Screen;
 use crate::gpu::Error;
 use crate::gpu::device::Kind;
@@ -17,7 +18,9 @@ use crate::method::scene::Scene;
 use crate::method::splats::Splats;
 use crate::method::targets::Context;
 use crate::method::times::{Kept, Stage};
-use crate::method::{Method, Path, Settings, SplatKind, filtered, fuzzy, hybrid, visibility};
+use crate::method::{
+    Method, Path, Settings, SplatKind, filtered, fuzzy, hybrid, overdraw, visibility,
+};
 use crate::tree::Model;
 
 /// Where the device places corners of triangles.
@@ -233,6 +236,14 @@ impl Renderer {
                 visibility.record(&mut frame, &self.targets, list, how, &context, constants);
             }
             _ => unreachable!("prepare made the pipelines"),
+        }
+        if let (ColorBy::Overdraw, Some(counter)) = (settings.color_by, &self.overdraw) {
+            let list = overdraw::List {
+                scene,
+                triangles: overdraw::Triangles::List(&lists.indices, &lists.runs),
+                splats: overdraw::Splats::List(&lists.splats, packed, capacity),
+            };
+            counter.record(&mut frame, &self.targets, list, &context, constants);
         }
         let ticket = end(frame, &self.targets.color)?;
         submit.end(&mut times);

@@ -103,6 +103,7 @@ impl Renderer {
             (self.filtered, self.spare_filtered) = (None, Vec::new());
             self.visibility = None;
             (self.fuzzy, self.spare_fuzzy) = (None, Vec::new());
+            (self.overdraw, self.counted) = (None, None);
         }
         Ok(())
     }
@@ -213,6 +214,7 @@ impl Renderer {
             times: FrameTimes::default(),
             start,
             on_device: false,
+            counted: None,
         })
     }
 
@@ -258,6 +260,7 @@ impl Renderer {
             times: FrameTimes::default(),
             start,
             on_device: false,
+            counted: None,
         })
     }
 

@@ -2,6 +2,7 @@
 
 use super::{Counts, End, FrameTimes, Renderer};
 use crate::abi::FrameConstants;
+use crate::draw::ColorBy;
 use crate::gpu::Error;
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::math::camera::View;
@@ -12,7 +13,7 @@ use crate::method::scene::Scene;
 use crate::method::splats::Splats;
 use crate::method::targets::Targets;
 use crate::method::times::Stage;
-use crate::method::{Settings, fuzzy, triangles, visibility};
+use crate::method::{Settings, fuzzy, overdraw, triangles, visibility};
 use crate::tree::Model;
 
 impl Renderer {
@@ -34,6 +35,10 @@ impl Renderer {
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
+        let counter = self
+            .overdraw
+            .as_ref()
+            .filter(|_| settings.color_by == ColorBy::Overdraw);
         submit_whole(
             &mut self.frames,
             targets,
@@ -42,6 +47,14 @@ impl Renderer {
             end,
             |frame, c| {
                 triangles::record(frame, pipeline, targets, scene, &context, c);
+                if let Some(counter) = counter {
+                    let list = overdraw::List {
+                        scene,
+                        triangles: overdraw::Triangles::Scene,
+                        splats: overdraw::Splats::Nothing,
+                    };
+                    counter.record(frame, targets, list, &context, c);
+                }
                 Ok(())
             },
         )
@@ -71,6 +84,10 @@ impl Renderer {
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
+        let counter = self
+            .overdraw
+            .as_ref()
+            .filter(|_| settings.color_by == ColorBy::Overdraw);
         let variant = Splats::variant_of(settings, constants.flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         // Declared by the pass, not read.
@@ -114,6 +131,14 @@ impl Renderer {
                         visibility.record(frame, targets, list, how, &context, c);
                     }
                     _ => unreachable!("prepare made the pipelines"),
+                }
+                if let Some(counter) = counter {
+                    let list = overdraw::List {
+                        scene,
+                        triangles: overdraw::Triangles::Nothing,
+                        splats: overdraw::Splats::Vertices { as_quads },
+                    };
+                    counter.record(frame, targets, list, &context, c);
                 }
                 Ok(())
             },

@@ -71,6 +71,7 @@ impl App {
             status: self.status.as_deref(),
             frame_ms: self.screen.frame_ms(),
             counts: self.screen.times().counts,
+            overdraw: self.screen.times().overdraw,
             control,
             is_flying: self.fly.is_some(),
         };

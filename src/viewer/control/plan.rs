@@ -1,6 +1,6 @@
 //! Which threshold and way a frame begins with, and which others are counted for it.
 
-use super::model::{Numbers, Place, Rates, Work, apart};
+use super::model::{Numbers, Place, Rates, Took, Work, apart};
 use super::{COARSEST_PX, Control};
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::method::LARGEST_COMPUTE_SQUARE_PX;
@@ -8,9 +8,17 @@ use crate::method::LARGEST_COMPUTE_SQUARE_PX;
 /// Foreseen to miss the wanted time by less than this, a frame is drawn as the one before. Where it is more, another cut is
 /// counted if that takes less.
 const DEAD_BAND: f64 = 0.02;
-/// At a place that was drawn before it is drawn as then, if that is foreseen to miss the time by less than this: so much
-/// less than the 15 percent of a frame that counts as missed that noise does not decide. The same way there and back has the same thresholds so.
-const AGAIN: f64 = 0.1;
+/// At a place that was drawn before it is drawn as then, if that is foreseen to miss the time by less than this. The same way
+/// there and back has the same thresholds so.
+const AGAIN: f64 = 0.05;
+/// Where it is more, but less than this, which is less than the 15 percent of a frame that counts as missed, it is drawn nearly
+/// as then: the threshold goes by this factor at most towards the right one, however far away that is, and comes there visit
+/// by visit.
+const NEARLY: f64 = 0.13;
+const CREEP: f32 = 1.04;
+/// So it is where more is foreseen, up to this, but the frame that was drawn there took the time within [`AGAINST`].
+const DOUBTED: f64 = 0.2;
+const AGAINST: f64 = 0.1;
 /// While the camera stays where it is, the threshold does as well if the time is foreseen to be missed by less than this:
 /// noise moves nothing.
 const STAYS: f64 = 0.045;
@@ -39,6 +47,8 @@ const WORSE: f64 = 0.02;
 const LONGEST_BLOCK: f64 = 60.0;
 /// The largest splats that compute draws may take so much longer: one size up may take far longer.
 const EDGE_BAND: f64 = 0.06;
+/// So many frames long compute is not thought of again once they take longer and the rasterizer draws what is coarser.
+const PAST_EDGE: u64 = 10;
 /// The other way to draw is taken where its threshold is finer than this part of the present way's.
 const FINER: f32 = 0.95;
 /// A threshold is changed by at most this factor before it is looked at what that draws.
@@ -69,6 +79,21 @@ pub(super) struct Seen {
     place: Place,
     px: f32,
     way: bool,
+    /// What that took without the cuts that were counted in vain, milliseconds; none before it has finished.
+    took_ms: Option<f64>,
+}
+
+/// What a frame begins with.
+#[derive(Debug, Clone, Copy)]
+struct Begin {
+    px: f32,
+    way: bool,
+    /// How far off the wanted time it stays with that.
+    allowed: f64,
+    /// It was drawn so before, and the camera moves on.
+    is_again: bool,
+    /// What a frame so drawn took there, milliseconds.
+    took_ms: Option<f64>,
 }
 
 /// A threshold whose cut was counted.
@@ -84,6 +109,8 @@ pub(super) struct Tried {
     cut: f64,
     /// Frames nearly like it were drawn.
     is_known: bool,
+    /// It takes too long, and compute draws nothing coarser.
+    is_at_edge: bool,
 }
 
 /// What was counted for a frame.
@@ -96,6 +123,8 @@ struct Search {
     count: usize,
     /// What counting took, as part of the wanted time.
     spent: f64,
+    /// The largest splats of compute were counted, and take too long.
+    has_edge: bool,
 }
 
 impl Search {
@@ -111,6 +140,7 @@ impl Search {
         }
         self.count += 1;
         self.spent += tried.cut;
+        self.has_edge |= tried.is_at_edge && tried.share > 1.0 + EDGE_BAND;
     }
 
     /// Whether the time jumps over the wanted one beside `best`.
@@ -192,7 +222,8 @@ impl Control {
             Some((next, misses))
         };
         let now = of(by_compute)?;
-        if !self.has_choice {
+        let is_past_edge = !by_compute && self.planned < self.past_edge;
+        if !self.has_choice || is_past_edge {
             return Some((now.0, by_compute));
         }
         let other = of(!by_compute)?;
@@ -219,10 +250,12 @@ impl Control {
             return self.shown_px;
         }
         self.planned += 1;
-        let (mut px, mut way, mut allowed) = self.begin(place);
+        let begin = self.begin(place);
+        let (mut px, mut way, mut allowed) = (begin.px, begin.way, begin.allowed);
         let mut work = |px: f32| Work { place, ..work(px) };
         let mut now = work(px);
         let mut search = Search::default();
+        let mut creeps = false;
         for left in (0..MOST_CUTS).rev() {
             let Some(tried) = self.foresee(px, way, &now) else {
                 break;
@@ -230,10 +263,19 @@ impl Control {
             way = tried.way;
             search.add(tried);
             let is_near = tried.off() <= allowed.max(tried.cut);
-            if left == 0 || is_near || tried.next == (px, way) || self.is_blocked(&tried) {
+            if left == 0 || is_near || creeps || self.is_blocked(&tried) {
                 break;
             }
-            let Some((next_px, next_way)) = self.after(&mut search, &tried) else {
+            creeps = search.count == 1 && self.is_kept(&begin, &tried);
+            let next = if creeps {
+                let step = (tried.next.0 / px).clamp(CREEP.recip(), CREEP);
+                (tried.next.0 != px).then_some((step * px, way))
+            } else if tried.next == (px, way) {
+                self.beyond(&tried)
+            } else {
+                self.after(&mut search, &tried)
+            };
+            let Some((next_px, next_way)) = next else {
                 break;
             };
             allowed = DEAD_BAND;
@@ -249,7 +291,8 @@ impl Control {
         let Some(mut best) = search.best else {
             return self.shown_px;
         };
-        if let Some(unknown) = self.unknown_beside(&search, &best) {
+        if creeps {
+        } else if let Some(unknown) = self.unknown_beside(&search, &best) {
             self.counted += now.visited;
             (px, now) = (unknown, work(unknown));
             match self.foresee(px, best.way, &now) {
@@ -270,7 +313,7 @@ impl Control {
             self.counted += now.visited;
             work(best.px);
         }
-        self.decide(&best);
+        self.decide(&best, &search);
         best.px
     }
 
@@ -295,7 +338,21 @@ impl Control {
             next,
             cut: rates.cut_ms(work.visited) / self.target_ms,
             is_known: rates.is_known,
+            is_at_edge: way && work.is_free && share > 1.0 && px >= 0.99 * largest_by_compute(work),
         })
+    }
+
+    /// Whether a frame is to be drawn nearly as it was before at this place.
+    fn is_kept(&self, begin: &Begin, tried: &Tried) -> bool {
+        let kept = |ms: f64| (ms / self.target_ms).ln().abs() <= AGAINST;
+        let is_doubted = || tried.off() <= DOUBTED && begin.took_ms.is_some_and(kept);
+        begin.is_again && tried.way == begin.way && (tried.off() <= NEARLY || is_doubted())
+    }
+
+    /// Where compute ends and takes too long: the rasterizer takes longer a little above, and far beyond it may not.
+    fn beyond(&self, tried: &Tried) -> Option<(f32, bool)> {
+        let px = (tried.px * LARGEST_STEP).min(self.coarsest());
+        (tried.is_at_edge && px > tried.px).then_some((px, false))
     }
 
     /// Threshold and way that are counted after `tried`; none where it is no use.
@@ -335,7 +392,10 @@ impl Control {
         if best.off() <= MOST_OFF || !is_stuck || self.is_blocked(best) {
             return None;
         }
-        let step = (best.share as f32).sqrt();
+        let step = match best.is_at_edge {
+            true => LARGEST_STEP,
+            false => (best.share as f32).sqrt(),
+        };
         let px = best.px * step.clamp(LARGEST_STEP.recip(), LARGEST_STEP);
         let px = px.clamp(self.finest_px, self.coarsest());
         (px != best.px).then_some(px)
@@ -347,7 +407,7 @@ impl Control {
 
     /// Threshold and way that a frame begins with which is seen from `place`, and how far off the wanted time it stays with
     /// them: those of a frame that was seen from there before, or what would have been right for the last one.
-    fn begin(&mut self, place: Place) -> (f32, bool, f64) {
+    fn begin(&mut self, place: Place) -> Begin {
         let moved = apart(&place, &self.place);
         self.place = place;
         let (finest, coarsest) = (self.finest_px, self.coarsest());
@@ -359,15 +419,26 @@ impl Control {
         if let Some((distance, seen)) = nearest
             && distance <= MOVED.max(0.5 * moved)
         {
-            let allowed = if moved <= MOVED { STAYS } else { AGAIN };
-            return (seen.px.clamp(finest, coarsest), seen.way, allowed);
+            let is_still = moved <= MOVED;
+            return Begin {
+                px: seen.px.clamp(finest, coarsest),
+                way: seen.way,
+                allowed: if is_still { STAYS } else { AGAIN },
+                is_again: !is_still,
+                took_ms: seen.took_ms,
+            };
         }
-        match self.last {
-            Some(last) if last.off() <= DEAD_BAND || self.is_blocked(&last) => {
-                (last.px.clamp(finest, coarsest), last.way, DEAD_BAND)
-            }
-            Some(last) => (last.next.0.clamp(finest, coarsest), last.next.1, DEAD_BAND),
-            None => (self.moving_px.max(finest), self.by_compute, DEAD_BAND),
+        let (px, way) = match self.last {
+            Some(last) if last.off() <= DEAD_BAND || self.is_blocked(&last) => (last.px, last.way),
+            Some(last) => last.next,
+            None => (self.moving_px, self.by_compute),
+        };
+        Begin {
+            px: px.clamp(finest, coarsest),
+            way,
+            allowed: DEAD_BAND,
+            is_again: false,
+            took_ms: None,
         }
     }
 
@@ -384,7 +455,11 @@ impl Control {
     }
 
     /// What is to be drawn.
-    fn decide(&mut self, best: &Tried) {
+    fn decide(&mut self, best: &Tried, search: &Search) {
+        // Compute was counted as coarse as it goes and found too slow: from here, that is only guessed.
+        if !best.way && search.has_edge {
+            self.past_edge = self.planned + PAST_EDGE;
+        }
         self.by_compute = best.way;
         (self.moving_px, self.shown_px) = (best.px, best.px);
         self.last = Some(*best);
@@ -395,6 +470,17 @@ impl Control {
             place: self.place,
             px: best.px,
             way: best.way,
+            took_ms: None,
         });
+    }
+
+    /// A frame has finished: the place that it was seen from remembers what it took.
+    pub(super) fn note_seen(&mut self, px: f32, work: &Work, took: Took) {
+        let is_it = |seen: &&mut Seen| seen.place == work.place && seen.px == px;
+        if let Some(seen) = self.seen.iter_mut().rev().find(is_it) {
+            let looked = (work.visited + work.counted).max(1);
+            let in_vain = took.cut_ms * work.counted as f64 / looked as f64;
+            seen.took_ms = Some(took.ms() - in_vain);
+        }
     }
 }

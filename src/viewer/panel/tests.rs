@@ -185,6 +185,7 @@ fn state<'a>(settings: &'a Settings, facts: &'a Facts) -> State<'a> {
         status: None,
         frame_ms: 1.0,
         counts: Counts::default(),
+        overdraw: None,
         control: None,
         is_flying: false,
     }
@@ -492,5 +493,33 @@ fn every_choice_of_the_panel_is_kept() {
         let light = Lighting::Phong(lamp);
         keep(Settings { light, ..usual });
     }
-    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 5 + 2);
+    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 6 + 2);
+}
+
+#[test]
+fn the_colors_of_overdraw_have_a_legend() {
+    let mut stage = Stage::new();
+    let facts = Facts::default();
+    let mut texts = |color_by: ColorBy, found: Option<Overdraw>| {
+        let settings = Settings {
+            color_by,
+            ..Settings::default()
+        };
+        let state = State {
+            overdraw: found,
+            ..state(&settings, &facts)
+        };
+        stage.controls(&state);
+        stage.pass(&state, Vec::new()).1
+    };
+    let found = Overdraw::of([0, 1, 2, 1500]);
+    let shown = texts(ColorBy::Overdraw, Some(found));
+    for text in [" 1 ", " 8 ", " 64+ ", "mean 501.00 a pixel, most 1,500"] {
+        assert!(shown.iter().any(|t| t == text), "{text}: {shown:?}");
+    }
+    // Before the first frame that counted there are no figures yet.
+    let shown = texts(ColorBy::Overdraw, None);
+    assert!(shown.iter().any(|t| t == " 8 ") && !shown.iter().any(|t| t.contains("mean")));
+    let shown = texts(ColorBy::Depth, None);
+    assert!(!shown.iter().any(|t| t == " 8 "));
 }
