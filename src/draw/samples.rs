@@ -68,8 +68,8 @@ impl Screen {
 /// Triangles whose corners are farther than this many steps apart are left to the device: products of whole numbers stay
 /// exact, and it draws large ones faster.
 const MOST_STEPS: f32 = 2048.0;
-/// So are those that may cover more pixels than this.
-const MOST_PIXELS: f32 = 16.0;
+/// So are those that may cover more pixels than this: bits of a word.
+const MOST_PIXELS: f32 = 32.0;
 
 /// Triangles that stay such, part by part.
 pub type Rest = Vec<Vec<u32>>;

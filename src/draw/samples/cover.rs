@@ -172,7 +172,7 @@ impl Covered {
         let (mut number, mut bit) = (0.0, 1);
         loop {
             let is_inside = a_is.min(b_is).min(c_is).simd_ge(0.0) & count.simd_gt(number);
-            covered = covered | is_inside.select(S::u32s::splat(simd, bit), nothing);
+            covered |= is_inside.select(S::u32s::splat(simd, bit), nothing);
             number += 1.0;
             if count.simd_gt(number).to_bitmask() == 0 {
                 break;

@@ -110,19 +110,19 @@ impl Queue {
         }
         let (mut x, mut y, mut z) = (zero, zero, zero);
         let (mut red, mut green, mut blue) = (zero, zero, zero);
-        for i in 0..3 {
-            let word = words(&self.normals[i]);
-            let color = words(&self.colors[i]);
+        for ((weight, normals), colors) in w.into_iter().zip(&self.normals).zip(&self.colors) {
+            let word = words(normals);
+            let color = words(colors);
             let [nx, ny, nz] = decoded(simd, word);
             // Alpha 0 marks a vertex without normal: it leaves the others to decide.
             let has_normal = color.simd_ge(1 << 24);
-            let share = has_normal.select(w[i], zero) / (nx * nx + ny * ny + nz * nz).sqrt();
+            let share = has_normal.select(weight, zero) / (nx * nx + ny * ny + nz * nz).sqrt();
             x += nx * share;
             y += ny * share;
             z += nz * share;
-            red += byte::<S>(color, 0) * w[i];
-            green += byte::<S>(color, 8) * w[i];
-            blue += byte::<S>(color, 16) * w[i];
+            red += byte::<S>(color, 0) * weight;
+            green += byte::<S>(color, 8) * weight;
+            blue += byte::<S>(color, 16) * weight;
         }
         let [red, green, blue] = [whole::<S>(red), whole::<S>(green), whole::<S>(blue)];
         let has_normal = x.simd_ne(0.0) | y.simd_ne(0.0) | z.simd_ne(0.0);

@@ -112,7 +112,12 @@ fn a_normal_is_as_exact_as_that_of_a_triangle() {
         Vertex {
             position: Vec3::new(angle(0.1), angle(0.2), angle(0.3)),
             normal: octahedral::encode(direction),
-            color: [i as u8, 255 - i as u8, 7, if i % 11 == 0 { 0 } else { 255 }],
+            color: [
+                i as u8,
+                255 - i as u8,
+                7,
+                if i.is_multiple_of(11) { 0 } else { 255 },
+            ],
         }
     };
     for level in levels() {
