@@ -24,7 +24,8 @@ pub struct Vertex {
 pub struct Splat {
     /// Center in model space.
     pub center: Vec3,
-    /// Radius in model units; 0 asks for the constant size of the frame.
+    /// Radius in model units; 0 asks for the constant size of the frame, and so does a negative one: its lower bits are
+    /// what `normal` leaves out, 2 x 15 bit signed, in steps of 2^-14 of its own.
     pub radius: f32,
     /// Unit normal, octahedral 2 x 16 bit.
     pub normal: [i16; 2],
@@ -92,7 +93,7 @@ pub struct FilteredSplat {
     pub unused: u32,
 }
 
-/// What every pass of a frame knows, 216 bytes: the uniform block of `shaders/common/frame.glsl`.
+/// What every pass of a frame knows, 304 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameConstants {
@@ -131,6 +132,8 @@ pub struct FrameConstants {
     pub unused: [f32; 2],
     /// Window position (pixels of the picture) and reversed depth from model space, both times the last component, columns.
     pub window_from_model: [[f32; 4]; 4],
+    /// Where the headlight is in model space: a position (last component 1), or the unit vector towards it (0).
+    pub headlight: [f32; 4],
 }
 
 /// What a pass over storage knows of the picture and of the bound part of a draw list: the uniform block of
@@ -322,6 +325,7 @@ same_layout!(
     low_pass_px = LOW_PASS_PX,
     depth_range = DEPTH_RANGE,
     window_from_model = WINDOW_FROM_MODEL,
+    headlight = HEADLIGHT,
 );
 same_layout!(
     ListConstants,

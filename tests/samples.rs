@@ -4,6 +4,8 @@
 mod common;
 
 use common::{Device, generated, orbit, real};
+use glam::{DVec2, DVec3};
+use surfel::cut::{Cut, Footprints, Selector, Undrawn, select};
 use surfel::generate::Shape;
 use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
@@ -11,7 +13,7 @@ use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Counts, Outputs};
-use surfel::method::{Culling, Path, Settings, SplatKind};
+use surfel::method::{Culling, Path, Settings, SplatKind, plan};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -165,6 +167,101 @@ fn samples_of_a_scan_are_the_pixels_of_the_rasterizer() {
             };
             let what = format!("fill {fill}, threshold {threshold_px}, {splat:?}");
             assert_same(&device, &model, &view, settings, &what);
+        }
+    }
+}
+
+/// Whether a triangle contains the center of a pixel, by its corners in double precision.
+fn contains_a_center(model: &Model, view: &View, leaf: u32) -> bool {
+    let to_view = view.view_from_model.as_dmat4();
+    let corners = model.triangles[leaf as usize].map(|corner| {
+        let position: DVec3 = model.vertices[corner as usize].position.as_dvec3();
+        let v = to_view.transform_point3(position);
+        let window = |i: usize, at: f64, size: u32, sign: f64| {
+            let (scale, offset) = (f64::from(view.scale[i]), f64::from(view.offset[i]));
+            let x = if view.is_perspective {
+                (scale * at + offset * v.z) / -v.z
+            } else {
+                scale * at + offset
+            };
+            (1.0 + sign * x) / 2.0 * f64::from(size)
+        };
+        DVec2::new(
+            window(0, v.x, view.width, 1.0),
+            window(1, v.y, view.height, -1.0),
+        )
+    });
+    let [a, b, c] = corners;
+    let low = a.min(b).min(c).floor();
+    let high = a.max(b).max(c).ceil();
+    let in_picture = |x: f64, size: u32| x >= 0.0 && x < f64::from(size);
+    for y in low.y as i64..high.y as i64 {
+        for x in low.x as i64..high.x as i64 {
+            let center = DVec2::new(x as f64 + 0.5, y as f64 + 0.5);
+            let side = |p: DVec2, q: DVec2| (q - p).perp_dot(center - p);
+            let sides = [side(a, b), side(b, c), side(c, a)];
+            if (sides.iter().all(|&s| s >= 0.0) || sides.iter().all(|&s| s <= 0.0))
+                && in_picture(center.x, view.width)
+                && in_picture(center.y, view.height)
+            {
+                return true;
+            }
+        }
+    }
+    false
+}
+
+/// Below a pixel whole branches of the tree are left out: no triangle of them contains a pixel's center, and most nodes
+/// are never looked at. At threshold 0 the triangles that are left give the picture of all of them.
+#[test]
+fn branches_that_are_left_out_cover_nothing() {
+    for (shape, triangles) in [(Shape::Statue, 300_000), (Shape::Torus, 300_000)] {
+        let model = generated(shape, triangles);
+        let undrawn = Undrawn::new(&model);
+        let view = orbit(&model, (120, 100), 30.0, 20.0, 0.9);
+        let orthographic = common::orthographic(&model, (120, 100));
+        for (view, side_px) in [(view, 0.0), (view, 0.2), (orthographic, 0.0)] {
+            let what = format!("{shape:?}, {side_px}, {}", view.is_perspective);
+            let settings = Settings {
+                threshold_px: side_px,
+                culling: Culling::Off,
+                ..Settings::default()
+            };
+            let with = plan::cut_settings(&settings, &model);
+            let footprints = Footprints {
+                side_px,
+                hides: false,
+                are_discs: false,
+                large_leaves: false,
+                is_cloud: false,
+            };
+            let (mut cut, mut all) = (Cut::default(), Cut::default());
+            let seen = (footprints, &undrawn);
+            Selector::default().select_seen(&model, &view, &with, seen, &mut cut);
+            select(&model, &view, &with, &mut all);
+            assert!(
+                3 * cut.stats.visited < 2 * all.stats.visited,
+                "{what}: {} of {} visited",
+                cut.stats.visited,
+                all.stats.visited
+            );
+            let mut is_drawn = vec![false; model.triangles.len()];
+            let rows = cut.strips.iter().map(|row| row.node);
+            for node in cut.nodes.iter().copied().chain(rows) {
+                for leaf in model.tree.leaf_range(node) {
+                    is_drawn[leaf as usize] = true;
+                }
+            }
+            for &leaf in cut.leaves.iter().chain(&cut.triangles) {
+                is_drawn[leaf as usize] = true;
+            }
+            let left_out = (0..model.triangles.len() as u32).filter(|&t| !is_drawn[t as usize]);
+            let mut count = 0;
+            for leaf in left_out {
+                count += 1;
+                assert!(!contains_a_center(&model, &view, leaf), "{what}: {leaf}");
+            }
+            assert!(2 * count > model.triangles.len(), "{what}: {count}");
         }
     }
 }

@@ -31,6 +31,9 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     // Window position (pixels of the picture) and reversed depth from model space, both times the last component: for
     // passes that ask for nothing else, since a software device takes longer to read a matrix than to multiply by it.
     mat4 window_from_model;
+    // Where the headlight is in model space: a position where w is 1, the unit vector towards it where w is 0. Shading there
+    // needs no matrix.
+    vec4 headlight;
 } frame;
 
 // The flags of the frames that a pipeline is made for, with FLAGS_ARE_KNOWN; 0: the block says. Where larger parts of a shader

@@ -16,6 +16,14 @@ layout(location = 1) out vec4 normal;
 // Whether the pass has a target for normals.
 layout(constant_id = 0) const bool WRITE_NORMALS = false;
 
+// Where a splat has no radius, its lower bits may be what the normal's code leaves out.
+vec2 code_of(SplatRecord splat) {
+    ivec2 code = ivec2(splat.normal << 16, splat.normal) >> 16;
+    int fine = min(floatBitsToInt(splat.radius), 0);
+    vec2 left = vec2(bitfieldExtract(fine, 0, 15), bitfieldExtract(fine, 15, 15)) / 16384.0;
+    return max((vec2(code) + left) / 32767.0, -1.0);
+}
+
 void main() {
     uint64_t key = nearest[index_of(ivec2(gl_FragCoord.xy))];
     uint number = ~uint(key);
@@ -26,10 +34,9 @@ void main() {
     SplatRecord splat = splats[list.begin + item];
     vec4 rgba = unpackUnorm4x8(splat.color);
     vec3 center = vec3(splat.center[0], splat.center[1], splat.center[2]);
-    vec3 normal_in_model = rgba.a == 0.0 ? vec3(0.0) : octahedral_decode(unpackSnorm2x16(splat.normal));
-    vec3 n = mat3(frame.view_from_model) * normal_in_model / frame.model_scale;
-    vec3 center_in_view = (frame.view_from_model * vec4(center, 1.0)).xyz;
-    color = vec4(headlight(n, to_light(center_in_view), rgba.rgb, vec3(1.0, 0.2, 0.2)), 1.0);
+    vec3 normal_in_model = rgba.a == 0.0 ? vec3(0.0) : octahedral_decode(code_of(splat));
+    vec3 to_light = normalize(frame.headlight.xyz - frame.headlight.w * center);
+    color = vec4(headlight(normal_in_model, to_light, rgba.rgb, vec3(1.0, 0.2, 0.2)), 1.0);
     if (WRITE_NORMALS) {
         normal = vec4(normal_in_model, 1.0);
     }

@@ -225,6 +225,9 @@ impl Batch {
         self.sizes(tester, groups.len());
         self.volumes(tester, groups, cut);
         self.cones(tester, groups, &mut prefetch, cut);
+        if let Some(hiding) = hiding.filter(|hiding| hiding.is_exact()) {
+            self.drop_nodes_between(hiding, groups.len(), &mut prefetch, cut);
+        }
         self.rows(tester, groups, &mut prefetch);
         match hiding.filter(|hiding| hiding.asks_splats()) {
             Some(hiding) => {
@@ -413,7 +416,18 @@ impl Batch {
     ) {
         self.gather_leaves(&model.tree.leaves, tester, (groups, ahead), cut);
         self.volumes(tester, groups, cut);
+        // Sides take vertices, so they are asked for last where most leaves are far smaller than a pixel.
+        let (before, after) = match hiding {
+            Some(hiding) if hiding.is_exact() => (Some(hiding), None),
+            _ => (None, hiding),
+        };
+        if let Some(hiding) = before {
+            self.drop_between(hiding, groups.len(), cut);
+        }
         self.faces(model, tester, groups, cut);
+        if let Some(hiding) = after {
+            self.drop_between(hiding, groups.len(), cut);
+        }
         // A point has no triangle: large or small, it is a splat.
         let always = if model.triangles.is_empty() { 15 } else { 0 };
         if let Some(hiding) = hiding {

@@ -31,6 +31,8 @@ pub(super) const SUBPIXEL_BITS: RangeInclusive<u32> = 4..=8;
 const MOST_PIXELS: u32 = 1024;
 /// Nothing is nearer.
 const NOTHING: u32 = f32::INFINITY.to_bits();
+/// A circle of this radius, pixels, contains the center of one wherever it lies.
+const LARGEST_BETWEEN_PX: f32 = std::f32::consts::FRAC_1_SQRT_2;
 /// How far off a coordinate of a splat may be, over the sum of the terms that it is made of, on the device and here
 /// together. On either side numbers of the matrix are rounded, and their products and sums: at most ten times, or twelve
 /// where a device places points in two steps, by 2^-24 each.
@@ -341,11 +343,26 @@ impl<'a> Hiding<'a> {
         self.outer_px < 0.5
     }
 
-    /// Which of four triangles, which lie in the balls, may contain the center of a pixel. Between them no device draws
-    /// anything.
+    /// Whether all that is below a node is drawn where it contains a pixel's center: triangles, and splats smaller than a
+    /// pixel. Then what lies in a ball between centers is nothing.
+    #[inline]
+    pub(super) fn is_exact(&self) -> bool {
+        self.is_sampled() && !self.footprints.large_leaves
+    }
+
+    /// Which of four balls may contain the center of a pixel. Of triangles between them no device draws anything.
     #[inline]
     pub(super) fn meets_centers(&self, balls: &Balls) -> u8 {
         let focal = self.focal[0].abs().max(self.focal[1].abs());
+        // None is between centers that is larger than this: not worth the rest.
+        let widest = if self.is_perspective {
+            balls.depth * (LARGEST_BETWEEN_PX / focal)
+        } else {
+            Vec4::splat(LARGEST_BETWEEN_PX / focal)
+        };
+        if balls.radius.cmpgt(widest).all() {
+            return 15;
+        }
         let [x, y] = self.along(balls.center);
         let ([x, y], scale, off, stretch, is_known) = if self.is_perspective {
             let inverse = Vec4::ONE / balls.depth;

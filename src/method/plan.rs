@@ -414,6 +414,7 @@ pub(super) fn frame_constants(
     let columns = |m: Mat4| -> [[f32; 4]; 4] {
         [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c: Vec4| c.to_array())
     };
+    let flags = frame_flags(view, settings, context.cull_back);
     FrameConstants {
         view_from_model: columns(view.view_from_model),
         clip_from_view: columns(clip),
@@ -430,7 +431,7 @@ pub(super) fn frame_constants(
         focal_px: view.focal_px(),
         splat_size_px: settings.threshold_px.max(1.0),
         model_scale: view.model_scale,
-        flags: frame_flags(view, settings, context.cull_back),
+        flags,
         background: {
             let [r, g, b] = settings.background;
             [r, g, b, settings.depth_offset()]
@@ -443,6 +444,12 @@ pub(super) fn frame_constants(
         depth_range: context.depth_range,
         unused: [0.0; 2],
         window_from_model: columns(window_from_model(view)),
+        headlight: if flags & constants::FLAG_PARALLEL_LIGHT != 0 {
+            view.backward.extend(0.0)
+        } else {
+            view.eye.extend(1.0)
+        }
+        .to_array(),
     }
 }
 

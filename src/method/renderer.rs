@@ -128,6 +128,11 @@ struct Ahead {
     is_new: bool,
 }
 
+/// How far splats of this size may reach beyond the model, pixels.
+fn margin_px(largest_px: f32) -> f32 {
+    largest_px / 2.0 + 3.0
+}
+
 fn ms(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
 }
@@ -262,7 +267,7 @@ impl Renderer {
             } else {
                 0
             },
-            rect_px: compute::rect::rect_px(model, view, largest_px / 2.0 + 3.0),
+            rect_px: compute::rect::rect_px(model, view, margin_px(largest_px)),
             background: settings.background,
             cull_back: settings.draws_fronts_only(model.is_closed),
             is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),

@@ -78,20 +78,47 @@ impl Batch {
         }
     }
 
-    /// Drops triangles between the centers of pixels.
-    fn drop_between(&mut self, hiding: &Hiding<'_>, count: usize, cut: &mut Cut) {
+    /// Drops triangles between the centers of pixels, and small ones where splats are samples.
+    pub(super) fn drop_between(&mut self, hiding: &Hiding<'_>, count: usize, cut: &mut Cut) {
+        let (have_sizes, asks_large) = hiding.of_leaves();
+        if have_sizes || asks_large {
+            return;
+        }
+        let splats = if hiding.is_exact() { 15 } else { 0 };
         let lanes = self.balls.iter().zip(&self.small);
         for ((balls, &small), kept) in lanes.zip(&mut self.kept).take(count) {
-            let triangles = *kept & !small;
-            if triangles != 0 {
-                let misses = triangles & !hiding.meets_centers(balls);
-                cut.stats.between += u64::from(misses.count_ones());
+            let asked = *kept & (!small | splats);
+            if asked != 0 {
+                let misses = asked & !hiding.meets_centers(balls);
+                cut.stats.between += u64::from((misses & !small).count_ones());
+                cut.stats.hidden += u64::from((misses & small).count_ones());
                 *kept &= !misses;
             }
         }
     }
 
-    /// Drops leaves that are hidden or cover no center; those in `always` are splats in any case.
+    /// Drops nodes between the centers of pixels, with all that is below them, where that would be samples: of a surface
+    /// whose triangles are far smaller than pixels a level of the tree has four times the nodes of the one above, and no more
+    /// of them that contain a center.
+    pub(super) fn drop_nodes_between(
+        &mut self,
+        hiding: &Hiding<'_>,
+        count: usize,
+        mut prefetch: impl FnMut(),
+        cut: &mut Cut,
+    ) {
+        let lanes = self.balls.iter().zip(&self.small);
+        for ((balls, &small), kept) in lanes.zip(&mut self.kept).take(count) {
+            prefetch();
+            if *kept != 0 {
+                let misses = *kept & !hiding.meets_centers(balls);
+                cut.stats.hidden += u64::from((misses & small).count_ones());
+                *kept &= !misses;
+            }
+        }
+    }
+
+    /// Drops leaves that are hidden; those in `always` are splats in any case.
     pub(super) fn hide_leaves(
         &mut self,
         hiding: &Hiding<'_>,
@@ -100,13 +127,10 @@ impl Batch {
         marks: &mut Marks,
         cut: &mut Cut,
     ) {
-        let (have_sizes, asks_large) = hiding.of_leaves();
-        if !have_sizes && !asks_large {
-            self.drop_between(hiding, groups.len(), cut);
-        }
         if !hiding.asks_splats() {
             return;
         }
+        let (have_sizes, asks_large) = hiding.of_leaves();
         // A small triangle has the constant size, a point of a cloud and a large triangle their own.
         let kinds = [
             (0, have_sizes, true, &mut marks.leaves),

@@ -22,6 +22,8 @@ pub(crate) struct List<'a> {
     pub(crate) sample_count: u32,
     /// What the others are.
     pub(crate) variant: Variant,
+    /// Parts of the picture in which anything can be.
+    pub(crate) areas: &'a [[u32; 4]],
 }
 
 /// Triangles of a scene: their corner indices, page by page.

@@ -23,7 +23,7 @@ use crate::abi::shaders;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::device::Kind;
-use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::frame::{Draw, Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use list::Items;
@@ -328,7 +328,12 @@ impl Small {
         let picture = [0.0, 0.0, context.width as f32, context.height as f32];
         pass.draw(picture, |draw| {
             draw.cull_back_faces(false, false);
-            draw.scissor(rect::area(context.rect_px));
+            let over_areas = |draw: &mut Draw<'_>| {
+                for &area in list.areas {
+                    draw.scissor(rect::area(area));
+                    draw.draw(0, 3);
+                }
+            };
             for &((part, uniform, _), vertices) in &triangles {
                 draw.bind_storage(
                     &self.resolve_triangles,
@@ -336,7 +341,7 @@ impl Small {
                     &[],
                     &[part, vertices, keys],
                 );
-                draw.draw(0, 3);
+                over_areas(draw);
             }
             for &(part, uniform, _) in &all {
                 draw.bind_storage(
@@ -345,7 +350,7 @@ impl Small {
                     &[],
                     &[part, keys],
                 );
-                draw.draw(0, 3);
+                over_areas(draw);
             }
         });
         Ok(())

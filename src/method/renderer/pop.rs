@@ -1,6 +1,6 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
-use super::{Counts, End, FrameTimes, Renderer};
+use super::{Counts, End, FrameTimes, Renderer, margin_px};
 use crate::abi::FrameConstants;
 use crate::draw::ColorBy;
 use crate::draw::samples::Screen;
@@ -150,6 +150,11 @@ impl Renderer {
         let constants = frame_constants(view, settings, &context);
         let flags = constants.flags;
         let constants = frame.uniform(&constants)?;
+        let areas = if ways.is_small {
+            compute::rect::areas(model, view, context.rect_px, margin_px(largest))
+        } else {
+            Vec::new()
+        };
         let small_list = compute::List {
             scene,
             corners: &lists.small,
@@ -158,6 +163,7 @@ impl Renderer {
             splat_count: packed.points as u32,
             sample_count: held.samples as u32,
             variant: compute_variant(settings, model),
+            areas: &areas,
         };
         let small_triangles = Triangles {
             scene,
