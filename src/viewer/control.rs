@@ -7,9 +7,9 @@
 //!
 //! A frame begins with the threshold that would have been right for the one before. Another cut is counted only where the
 //! time is foreseen to be missed by more than counting takes; else the next frame begins with what would have been right.
-//! A place that was drawn before begins as it was drawn then, and stays so within a wider band: where the time hardly
-//! changes with the threshold, or falls and rises with it, several thresholds are as good, and the way back has those of the
-//! way there. A camera that stays where it is keeps its threshold so as well; noise moves nothing.
+//! A place that was drawn before begins as it was drawn then, stays so within a wider band, and within one wider still goes
+//! only a little towards what would be right: where the time hardly changes with the threshold, or falls and rises with it,
+//! several thresholds are as good, and the way back has those of the way there. A camera that stays where it is keeps its threshold so as well; noise moves nothing.
 //!
 //! What a frame takes is foreseen part by part (see `src/viewer/control/model.rs`). Cuts that are counted and not drawn take time as well;
 //! they count as work of the frame that they are made for.

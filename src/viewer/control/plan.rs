@@ -47,6 +47,8 @@ const WORSE: f64 = 0.02;
 const LONGEST_BLOCK: f64 = 60.0;
 /// The largest splats that compute draws may take so much longer: one size up may take far longer.
 const EDGE_BAND: f64 = 0.06;
+/// Where they take so many times the wanted one, what is coarser is better whatever draws it.
+const FAR: f64 = 2.0;
 /// So many frames long compute is not thought of again once they take longer and the rasterizer draws what is coarser.
 const PAST_EDGE: u64 = 10;
 /// The other way to draw is taken where its threshold is finer than this part of the present way's.
@@ -338,7 +340,10 @@ impl Control {
             next,
             cut: rates.cut_ms(work.visited) / self.target_ms,
             is_known: rates.is_known,
-            is_at_edge: way && work.is_free && share > 1.0 && px >= 0.99 * largest_by_compute(work),
+            is_at_edge: way
+                && work.is_free
+                && (1.0..FAR).contains(&share)
+                && px >= 0.99 * largest_by_compute(work),
         })
     }
 
