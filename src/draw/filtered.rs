@@ -30,6 +30,7 @@
 
 mod four;
 mod groups;
+pub mod host;
 mod patch;
 mod place;
 mod taken;

@@ -2,6 +2,7 @@
 //! frames ask for the same.
 
 use super::compute::twin::Share;
+use super::filtered::drawn::Drawn;
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use super::scene::Scene;
@@ -9,6 +10,7 @@ use super::{Method, Path, Settings, compute};
 use crate::abi::{FilteredSplat, FuzzySplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::draw::ColorBy;
+use crate::draw::filtered::host::Canvas;
 use crate::draw::samples::{self, Screen};
 use crate::draw::splats::{self, Packed};
 use crate::draw::{filtered, fuzzy, pack};
@@ -31,6 +33,8 @@ pub(super) struct Lists {
     /// Triangles that stay such where others become samples.
     rest: samples::Rest,
     rest_ids: Vec<u32>,
+    /// What the host draws itself.
+    pub(super) drawn: Drawn,
     /// None before the first frame, and after one that failed.
     pub(super) held: Option<Held>,
 }
@@ -51,6 +55,8 @@ pub(super) struct Held {
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
     pub(super) ways: Ways,
+    /// The host has drawn the splats.
+    pub(super) is_drawn: bool,
     /// Of the cut.
     pub(super) stats: Stats,
 }
@@ -160,6 +166,9 @@ impl Key {
     }
 }
 
+/// Where the host draws so many filtered splats, if it is to.
+pub(super) type HostCanvas<'a> = &'a dyn Fn(usize) -> Option<Canvas>;
+
 impl Lists {
     /// # Errors
     /// When memory runs out.
@@ -173,6 +182,7 @@ impl Lists {
             small_runs: Vec::new(),
             rest: samples::Rest::new(),
             rest_ids: Vec::new(),
+            drawn: Drawn::new(gpu, slot)?,
             held: None,
         })
     }
@@ -193,13 +203,14 @@ impl Lists {
         (model, scene): (&Model, &Scene),
         cut: &mut Cut,
         (key, packing): (Key, Packing),
-        (ways, screen): (Ways, &Screen),
+        (ways, screen, canvas): (Ways, &Screen, HostCanvas<'_>),
     ) -> Result<(), Error> {
         self.held = None;
         let view = &key.view;
         let mut samples = None;
         let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
         let mut placed = None;
+        let mut is_drawn = false;
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan)
                 if key.may_sample
@@ -243,6 +254,11 @@ impl Lists {
                 let most = filtered::splat_count(cut, large);
                 let out = records(gpu, &mut self.splats, most)?;
                 let count = filtered::splats(model, cut, large, view, *shade, out);
+                // Triangles hide splats and are the device's.
+                let has_others = key.has_triangles && !cut.triangles.is_empty();
+                if let Some(canvas) = (!has_others).then(|| canvas(count)).flatten() {
+                    is_drawn = self.drawn.draw(gpu, &out[..count], canvas)?;
+                }
                 let packed = Packed {
                     points: count,
                     quads: 0,
@@ -281,6 +297,7 @@ impl Lists {
                 0
             },
             ways,
+            is_drawn,
             stats: cut.stats,
             key,
         });
@@ -291,6 +308,9 @@ impl Lists {
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
+        if held.is_drawn {
+            self.drawn.flush();
+        }
         self.indices.flush(0..held.index_bytes);
         if held.ways.takes_triangles {
             self.small.flush(0..held.index_bytes);
@@ -299,7 +319,7 @@ impl Lists {
 }
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.
-const FIRST_BYTES: u64 = 1 << 20;
+pub(super) const FIRST_BYTES: u64 = 1 << 20;
 
 /// The records that fit a mapped buffer.
 fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
@@ -308,7 +328,7 @@ fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
 }
 
 /// A mapped buffer as `count` records at least, grown if need be.
-fn records<'a, T: bytemuck::Pod>(
+pub(super) fn records<'a, T: bytemuck::Pod>(
     gpu: &Arc<Gpu>,
     buffer: &'a mut Upload,
     count: usize,

@@ -109,6 +109,7 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> 
         },
         splats: &list,
         splat_count: splats.len() as u32,
+        drawn: None,
     };
     filtered
         .record(
