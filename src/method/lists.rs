@@ -2,7 +2,7 @@
 //! frames ask for the same.
 
 use super::compute::twin::Share;
-use super::filtered::drawn::Drawn;
+use super::filtered::drawn::{Drawn, Part};
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use super::scene::Scene;
@@ -55,8 +55,8 @@ pub(super) struct Held {
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
     pub(super) ways: Ways,
-    /// The host has drawn the splats.
-    pub(super) is_drawn: bool,
+    /// What the host has drawn of the splats.
+    pub(super) drawn: Option<Part>,
     /// Of the cut.
     pub(super) stats: Stats,
 }
@@ -210,7 +210,6 @@ impl Lists {
         let mut samples = None;
         let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
         let mut placed = None;
-        let mut is_drawn = false;
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan)
                 if key.may_sample
@@ -254,11 +253,6 @@ impl Lists {
                 let most = filtered::splat_count(cut, large);
                 let out = records(gpu, &mut self.splats, most)?;
                 let count = filtered::splats(model, cut, large, view, *shade, out);
-                // Triangles hide splats and are the device's.
-                let has_others = key.has_triangles && !cut.triangles.is_empty();
-                if let Some(canvas) = (!has_others).then(|| canvas(count)).flatten() {
-                    is_drawn = self.drawn.draw(gpu, &out[..count], canvas)?;
-                }
                 let packed = Packed {
                     points: count,
                     quads: 0,
@@ -284,6 +278,14 @@ impl Lists {
         }
         pack_triangles(model, scene, triangles, self, is_small);
         self.rest_ids = rest;
+        let drawn = match &packing {
+            // What the rasterizer draws is merged with what compute draws.
+            Packing::Filtered(_) if self.runs.is_empty() => match canvas(packed.points) {
+                Some(canvas) => self.draw(gpu, packed.points, canvas)?,
+                None => None,
+            },
+            _ => None,
+        };
         self.held = Some(Held {
             packed,
             samples: samples.unwrap_or(0),
@@ -297,18 +299,38 @@ impl Lists {
                 0
             },
             ways,
-            is_drawn,
+            drawn,
             stats: cut.stats,
             key,
         });
         Ok(())
     }
 
+    /// Draws the filtered splats that were written, unless some are too large: all of it, or beside triangles, which hide
+    /// splats and are the device's, their front.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn draw(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        count: usize,
+        canvas: Canvas,
+    ) -> Result<Option<Part>, Error> {
+        let part = match self.small_runs.is_empty() {
+            true => Part::All,
+            false => Part::Front,
+        };
+        let splats = &whole_records(self.splats.bytes_mut())[..count];
+        let is_drawn = self.drawn.draw(gpu, splats, (canvas, part))?;
+        Ok(is_drawn.then_some(part))
+    }
+
     /// Makes what was packed visible to the device.
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
-        if held.is_drawn {
+        if held.drawn.is_some() {
             self.drawn.flush();
         }
         self.indices.flush(0..held.index_bytes);

@@ -7,13 +7,16 @@
 //! leave (`shaders/filtered/depth.comp`, `shaders/filtered/blend.comp`), which have the rules: a pixel's maximum and sums
 //! of whole numbers do not depend on any order, and each number is made by the same operations.
 
+#[cfg(test)]
+mod tests;
+
 use crate::abi::FilteredSplat;
 use crate::abi::constants::{
     COARSE_STEPS, FILTERED_TILE_PX, FINE_STEPS, LARGEST_SMALL_BLENDED_PX, LEAST_COARSE, MOST_WEIGHT,
 };
 use crate::draw::parts;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f32x4, i32x4, u32x4};
+use fearless_simd::{Level, dispatch, f32x4, i32x4, mask32x4, u32x4};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rows of a band: whole tiles.
@@ -62,8 +65,9 @@ type Rows = [u16; 2];
 
 /// Draws splats that are all no larger than [`LARGEST_SMALL_BLENDED_PX`], and tells whether they are: else nothing is drawn.
 /// `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the first so
-/// many words, see [`Canvas::pixels`] and [`Canvas::words`]. `tiles` become the centers of the squares of
-/// [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit in them.
+/// many words, see [`Canvas::pixels`] and [`Canvas::words`]. Without `sums` there is only a front. `tiles` become the
+/// centers of the squares of [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit
+/// in them.
 ///
 /// # Panics
 /// When `front` or `sums` is shorter than that.
@@ -71,10 +75,20 @@ pub fn draw(
     splats: &[FilteredSplat],
     canvas: Canvas,
     front: &mut [u32],
-    sums: &mut [u64],
+    sums: Option<&mut [u64]>,
     tiles: &mut Vec<[f32; 2]>,
 ) -> bool {
-    let level = Level::new();
+    draw_by(Level::new(), splats, canvas, (front, sums), tiles)
+}
+
+/// The same by vectors of a level.
+fn draw_by(
+    level: Level,
+    splats: &[FilteredSplat],
+    canvas: Canvas,
+    (front, sums): (&mut [u32], Option<&mut [u64]>),
+    tiles: &mut Vec<[f32; 2]>,
+) -> bool {
     let mut groups: Vec<Rows> = vec![[0; 2]; splats.len().div_ceil(GROUP)];
     let has_large = AtomicBool::new(false);
     let parts = splats.chunks(GROUP * GROUPS).zip(groups.chunks_mut(GROUPS));
@@ -117,7 +131,14 @@ fn rows_of(splats: &[FilteredSplat]) -> Rows {
 }
 
 /// The bands of a canvas, which begin at whole multiples of their height.
-fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) -> Vec<Band<'a>> {
+fn bands<'a>(
+    canvas: Canvas,
+    mut front: &'a mut [u32],
+    sums: Option<&'a mut [u64]>,
+) -> Vec<Band<'a>> {
+    // Without any, there are none for any pixel.
+    let words = sums.as_ref().map_or(0, |_| canvas.words());
+    let mut sums = sums.unwrap_or_default();
     let [_, top, _, bottom] = canvas.rect_px;
     let mut bands = Vec::new();
     let mut first = top;
@@ -127,7 +148,7 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
         let own;
         (own, front) = front.split_at_mut(pixels);
         let own_sums;
-        (own_sums, sums) = sums.split_at_mut(pixels * canvas.words());
+        (own_sums, sums) = sums.split_at_mut(pixels * words);
         bands.push(Band {
             rows: [first, end],
             front: own,
@@ -199,7 +220,9 @@ fn draw_band<S: Simd, const GRAY: bool>(
             depth(simd, &four(splats), canvas, band);
         }
     }
-    for &at in &near {
+    // Without sums nothing is added up.
+    let near = if band.sums.is_empty() { &[] } else { &near[..] };
+    for &at in near {
         for splats in of(at) {
             blend::<S, GRAY>(simd, &four(splats), canvas, band);
         }
@@ -319,6 +342,7 @@ fn blend<S: Simd, const GRAY: bool>(
         ((wide + 1.0) * 0.5).to_array(),
         ((high + 1.0) * 0.5).to_array(),
     );
+    let zero = f32x4::splat(simd, 0.0);
     let from_x = (low_x + 0.5 - x).to_array();
     let from_y = (low_y + 0.5 - y).to_array();
     let depth: [u32; 4] = depth.to_bits().to_array();
@@ -328,7 +352,6 @@ fn blend<S: Simd, const GRAY: bool>(
     let at = (low_y - first as f32).to_int::<i32x4<S>>() * i32x4::splat(simd, width as i32)
         + (low_x - left).to_int::<i32x4<S>>();
     let at = at.to_array();
-    let zero = f32x4::splat(simd, 0.0);
     while lanes != 0 {
         let lane = lanes.trailing_zeros() as usize & 3;
         lanes &= lanes - 1;
@@ -381,7 +404,6 @@ fn deposit<S: Simd, const GRAY: bool>(
     if !is_seen.any_true() {
         return;
     }
-    let zero = f32x4::splat(simd, 0.0);
     let weight = weight.min(f32x4::splat(simd, MOST_WEIGHT));
     let is_fine = weight.simd_lt(LEAST_COARSE);
     let steps = weight
@@ -390,35 +412,60 @@ fn deposit<S: Simd, const GRAY: bool>(
             f32x4::splat(simd, COARSE_STEPS),
         );
     // Without what is not seen: 0.
-    let whole = |v: f32x4<S>| -> [i32; 4] {
-        is_seen
-            .select(v + 0.5, zero)
-            .to_int::<i32x4<S>>()
-            .to_array()
-    };
-    let pair = |low: i32, high: i32| u64::from(low as u32) | u64::from(high as u32) << 32;
-    let fine = u32x4::splat(simd, 1);
-    let fine: [u32; 4] = is_fine.select(fine, u32x4::splat(simd, 0)).to_array();
-    let weights = whole(steps);
-    let reds = whole(steps * color[0]);
+    let weights = whole(simd, is_seen, steps);
+    let reds = whole(simd, is_seen, steps * color[0]);
+    let fine: [u32; 4] = is_fine
+        .select(u32x4::splat(simd, 1), u32x4::splat(simd, 0))
+        .to_array();
     if GRAY {
+        let pairs = pairs(reds, weights);
         let sums = &mut band.sums[2 * at..];
-        for lane in 0..4 {
-            if let Some(sum) = sums.get_mut(2 * lane + fine[lane] as usize) {
-                *sum = sum.wrapping_add(pair(reds[lane], weights[lane]));
+        if let Some(sums) = sums.first_chunk_mut::<8>() {
+            for lane in 0..4 {
+                let sum = &mut sums[2 * lane + (fine[lane] & 1) as usize];
+                *sum = sum.wrapping_add(pairs[lane]);
+            }
+        } else {
+            for lane in 0..4 {
+                if let Some(sum) = sums.get_mut(2 * lane + fine[lane] as usize) {
+                    *sum = sum.wrapping_add(pairs[lane]);
+                }
             }
         }
         return;
     }
     let sums = &mut band.sums[4 * at..];
-    let (greens, blues) = (whole(steps * color[1]), whole(steps * color[2]));
+    let (greens, blues) = (
+        whole(simd, is_seen, steps * color[1]),
+        whole(simd, is_seen, steps * color[2]),
+    );
+    let (firsts, seconds) = (pairs(reds, greens), pairs(blues, weights));
     for lane in 0..4 {
         let word = 4 * lane + 2 * fine[lane] as usize;
         if let Some([first, second]) = sums.get_mut(word..word + 2) {
-            *first = first.wrapping_add(pair(reds[lane], greens[lane]));
-            *second = second.wrapping_add(pair(blues[lane], weights[lane]));
+            *first = first.wrapping_add(firsts[lane]);
+            *second = second.wrapping_add(seconds[lane]);
         }
     }
+}
+
+/// The nearest whole numbers, upward from the middle; 0 in other lanes.
+#[inline(always)]
+fn whole<S: Simd>(simd: S, lanes: mask32x4<S>, v: f32x4<S>) -> i32x4<S> {
+    lanes.select(v + 0.5, f32x4::splat(simd, 0.0)).to_int()
+}
+
+/// Words of two whole numbers, the first in the low half.
+#[inline(always)]
+fn pairs<S: Simd>(low: i32x4<S>, high: i32x4<S>) -> [u64; 4] {
+    let (a, b) = (low.zip_low(high).to_array(), low.zip_high(high).to_array());
+    let of = |low: i32, high: i32| u64::from(low as u32) | u64::from(high as u32) << 32;
+    [
+        of(a[0], a[1]),
+        of(a[2], a[3]),
+        of(b[0], b[1]),
+        of(b[2], b[3]),
+    ]
 }
 
 /// The tiles of a band that have anything in them.
@@ -439,11 +486,8 @@ fn find_tiles<const GRAY: bool>(canvas: &Canvas, band: &mut Band<'_>) {
                 let at = (y - band.rows[0]) as usize * width;
                 let (first, last) = (at + x as usize, at + end_x as usize);
                 let front = band.front[first..last].iter().fold(0, |a, b| a | b);
-                front != 0
-                    || band.sums[words * first..words * last]
-                        .iter()
-                        .fold(0, |a, b| a | b)
-                        != 0
+                let sums = band.sums.get(words * first..words * last);
+                front != 0 || sums.unwrap_or_default().iter().fold(0, |a, b| a | b) != 0
             });
             if has_any {
                 let center = |i: u32| (i * FILTERED_TILE_PX) as f32 + 0.5 * tile as f32;

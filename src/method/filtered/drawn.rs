@@ -9,6 +9,15 @@ use crate::method::lists::{FIRST_BYTES, records};
 use std::sync::Arc;
 use std::time::Instant;
 
+/// How much of a frame's splats the host draws.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Part {
+    /// Their nearest depths: the device has triangles to add before it blends.
+    Front,
+    /// All.
+    All,
+}
+
 /// The front and the sums, as compute leaves them, and which tiles have anything in them. Empty until something is drawn.
 #[derive(Debug)]
 pub(crate) struct Drawn {
@@ -36,7 +45,8 @@ impl Drawn {
         })
     }
 
-    /// Draws splats, all of which are small; whether they are. Nothing may be reading what was there.
+    /// Draws splats, all of which are small; whether they are. Nothing may be reading what was there. With `Part::Front` the
+    /// sums are left to the device.
     ///
     /// # Errors
     /// When memory runs out.
@@ -44,12 +54,17 @@ impl Drawn {
         &mut self,
         gpu: &Arc<Gpu>,
         splats: &[FilteredSplat],
-        canvas: Canvas,
+        (canvas, part): (Canvas, Part),
     ) -> Result<bool, Error> {
         let start = Instant::now();
-        let (pixels, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
+        let pixels = canvas.pixels();
+        let words = match part {
+            Part::Front => 0,
+            Part::All => pixels * canvas.words(),
+        };
         let front = records::<u32>(gpu, &mut self.front, pixels)?;
         let sums = records::<u64>(gpu, &mut self.sums, words)?;
+        let sums = (part == Part::All).then_some(sums);
         if !host::draw(splats, canvas, front, sums, &mut self.found) {
             return Ok(false);
         }

@@ -144,11 +144,7 @@ impl Renderer {
             ..
         } = held;
         let ways = held.ways;
-        let drawn_bytes = if held.is_drawn {
-            lists.drawn.bytes()
-        } else {
-            0
-        };
+        let drawn_bytes = held.drawn.map_or(0, |_| lists.drawn.bytes());
         let share = ways.share.unwrap_or_else(|| {
             let asked = Asked {
                 splats: packed.points,
@@ -230,7 +226,7 @@ impl Renderer {
                     small: small_triangles,
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
-                    drawn: held.is_drawn.then_some(&lists.drawn),
+                    drawn: held.drawn.map(|part| (&lists.drawn, part)),
                 };
                 filtered.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
@@ -251,7 +247,7 @@ impl Renderer {
         }
         let ticket = end(frame, &self.targets.color)?;
         submit.end(&mut times);
-        if held.is_drawn && times.kept != Kept::Lists {
+        if held.drawn.is_some() && times.kept != Kept::Lists {
             times.host_ms = lists.drawn.ms();
         }
         times.counts = Counts {
