@@ -210,6 +210,7 @@ impl Lists {
         let mut samples = None;
         let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
         let mut placed = None;
+        let mut written = None;
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan)
                 if key.may_sample
@@ -252,7 +253,9 @@ impl Lists {
                 let large = filtered::take_triangles(model, view, shade, cut);
                 let most = filtered::splat_count(cut, large);
                 let out = records(gpu, &mut self.splats, most)?;
-                let count = filtered::splats(model, cut, large, view, *shade, out);
+                let splats = filtered::write(model, cut, large, view, *shade, out);
+                let count = splats.count();
+                written = Some(splats);
                 let packed = Packed {
                     points: count,
                     quads: 0,
@@ -278,13 +281,9 @@ impl Lists {
         }
         pack_triangles(model, scene, triangles, self, is_small);
         self.rest_ids = rest;
-        let drawn = match &packing {
-            // What the rasterizer draws is merged with what compute draws.
-            Packing::Filtered(_) if self.runs.is_empty() => match canvas(packed.points) {
-                Some(canvas) => self.draw(gpu, packed.points, canvas)?,
-                None => None,
-            },
-            _ => None,
+        let drawn = match written {
+            Some(splats) => self.draw(gpu, &splats, canvas(packed.points))?,
+            None => None,
         };
         self.held = Some(Held {
             packed,
@@ -306,24 +305,33 @@ impl Lists {
         Ok(())
     }
 
-    /// Draws the filtered splats that were written, unless some are too large: all of it, or beside triangles, which hide
-    /// splats and are the device's, their front.
+    /// Draws the filtered splats that were written, unless nothing says where or some are too large: all of it, or beside
+    /// triangles, which hide splats and are the device's, their front. What the device is to draw it gets without gaps.
     ///
     /// # Errors
     /// When memory runs out.
     fn draw(
         &mut self,
         gpu: &Arc<Gpu>,
-        count: usize,
-        canvas: Canvas,
+        written: &filtered::Written,
+        canvas: Option<Canvas>,
     ) -> Result<Option<Part>, Error> {
         let part = match self.small_runs.is_empty() {
             true => Part::All,
             false => Part::Front,
         };
-        let splats = &whole_records(self.splats.bytes_mut())[..count];
-        let is_drawn = self.drawn.draw(gpu, splats, (canvas, part))?;
-        Ok(is_drawn.then_some(part))
+        let splats: &mut [FilteredSplat] = whole_records(self.splats.bytes_mut());
+        // What the rasterizer draws is merged with what compute draws.
+        let canvas = canvas.filter(|_| self.runs.is_empty() && written.groups.are_small());
+        if let Some(canvas) = canvas {
+            let list = (&*splats, &written.groups);
+            self.drawn.draw(gpu, list, (canvas, part))?;
+        }
+        let drawn = canvas.map(|_| part);
+        if drawn != Some(Part::All) {
+            written.close_gaps(splats);
+        }
+        Ok(drawn)
     }
 
     /// Makes what was packed visible to the device.

@@ -17,14 +17,11 @@ use crate::abi::constants::{
 use crate::draw::parts;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, i32x4, mask32x4, u32x4};
-use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Rows of a band: whole tiles.
 const BAND_PX: u32 = 2 * FILTERED_TILE_PX;
 /// Splats whose rows are known together. They lie near each other, in the order of the tree.
 const GROUP: usize = 16;
-/// Groups whose rows one thread finds at a time.
-const GROUPS: usize = 512;
 
 /// The part of a picture that is drawn in, and what of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,65 +57,96 @@ struct Band<'a> {
     tiles: Vec<[f32; 2]>,
 }
 
-/// Rows that a group may touch: the first, and one past the last.
-type Rows = [u16; 2];
+/// Splats that lie near each other.
+#[derive(Debug, Clone, Copy, Default)]
+struct Group {
+    /// The first, and how many they are.
+    first: u32,
+    count: u16,
+    /// The first row that they may touch, and one past the last.
+    rows: [u16; 2],
+}
 
-/// Draws splats that are all no larger than [`LARGEST_SMALL_BLENDED_PX`], and tells whether they are: else nothing is drawn.
-/// `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the first so
+/// The splats of a list, a few together, as [`draw`] goes through them.
+#[derive(Debug, Default)]
+pub struct Groups {
+    groups: Vec<Group>,
+    /// Some are larger than [`LARGEST_SMALL_BLENDED_PX`].
+    has_large: bool,
+}
+
+impl Groups {
+    /// Those of a list without gaps.
+    pub fn of(splats: &[FilteredSplat]) -> Self {
+        let mut groups = Self::default();
+        groups.add(0, splats);
+        groups
+    }
+
+    /// Adds splats whose first lies at a place of the list.
+    pub(super) fn add(&mut self, first: usize, splats: &[FilteredSplat]) {
+        let groups = splats.chunks(GROUP).enumerate();
+        self.groups.extend(groups.map(|(index, splats)| Group {
+            first: (first + index * GROUP) as u32,
+            count: splats.len() as u16,
+            rows: rows_of(splats),
+        }));
+        let is_large = |splat: &FilteredSplat| splat.side_px > LARGEST_SMALL_BLENDED_PX;
+        self.has_large |= splats.iter().any(is_large);
+    }
+
+    /// Adds those of another part of the list.
+    pub(super) fn append(&mut self, mut others: Self) {
+        self.groups.append(&mut others.groups);
+        self.has_large |= others.has_large;
+    }
+
+    /// Whether [`draw`] draws them.
+    pub fn are_small(&self) -> bool {
+        !self.has_large
+    }
+}
+
+/// Draws the splats of a list that are in `groups`, all of which are no larger than [`LARGEST_SMALL_BLENDED_PX`]. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the first so
 /// many words, see [`Canvas::pixels`] and [`Canvas::words`]. Without `sums` there is only a front. `tiles` become the
 /// centers of the squares of [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit
 /// in them.
 ///
 /// # Panics
-/// When `front` or `sums` is shorter than that.
+/// When `front` or `sums` is shorter than that, `groups` are of another list, or some splats are too large.
 pub fn draw(
-    splats: &[FilteredSplat],
+    (splats, groups): (&[FilteredSplat], &Groups),
     canvas: Canvas,
     front: &mut [u32],
     sums: Option<&mut [u64]>,
     tiles: &mut Vec<[f32; 2]>,
-) -> bool {
-    draw_by(Level::new(), splats, canvas, (front, sums), tiles)
+) {
+    draw_by(Level::new(), (splats, groups), canvas, (front, sums), tiles);
 }
 
 /// The same by vectors of a level.
 fn draw_by(
     level: Level,
-    splats: &[FilteredSplat],
+    (splats, groups): (&[FilteredSplat], &Groups),
     canvas: Canvas,
     (front, sums): (&mut [u32], Option<&mut [u64]>),
     tiles: &mut Vec<[f32; 2]>,
-) -> bool {
-    let mut groups: Vec<Rows> = vec![[0; 2]; splats.len().div_ceil(GROUP)];
-    let has_large = AtomicBool::new(false);
-    let parts = splats.chunks(GROUP * GROUPS).zip(groups.chunks_mut(GROUPS));
-    parts::share(splats.len(), parts, |(splats, groups)| {
-        for (splats, rows) in splats.chunks(GROUP).zip(groups) {
-            *rows = rows_of(splats);
-        }
-        let is_large = |splat: &FilteredSplat| splat.side_px > LARGEST_SMALL_BLENDED_PX;
-        if splats.iter().any(is_large) {
-            has_large.store(true, Ordering::Relaxed);
-        }
-    });
-    if has_large.into_inner() {
-        return false;
-    }
+) {
+    assert!(groups.are_small(), "large splats are the rasterizer's");
     let mut bands = bands(canvas, front, sums);
     parts::share(splats.len(), bands.iter_mut(), |band| {
         dispatch!(level, simd => if canvas.is_gray {
-            draw_band::<_, true>(simd, splats, &groups, &canvas, band)
+            draw_band::<_, true>(simd, splats, &groups.groups, &canvas, band)
         } else {
-            draw_band::<_, false>(simd, splats, &groups, &canvas, band)
+            draw_band::<_, false>(simd, splats, &groups.groups, &canvas, band)
         });
     });
     tiles.clear();
     tiles.extend(bands.iter().flat_map(|band| &band.tiles));
-    true
 }
 
 /// The rows that splats may touch; none where they are no numbers.
-fn rows_of(splats: &[FilteredSplat]) -> Rows {
+fn rows_of(splats: &[FilteredSplat]) -> [u16; 2] {
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     for splat in splats {
         // Half of the larger of square and rectangle, whose edges may lie in one more pixel; and what rounding moves.
@@ -202,28 +230,27 @@ fn part<S: Simd>(simd: S, words: &[[f32; 12]; 4], at: usize) -> [f32x4<S>; 4] {
 fn draw_band<S: Simd, const GRAY: bool>(
     simd: S,
     splats: &[FilteredSplat],
-    groups: &[Rows],
+    groups: &[Group],
     canvas: &Canvas,
     band: &mut Band<'_>,
 ) {
     band.front.fill(0);
     band.sums.fill(0);
     let [first, end] = band.rows;
-    let near = groups.iter().enumerate();
-    let near: Vec<usize> = near
-        .filter(|(_, rows)| u32::from(rows[0]) < end && u32::from(rows[1]) > first)
-        .map(|(group, _)| group * GROUP)
+    let is_near =
+        |group: &&Group| u32::from(group.rows[0]) < end && u32::from(group.rows[1]) > first;
+    let near: Vec<&[FilteredSplat]> = (groups.iter().filter(is_near))
+        .map(|group| &splats[group.first as usize..][..usize::from(group.count)])
         .collect();
-    let of = |at: usize| splats[at..splats.len().min(at + GROUP)].chunks(4);
-    for &at in &near {
-        for splats in of(at) {
+    for splats in &near {
+        for splats in splats.chunks(4) {
             depth(simd, &four(splats), canvas, band);
         }
     }
     // Without sums nothing is added up.
     let near = if band.sums.is_empty() { &[] } else { &near[..] };
-    for &at in near {
-        for splats in of(at) {
+    for splats in near {
+        for splats in splats.chunks(4) {
             blend::<S, GRAY>(simd, &four(splats), canvas, band);
         }
     }
@@ -364,12 +391,14 @@ fn blend<S: Simd, const GRAY: bool>(
             let own_x = (f32x4::splat(simd, reach_x[lane]) - from_x.abs())
                 .max(zero)
                 .min(f32x4::splat(simd, most_x[lane]));
+            // Nothing beyond the last column, which may be that of the canvas.
+            let own_x = is_in.simd_gt(0).select(own_x, zero);
             let mut row = at;
             let mut from_y = from_y[lane];
             for _ in 0..rows[lane] as u32 {
                 let own_y = (reach_y[lane] - from_y.abs()).max(0.0).min(most_y[lane]);
                 let weight = own_x * own_y * density[lane];
-                deposit::<S, GRAY>(simd, band, row, (weight, is_in), depth, color);
+                deposit::<S, GRAY>(simd, band, row, weight, depth, color);
                 row += width;
                 from_y += 1.0;
             }
@@ -386,7 +415,7 @@ fn deposit<S: Simd, const GRAY: bool>(
     simd: S,
     band: &mut Band<'_>,
     at: usize,
-    (weight, is_in): (f32x4<S>, u32x4<S>),
+    weight: f32x4<S>,
     depth: u32x4<S>,
     color: &[f32],
 ) {
@@ -399,8 +428,7 @@ fn deposit<S: Simd, const GRAY: bool>(
             &own
         }
     };
-    let is_seen =
-        u32x4::from_slice(simd, front).simd_le(depth) & weight.simd_gt(0.0) & is_in.simd_gt(0);
+    let is_seen = u32x4::from_slice(simd, front).simd_le(depth) & weight.simd_gt(0.0);
     if !is_seen.any_true() {
         return;
     }
@@ -458,14 +486,13 @@ fn whole<S: Simd>(simd: S, lanes: mask32x4<S>, v: f32x4<S>) -> i32x4<S> {
 /// Words of two whole numbers, the first in the low half.
 #[inline(always)]
 fn pairs<S: Simd>(low: i32x4<S>, high: i32x4<S>) -> [u64; 4] {
-    let (a, b) = (low.zip_low(high).to_array(), low.zip_high(high).to_array());
-    let of = |low: i32, high: i32| u64::from(low as u32) | u64::from(high as u32) << 32;
-    [
-        of(a[0], a[1]),
-        of(a[2], a[3]),
-        of(b[0], b[1]),
-        of(b[2], b[3]),
-    ]
+    let both = [low.zip_low(high).to_array(), low.zip_high(high).to_array()];
+    let words: [u64; 4] = bytemuck::cast(both);
+    // In memory the first is the low half only where the least byte comes first.
+    match cfg!(target_endian = "big") {
+        true => words.map(|word| word.rotate_left(32)),
+        false => words,
+    }
 }
 
 /// The tiles of a band that have anything in them.

@@ -1,7 +1,7 @@
 //! What the host drew of a frame's filtered splats, in mapped memory.
 
 use crate::abi::FilteredSplat;
-use crate::draw::filtered::host::{self, Canvas};
+use crate::draw::filtered::host::{self, Canvas, Groups};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::Upload;
 use crate::gpu::{Error, Gpu};
@@ -45,17 +45,17 @@ impl Drawn {
         })
     }
 
-    /// Draws splats, all of which are small; whether they are. Nothing may be reading what was there. With `Part::Front` the
-    /// sums are left to the device.
+    /// Draws splats, all of which are small. Nothing may be reading what was there. With `Part::Front` the sums are left to
+    /// the device.
     ///
     /// # Errors
     /// When memory runs out.
     pub(crate) fn draw(
         &mut self,
         gpu: &Arc<Gpu>,
-        splats: &[FilteredSplat],
+        splats: (&[FilteredSplat], &Groups),
         (canvas, part): (Canvas, Part),
-    ) -> Result<bool, Error> {
+    ) -> Result<(), Error> {
         let start = Instant::now();
         let pixels = canvas.pixels();
         let words = match part {
@@ -65,14 +65,12 @@ impl Drawn {
         let front = records::<u32>(gpu, &mut self.front, pixels)?;
         let sums = records::<u64>(gpu, &mut self.sums, words)?;
         let sums = (part == Part::All).then_some(sums);
-        if !host::draw(splats, canvas, front, sums, &mut self.found) {
-            return Ok(false);
-        }
+        host::draw(splats, canvas, front, sums, &mut self.found);
         let tiles = records::<[f32; 2]>(gpu, &mut self.tiles, self.found.len())?;
         tiles[..self.found.len()].copy_from_slice(&self.found);
         self.ms = start.elapsed().as_secs_f64() * 1e3;
         self.bytes = [4 * pixels, 8 * words, 8 * self.found.len()].map(|bytes| bytes as u64);
-        Ok(true)
+        Ok(())
     }
 
     /// Front and sums, as far as they were drawn.

@@ -6,7 +6,7 @@ use super::{Filtered, List, Variant};
 use crate::abi::FilteredSplat;
 use crate::draw::FilteredList;
 use crate::draw::filtered::FilteredPatch;
-use crate::draw::filtered::host::Canvas;
+use crate::draw::filtered::host::{Canvas, Groups};
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::Frames;
 use crate::gpu::{Gpu, Options};
@@ -134,7 +134,8 @@ fn picture(
             rect_px,
             is_gray: by_compute == Some(true),
         };
-        assert!(host.draw(gpu, splats, (canvas, part)).unwrap());
+        let groups = Groups::of(splats);
+        host.draw(gpu, (splats, &groups), (canvas, part)).unwrap();
         host.flush();
     }
     let mut frames = Frames::new(gpu, 1, false).unwrap();

@@ -132,13 +132,25 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     let mut front = vec![7; canvas.pixels() + 9];
     let mut sums = vec![7; canvas.pixels() * canvas.words() + 9];
     let mut tiles = vec![[1.0; 2]];
-    assert!(draw_by(
-        level,
-        splats,
-        canvas,
-        (&mut front, Some(&mut sums)),
-        &mut tiles
-    ));
+    // In two parts with a gap between them.
+    let (first, second) = splats.split_at(splats.len() / 3);
+    let gap = [FilteredSplat {
+        window_px: [20.0; 2],
+        pushed_depth: 1.0,
+        side_px: 9.0,
+        depth: 1.0,
+        area_px: 9.0,
+        extent_px: [9.0; 2],
+        color: [1.0; 3],
+        unused: 0,
+    }];
+    let list = [first, &gap, second].concat();
+    let mut groups = Groups::of(first);
+    let mut others = Groups::default();
+    others.add(first.len() + 1, second);
+    groups.append(others);
+    let storage = (&mut front[..], Some(&mut sums[..]));
+    draw_by(level, (&list, &groups), canvas, storage, &mut tiles);
     assert_eq!(front.split_off(canvas.pixels()), [7; 9]);
     assert_eq!(sums.split_off(canvas.pixels() * canvas.words()), [7; 9]);
     (front, sums, tiles)
@@ -170,13 +182,8 @@ fn front_and_sums_are_those_of_the_rules() {
                     let (own_front, own_sums, tiles) = drawn(level, &splats, canvas);
                     assert!(own_front == front, "{what}: front");
                     let mut alone = vec![7; canvas.pixels()];
-                    assert!(draw_by(
-                        level,
-                        &splats,
-                        canvas,
-                        (&mut alone, None),
-                        &mut Vec::new()
-                    ));
+                    let list = (&splats[..], &Groups::of(&splats));
+                    draw_by(level, list, canvas, (&mut alone, None), &mut Vec::new());
                     assert!(alone == front, "{what}: front alone");
                     assert!(own_sums == sums, "{what}: sums");
                     assert_eq!(tiles, expected_tiles(&front, &sums, canvas), "{what}");
@@ -230,21 +237,12 @@ fn neither_order_nor_threads_show() {
 }
 
 #[test]
-fn large_splats_are_left_alone() {
+fn large_splats_are_told() {
     let mut splats = crowd(5000, 3.0, 1);
+    assert!(Groups::of(&splats).are_small());
     splats[4321].side_px = LARGEST_SMALL_BLENDED_PX.next_up();
-    let canvas = Canvas {
-        rect_px: [0, 0, 70, 50],
-        is_gray: true,
-    };
-    let (mut front, mut sums) = (vec![7; 3500], vec![7; 7000]);
-    let mut tiles = Vec::new();
-    assert!(!draw(
-        &splats,
-        canvas,
-        &mut front,
-        Some(&mut sums),
-        &mut tiles
-    ));
-    assert!(front.iter().all(|&bits| bits == 7) && sums.iter().all(|&sum| sum == 7));
+    let mut groups = Groups::of(&splats[..100]);
+    assert!(groups.are_small());
+    groups.append(Groups::of(&splats));
+    assert!(!groups.are_small());
 }
