@@ -349,7 +349,7 @@ impl Lists {
 }
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.
-pub(super) const FIRST_BYTES: u64 = 1 << 20;
+const FIRST_BYTES: u64 = 1 << 20;
 
 /// The records that fit a mapped buffer.
 fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {

@@ -5,7 +5,7 @@ use crate::draw::filtered::host::{self, Canvas, Groups};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::Upload;
 use crate::gpu::{Error, Gpu};
-use crate::method::lists::{FIRST_BYTES, records};
+use crate::method::lists::records;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -34,7 +34,8 @@ impl Drawn {
     /// # Errors
     /// When memory runs out.
     pub(crate) fn new(gpu: &Arc<Gpu>, slot: usize) -> Result<Self, Error> {
-        let list = |name: &str| Upload::new(gpu, &format!("{name} of frame {slot}"), FIRST_BYTES);
+        // Most devices never need them.
+        let list = |name: &str| Upload::new(gpu, &format!("{name} of frame {slot}"), 4);
         Ok(Self {
             front: list("front")?,
             sums: list("sums")?,

@@ -111,6 +111,7 @@ fn crowd(count: usize, largest: f32, seed: u64) -> Vec<FilteredSplat> {
             match i % 64 {
                 0 => splat.window_px[i / 64 % 2] = f32::NAN,
                 8 => splat.window_px[i / 64 % 2] = 1e9,
+                4 => splat.pushed_depth = depth,
                 16 => splat.pushed_depth = 0.0,
                 24 => splat.area_px = [0.0, 1e9, f32::NAN, f32::INFINITY][i / 64 % 4],
                 32 => splat.extent_px[i / 64 % 2] = [0.0, f32::NAN][i / 128 % 2],
@@ -168,7 +169,9 @@ const RECTS: [[u32; 4]; 5] = [
 #[test]
 fn front_and_sums_are_those_of_the_rules() {
     for (count, largest) in [(0, 1.0), (1, 3.0), (997, 3.0), (3000, 6.0), (1500, 16.0)] {
-        let splats = crowd(count, largest, count as u64 + 5);
+        let mut splats = crowd(count, largest, count as u64 + 5);
+        // Neighbors together, so that most bands pass most groups by.
+        splats.sort_by(|a, b| a.window_px[1].total_cmp(&b.window_px[1]));
         for rect_px in RECTS {
             for is_gray in [true, false] {
                 let canvas = Canvas { rect_px, is_gray };
@@ -219,7 +222,7 @@ fn expected_tiles(front: &[u32], sums: &[u64], canvas: Canvas) -> Vec<[f32; 2]> 
 #[test]
 fn neither_order_nor_threads_show() {
     // So many are drawn by several threads.
-    let mut splats = crowd(60_000, 4.0, 3);
+    let mut splats = crowd(20_000, 4.0, 3);
     for is_gray in [true, false] {
         let canvas = Canvas {
             rect_px: [0, 0, 70, 50],
@@ -245,4 +248,29 @@ fn large_splats_are_told() {
     assert!(groups.are_small());
     groups.append(Groups::of(&splats));
     assert!(!groups.are_small());
+}
+
+#[test]
+fn splats_reach_into_the_next_band() {
+    let canvas = Canvas {
+        rect_px: [0, 0, 24, 40],
+        is_gray: true,
+    };
+    for eighths in 14 * 8..18 * 8 {
+        for (side_px, high) in [(1.0, 3.0), (3.0, 0.5), (2.0, 2.0), (1.0, 1.0)] {
+            let splats = [FilteredSplat {
+                window_px: [11.3, eighths as f32 / 8.0],
+                pushed_depth: 0.5,
+                side_px,
+                depth: 0.5,
+                area_px: 1.0,
+                extent_px: [1.0, high],
+                color: [0.5; 3],
+                unused: 0,
+            }];
+            let (front, sums, _) = drawn(Level::new(), &splats, canvas);
+            let what = format!("{side_px} and {high} px at {eighths} eighths");
+            assert!((front, sums) == expected(&splats, canvas), "{what}");
+        }
+    }
 }
