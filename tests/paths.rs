@@ -132,8 +132,8 @@ fn passes(
     (engine.read(view).unwrap(), passes)
 }
 
-/// Every kind of splat: of nodes, rows and triangles, in grays, colors and the light of a lamp, culled or not, of a cloud; beside
-/// triangles, where the host finds the front alone.
+/// Every kind of splat: of nodes, rows and triangles, in grays, colors and the light of a lamp, culled or not, of a cloud; and
+/// beside triangles, where the device draws all.
 #[test]
 fn the_host_draws_filtered_splats_as_compute_does() {
     let Some(device) = Device::open() else { return };
@@ -162,7 +162,7 @@ fn the_host_draws_filtered_splats_as_compute_does() {
         ("cloud", built(cloud)),
     ];
     let size = (240, 200);
-    let (mut whole, mut fronts) = (0, 0);
+    let mut by_host = 0;
     for (name, model) in &models {
         let mut part = orbit(model, size, 30.0, 20.0, 1.3);
         part.offset = [0.9, -0.7];
@@ -195,19 +195,12 @@ fn the_host_draws_filtered_splats_as_compute_does() {
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
                 assert!(picture == wanted, "{what}");
                 assert!(others.contains(&"filtered.clear"), "{what}: {others:?}");
-                whole += usize::from(own == ["filtered.normalize"]);
-                fronts += usize::from(
-                    own.contains(&"filtered.depth") && !own.contains(&"filtered.merge"),
-                );
+                by_host += usize::from(own == ["filtered.normalize"]);
             }
         }
     }
-    println!("{whole} pictures by the host, {fronts} with triangles");
-    if is_software {
-        assert!(whole >= 12 && fronts >= 3, "{whole} and {fronts}");
-    } else {
-        assert_eq!(whole, 0);
-    }
+    println!("{by_host} pictures by the host");
+    assert_eq!(by_host >= 12, is_software, "{by_host}");
 }
 
 /// How many pixels have another coverage, a color that is off by more than a level, or a depth by more than a thousandth.

@@ -2,7 +2,7 @@
 //! frames ask for the same.
 
 use super::compute::twin::Share;
-use super::filtered::drawn::{Drawn, Part};
+use super::filtered::drawn::Drawn;
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use super::scene::Scene;
@@ -55,8 +55,8 @@ pub(super) struct Held {
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
     pub(super) ways: Ways,
-    /// What the host has drawn of the splats.
-    pub(super) drawn: Option<Part>,
+    /// The host has drawn the splats, which are filtered.
+    pub(super) is_drawn: bool,
     /// Of the cut.
     pub(super) stats: Stats,
 }
@@ -281,9 +281,9 @@ impl Lists {
         }
         pack_triangles(model, scene, triangles, self, is_small);
         self.rest_ids = rest;
-        let drawn = match written {
+        let is_drawn = match written {
             Some(splats) => self.draw(gpu, &splats, canvas(packed.points))?,
-            None => None,
+            None => false,
         };
         self.held = Some(Held {
             packed,
@@ -298,15 +298,15 @@ impl Lists {
                 0
             },
             ways,
-            drawn,
+            is_drawn,
             stats: cut.stats,
             key,
         });
         Ok(())
     }
 
-    /// Draws the filtered splats that were written, unless nothing says where or some are too large: all of it, or beside
-    /// triangles, which hide splats and are the device's, their front. What the device is to draw it gets without gaps.
+    /// Draws the filtered splats that were written, unless nothing says where, some are too large, or there are triangles, which
+    /// hide splats and are the device's; whether it has. What the device is to draw it gets without gaps.
     ///
     /// # Errors
     /// When memory runs out.
@@ -315,30 +315,27 @@ impl Lists {
         gpu: &Arc<Gpu>,
         written: &filtered::Written,
         canvas: Option<Canvas>,
-    ) -> Result<Option<Part>, Error> {
-        let part = match self.small_runs.is_empty() {
-            true => Part::All,
-            false => Part::Front,
-        };
+    ) -> Result<bool, Error> {
         let splats: &mut [FilteredSplat] = whole_records(self.splats.bytes_mut());
-        // What the rasterizer draws is merged with what compute draws.
-        let canvas = canvas.filter(|_| self.runs.is_empty() && written.groups.are_small());
-        if let Some(canvas) = canvas {
-            let list = (&*splats, &written.groups);
-            self.drawn.draw(gpu, list, (canvas, part))?;
+        let is_alone = self.runs.is_empty() && self.small_runs.is_empty();
+        match canvas.filter(|_| is_alone && written.groups.are_small()) {
+            Some(canvas) => {
+                let list = (&*splats, &written.groups);
+                self.drawn.draw(gpu, list, canvas)?;
+                Ok(true)
+            }
+            None => {
+                written.close_gaps(splats);
+                Ok(false)
+            }
         }
-        let drawn = canvas.map(|_| part);
-        if drawn != Some(Part::All) {
-            written.close_gaps(splats);
-        }
-        Ok(drawn)
     }
 
     /// Makes what was packed visible to the device.
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
-        if held.drawn.is_some() {
+        if held.is_drawn {
             self.drawn.flush();
         }
         self.indices.flush(0..held.index_bytes);

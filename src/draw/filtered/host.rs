@@ -108,7 +108,7 @@ impl Groups {
 }
 
 /// Draws the splats of a list that are in `groups`, all of which are no larger than [`LARGEST_SMALL_BLENDED_PX`]. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the first so
-/// many words, see [`Canvas::pixels`] and [`Canvas::words`]. Without `sums` there is only a front. `tiles` become the
+/// many words, see [`Canvas::pixels`] and [`Canvas::words`]. `tiles` become the
 /// centers of the squares of [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit
 /// in them.
 ///
@@ -118,7 +118,7 @@ pub fn draw(
     (splats, groups): (&[FilteredSplat], &Groups),
     canvas: Canvas,
     front: &mut [u32],
-    sums: Option<&mut [u64]>,
+    sums: &mut [u64],
     tiles: &mut Vec<[f32; 2]>,
 ) {
     draw_by(Level::new(), (splats, groups), canvas, (front, sums), tiles);
@@ -129,7 +129,7 @@ fn draw_by(
     level: Level,
     (splats, groups): (&[FilteredSplat], &Groups),
     canvas: Canvas,
-    (front, sums): (&mut [u32], Option<&mut [u64]>),
+    (front, sums): (&mut [u32], &mut [u64]),
     tiles: &mut Vec<[f32; 2]>,
 ) {
     assert!(groups.are_small(), "large splats are the rasterizer's");
@@ -149,8 +149,8 @@ fn draw_by(
 fn rows_of(splats: &[FilteredSplat]) -> [u16; 2] {
     let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
     for splat in splats {
-        // Half of the larger of square and rectangle, whose edges may lie in one more pixel; and what rounding moves.
-        let reach = 0.5 * splat.side_px.max(splat.extent_px[1]).max(1.0) + 1.5;
+        // Half of the larger of square and rectangle, and what rounding to steps moves.
+        let reach = 0.5 * splat.side_px.max(splat.extent_px[1]).max(1.0) + 1.0 / 64.0;
         low = low.min(splat.window_px[1] - reach);
         high = high.max(splat.window_px[1] + reach);
     }
@@ -159,14 +159,7 @@ fn rows_of(splats: &[FilteredSplat]) -> [u16; 2] {
 }
 
 /// The bands of a canvas, which begin at whole multiples of their height.
-fn bands<'a>(
-    canvas: Canvas,
-    mut front: &'a mut [u32],
-    sums: Option<&'a mut [u64]>,
-) -> Vec<Band<'a>> {
-    // Without any, there are none for any pixel.
-    let words = sums.as_ref().map_or(0, |_| canvas.words());
-    let mut sums = sums.unwrap_or_default();
+fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) -> Vec<Band<'a>> {
     let [_, top, _, bottom] = canvas.rect_px;
     let mut bands = Vec::new();
     let mut first = top;
@@ -176,7 +169,7 @@ fn bands<'a>(
         let own;
         (own, front) = front.split_at_mut(pixels);
         let own_sums;
-        (own_sums, sums) = sums.split_at_mut(pixels * words);
+        (own_sums, sums) = sums.split_at_mut(pixels * canvas.words());
         bands.push(Band {
             rows: [first, end],
             front: own,
@@ -247,9 +240,7 @@ fn draw_band<S: Simd, const GRAY: bool>(
             depth(simd, &four(splats), canvas, band);
         }
     }
-    // Without sums nothing is added up.
-    let near = if band.sums.is_empty() { &[] } else { &near[..] };
-    for splats in near {
+    for splats in &near {
         for splats in splats.chunks(4) {
             blend::<S, GRAY>(simd, &four(splats), canvas, band);
         }
@@ -513,8 +504,8 @@ fn find_tiles<const GRAY: bool>(canvas: &Canvas, band: &mut Band<'_>) {
                 let at = (y - band.rows[0]) as usize * width;
                 let (first, last) = (at + x as usize, at + end_x as usize);
                 let front = band.front[first..last].iter().fold(0, |a, b| a | b);
-                let sums = band.sums.get(words * first..words * last);
-                front != 0 || sums.unwrap_or_default().iter().fold(0, |a, b| a | b) != 0
+                let sums = &band.sums[words * first..words * last];
+                front != 0 || sums.iter().fold(0, |a, b| a | b) != 0
             });
             if has_any {
                 let center = |i: u32| (i * FILTERED_TILE_PX) as f32 + 0.5 * tile as f32;

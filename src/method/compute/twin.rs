@@ -14,7 +14,7 @@ use super::rect;
 use crate::abi::constants::FILTERED_TILE_PX;
 use crate::abi::{FilteredSplat, FuzzySplat, Shader, shaders};
 use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Buffer, Upload, Usage};
+use crate::gpu::buffer::{Buffer, Upload, Usage};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{
@@ -170,8 +170,6 @@ pub(crate) struct Small<'a> {
     /// How many of the list are looked at; what is too large is left to the rasterizer.
     pub(crate) splat_count: u32,
     pub(crate) triangles: Triangles<'a>,
-    /// The front of the splats, where the host has found it; then nothing is rastered.
-    pub(crate) front: Option<&'a Drawn>,
 }
 
 /// What the rasterizer draws of a frame: its passes depth and blend.
@@ -320,7 +318,7 @@ impl Twin {
         if let Some(rastered) = rastered {
             (rastered.depth)(frame);
         }
-        self.clear(frame, &ready, rastered.map(|_| targets.depth()), context);
+        self.clear(frame, rastered.map(|_| targets.depth()), context);
         self.depth(frame, &ready, constants);
         if let Some(rastered) = rastered {
             self.merge(frame, targets.depth(), context)?;
@@ -328,8 +326,7 @@ impl Twin {
         }
         self.blend(frame, &ready, constants);
         let rastered = rastered.map(|_| sums);
-        let front = self.front(&ready);
-        self.normalize(frame, targets, front, (rastered, sums), context, constants)
+        self.normalize(frame, targets, (rastered, sums), context, constants)
     }
 
     /// The passes of a frame that the host has drawn: there is `normalize` alone, of the tiles that have anything in them.
@@ -372,17 +369,10 @@ impl Twin {
     }
 
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
-    fn clear(
-        &self,
-        frame: &mut Frame<'_>,
-        list: &Ready<'_>,
-        rastered: Option<&Target>,
-        context: &Context,
-    ) {
+    fn clear(&self, frame: &mut Frame<'_>, rastered: Option<&Target>, context: &Context) {
         let pixels = rect::pixels(context.rect_px);
         let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
         match rastered {
-            None if list.list.front.is_some() => frame.pass(self.kind.names[0]).fill(&[sums], 0),
             None => frame
                 .pass(self.kind.names[0])
                 .fill(&[sums, (&self.front, 4 * pixels)], 0),
@@ -394,31 +384,18 @@ impl Twin {
         }
     }
 
-    /// The buffer of the front, and the part of it that has it. Drawing triangles into one that the host has made again and
-    /// again changes nothing: each pixel keeps its maximum.
-    fn front<'a>(&'a self, list: &Ready<'a>) -> (&'a dyn AnyBuffer, Slice<'a>) {
-        match list.list.front {
-            Some(drawn) => (drawn.buffers()[0], drawn.storage()[0]),
-            None => (&self.front, Slice::whole(&self.front)),
-        }
-    }
-
     /// Pass `depth`: the nearest pushed depth of each pixel.
     fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
-        let (buffer, front) = self.front(list);
-        let splats = match list.list.front {
-            Some(_) => &[],
-            None => &list.splats[..],
-        };
+        let front = Slice::whole(&self.front);
         list.declared(frame.pass(self.kind.names[2]))
-            .storage(buffer)
+            .storage(&self.front)
             .compute(|compute| {
                 for &((part, uniform, count), vertices) in &list.triangles {
                     let storage = [part, vertices, front];
                     compute.bind(&self.depth_triangles, &[constants, uniform], &storage);
                     compute.items(count);
                 }
-                for &(part, uniform, count) in splats {
+                for &(part, uniform, count) in &list.splats {
                     compute.bind(&self.depth, &[uniform], &[part, front]);
                     compute.items(count);
                 }
@@ -446,9 +423,9 @@ impl Twin {
 
     /// Pass `blend`, once the depth of all is known.
     fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
-        let ((buffer, front), sums) = (self.front(list), Slice::whole(&self.sums));
+        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
         list.declared(frame.pass(self.kind.names[4]))
-            .storage_read(buffer)
+            .storage_read(&self.front)
             .storage(&self.sums)
             .compute(|compute| {
                 for &((part, uniform, count), vertices) in &list.triangles {
@@ -476,13 +453,12 @@ impl Twin {
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
-        (buffer, front): (&dyn AnyBuffer, Slice<'_>),
         (rastered, none): (Option<&Target>, &Target),
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
         let picture = frame.uniform(&list::constants(context))?;
-        let sums = Slice::whole(&self.sums);
+        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
         // Every binding must be written; without rastered sums this one is not looked at.
         let large = rastered.unwrap_or(none);
         let pipeline = if rastered.is_some() {
@@ -493,7 +469,7 @@ impl Twin {
         targets
             .attach(frame.pass(self.kind.names[5]), context)
             .sampled(large)
-            .fragment_storage(buffer)
+            .fragment_storage(&self.front)
             .fragment_storage(&self.sums)
             .draw(whole(context), |draw| {
                 draw.cull_back_faces(false, false);

@@ -9,15 +9,6 @@ use crate::method::lists::records;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// How much of a frame's splats the host draws.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Part {
-    /// Their nearest depths: the device has triangles to add before it blends.
-    Front,
-    /// All.
-    All,
-}
-
 /// The front and the sums, as compute leaves them, and which tiles have anything in them. Empty until something is drawn.
 #[derive(Debug)]
 pub(crate) struct Drawn {
@@ -46,8 +37,7 @@ impl Drawn {
         })
     }
 
-    /// Draws splats, all of which are small. Nothing may be reading what was there. With `Part::Front` the sums are left to
-    /// the device.
+    /// Draws splats, all of which are small. Nothing may be reading what was there.
     ///
     /// # Errors
     /// When memory runs out.
@@ -55,17 +45,12 @@ impl Drawn {
         &mut self,
         gpu: &Arc<Gpu>,
         splats: (&[FilteredSplat], &Groups),
-        (canvas, part): (Canvas, Part),
+        canvas: Canvas,
     ) -> Result<(), Error> {
         let start = Instant::now();
-        let pixels = canvas.pixels();
-        let words = match part {
-            Part::Front => 0,
-            Part::All => pixels * canvas.words(),
-        };
+        let (pixels, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
         let front = records::<u32>(gpu, &mut self.front, pixels)?;
         let sums = records::<u64>(gpu, &mut self.sums, words)?;
-        let sums = (part == Part::All).then_some(sums);
         host::draw(splats, canvas, front, sums, &mut self.found);
         let tiles = records::<[f32; 2]>(gpu, &mut self.tiles, self.found.len())?;
         tiles[..self.found.len()].copy_from_slice(&self.found);

@@ -25,7 +25,7 @@ use crate::gpu::pipeline::{
     Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
 };
 use crate::gpu::{Error, Gpu};
-use drawn::{Drawn, Part};
+use drawn::Drawn;
 use std::sync::Arc;
 
 /// [`FilteredSplat`] as pipelines see it.
@@ -120,8 +120,8 @@ pub(crate) struct List<'a> {
     pub(crate) small: Triangles<'a>,
     pub(crate) splats: &'a Upload,
     pub(crate) splat_count: u32,
-    /// What the host has drawn of it.
-    pub(crate) drawn: Option<(&'a Drawn, Part)>,
+    /// All of it, where the host has drawn it.
+    pub(crate) drawn: Option<&'a Drawn>,
 }
 
 impl Filtered {
@@ -254,7 +254,7 @@ impl Filtered {
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        if let (Some(by_compute), Some((drawn, Part::All))) = (&self.by_compute, list.drawn) {
+        if let (Some(by_compute), Some(drawn)) = (&self.by_compute, list.drawn) {
             let none = &self.sums;
             return (by_compute.twin).finish(frame, targets, (drawn, none), context, constants);
         }
@@ -270,7 +270,7 @@ impl Filtered {
             blend_splats,
         } = by_compute;
         let large = List {
-            splat_count: if share == Share::Small && list.drawn.is_none() {
+            splat_count: if share == Share::Small {
                 list.splat_count
             } else {
                 0
@@ -290,7 +290,6 @@ impl Filtered {
             splats: list.splats,
             splat_count: list.splat_count,
             triangles: list.small,
-            front: list.drawn.map(|(drawn, _)| drawn),
         };
         let rastered = (is_rastered.then_some(&rastered), &self.sums);
         twin.record(frame, targets, small, rastered, context, constants)

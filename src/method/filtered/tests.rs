@@ -1,7 +1,7 @@
 //! Lists of splats that no cut would make, by the rasterizer, by compute and by the mirror.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use super::drawn::{Drawn, Part};
+use super::drawn::Drawn;
 use super::{Filtered, List, Variant};
 use crate::abi::FilteredSplat;
 use crate::draw::FilteredList;
@@ -72,8 +72,6 @@ enum Way {
     Raster,
     /// Shaders, of grays or of colors.
     Compute(bool),
-    /// The host finds the front alone.
-    Front(bool),
     Host(bool),
 }
 
@@ -98,11 +96,10 @@ fn picture(
     way: Way,
 ) -> Vec<[u8; 4]> {
     let (width, height) = SIZE;
-    let (by_compute, part) = match way {
-        Way::Raster => (None, None),
-        Way::Compute(is_gray) => (Some(is_gray), None),
-        Way::Front(is_gray) => (Some(is_gray), Some(Part::Front)),
-        Way::Host(is_gray) => (Some(is_gray), Some(Part::All)),
+    let (by_compute, by_host) = match way {
+        Way::Raster => (None, false),
+        Way::Compute(is_gray) => (Some(is_gray), false),
+        Way::Host(is_gray) => (Some(is_gray), true),
     };
     let variant = Variant {
         has_lamp: false,
@@ -129,13 +126,13 @@ fn picture(
         light: settings().light,
     };
     let mut host = Drawn::new(gpu, 0).unwrap();
-    if let Some(part) = part {
+    if by_host {
         let canvas = Canvas {
             rect_px,
             is_gray: by_compute == Some(true),
         };
         let groups = Groups::of(splats);
-        host.draw(gpu, (splats, &groups), (canvas, part)).unwrap();
+        host.draw(gpu, (splats, &groups), canvas).unwrap();
         host.flush();
     }
     let mut frames = Frames::new(gpu, 1, false).unwrap();
@@ -154,7 +151,7 @@ fn picture(
         },
         splats: &list,
         splat_count: splats.len() as u32,
-        drawn: part.map(|part| (&host, part)),
+        drawn: by_host.then_some(&host),
     };
     filtered
         .record(
@@ -287,10 +284,6 @@ fn the_host_draws_the_picture_of_the_shaders() {
                 let by = |way| picture(&gpu, &view, &splats, rect_px, way);
                 let shaders = by(Way::Compute(is_gray));
                 assert!(by(Way::Host(is_gray)) == shaders, "{what}");
-                assert!(
-                    by(Way::Front(is_gray)) == shaders,
-                    "{what}, the front alone"
-                );
                 let seen = shaders.iter().filter(|p| p[3] > 0).count();
                 assert!(count < 900 || seen > 20, "{what}: {seen} pixels");
             }

@@ -360,7 +360,6 @@ impl Fuzzy {
             splats,
             splat_count: placed.small as u32,
             triangles: list.small,
-            front: None,
         };
         let rastered = (is_rastered.then_some(&rastered), &self.sums);
         twin.record(frame, targets, small, rastered, context, constants)

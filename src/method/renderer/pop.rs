@@ -144,7 +144,10 @@ impl Renderer {
             ..
         } = held;
         let ways = held.ways;
-        let drawn_bytes = held.drawn.map_or(0, |_| lists.drawn.bytes());
+        let drawn_bytes = match held.is_drawn {
+            true => lists.drawn.bytes(),
+            false => 0,
+        };
         let share = ways.share.unwrap_or_else(|| {
             let asked = Asked {
                 splats: packed.points,
@@ -226,7 +229,7 @@ impl Renderer {
                     small: small_triangles,
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
-                    drawn: held.drawn.map(|part| (&lists.drawn, part)),
+                    drawn: held.is_drawn.then_some(&lists.drawn),
                 };
                 filtered.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
@@ -247,7 +250,7 @@ impl Renderer {
         }
         let ticket = end(frame, &self.targets.color)?;
         submit.end(&mut times);
-        if held.drawn.is_some() && times.kept != Kept::Lists {
+        if held.is_drawn && times.kept != Kept::Lists {
             times.host_ms = lists.drawn.ms();
         }
         times.counts = Counts {

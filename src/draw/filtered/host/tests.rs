@@ -150,7 +150,7 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     let mut others = Groups::default();
     others.add(first.len() + 1, second);
     groups.append(others);
-    let storage = (&mut front[..], Some(&mut sums[..]));
+    let storage = (&mut front[..], &mut sums[..]);
     draw_by(level, (&list, &groups), canvas, storage, &mut tiles);
     assert_eq!(front.split_off(canvas.pixels()), [7; 9]);
     assert_eq!(sums.split_off(canvas.pixels() * canvas.words()), [7; 9]);
@@ -184,10 +184,6 @@ fn front_and_sums_are_those_of_the_rules() {
                 for level in [Level::new(), Level::baseline()] {
                     let (own_front, own_sums, tiles) = drawn(level, &splats, canvas);
                     assert!(own_front == front, "{what}: front");
-                    let mut alone = vec![7; canvas.pixels()];
-                    let list = (&splats[..], &Groups::of(&splats));
-                    draw_by(level, list, canvas, (&mut alone, None), &mut Vec::new());
-                    assert!(alone == front, "{what}: front alone");
                     assert!(own_sums == sums, "{what}: sums");
                     assert_eq!(tiles, expected_tiles(&front, &sums, canvas), "{what}");
                 }
