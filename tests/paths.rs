@@ -114,19 +114,7 @@ fn discs(threshold_px: f32) -> Settings {
 }
 
 /// The picture, its depths, and the passes that drew it.
-fn passes(
-    device: &Device,
-    model: &Model,
-    view: &View,
-    settings: &Settings,
-) -> (Image, Vec<&'static str>) {
-    let backend = Backend::Device(device.gpu().clone());
-    let outputs = Outputs {
-        depth: true,
-        normal: false,
-        values: false,
-    };
-    let mut engine = Engine::new(&backend, model, (view.width, view.height), outputs).unwrap();
+fn passes(engine: &mut Engine<'_>, view: &View, settings: &Settings) -> (Image, Vec<&'static str>) {
     let times = engine.draw(view, settings).unwrap();
     let passes = times.passes.iter().map(|pass| pass.name).collect();
     (engine.read(view).unwrap(), passes)
@@ -163,7 +151,14 @@ fn the_host_draws_filtered_splats_as_compute_does() {
     ];
     let size = (240, 200);
     let mut by_host = 0;
+    let backend = Backend::Device(device.gpu().clone());
+    let outputs = Outputs {
+        depth: true,
+        normal: false,
+        values: false,
+    };
     for (name, model) in &models {
+        let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
         let mut part = orbit(model, size, 30.0, 20.0, 1.3);
         part.offset = [0.9, -0.7];
         for (view_name, view) in [
@@ -189,8 +184,8 @@ fn the_host_draws_filtered_splats_as_compute_does() {
                     path: Path::Compute,
                     ..settings
                 };
-                let (picture, own) = passes(&device, model, &view, &settings);
-                let (wanted, others) = passes(&device, model, &view, &insisting);
+                let (picture, own) = passes(&mut engine, &view, &settings);
+                let (wanted, others) = passes(&mut engine, &view, &insisting);
                 let what = format!("{name}, {view_name}, {threshold_px}: {own:?}");
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
                 assert!(picture == wanted, "{what}");

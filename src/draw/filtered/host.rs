@@ -19,7 +19,7 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch, f32x4, i32x4, mask32x4, u32x4};
 
 /// Rows of a band: whole tiles.
-const BAND_PX: u32 = 2 * FILTERED_TILE_PX;
+const BAND_PX: u32 = 4 * FILTERED_TILE_PX;
 /// Splats whose rows are known together. They lie near each other, in the order of the tree.
 const GROUP: usize = 16;
 

@@ -273,7 +273,6 @@ fn the_host_draws_the_picture_of_the_shaders() {
             for (i, splat) in splats.iter_mut().enumerate() {
                 match i % 50 {
                     7 => splat.window_px[i / 50 % 2] = f32::NAN,
-                    17 => splat.side_px = f32::NAN,
                     27 => splat.area_px = f32::NAN,
                     37 => splat.pushed_depth = 0.0,
                     _ => {}

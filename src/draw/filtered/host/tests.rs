@@ -249,10 +249,10 @@ fn large_splats_are_told() {
 #[test]
 fn splats_reach_into_the_next_band() {
     let canvas = Canvas {
-        rect_px: [0, 0, 24, 40],
+        rect_px: [0, 0, 24, BAND_PX + 8],
         is_gray: true,
     };
-    for eighths in 14 * 8..18 * 8 {
+    for eighths in 8 * (BAND_PX - 2)..8 * (BAND_PX + 2) {
         for (side_px, high) in [(1.0, 3.0), (3.0, 0.5), (2.0, 2.0), (1.0, 1.0)] {
             let splats = [FilteredSplat {
                 window_px: [11.3, eighths as f32 / 8.0],
