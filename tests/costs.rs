@@ -153,7 +153,9 @@ fn costs_decide_the_path_and_the_picture_stays() {
                     _ => drawn.splats,
                 };
                 let wanted = mark.is_some() && path == Path::Compute && count > 0;
-                let is_seen = mark.is_some_and(|mark| drawn.passes.contains(&mark));
+                // On a software device the host may stand for compute, and then no rasterizer draws either.
+                let is_by_host = drawn.passes == ["filtered.normalize"];
+                let is_seen = is_by_host || mark.is_some_and(|mark| drawn.passes.contains(&mark));
                 assert_eq!(is_seen, wanted, "{what}, {path:?}: {:?}", drawn.passes);
                 seen += usize::from(is_seen);
                 // Who insists on a path gets it whatever it costs.

@@ -5,8 +5,9 @@ mod common;
 
 use common::{Device, generated, orbit, real};
 use surfel::draw::{ColorBy, Lighting, Phong};
-use surfel::generate::Shape;
+use surfel::generate::{Shape, Spec};
 use surfel::gpu::Error;
+use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::method::engine::{Backend, Engine};
@@ -110,6 +111,91 @@ fn discs(threshold_px: f32) -> Settings {
         threshold_px,
         ..Settings::default()
     }
+}
+
+/// The picture, its depths, and the passes that drew it.
+fn passes(engine: &mut Engine<'_>, view: &View, settings: &Settings) -> (Image, Vec<&'static str>) {
+    let times = engine.draw(view, settings).unwrap();
+    let passes = times.passes.iter().map(|pass| pass.name).collect();
+    (engine.read(view).unwrap(), passes)
+}
+
+/// Every kind of splat: of nodes, rows and triangles, in grays, colors and the light of a lamp, culled or not, of a cloud; and
+/// beside triangles, where the device draws all.
+#[test]
+fn the_host_draws_filtered_splats_as_compute_does() {
+    let Some(device) = Device::open() else { return };
+    let is_software = device.gpu().info().kind == Kind::Cpu;
+    let mut colored = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
+    colored.colors = (colored.positions.iter())
+        .map(|p| {
+            [
+                (p.x * 127.0 + 128.0) as u8,
+                90,
+                (p.z * 127.0 + 128.0) as u8,
+                255,
+            ]
+        })
+        .collect();
+    let mut cloud = colored.clone();
+    cloud.triangles.clear();
+    let built = |mesh| {
+        let options = surfel::tree::BuildOptions::default();
+        surfel::tree::build(mesh, &options, &surfel::progress::Silent).unwrap()
+    };
+    let models = [
+        ("statue", generated(Shape::Statue, 60_000)),
+        ("torus", generated(Shape::Torus, 60_000)),
+        ("colored", built(colored)),
+        ("cloud", built(cloud)),
+    ];
+    let size = (240, 200);
+    let mut by_host = 0;
+    let backend = Backend::Device(device.gpu().clone());
+    let outputs = Outputs {
+        depth: true,
+        normal: false,
+        values: false,
+    };
+    for (name, model) in &models {
+        let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
+        let mut part = orbit(model, size, 30.0, 20.0, 1.3);
+        part.offset = [0.9, -0.7];
+        for (view_name, view) in [
+            ("near", orbit(model, size, 30.0, 20.0, 1.0)),
+            ("far", orbit(model, size, 80.0, -10.0, 0.2)),
+            ("part", part),
+            ("orthographic", common::orthographic(model, size)),
+        ] {
+            for (threshold_px, light, culling) in [
+                (1.0, Lighting::Headlight, Culling::Auto),
+                (2.5, Lighting::Headlight, Culling::Auto),
+                (4.0, Lighting::Phong(Phong::default()), Culling::Off),
+            ] {
+                let settings = Settings {
+                    splat: SplatKind::Filtered,
+                    threshold_px,
+                    light,
+                    culling,
+                    background: [0.1, 0.2, 0.3],
+                    ..Settings::default()
+                };
+                let insisting = Settings {
+                    path: Path::Compute,
+                    ..settings
+                };
+                let (picture, own) = passes(&mut engine, &view, &settings);
+                let (wanted, others) = passes(&mut engine, &view, &insisting);
+                let what = format!("{name}, {view_name}, {threshold_px}: {own:?}");
+                assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
+                assert!(picture == wanted, "{what}");
+                assert!(others.contains(&"filtered.clear"), "{what}: {others:?}");
+                by_host += usize::from(own == ["filtered.normalize"]);
+            }
+        }
+    }
+    println!("{by_host} pictures by the host");
+    assert_eq!(by_host >= 12, is_software, "{by_host}");
 }
 
 /// How many pixels have another coverage, a color that is off by more than a level, or a depth by more than a thousandth.

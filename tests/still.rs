@@ -103,6 +103,8 @@ fn looks() -> Vec<Settings> {
             ..of_splat(SplatKind::Disc, 4.0)
         },
         of_splat(SplatKind::Filtered, 1.0),
+        // Splats alone, which the host draws on a software device.
+        of_splat(SplatKind::Filtered, 4.0),
         of_splat(SplatKind::Gauss, 2.0),
         of_splat(SplatKind::Visibility, 3.0),
     ]

@@ -3,17 +3,10 @@
 // a word of 64 bits of two sums: (color, weight) of what is gray, else (red, green) and (blue, weight), the first of a pair
 // in the low half.
 // Requires GL_EXT_shader_explicit_arithmetic_types_int64.
+#include "common/constants.glsl"
 
 // Red, green and blue are the same in every deposit of the frame.
 layout(constant_id = 7) const bool IS_GRAY = false;
-
-// Steps in a sum of 1. Sums below 65536 and below 64 fit.
-const float COARSE_STEPS = 65536.0;
-const float FINE_STEPS = 67108864.0;
-// Weights from here on are coarse: 1024 steps, of which a half is far below a level.
-const float LEAST_COARSE = 1.0 / 64.0;
-// More than this no deposit weighs, so that what is out of all bounds spoils no other pixel's sums.
-const float MOST_WEIGHT = 1024.0;
 
 uint64_t fixed_pair(float low, float high) {
     return packUint2x32(uvec2(uint(low + 0.5), uint(high + 0.5)));

@@ -30,6 +30,7 @@
 
 mod four;
 mod groups;
+pub mod host;
 mod patch;
 mod place;
 mod taken;
@@ -49,9 +50,11 @@ use crate::tree::{Leaf, Model, Node, Tree};
 use four::{Four, Size, Slope, Vectors};
 use glam::{Vec3, Vec4};
 use groups::{Group, RowGroup};
+use host::Groups;
 use patch::{Patch, in_pieces, mean_color};
 use place::Projection;
 use prefetch_index::prefetch_index;
+use std::ops::Range;
 use taken::{LARGEST_PX, cuts, diameter_px, pieces};
 use triangles::Triangle;
 
@@ -167,7 +170,27 @@ impl Eye<'_> {
     }
 }
 
-/// Writes the splats of a cut and returns how many they are.
+/// Splats in a list, with gaps between them.
+#[derive(Debug)]
+pub struct Written {
+    parts: Vec<Range<usize>>,
+    /// For [`host::draw`].
+    pub groups: Groups,
+}
+
+impl Written {
+    /// Moves them together to the start of the list; how many they are.
+    pub fn close_gaps(&self, out: &mut [FilteredSplat]) -> usize {
+        parts::close_gaps(&self.parts, out)
+    }
+
+    /// How many they are.
+    pub fn count(&self) -> usize {
+        self.parts.iter().map(|part| part.len()).sum()
+    }
+}
+
+/// Writes the splats of a cut, without gaps, and returns how many they are.
 ///
 /// # Panics
 /// When `out` is shorter than [`splat_count`].
@@ -179,6 +202,21 @@ pub fn splats(
     shade: Shade,
     out: &mut [FilteredSplat],
 ) -> usize {
+    write(model, cut, first_large, view, shade, out).close_gaps(out)
+}
+
+/// Writes the splats of a cut and returns where they are.
+///
+/// # Panics
+/// When `out` is shorter than [`splat_count`].
+pub fn write(
+    model: &Model,
+    cut: &Cut,
+    first_large: FirstLarge,
+    view: &View,
+    shade: Shade,
+    out: &mut [FilteredSplat],
+) -> Written {
     let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
     let eye = Eye {
         tree: &model.tree,
@@ -222,13 +260,28 @@ pub fn splats(
             .chunks(parts::PART)
             .map(|p| (Part::Large(p), of_large(p))),
     );
-    let packed = parts::write(parts.collect(), out, |part, sink| match part {
-        Part::Nodes(ids) => eye.nodes(model, ids, sink),
-        Part::Rows(rows) => eye.rows(model, rows, sink),
-        Part::Leaves(ids) => eye.leaves(model, ids, false, sink),
-        Part::Large(ids) => eye.leaves(model, ids, true, sink),
+    let parts: Vec<(Part<'_>, usize)> = parts.collect();
+    let mut groups: Vec<Groups> = parts.iter().map(|_| Groups::default()).collect();
+    let mut first = 0;
+    let jobs = parts.into_iter().zip(&mut groups);
+    let jobs = jobs.map(|((part, size), groups)| {
+        let job = (part, first, groups);
+        first += size;
+        (job, size)
     });
-    packed.points
+    let parts = parts::write_apart(jobs.collect(), out, |(part, first, groups), sink| {
+        match part {
+            Part::Nodes(ids) => eye.nodes(model, ids, sink),
+            Part::Rows(rows) => eye.rows(model, rows, sink),
+            Part::Leaves(ids) => eye.leaves(model, ids, false, sink),
+            Part::Large(ids) => eye.leaves(model, ids, true, sink),
+        }
+        // While they are in the cache.
+        groups.add(first, sink.written());
+    });
+    let mut all = Groups::default();
+    groups.into_iter().for_each(|groups| all.append(groups));
+    Written { parts, groups: all }
 }
 
 /// What one thread writes at a time.

@@ -1,6 +1,7 @@
 //! Draw lists written by several threads, in the order of one.
 
 use super::splats::Packed;
+use std::ops::Range;
 use std::sync::{LazyLock, Mutex};
 
 /// Items of a cut that one thread writes at a time.
@@ -37,6 +38,12 @@ impl<R> Sink<'_, R> {
         self.points += 1;
     }
 
+    /// The records from the start of the list.
+    #[inline]
+    pub(super) fn written(&self) -> &[R] {
+        &self.out[..self.points]
+    }
+
     /// How many more records there is room for.
     #[inline]
     pub(super) fn room(&self) -> usize {
@@ -66,12 +73,64 @@ pub(super) fn write<I: Send, R: Copy + Send>(
     with_threads(*THREADS, parts, out, write)
 }
 
+/// The same, of parts without quads, whose records stay where the room of each begins; which they are.
+///
+/// # Panics
+/// As [`write()`].
+pub(super) fn write_apart<I: Send, R: Copy + Send>(
+    parts: Vec<(I, usize)>,
+    out: &mut [R],
+    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+) -> Vec<Range<usize>> {
+    let written = each_with_threads(*THREADS, parts, out, write);
+    written.into_iter().map(|part| part.points).collect()
+}
+
+/// Moves the records of parts together to the start of a list; how many they are.
+pub(super) fn close_gaps<R: Copy>(parts: &[Range<usize>], out: &mut [R]) -> usize {
+    let mut end = 0;
+    for part in parts {
+        if part.start != end {
+            out.copy_within(part.clone(), end);
+        }
+        end += part.len();
+    }
+    end
+}
+
+/// What a part has become.
+struct Written<R> {
+    /// Places of the records from the start of its room.
+    points: Range<usize>,
+    quads: Vec<R>,
+}
+
 fn with_threads<I: Send, R: Copy + Send>(
     threads: usize,
     parts: Vec<(I, usize)>,
     out: &mut [R],
     write: impl Fn(I, &mut Sink<'_, R>) + Sync,
 ) -> Packed {
+    let end: usize = parts.iter().map(|part| part.1).sum();
+    let written = each_with_threads(threads, parts, out, write);
+    let points: Vec<Range<usize>> = written.iter().map(|part| part.points.clone()).collect();
+    let packed = Packed {
+        points: close_gaps(&points, out),
+        quads: written.iter().map(|part| part.quads.len()).sum(),
+    };
+    let quads = written.iter().flat_map(|part| &part.quads);
+    for (out, quad) in out[end - packed.quads..end].iter_mut().zip(quads) {
+        *out = *quad;
+    }
+    packed
+}
+
+fn each_with_threads<I: Send, R: Copy + Send>(
+    threads: usize,
+    parts: Vec<(I, usize)>,
+    out: &mut [R],
+    write: impl Fn(I, &mut Sink<'_, R>) + Sync,
+) -> Vec<Written<R>> {
     let sizes: Vec<usize> = parts.iter().map(|part| part.1).collect();
     let end = sizes.iter().sum();
     let mut rest = &mut out[..end];
@@ -108,21 +167,15 @@ fn with_threads<I: Send, R: Copy + Send>(
     let mut written = written.into_inner().unwrap_or_default();
     written.sort_unstable_by_key(|part| part.0);
 
-    let mut packed = Packed::default();
     let mut start = 0;
-    for (&size, (_, points, _)) in sizes.iter().zip(&written) {
-        if start != packed.points {
-            out.copy_within(start..start + points, packed.points);
-        }
-        packed.points += points;
-        start += size;
-    }
-    packed.quads = written.iter().map(|part| part.2.len()).sum();
-    let quads = written.iter().flat_map(|part| &part.2);
-    for (out, quad) in out[end - packed.quads..end].iter_mut().zip(quads) {
-        *out = *quad;
-    }
-    packed
+    let parts = sizes.iter().zip(written);
+    parts
+        .map(|(&size, (_, points, quads))| {
+            let points = start..start + points;
+            start += size;
+            Written { points, quads }
+        })
+        .collect()
 }
 
 /// Does all jobs, which write `records` records together, on several threads if these are many.

@@ -271,6 +271,8 @@ impl Pipeline {
                 }
             }
         }
+        // In the order in which resources are given, whichever stage names them first.
+        bindings.sort_unstable_by_key(|binding| binding.0);
         let mut pipeline = Self {
             gpu: gpu.clone(),
             handle: vk::Pipeline::null(),

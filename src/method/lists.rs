@@ -2,6 +2,7 @@
 //! frames ask for the same.
 
 use super::compute::twin::Share;
+use super::filtered::drawn::Drawn;
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use super::scene::Scene;
@@ -9,6 +10,7 @@ use super::{Method, Path, Settings, compute};
 use crate::abi::{FilteredSplat, FuzzySplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::draw::ColorBy;
+use crate::draw::filtered::host::Canvas;
 use crate::draw::samples::{self, Screen};
 use crate::draw::splats::{self, Packed};
 use crate::draw::{filtered, fuzzy, pack};
@@ -31,6 +33,8 @@ pub(super) struct Lists {
     /// Triangles that stay such where others become samples.
     rest: samples::Rest,
     rest_ids: Vec<u32>,
+    /// What the host draws itself.
+    pub(super) drawn: Drawn,
     /// None before the first frame, and after one that failed.
     pub(super) held: Option<Held>,
 }
@@ -51,6 +55,8 @@ pub(super) struct Held {
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
     pub(super) ways: Ways,
+    /// The host has drawn the splats, which are filtered.
+    pub(super) is_drawn: bool,
     /// Of the cut.
     pub(super) stats: Stats,
 }
@@ -160,6 +166,9 @@ impl Key {
     }
 }
 
+/// Where the host draws so many filtered splats, if it is to.
+pub(super) type HostCanvas<'a> = &'a dyn Fn(usize) -> Option<Canvas>;
+
 impl Lists {
     /// # Errors
     /// When memory runs out.
@@ -173,6 +182,7 @@ impl Lists {
             small_runs: Vec::new(),
             rest: samples::Rest::new(),
             rest_ids: Vec::new(),
+            drawn: Drawn::new(gpu, slot)?,
             held: None,
         })
     }
@@ -193,13 +203,14 @@ impl Lists {
         (model, scene): (&Model, &Scene),
         cut: &mut Cut,
         (key, packing): (Key, Packing),
-        (ways, screen): (Ways, &Screen),
+        (ways, screen, canvas): (Ways, &Screen, HostCanvas<'_>),
     ) -> Result<(), Error> {
         self.held = None;
         let view = &key.view;
         let mut samples = None;
         let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
         let mut placed = None;
+        let mut written = None;
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan)
                 if key.may_sample
@@ -242,7 +253,9 @@ impl Lists {
                 let large = filtered::take_triangles(model, view, shade, cut);
                 let most = filtered::splat_count(cut, large);
                 let out = records(gpu, &mut self.splats, most)?;
-                let count = filtered::splats(model, cut, large, view, *shade, out);
+                let splats = filtered::write(model, cut, large, view, *shade, out);
+                let count = splats.count();
+                written = Some(splats);
                 let packed = Packed {
                     points: count,
                     quads: 0,
@@ -268,6 +281,10 @@ impl Lists {
         }
         pack_triangles(model, scene, triangles, self, is_small);
         self.rest_ids = rest;
+        let is_drawn = match written {
+            Some(splats) => self.draw(gpu, &splats, canvas(packed.points))?,
+            None => false,
+        };
         self.held = Some(Held {
             packed,
             samples: samples.unwrap_or(0),
@@ -281,16 +298,46 @@ impl Lists {
                 0
             },
             ways,
+            is_drawn,
             stats: cut.stats,
             key,
         });
         Ok(())
     }
 
+    /// Draws the filtered splats that were written, unless nothing says where, some are too large, or there are triangles, which
+    /// hide splats and are the device's; whether it has. What the device is to draw it gets without gaps.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn draw(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        written: &filtered::Written,
+        canvas: Option<Canvas>,
+    ) -> Result<bool, Error> {
+        let splats: &mut [FilteredSplat] = whole_records(self.splats.bytes_mut());
+        let is_alone = self.runs.is_empty() && self.small_runs.is_empty();
+        match canvas.filter(|_| is_alone && written.groups.are_small()) {
+            Some(canvas) => {
+                let list = (&*splats, &written.groups);
+                self.drawn.draw(gpu, list, canvas)?;
+                Ok(true)
+            }
+            None => {
+                written.close_gaps(splats);
+                Ok(false)
+            }
+        }
+    }
+
     /// Makes what was packed visible to the device.
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
+        if held.is_drawn {
+            self.drawn.flush();
+        }
         self.indices.flush(0..held.index_bytes);
         if held.ways.takes_triangles {
             self.small.flush(0..held.index_bytes);
@@ -308,7 +355,7 @@ fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
 }
 
 /// A mapped buffer as `count` records at least, grown if need be.
-fn records<'a, T: bytemuck::Pod>(
+pub(super) fn records<'a, T: bytemuck::Pod>(
     gpu: &Arc<Gpu>,
     buffer: &'a mut Upload,
     count: usize,

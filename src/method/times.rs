@@ -15,6 +15,8 @@ pub struct FrameTimes {
     pub cut_ms: f64,
     /// Writing the draw lists, milliseconds.
     pub pack_ms: f64,
+    /// Of [`pack_ms`](Self::pack_ms): drawing splats in the place of a software device, milliseconds.
+    pub host_ms: f64,
     /// Making the draw lists visible to the device, milliseconds.
     pub upload_ms: f64,
     /// Recording and submitting, milliseconds.

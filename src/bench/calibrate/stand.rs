@@ -126,6 +126,7 @@ pub(super) struct Stand {
     /// Two tiny triangles at opposite corners of a cube, each of them from both sides.
     corners: Stage,
     side: u32,
+    is_software: bool,
     until: Instant,
     gave_up: bool,
     /// Of every view how many times as long as its shortest frame its longest took: their logarithms' sum, and how many.
@@ -151,6 +152,7 @@ impl Stand {
             statue: Stage::new(gpu, statue)?,
             corners: Stage::new(gpu, corners)?,
             side,
+            is_software: gpu.info().kind == Kind::Cpu,
             until: Instant::now(),
             gave_up: false,
             unsteady: (0.0, 0.0),
@@ -312,7 +314,12 @@ impl Stand {
         if raster.is_none() && compute.is_none() {
             return Ok((None, None));
         }
-        let [raster, compute] = [raster, compute].map(|way| way.map(|w| w.0));
+        // On a software device the host takes the place of compute, unless somebody insists on that.
+        let by_host = match (&compute, kind) {
+            (Some(_), SplatKind::Filtered) if self.is_software => self.way(&base(Path::Auto))?,
+            _ => None,
+        };
+        let [raster, compute] = [raster, by_host.or(compute)].map(|way| way.map(|w| w.0));
         Ok((Some(Ways { raster, compute }), merge))
     }
 

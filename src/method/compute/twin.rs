@@ -11,17 +11,31 @@
 use super::NOTHING;
 use super::list::{self, Bound, Triangles};
 use super::rect;
+use crate::abi::constants::FILTERED_TILE_PX;
 use crate::abi::{FilteredSplat, FuzzySplat, Shader, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{Buffer, Upload, Usage};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
+use crate::gpu::pipeline::{
+    Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
+};
 use crate::gpu::{Error, Gpu};
+use crate::method::filtered::drawn::Drawn;
 use crate::method::targets::{Context, Targets};
 use crate::method::triangles::targets;
 use crate::method::{Path, Settings};
 use std::sync::Arc;
+
+/// The center of a tile.
+const TILE: Record = Record {
+    stride: 8,
+    attributes: &[Attribute {
+        name: "center_px",
+        format: AttributeFormat::Float2,
+        offset: 0,
+    }],
+};
 
 /// What compute draws of a list of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,6 +82,8 @@ pub(crate) struct Kind {
     depth: &'static Shader,
     blend: &'static Shader,
     normalize: &'static Shader,
+    /// The host can draw them.
+    has_host: bool,
     /// Bytes of a splat.
     record: u64,
     /// Triangles are pushed away in the first pass, as splats are.
@@ -89,6 +105,7 @@ pub(crate) const FILTERED: Kind = Kind {
     depth: &shaders::FILTERED_DEPTH_COMP,
     blend: &shaders::FILTERED_BLEND_COMP,
     normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
+    has_host: true,
     record: size_of::<FilteredSplat>() as u64,
     pushes_triangles: false,
     blend_needs_frame: false,
@@ -107,6 +124,7 @@ pub(crate) const FUZZY: Kind = Kind {
     depth: &shaders::FUZZY_DEPTH_COMP,
     blend: &shaders::FUZZY_BLEND_COMP,
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
+    has_host: false,
     record: size_of::<FuzzySplat>() as u64,
     pushes_triangles: true,
     // How far Gaussians are widened.
@@ -136,6 +154,8 @@ pub(crate) struct Twin {
     normalize: Pipeline,
     /// As `normalize`, where the rasterizer drew as well.
     normalize_all: Pipeline,
+    /// As `normalize`, tile by tile; of kinds that the host draws.
+    normalize_tiles: Option<Pipeline>,
     front: Buffer,
     sums: Buffer,
     max_binding: u64,
@@ -220,6 +240,14 @@ impl Twin {
             depth: Depth::Nearest,
             is_additive: false,
         };
+        let last = Description {
+            fragment: Some(kind.normalize),
+            constants: &all,
+            colors: targets(color, false),
+            // Also where there is no depth: kernels may reach beyond what hides.
+            depth: Depth::NotFarther,
+            ..base
+        };
         let normalize = |name, has_large| {
             let mut constants = all;
             constants[HAS_LARGE] = has_large;
@@ -227,14 +255,17 @@ impl Twin {
                 gpu,
                 &Description {
                     name,
-                    fragment: Some(kind.normalize),
                     constants: &constants,
-                    colors: targets(color, false),
-                    // Also where there is no depth: kernels may reach beyond what hides.
-                    depth: Depth::NotFarther,
-                    ..base
+                    ..last
                 },
             )
+        };
+        let tiles = Description {
+            name: "normalize of tiles",
+            vertex: &shaders::FILTERED_NORMALIZE_TILES_VERT,
+            record: TILE,
+            topology: Topology::Points,
+            ..last
         };
         let pixels = u64::from(width) * u64::from(height);
         let storage = |name, bytes| Buffer::new(gpu, name, Usage::Storage, bytes);
@@ -253,6 +284,10 @@ impl Twin {
             merge: Pipeline::new(gpu, &base)?,
             normalize: normalize("normalize of small splats", false)?,
             normalize_all: normalize("normalize of all splats", true)?,
+            normalize_tiles: kind
+                .has_host
+                .then(|| Pipeline::new(gpu, &tiles))
+                .transpose()?,
             front: storage("front of small splats", 4 * pixels)?,
             sums: storage("sums of small splats", sum_bytes(is_gray) * pixels)?,
             max_binding: gpu.info().max_storage_range,
@@ -292,6 +327,45 @@ impl Twin {
         self.blend(frame, &ready, constants);
         let rastered = rastered.map(|_| sums);
         self.normalize(frame, targets, (rastered, sums), context, constants)
+    }
+
+    /// The passes of a frame that the host has drawn: there is `normalize` alone, of the tiles that have anything in them.
+    /// `none` stands for rastered sums.
+    ///
+    /// # Errors
+    /// When the frame has no room for constants.
+    pub(crate) fn finish(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        (drawn, none): (&Drawn, &Target),
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let Some(pipeline) = &self.normalize_tiles else {
+            unreachable!("the host draws no others")
+        };
+        let picture = frame.uniform(&list::constants(context))?;
+        let [front, sums] = drawn.buffers();
+        // See the vertex shader.
+        let [x, y, width, height] = whole(context);
+        let tile = FILTERED_TILE_PX as f32;
+        let viewport = [x, y, width + tile, height + tile];
+        targets
+            .attach(frame.pass(self.kind.names[5]), context)
+            .sampled(none)
+            .fragment_storage(front)
+            .fragment_storage(sums)
+            .vertices(&drawn.tiles)
+            .draw(viewport, |draw| {
+                draw.cull_back_faces(false, false);
+                draw.scissor(rect::area(context.rect_px));
+                let uniforms = [constants, picture];
+                draw.bind_storage(pipeline, &uniforms, &[none], &drawn.storage());
+                draw.vertices(&drawn.tiles, 0);
+                draw.draw(0, drawn.tile_count());
+            });
+        Ok(())
     }
 
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.

@@ -5,6 +5,7 @@
 //! `filtered.blend` sums (color * weight, weight) of all that is not behind it, `filtered.normalize` divides.
 //! The sums are 32-bit floats: a pixel adds up thousands of small weights, which 16 bits lose.
 
+pub(crate) mod drawn;
 #[cfg(test)]
 mod tests;
 
@@ -24,6 +25,7 @@ use crate::gpu::pipeline::{
     Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
 };
 use crate::gpu::{Error, Gpu};
+use drawn::Drawn;
 use std::sync::Arc;
 
 /// [`FilteredSplat`] as pipelines see it.
@@ -118,6 +120,8 @@ pub(crate) struct List<'a> {
     pub(crate) small: Triangles<'a>,
     pub(crate) splats: &'a Upload,
     pub(crate) splat_count: u32,
+    /// All of it, where the host has drawn it.
+    pub(crate) drawn: Option<&'a Drawn>,
 }
 
 impl Filtered {
@@ -250,6 +254,10 @@ impl Filtered {
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
+        if let (Some(by_compute), Some(drawn)) = (&self.by_compute, list.drawn) {
+            let none = &self.sums;
+            return (by_compute.twin).finish(frame, targets, (drawn, none), context, constants);
+        }
         let (Some(by_compute), Share::Small | Share::All) = (&self.by_compute, share) else {
             self.raster_depth(frame, targets, list, &self.depth_splats, context, constants);
             self.raster_blend(frame, targets, list, &self.blend_splats, context, constants);

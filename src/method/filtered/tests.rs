@@ -1,10 +1,12 @@
 //! Lists of splats that no cut would make, by the rasterizer, by compute and by the mirror.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+use super::drawn::Drawn;
 use super::{Filtered, List, Variant};
 use crate::abi::FilteredSplat;
 use crate::draw::FilteredList;
 use crate::draw::filtered::FilteredPatch;
+use crate::draw::filtered::host::{Canvas, Groups};
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::Frames;
 use crate::gpu::{Gpu, Options};
@@ -57,17 +59,48 @@ fn device() -> Option<Arc<Gpu>> {
 }
 
 /// Those of a list that the view has.
-fn placed(splats: &[FilteredPatch]) -> Vec<FilteredSplat> {
+fn placed(splats: &[FilteredPatch], view: &View) -> Vec<FilteredSplat> {
     splats
         .iter()
-        .filter_map(|splat| splat.place(&view()))
+        .filter_map(|splat| splat.place(view))
         .collect()
 }
 
-/// The picture's bytes; by compute where `by_compute` says so, of grays or of colors.
-fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> Vec<[u8; 4]> {
-    let view = view();
+/// What draws.
+#[derive(Clone, Copy)]
+enum Way {
+    Raster,
+    /// Shaders, of grays or of colors.
+    Compute(bool),
+    Host(bool),
+}
+
+/// The picture's bytes.
+fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], way: Way) -> Vec<[u8; 4]> {
     let (width, height) = SIZE;
+    picture(
+        gpu,
+        &view(),
+        &placed(splats, &view()),
+        [0, 0, width, height],
+        way,
+    )
+}
+
+/// The bytes of a part of the picture, background elsewhere.
+fn picture(
+    gpu: &Arc<Gpu>,
+    view: &View,
+    splats: &[FilteredSplat],
+    rect_px: [u32; 4],
+    way: Way,
+) -> Vec<[u8; 4]> {
+    let (width, height) = SIZE;
+    let (by_compute, by_host) = match way {
+        Way::Raster => (None, false),
+        Way::Compute(is_gray) => (Some(is_gray), false),
+        Way::Host(is_gray) => (Some(is_gray), true),
+    };
     let variant = Variant {
         has_lamp: false,
         color: COLOR,
@@ -76,8 +109,7 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> 
     let filtered = Filtered::new(gpu, SIZE, variant).unwrap();
     let targets = Targets::new(gpu, width, height, (COLOR, false)).unwrap();
     let scene = Scene::new(gpu, &Model::default()).unwrap();
-    let splats = placed(splats);
-    let bytes: &[u8] = bytemuck::cast_slice(&splats);
+    let bytes: &[u8] = bytemuck::cast_slice(splats);
     let mut list = Upload::new(gpu, "splats", bytes.len() as u64).unwrap();
     list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
     list.flush(0..bytes.len() as u64);
@@ -87,16 +119,26 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> 
         width,
         height,
         guard_px: 40,
-        rect_px: [0, 0, width, height],
+        rect_px,
         background: settings().background,
         cull_back: false,
         is_mirrored: false,
         light: settings().light,
     };
+    let mut host = Drawn::new(gpu, 0).unwrap();
+    if by_host {
+        let canvas = Canvas {
+            rect_px,
+            is_gray: by_compute == Some(true),
+        };
+        let groups = Groups::of(splats);
+        host.draw(gpu, (splats, &groups), canvas).unwrap();
+        host.flush();
+    }
     let mut frames = Frames::new(gpu, 1, false).unwrap();
     let mut frame = frames.begin().unwrap();
     let constants = frame
-        .uniform(&frame_constants(&view, &settings(), &context))
+        .uniform(&frame_constants(view, &settings(), &context))
         .unwrap();
     let what = List {
         scene: &scene,
@@ -109,6 +151,7 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> 
         },
         splats: &list,
         splat_count: splats.len() as u32,
+        drawn: by_host.then_some(&host),
     };
     filtered
         .record(
@@ -129,7 +172,7 @@ fn drawn(gpu: &Arc<Gpu>, splats: &[FilteredPatch], by_compute: Option<bool>) -> 
 
 fn mirrored(splats: &[FilteredPatch]) -> Image {
     let list = FilteredList {
-        splats: &placed(splats),
+        splats: &placed(splats, &view()),
         ..FilteredList::default()
     };
     let style = style(&settings(), &Model::default());
@@ -186,8 +229,8 @@ fn crowds_are_the_same_by_rasterizer_compute_and_mirror() {
     // The largest are left to the rasterizer on either path.
     for (largest, is_gray) in [(1.0, true), (3.0, false), (30.0, true), (30.0, false)] {
         let splats = crowd(4000, largest, is_gray);
-        let raster = drawn(&gpu, &splats, None);
-        let compute = drawn(&gpu, &splats, Some(is_gray));
+        let raster = drawn(&gpu, &splats, Way::Raster);
+        let compute = drawn(&gpu, &splats, Way::Compute(is_gray));
         let mirror = mirrored(&splats).color;
         let what = format!("up to {largest} px, gray {is_gray}");
         // A splat whose depth ties with a front is seen or not by the last bit of its depth.
@@ -203,18 +246,71 @@ fn crowds_are_the_same_by_rasterizer_compute_and_mirror() {
     assert!(gpu.messages().take().is_empty());
 }
 
+/// To the bit: the same maxima and sums, and the same last pass over fewer pixels. In perspective and without, in all of the
+/// picture and in parts that end within tiles; some splats lie beside it, behind the eye or nowhere.
+#[test]
+fn the_host_draws_the_picture_of_the_shaders() {
+    let Some(gpu) = device() else { return };
+    let (width, height) = SIZE;
+    let mut camera = Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0));
+    let perspective = camera.view(DVec3::ZERO).unwrap();
+    camera.proj = glam::DMat4::from_cols(
+        glam::DVec4::X * 0.09,
+        glam::DVec4::Y * 0.12,
+        glam::DVec4::Z / (1.0 - 100.0),
+        glam::DVec4::new(0.0, 0.0, 1.0 / (1.0 - 100.0), 1.0),
+    );
+    let orthographic = camera.view(DVec3::ZERO).unwrap();
+    assert!(!orthographic.is_perspective);
+    for (name, view) in [("perspective", perspective), ("orthographic", orthographic)] {
+        for (count, largest, is_gray) in [
+            (0, 1.0, true),
+            (3, 9.0, false),
+            (4000, 3.0, true),
+            (900, 15.0, false),
+        ] {
+            let mut splats = placed(&crowd(count, largest, is_gray), &view);
+            for (i, splat) in splats.iter_mut().enumerate() {
+                match i % 50 {
+                    7 => splat.window_px[i / 50 % 2] = f32::NAN,
+                    27 => splat.area_px = f32::NAN,
+                    37 => splat.pushed_depth = 0.0,
+                    _ => {}
+                }
+            }
+            for rect_px in [[0, 0, width, height], [5, 3, 41, 31], [63, 0, 64, 48]] {
+                let what = format!("{name}, {count} up to {largest} px in {rect_px:?}");
+                let by = |way| picture(&gpu, &view, &splats, rect_px, way);
+                let shaders = by(Way::Compute(is_gray));
+                assert!(by(Way::Host(is_gray)) == shaders, "{what}");
+                let seen = shaders.iter().filter(|p| p[3] > 0).count();
+                assert!(count < 900 || seen > 20, "{what}: {seen} pixels");
+            }
+        }
+    }
+    assert!(gpu.messages().take().is_empty());
+}
+
 #[test]
 fn the_order_of_a_list_does_not_show() {
     let Some(gpu) = device() else { return };
     for is_gray in [true, false] {
         let mut splats = crowd(3000, 5.0, is_gray);
-        let first = drawn(&gpu, &splats, Some(is_gray));
-        assert_eq!(first, drawn(&gpu, &splats, Some(is_gray)), "drawn again");
+        let first = drawn(&gpu, &splats, Way::Compute(is_gray));
+        assert_eq!(
+            first,
+            drawn(&gpu, &splats, Way::Compute(is_gray)),
+            "drawn again"
+        );
         let mut n = Numbers(11);
         for i in (1..splats.len()).rev() {
             splats.swap(i, (n.next() * i as f32) as usize);
         }
-        assert_eq!(first, drawn(&gpu, &splats, Some(is_gray)), "shuffled");
+        assert_eq!(
+            first,
+            drawn(&gpu, &splats, Way::Compute(is_gray)),
+            "shuffled"
+        );
     }
     assert!(gpu.messages().take().is_empty());
 }
@@ -245,7 +341,7 @@ fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
                 },
             })
             .collect();
-        let picture = drawn(&gpu, &splats, Some(false));
+        let picture = drawn(&gpu, &splats, Way::Compute(false));
         // Its neighbors are covered by the squares as well, so it is no rim.
         let at = (SIZE.0 * (SIZE.1 / 2 - 1) + SIZE.0 / 2 - 1) as usize;
         let mirror = mirrored(&splats).color;

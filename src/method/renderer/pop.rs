@@ -3,6 +3,7 @@
 use super::{Counts, End, FrameTimes, Renderer, margin_px};
 use crate::abi::FrameConstants;
 use crate::draw::ColorBy;
+use crate::draw::filtered::host::Canvas;
 use crate::draw::samples::Screen;
 use crate::gpu::Error;
 use crate::gpu::device::Kind;
@@ -110,11 +111,19 @@ impl Renderer {
                 _ => max_point,
             };
             let packing = Packing::of(settings, model, (max_point, is_wanted));
+            let asked = self.asked(settings, &context);
+            let canvas = self.canvas(settings, context.rect_px);
+            // What a software device does by compute, the host does in less time; unless somebody insists on a path.
+            let canvas = |splats: usize| {
+                let asked = Asked { splats, ..asked };
+                canvas.filter(|_| asked.blended(0, false) != Share::Nothing)
+            };
             let triangles = self.cut.triangles.len();
             let cut = &mut self.cut;
             let lists = &mut self.lists[slot];
             let screen = screen(&frame_constants(view, settings, &context), &context);
-            lists.pack(&gpu, (model, scene), cut, (key, packing), (ways, &screen))?;
+            let how = (ways, &screen, &canvas as _);
+            lists.pack(&gpu, (model, scene), cut, (key, packing), how)?;
             if self.cut.triangles.len() != triangles {
                 self.chosen = None;
             }
@@ -138,6 +147,10 @@ impl Renderer {
             ..
         } = held;
         let ways = held.ways;
+        let drawn_bytes = match held.is_drawn {
+            true => lists.drawn.bytes(),
+            false => 0,
+        };
         let share = ways.share.unwrap_or_else(|| {
             let asked = Asked {
                 splats: packed.points,
@@ -225,6 +238,7 @@ impl Renderer {
                     small: small_triangles,
                     splats: &lists.splats,
                     splat_count: packed.points as u32,
+                    drawn: held.is_drawn.then_some(&lists.drawn),
                 };
                 filtered.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
@@ -253,6 +267,9 @@ impl Renderer {
         }
         let ticket = end(frame, &self.targets.color)?;
         submit.end(&mut times);
+        if held.is_drawn && times.kept != Kept::Lists {
+            times.host_ms = lists.drawn.ms();
+        }
         times.counts = Counts {
             nodes_visited: held.stats.visited,
             hidden: held.stats.hidden,
@@ -260,9 +277,20 @@ impl Renderer {
             splats: placed.map_or(packed.points + packed.quads - held.samples, |p| p.all()) as u64,
             triangles: held.triangles as u64,
             points: 0,
-            draw_list_bytes: held.splat_bytes + held.index_bytes,
+            draw_list_bytes: held.splat_bytes + held.index_bytes + drawn_bytes,
         };
         Ok((ticket, times))
+    }
+
+    /// Where the host draws filtered splats, if it may.
+    fn canvas(&self, settings: &Settings, rect_px: [u32; 4]) -> Option<Canvas> {
+        let is_software = self.gpu.info().kind == Kind::Cpu;
+        if Drawing::of(settings) != Drawing::Filtered || settings.path != Path::Auto || !is_software
+        {
+            return None;
+        }
+        let is_gray = self.filtered.as_ref()?.variant.by_compute?;
+        Some(Canvas { rect_px, is_gray })
     }
 
     /// What draws the primitives of a cut, as far as it is known before they are packed. `is_wanted`: compute may draw;
