@@ -209,7 +209,7 @@ fn a_lost_device_is_opened_again_and_shows_the_same_picture() {
     let expected = render(&arguments, &folder.path().join("drawn.png"));
     window.wait_for_picture("the first picture", &expected);
     // Twice through all colorings of squares, and back at the first.
-    for key in ["c"; 10].into_iter().chain(["Escape"]) {
+    for key in ["c"; 12].into_iter().chain(["Escape"]) {
         window.key(key);
         std::thread::sleep(Duration::from_millis(60));
     }
