@@ -44,8 +44,8 @@ pub(crate) fn rect_px(model: &Model, view: &View, margin_px: f32) -> [u32; 4] {
 const TILE: [u32; 2] = [8, 32];
 /// Gaps of a row between areas that are not worth another one, tiles.
 const LEAST_GAP: usize = 2;
-/// The level of the tree that says where the model is has at least so many nodes. Of half as many pixels four times as many
-/// would be left out at the rim, but asking takes as long as they do.
+/// The level of the tree that says where the model is has at least so many nodes. Four times as many leave out more of the
+/// rim, and take as long to ask as that spares.
 const LEAST_NODES: usize = 512;
 
 /// Parts of `rect_px` ([`rect_px`] of the same margin) in which the model can be seen, disjoint. A software device goes over
