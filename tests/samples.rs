@@ -240,7 +240,7 @@ fn branches_that_are_left_out_cover_nothing() {
             Selector::default().select_seen(&model, &view, &with, seen, &mut cut);
             select(&model, &view, &with, &mut all);
             assert!(
-                3 * cut.stats.visited < 2 * all.stats.visited,
+                5 * cut.stats.visited < 4 * all.stats.visited,
                 "{what}: {} of {} visited",
                 cut.stats.visited,
                 all.stats.visited
@@ -261,7 +261,7 @@ fn branches_that_are_left_out_cover_nothing() {
                 count += 1;
                 assert!(!contains_a_center(&model, &view, leaf), "{what}: {leaf}");
             }
-            assert!(2 * count > model.triangles.len(), "{what}: {count}");
+            assert!(3 * count > model.triangles.len(), "{what}: {count}");
         }
     }
 }

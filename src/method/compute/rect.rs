@@ -242,7 +242,7 @@ mod tests {
         let mut orthographic = camera(0.9);
         orthographic.is_perspective = false;
         (orthographic.scale, orthographic.offset) = ([0.4, 0.5], [0.1, -0.05]);
-        let ring: Vec<(Vec3, f32)> = (0..60)
+        let mut ring: Vec<(Vec3, f32)> = (0..60)
             .map(|i| {
                 let angle = i as f32 / 60.0 * std::f32::consts::TAU;
                 (
@@ -251,6 +251,8 @@ mod tests {
                 )
             })
             .collect();
+        // Near and at the side, where a perspective makes an ellipse of it.
+        ring.push((Vec3::new(1.2, -3.0, 0.3), 0.6));
         for view in [camera(0.9), camera(1.6), off_center, orthographic] {
             let rect = [3, 5, 400, 299];
             let areas = areas_of(ring.iter().copied(), &view, rect, margin).unwrap();
