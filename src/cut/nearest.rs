@@ -222,11 +222,14 @@ impl<'a> Hiding<'a> {
         ];
         // A coordinate in view space is the product of a unit vector and a position, and the place of the model's zero;
         // one in the window those of a vector as long as focal length and middle together, over a distance that is off
-        // as well.
+        // as well, or (orthographic) those of one as long as the focal length.
         let position_error = POSITION_ERROR * tester.extent;
         let place = |i: usize| {
-            let in_window = focal[i].hypot(if view.is_perspective { middle[i] } else { 0.0 });
-            in_window + 2.0 * half[i]
+            if view.is_perspective {
+                focal[i].hypot(middle[i]) + 2.0 * half[i]
+            } else {
+                focal[i].abs()
+            }
         };
         Self {
             nearest,

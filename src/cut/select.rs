@@ -179,7 +179,7 @@ impl Selector {
     }
 
     /// As [`select`](Self::select), less what covers no pixel: triangles between the centers of pixels; splats smaller than a
-    /// pixel whose square contains no center; and, where [`Footprints::hides`] says so, splats of which each pixel is
+    /// pixel whose ball or square contains no center, with all that is below such nodes; and, where [`Footprints::hides`] says so, splats of which each pixel is
     /// covered by a nearer one of the same cut. Of triangles and of splats of a pixel or more, what is dropped would show in
     /// no pixel, however the device rounds. What is left does not depend on threads.
     ///

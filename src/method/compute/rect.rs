@@ -44,8 +44,8 @@ pub(crate) fn rect_px(model: &Model, view: &View, margin_px: f32) -> [u32; 4] {
 const TILE: [u32; 2] = [8, 32];
 /// Gaps of a row between areas that are not worth another one, tiles.
 const LEAST_GAP: usize = 2;
-/// The level of the tree that says where the model is has at least so many nodes. Of half as many pixels four times as many
-/// would be left out at the rim, but asking takes as long as they do.
+/// The level of the tree that says where the model is has at least so many nodes. Four times as many leave out more of the
+/// rim, and take as long to ask as that spares.
 const LEAST_NODES: usize = 512;
 
 /// Parts of `rect_px` ([`rect_px`] of the same margin) in which the model can be seen, disjoint. A software device goes over
@@ -242,7 +242,7 @@ mod tests {
         let mut orthographic = camera(0.9);
         orthographic.is_perspective = false;
         (orthographic.scale, orthographic.offset) = ([0.4, 0.5], [0.1, -0.05]);
-        let ring: Vec<(Vec3, f32)> = (0..60)
+        let mut ring: Vec<(Vec3, f32)> = (0..60)
             .map(|i| {
                 let angle = i as f32 / 60.0 * std::f32::consts::TAU;
                 (
@@ -251,6 +251,8 @@ mod tests {
                 )
             })
             .collect();
+        // Near and at the side, where a perspective makes an ellipse of it.
+        ring.push((Vec3::new(1.2, -3.0, 0.3), 0.6));
         for view in [camera(0.9), camera(1.6), off_center, orthographic] {
             let rect = [3, 5, 400, 299];
             let areas = areas_of(ring.iter().copied(), &view, rect, margin).unwrap();
