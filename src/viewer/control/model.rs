@@ -32,6 +32,8 @@ const NEAR_PLACE: f64 = 0.1;
 const RECENT: f64 = 400.0;
 /// How much farther than the nearest ones frames count.
 const FARTHER: f64 = 1.0;
+/// So far apart are frames of which the host drew one, as it does where a frame has no triangles.
+const OTHER_HAND: f64 = 4.0;
 /// Two frames that differ by less from one say what it takes.
 const KNOWN: f64 = 2.0;
 /// Frames at most from which shares are learned, evenly of those kept.
@@ -217,6 +219,11 @@ struct Frame {
 }
 
 impl Frame {
+    /// The host drew its splats, while it packed them.
+    fn is_of_host(&self) -> bool {
+        self.took.draw_ms == 0.0 && self.work.splats > 0
+    }
+
     fn draw_rate(&self, shares: Shares) -> f64 {
         self.took.draw_ms / shares.ns(&Numbers::of(&self.work), self.px.into())
     }
@@ -393,6 +400,9 @@ impl Model {
     fn frames(&self, px: f32, work: &Work, by_compute: bool) -> (Vec<&Frame>, bool) {
         let wanted = Numbers::of(work);
         let far = |a: f64, b: f64, near: f64| ((a / b).ln() / near).powi(2);
+        let frames = &self.ways[usize::from(by_compute)].frames;
+        let is_any_of_host = frames.iter().any(Frame::is_of_host);
+        let is_of_host = is_any_of_host && work.triangles == 0;
         let distance = |f: &Frame| {
             let drew = Numbers::of(&f.work);
             let triangles = (wanted.triangle_share() - drew.triangle_share()) / NEAR_SHARE;
@@ -402,9 +412,12 @@ impl Model {
                 + far(wanted.pixels, drew.pixels, NEAR_PIXELS)
                 + triangles.powi(2)
                 + place.powi(2);
-            squares.sqrt() + (self.count - f.number) as f64 / RECENT
+            let other_hand = match f.is_of_host() == is_of_host {
+                true => 0.0,
+                false => OTHER_HAND,
+            };
+            squares.sqrt() + other_hand + (self.count - f.number) as f64 / RECENT
         };
-        let frames = &self.ways[usize::from(by_compute)].frames;
         let mut found: Vec<(f64, &Frame)> = frames.iter().map(|f| (distance(f), f)).collect();
         let most = (found.len() / 4).clamp(LEAST, RATES).min(found.len());
         found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
