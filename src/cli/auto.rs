@@ -5,8 +5,23 @@ use super::source::Ready;
 use super::{Failure, Outcome, say, usage};
 use surfel::chart::auto::{Bounds, Calibration, Chosen, Key, fill_of};
 use surfel::math::camera::View;
-use surfel::method::Settings;
 use surfel::method::engine::Backend;
+use surfel::method::{Path, Settings};
+
+/// Settings drawn in the way of a choice. It was made in the headlight; where something else decides the color, compute cannot
+/// draw all that it was chosen for, and draws what it can.
+fn with(choice: &Settings, settings: Settings) -> Settings {
+    Settings {
+        method: choice.method,
+        splat: choice.splat,
+        path: match choice.path {
+            Path::Compute if !settings.has_headlight() => Path::Auto,
+            path => path,
+        },
+        threshold_px: choice.threshold_px,
+        ..settings
+    }
+}
 
 /// What `--method auto` has to keep.
 #[derive(Debug, Clone, Copy, clap::Args)]
@@ -89,14 +104,7 @@ impl AutoArgs {
             )));
         };
         say(&self.reason(&chosen, calibration.model()));
-        let choice = chosen.choice.settings();
-        Ok(Settings {
-            method: choice.method,
-            splat: choice.splat,
-            path: choice.path,
-            threshold_px: choice.threshold_px,
-            ..settings
-        })
+        Ok(with(&chosen.choice.settings(), settings))
     }
 
     /// Which and why, in a line.
@@ -126,5 +134,39 @@ impl AutoArgs {
             text += &format!("; above the bound in {misses} of {all} views that did not choose");
         }
         text
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use surfel::draw::{ColorBy, Lighting, Phong};
+
+    #[test]
+    fn compute_is_insisted_on_where_it_can_draw() {
+        let choice = |path| Settings {
+            path,
+            threshold_px: 2.0,
+            ..Settings::default()
+        };
+        let lamp = Settings {
+            light: Lighting::Phong(Phong::default()),
+            ..Settings::default()
+        };
+        let depth = Settings {
+            color_by: ColorBy::Depth,
+            ..Settings::default()
+        };
+        for (settings, path, expected) in [
+            (Settings::default(), Path::Compute, Path::Compute),
+            (Settings::default(), Path::Raster, Path::Raster),
+            (lamp, Path::Compute, Path::Auto),
+            (depth, Path::Compute, Path::Auto),
+            (depth, Path::Raster, Path::Raster),
+        ] {
+            let drawn = with(&choice(path), settings);
+            assert_eq!((drawn.path, drawn.threshold_px), (expected, 2.0));
+            assert_eq!(drawn.color_by, settings.color_by);
+        }
     }
 }

@@ -54,6 +54,12 @@ fn auto_calibrates_once_and_keeps_its_bound() {
         again.err
     );
 
+    // Chosen in the headlight, drawn in any light and color.
+    for more in ["--color-by depth", "--color-by overdraw", "--light phong"] {
+        let other = render(folder.path(), &format!("{words} --max-error 0.9 {more}"));
+        assert_eq!(other.code, 0, "{more}: {}", other.err);
+    }
+
     // A damaged file is made again.
     let cache = walk(folder.path());
     assert_eq!(cache.len(), 1, "{cache:?}");
