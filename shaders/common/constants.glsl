@@ -32,8 +32,13 @@ const uint FLAGS_CONSTANT = 31u;
 const float ALBEDO = 0.8;
 // A pixel of fuzzy splats shows something when the sum of its weights is at least this.
 const float LEAST_FUZZY_WEIGHT = 1e-4;
-// How far from a pixel that lies between the rectangles of filtered splats its color is looked for, pixels.
-const uint FILTERED_REACH_PX = 8u;
+// How far from a pixel that lies between the rectangles of filtered splats its color is looked for in eight directions, pixels;
+// and all around it, where that finds nothing.
+const uint FILTERED_REACH_PX = 21u;
+const uint FILTERED_AROUND_PX = 8u;
+// A neighbor of a pixel of filtered splats is another part of the surface when its front lies farther by so many pixels' (or
+// splats', if these are larger) width.
+const float FILTERED_JUMP = 3.0;
 // A pixel at a rim shows what is behind when filtered splats cover less of it than this: half a level.
 const float LEAST_FILTERED_COVERAGE = 0.002;
 // Compute draws blended splats up to this size, pixels; the rasterizer those that are larger.

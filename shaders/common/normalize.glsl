@@ -6,8 +6,6 @@
 #include "common/frame.glsl"
 
 const float LEAST_WEIGHT = 1e-6;
-// A neighbor is another part when its front lies farther by this many pixels' (or splats') width.
-const float JUMP = 3.0;
 
 bool is_known(ivec2 pixel, ivec4 known) {
     return all(greaterThanEqual(pixel, known.xy)) && all(lessThan(pixel, known.zw));
@@ -44,34 +42,44 @@ float coverage_of_part(ivec2 pixel, float sum, ivec4 known) {
 vec2 range_of_part(float own) {
     float distance = distance_of(own);
     float width = (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? 1.0 : distance;
-    float jump = JUMP * max(frame.splat_size_px, 1.0) * width / frame.focal_px;
+    float jump = FILTERED_JUMP * max(frame.splat_size_px, 1.0) * width / frame.focal_px;
     return vec2(distance > jump ? depth_of(distance - jump) : 1.0, depth_of(distance + jump));
 }
 
-// What the nearest pixels of the same part deposited: the color between rectangles, which are not as dense as the squares of
-// the first pass. They lie in squares around the pixel, one after the other.
+// What pixels near by of the same part deposited: the color between rectangles, which are not as dense as the squares of the
+// first pass. It is looked for in eight directions, at distances that each are the sum of the two before; and in squares all
+// around only where nothing lies in those, since there are far more pixels in squares. One loop, of one pixel a turn: where
+// lanes are masked every loop has a turn.
 vec4 sum_near(ivec2 pixel, vec2 part, ivec4 known) {
-    for (int reach = 1; reach <= int(FILTERED_REACH_PX); ++reach) {
-        vec4 sum = vec4(0.0);
-        for (int i = 0; i < 8 * reach; ++i) {
-            // Around the square, from its corners: each side is as long as twice the reach.
-            int along = i % (2 * reach) - reach;
-            int side = i / (2 * reach);
-            ivec2 step = side == 0 ? ivec2(along, -reach) : side == 1 ? ivec2(reach, along)
-                : side == 2 ? ivec2(-along, reach) : ivec2(-reach, -along);
-            ivec2 neighbor = pixel + step;
-            if (is_known(neighbor, known)) {
-                float depth = front_at(neighbor);
-                if (depth >= part.y && depth <= part.x) {
-                    sum += sum_at(neighbor);
-                }
+    vec4 sum = vec4(0.0);
+    bool is_along = true;
+    int reach = 1, before = 1;
+    // Around the square from its first corner; turned at each.
+    ivec2 at = ivec2(-1), along = ivec2(1, 0);
+    for (;;) {
+        ivec2 neighbor = pixel + at;
+        if (is_known(neighbor, known)) {
+            float depth = front_at(neighbor);
+            if (depth >= part.y && depth <= part.x) {
+                sum += sum_at(neighbor);
             }
         }
-        if (sum.a > LEAST_WEIGHT) {
-            return sum;
+        at += along;
+        bool is_corner = abs(at.x) == abs(at.y);
+        along = is_corner ? ivec2(-along.y, along.x) : along;
+        if (is_corner && at.x < 0 && at.y < 0) {
+            int next = is_along ? reach + before : reach + 1;
+            bool is_last = next > int(is_along ? FILTERED_REACH_PX : FILTERED_AROUND_PX);
+            if (sum.a > LEAST_WEIGHT || is_last && !is_along) {
+                return sum;
+            }
+            before = reach;
+            reach = is_last ? 2 : next;
+            is_along = is_along && !is_last;
+            at = ivec2(-reach);
+            along = ivec2(is_along ? reach : 1, 0);
         }
     }
-    return vec4(0.0);
 }
 
 vec4 normalized(ivec2 pixel, float own) {

@@ -25,8 +25,8 @@
 //! patch's area in its mean plane, √(1 - x²) of its side wide, x the mean normal's component to the right, and so high
 //! likewise; of a piece of a row that of a rectangle as long as the piece. Each pixel gets the part of it that lies in
 //! it. Patches are no squares, and such rectangles leave gaps. The squares of the first pass, of the threshold's side around
-//! the center, as wide as a node may be, leave none; so what lies in one of them and in no rectangle takes the color of the
-//! nearest pixels of its part of the surface ([`crate::abi::constants::FILTERED_REACH_PX`]). A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
+//! the center, as wide as a node may be, leave none; so what lies in one of them and in no rectangle takes the color of
+//! pixels near by of its part of the surface ([`crate::abi::constants::FILTERED_REACH_PX`]). A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
 
 mod four;
 mod groups;

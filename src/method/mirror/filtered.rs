@@ -10,7 +10,9 @@ use super::target::{LEAST_ALPHA, in_formats};
 use super::triangle::{self, Triangle};
 use super::{CHUNK, Frame, Outputs, SUBPIXELS, draw, gather, pixels_between, snap};
 use crate::abi::FilteredSplat;
-use crate::abi::constants::{FILTERED_REACH_PX, LEAST_FILTERED_COVERAGE};
+use crate::abi::constants::{
+    FILTERED_AROUND_PX, FILTERED_JUMP, FILTERED_REACH_PX, LEAST_FILTERED_COVERAGE,
+};
 use crate::draw::{FilteredList, Style};
 use crate::image::Image;
 use crate::math::camera::View;
@@ -19,9 +21,6 @@ use std::ops::{Range, RangeInclusive};
 
 /// A pixel is covered when the sum of its weights is above this.
 const LEAST_WEIGHT: f32 = 1e-6;
-
-/// A neighbor is another part when its front lies farther by this many pixels' (or splats') width.
-const JUMP: f64 = 3.0;
 
 /// A window position farther out reaches into no picture; sums with sides stay far inside an integer.
 const LIMIT_PX: f32 = 1e9;
@@ -55,8 +54,9 @@ pub struct Filtered {
 ///
 /// **Normalize.** With W the sum of weights, a pixel shows the mean color where W > 1e-6. Else it shows the background with
 /// alpha 0, unless it has a depth: it lies between rectangles, which are not as dense as squares. Then it shows the mean of
-/// what the nearest pixels of its part deposited (nearest by the larger of the distances along x and y, at most
-/// [`FILTERED_REACH_PX`]; of its part are those whose depths differ by no more than parts do, see below). A neighbor in the
+/// what pixels near by of its part deposited: the nearest in eight directions, at 1, 2, 3, 5, 8, 13 and 21 pixels along x, y or
+/// both ([`FILTERED_REACH_PX`]); where nothing lies there the nearest all around (by the larger of the distances along x and y, at
+/// most [`FILTERED_AROUND_PX`]). Of its part are those whose depths differ by no more than parts do, see below. A neighbor in the
 /// picture (of 8) without depth is empty; one whose depth is farther than the pixel's
 /// by more than 3 pixels' (or [`Style::splat_size_px`], if that is more) width there is another part. Beside either, and
 /// where the pixel has no depth, the pixel is covered by min(W, 1) only; behind it lies the mean of what these neighbors
@@ -297,7 +297,8 @@ fn normalize(
         })
     };
     let background = style.background.map(f64::from);
-    let pixel_at_1 = JUMP * f64::from(style.splat_size_px.max(1.0)) / f64::from(view.focal_px());
+    let pixel_at_1 =
+        f64::from(FILTERED_JUMP * style.splat_size_px.max(1.0)) / f64::from(view.focal_px());
     // Distances of what belongs to the part of a pixel.
     let part_of = |i: usize| {
         let distance = f64::from(view.distance_of_depth(front[i]));
@@ -308,17 +309,14 @@ fn normalize(
         let [r, g, b] = background;
         [r, g, b, 0.0]
     };
-    // The mean color of the nearest pixels of a part.
-    let near_in = |i: usize, part: &RangeInclusive<f64>| {
-        let (x, y) = ((i % width) as i32, (i / width) as i32);
-        (1..=FILTERED_REACH_PX as i32).find_map(|reach| {
-            let is_around = |dx: i32, dy: i32| dx.abs().max(dy.abs()) == reach;
+    // The mean color of pixels near by of a part.
+    let mean_at =
+        |i: usize, part: &RangeInclusive<f64>, steps: &mut dyn Iterator<Item = [i32; 2]>| {
+            let (x, y) = ((i % width) as i32, (i / width) as i32);
             let mut sum = [0.0; 4];
-            for (dx, dy) in (-reach..=reach).flat_map(|dy| (-reach..=reach).map(move |dx| (dx, dy)))
-            {
+            for [dx, dy] in steps {
                 let (x, y) = (x + dx, y + dy);
-                let is_known = x >= 0 && y >= 0 && x < width as i32 && y < height as i32;
-                if !is_around(dx, dy) || !is_known {
+                if x < 0 || y < 0 || x >= width as i32 || y >= height as i32 {
                     continue;
                 }
                 let j = y as usize * width + x as usize;
@@ -328,7 +326,33 @@ fn normalize(
             }
             let [r, g, b, weight] = sum;
             (weight > f64::from(LEAST_WEIGHT)).then(|| [r / weight, g / weight, b / weight])
-        })
+        };
+    let near_in = |i: usize, part: &RangeInclusive<f64>| {
+        let square = |reach: i32| {
+            let row = move |dy: i32| (-reach..=reach).map(move |dx| [dx, dy]);
+            (-reach..=reach).flat_map(row)
+        };
+        let is_far = |[dx, dy]: &[i32; 2]| dx.abs().max(dy.abs());
+        let reaches = std::iter::successors(Some((1, 1)), |&(reach, before)| {
+            Some((reach + before, reach))
+        });
+        let mut along = reaches
+            .map(|(reach, _)| reach)
+            .take_while(|&reach| reach <= FILTERED_REACH_PX as i32)
+            .map(|reach| {
+                let steps = square(1).filter(|step| is_far(step) == 1);
+                mean_at(i, part, &mut steps.map(|step| step.map(|d| reach * d)))
+            });
+        let mut around = (2..=FILTERED_AROUND_PX as i32).map(|reach| {
+            mean_at(
+                i,
+                part,
+                &mut square(reach).filter(|step| is_far(step) == reach),
+            )
+        });
+        along
+            .find_map(|found| found)
+            .or_else(|| around.find_map(|found| found))
     };
     let color_at = |i: usize| {
         let has_front = front[i] > 0.0;

@@ -296,9 +296,20 @@ fn what_lies_between_rectangles_takes_the_color_of_its_own_part() {
         ..splat([20.5, 20.5, 8.0], RED, 1.0)
     };
     let got = draw_splats(&flat(), &[alone], &style(5.0)).image;
-    let reach = FILTERED_REACH_PX as usize;
-    assert_eq!(got.color[at(20 + reach, 20)], [255, 0, 0, 255]);
-    assert_eq!(got.color[at(20 + reach + 1, 20)], [0, 0, 0, 0]);
+    let (nothing, red) = ([0, 0, 0, 0], [255, 0, 0, 255]);
+    for distance in [1, 2, 3, 5, 8, 13] {
+        assert_eq!(got.color[at(20 + distance, 20)], red, "{distance}");
+        assert_eq!(
+            got.color[at(20 - distance, 20 + distance)],
+            red,
+            "{distance}"
+        );
+    }
+    // Between those directions all around, less far.
+    let around = FILTERED_AROUND_PX as usize;
+    assert_eq!(got.color[at(20 + around, 20 + 3)], red);
+    assert_eq!(got.color[at(20 + around + 1, 20 + 3)], nothing);
+    assert_eq!(got.color[at(20 + 14, 20)], nothing);
 }
 
 #[test]

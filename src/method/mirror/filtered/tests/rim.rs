@@ -116,7 +116,7 @@ fn before_a_farther_part_the_rim_shows_that_part() {
     assert_eq!(got.image.color[at(9, 12)], [0, 255, 0, 255]);
     // Not farther by more than the jump: no rim.
     for splat in splats.iter_mut().filter(|s| s.color == GREEN) {
-        splat.center.z = 8.0 + JUMP as f32;
+        splat.center.z = 8.0 + FILTERED_JUMP;
     }
     let near = draw_splats(&flat(), &splats, &style(1.0));
     assert_eq!(near.image.color[at(12, 10)], [255, 0, 0, 255]);
