@@ -87,6 +87,8 @@ pub struct Renderer {
     cut: Cut,
     selector: cut::Selector,
     costs: Option<Costs>,
+    /// In place of compute, too.
+    host_may_draw: bool,
     device_cut: Option<DeviceCut>,
     /// What its lists are of.
     held_on_device: Option<(u64, Choice)>,
@@ -163,6 +165,7 @@ impl Renderer {
             cut: Cut::default(),
             selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
+            host_may_draw: false,
             device_cut: None,
             held_on_device: None,
             too_large: None,
@@ -229,6 +232,12 @@ impl Renderer {
         // What was packed by others may be of other primitives.
         self.lists.iter_mut().for_each(|lists| lists.held = None);
         self.costs = costs;
+    }
+
+    /// Whether the host may draw what compute is asked for by name, where it does so for [`Path::Auto`](super::Path::Auto) as
+    /// well: filtered splats on a software device. The picture is the same. Not at first.
+    pub fn let_host_draw(&mut self, may: bool) {
+        self.host_may_draw = may;
     }
 
     /// The costs that decide.

@@ -90,10 +90,16 @@ pub(super) fn run(
                     app.loaded(&path, result)?;
                 }
                 Event::Loaded(path) => {
-                    let path = first.take().unwrap_or_else(|| path.clone());
+                    let asked = first.take();
+                    let path = asked.as_ref().unwrap_or(path);
                     app.tell_device(loader);
-                    let result = load(loader, &path, false, should_stop)?;
-                    app.loaded(&path, result)?;
+                    match load(loader, path, false, should_stop)? {
+                        // Nobody sees a message in the window, and pictures without the model are of no use.
+                        Err(error) if asked.is_some() && window.is_none() => {
+                            return Err(Error::Open(error));
+                        }
+                        result => app.loaded(path, result)?,
+                    }
                 }
                 _ => {}
             }

@@ -263,3 +263,27 @@ fn a_damaged_recording_is_named_with_its_line() {
     assert_eq!(output.status.code(), Some(2), "{text}");
     assert!(text.contains("input.jsonl, line 2"), "{text}");
 }
+
+#[test]
+fn a_replay_that_nobody_sees_ends_where_its_model_is_missing() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let input = folder.path().join("input.jsonl");
+    let lines = [
+        r#"{"surfel_input":1}"#,
+        r#"{"step":0,"time":0,"event":{"size":{"width":150,"height":110,"scale":1.0}}}"#,
+        r#"{"step":1,"time":1,"event":{"loaded":"generate:statue:2000"}}"#,
+        r#"{"step":2,"time":2,"event":{"key":{"key":{"pad":1},"pressed":true}}}"#,
+    ];
+    std::fs::write(&input, lines.join("\n")).unwrap();
+    let missing = folder.path().join("missing.ply");
+    let mut command = display.surfel(&[missing.to_str().unwrap(), "--headless", "--replay"]);
+    command.arg(&input).current_dir(folder.path());
+    let output = run(&mut command);
+    assert_eq!(output.status.code(), Some(2), "{output:?}");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(said.contains("missing.ply: cannot be read"), "{said}");
+    assert!(output.stdout.is_empty(), "{output:?}");
+}

@@ -285,8 +285,12 @@ impl Renderer {
     /// Where the host draws filtered splats, if it may.
     fn canvas(&self, settings: &Settings, rect_px: [u32; 4]) -> Option<Canvas> {
         let is_software = self.gpu.info().kind == Kind::Cpu;
-        if Drawing::of(settings) != Drawing::Filtered || settings.path != Path::Auto || !is_software
-        {
+        let may_draw = match settings.path {
+            Path::Auto => true,
+            Path::Compute => self.host_may_draw,
+            Path::Raster => false,
+        };
+        if Drawing::of(settings) != Drawing::Filtered || !may_draw || !is_software {
             return None;
         }
         let is_gray = self.filtered.as_ref()?.variant.by_compute?;

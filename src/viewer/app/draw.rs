@@ -119,6 +119,8 @@ impl App {
         // What holds the time chooses the way itself, by what frames took; costs would change it from frame to frame.
         let is_held = holds && self.control.is_some() && camera.is_some();
         self.screen.decide_by_costs(!is_held);
+        // Nobody insists on the device then.
+        self.screen.let_host_draw(settings.path == Path::Auto);
         if let (Some(control), Some(camera)) = (&mut self.control, camera)
             && holds
         {
