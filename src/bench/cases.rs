@@ -217,7 +217,7 @@ impl Plan {
             has_blended: true,
             accurate: [
                 vec![0.0, 0.125, 0.25, 0.35, 0.5, 1.0, 1.5, 2.0, 3.0],
-                vec![1.0, 1.5, 2.0, 2.5, 2.8, 3.0],
+                vec![1.0, 1.5, 2.0, 2.3, 2.5, 2.8, 3.0],
             ],
             error_views: 2,
             grid: 4,
@@ -236,7 +236,7 @@ impl Plan {
             has_ray_reference: true,
             accurate: [
                 vec![0.0, 0.125, 0.25, 0.35, 0.5, 1.0, 2.0],
-                vec![1.0, 2.0, 2.5, 2.8],
+                vec![1.0, 2.0, 2.3, 2.5, 2.8],
             ],
             error_views: 1,
             rounds: 3,

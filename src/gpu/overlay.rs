@@ -8,7 +8,7 @@ use super::access::Access;
 use super::buffer::{AnyBuffer, Upload};
 use super::frame::{Frame, Load};
 use super::image::{Format, Image};
-use super::pipeline::{Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology};
+use super::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
 use super::{Error, Gpu};
 use crate::abi::shaders;
 use ash::vk;
@@ -30,31 +30,11 @@ struct Corner {
     color: [u8; 4],
 }
 
-const RECORD: Record = Record {
-    stride: size_of::<Corner>() as u32,
-    attributes: &[
-        Attribute {
-            name: "position",
-            format: AttributeFormat::Float2,
-            offset: std::mem::offset_of!(Corner, position) as u32,
-        },
-        Attribute {
-            name: "place",
-            format: AttributeFormat::Float2,
-            offset: std::mem::offset_of!(Corner, place) as u32,
-        },
-        Attribute {
-            name: "color",
-            format: AttributeFormat::Unorm8x4,
-            offset: std::mem::offset_of!(Corner, color) as u32,
-        },
-    ],
-};
-
-const NOTHING: Record = Record {
-    stride: 0,
-    attributes: &[],
-};
+const RECORD: Record = record!(Corner {
+    position: Float2,
+    place: Float2,
+    color: Unorm8x4,
+});
 
 /// A texture, on the host and, once it was drawn with, on the device.
 #[derive(Debug, Default)]
@@ -119,7 +99,7 @@ impl Overlay {
             vertex: &shaders::OVERLAY_COPY_VERT,
             fragment: Some(&shaders::OVERLAY_COPY_FRAG),
             constants: &[],
-            record: NOTHING,
+            record: Record::NOTHING,
             topology: Topology::Triangles,
             colors: &[Format::Rgba8],
             depth: Depth::None,

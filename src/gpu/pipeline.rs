@@ -55,6 +55,30 @@ pub struct Record {
     pub attributes: &'static [Attribute],
 }
 
+impl Record {
+    /// No vertex buffer: the vertex shader knows the number of its vertex alone.
+    pub const NOTHING: Self = Self {
+        stride: 0,
+        attributes: &[],
+    };
+}
+
+/// The [`Record`] of a structure: the fields that a shader reads, by the names of its inputs, with their formats; `in` says in
+/// which field they lie.
+macro_rules! record {
+    ($of:ty { $($name:ident: $format:ident $(in $outer:ident)?),+ $(,)? }) => {
+        $crate::gpu::pipeline::Record {
+            stride: size_of::<$of>() as u32,
+            attributes: &[$($crate::gpu::pipeline::Attribute {
+                name: stringify!($name),
+                format: $crate::gpu::pipeline::AttributeFormat::$format,
+                offset: std::mem::offset_of!($of, $($outer.)? $name) as u32,
+            }),+],
+        }
+    };
+}
+pub(crate) use record;
+
 /// What a pipeline draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Topology {

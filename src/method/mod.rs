@@ -30,7 +30,7 @@ pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLEND
 pub use compute::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;
 
 use crate::gpu::image::Format;
-use crate::gpu::pipeline::{Attribute, AttributeFormat, Record};
+use crate::gpu::pipeline::{Record, record};
 
 /// Format of the color target: what the picture holds is what the target held.
 pub(crate) const COLOR: Format = Format::Rgba8;
@@ -40,50 +40,16 @@ pub(crate) const SAMPLES: Format = Format::Rgba32Float;
 pub(crate) const NORMAL: Format = Format::Rgba32Float;
 
 /// [`crate::abi::Vertex`] as pipelines see it.
-pub(crate) const VERTEX: Record = Record {
-    stride: size_of::<crate::abi::Vertex>() as u32,
-    attributes: &[
-        Attribute {
-            name: "position",
-            format: AttributeFormat::Float3,
-            offset: std::mem::offset_of!(crate::abi::Vertex, position) as u32,
-        },
-        Attribute {
-            name: "normal",
-            format: AttributeFormat::Snorm16x2,
-            offset: std::mem::offset_of!(crate::abi::Vertex, normal) as u32,
-        },
-        Attribute {
-            name: "color",
-            format: AttributeFormat::Unorm8x4,
-            offset: std::mem::offset_of!(crate::abi::Vertex, color) as u32,
-        },
-    ],
-};
+pub(crate) const VERTEX: Record = record!(crate::abi::Vertex {
+    position: Float3,
+    normal: Snorm16x2,
+    color: Unorm8x4,
+});
 
 /// [`crate::abi::Splat`] as pipelines see it.
-pub(crate) const SPLAT: Record = Record {
-    stride: size_of::<crate::abi::Splat>() as u32,
-    attributes: &[
-        Attribute {
-            name: "center",
-            format: AttributeFormat::Float3,
-            offset: std::mem::offset_of!(crate::abi::Splat, center) as u32,
-        },
-        Attribute {
-            name: "radius",
-            format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(crate::abi::Splat, radius) as u32,
-        },
-        Attribute {
-            name: "normal",
-            format: AttributeFormat::Snorm16x2,
-            offset: std::mem::offset_of!(crate::abi::Splat, normal) as u32,
-        },
-        Attribute {
-            name: "color",
-            format: AttributeFormat::Unorm8x4,
-            offset: std::mem::offset_of!(crate::abi::Splat, color) as u32,
-        },
-    ],
-};
+pub(crate) const SPLAT: Record = record!(crate::abi::Splat {
+    center: Float3,
+    radius: Float,
+    normal: Snorm16x2,
+    color: Unorm8x4,
+});

@@ -7,11 +7,12 @@
 //! [`super::mirror::count_overdraw`] says what a primitive covers.
 
 use super::fuzzy;
-use super::hybrid::Run;
+use super::hybrid::{self, Run};
 use super::plan::Drawing;
 use super::scene::Scene;
 use super::splats::Source;
 use super::targets::{Context, Targets};
+use super::triangles::draw_pages;
 use super::{SPLAT, Settings, VERTEX, filtered};
 use crate::abi::constants::MOST_OVERDRAW;
 use crate::abi::{Shader, shaders};
@@ -110,11 +111,6 @@ pub fn legend_line() -> String {
 
 /// Format of the counts: exact up to 16,777,216.
 const COUNTS: Format = Format::R32Float;
-
-const NOTHING: Record = Record {
-    stride: 0,
-    attributes: &[],
-};
 
 /// What decides the pipelines.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -302,26 +298,17 @@ impl Counter {
             pass = pass.vertices(splats);
         }
         pass.draw(context.viewport(), |draw| {
-            draw.cull_back_faces(context.cull_back, context.is_mirrored);
-            draw.bind(&pipelines.triangles, &[constants], &[]);
+            let triangles = &pipelines.triangles;
             match list.triangles {
                 Triangles::Nothing => {}
                 Triangles::Scene => {
-                    for page in &list.scene.pages {
-                        let Some(indices) = &page.indices else {
-                            continue;
-                        };
-                        draw.vertices(&page.vertices, 0);
-                        draw.indices(indices, 0);
-                        draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
-                    }
+                    draw.cull_back_faces(context.cull_back, context.is_mirrored);
+                    draw.bind(triangles, &[constants], &[]);
+                    draw_pages(draw, list.scene);
                 }
                 Triangles::List(indices, runs) => {
-                    for run in runs {
-                        draw.indices(indices, 0);
-                        draw.vertices(&list.scene.pages[run.page].vertices, 0);
-                        draw.draw_indexed(run.first, run.count, 0);
-                    }
+                    let runs = (indices, runs);
+                    hybrid::draw_runs(draw, triangles, list.scene, runs, context, constants);
                 }
             }
             draw.cull_back_faces(false, false);
@@ -459,7 +446,7 @@ impl Pipelines {
                 name: "overdraw.show",
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
                 fragment: Some(&shaders::OVERDRAW_SHOW_FRAG),
-                record: NOTHING,
+                record: Record::NOTHING,
                 colors: super::triangles::targets(variant.color, false),
                 is_additive: false,
                 ..base

@@ -35,11 +35,6 @@ pub const LARGEST_SQUARE_PX: f32 = 6.0;
 /// Largest bounding circle of a triangle that is drawn this way, pixels.
 pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 
-const NOTHING: Record = Record {
-    stride: 0,
-    attributes: &[],
-};
-
 /// What decides the pipeline of splats: discs or squares, and where none has a size of its own that of all, rounded up to
 /// pixels; else 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -197,7 +192,7 @@ impl Small {
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
                     fragment: Some(fragment),
                     constants: &[targets.normal().is_some()],
-                    record: NOTHING,
+                    record: Record::NOTHING,
                     topology: Topology::Triangles,
                     colors: targets.formats(),
                     depth: Depth::Nearest,

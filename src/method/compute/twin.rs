@@ -8,7 +8,6 @@
 //! [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX); its depth is where the compute passes
 //! begin from, and its sums are added to theirs.
 
-use super::NOTHING;
 use super::list::{self, Bound, Triangles};
 use super::rect;
 use crate::abi::constants::FILTERED_TILE_PX;
@@ -234,7 +233,7 @@ impl Twin {
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(&shaders::FILTERED_MERGE_FRAG),
             constants: &[],
-            record: NOTHING,
+            record: Record::NOTHING,
             topology: Topology::Triangles,
             colors: &[],
             depth: Depth::Nearest,

@@ -13,7 +13,7 @@ use super::VERTEX;
 use super::compute::list::Triangles;
 use super::compute::rect;
 use super::compute::twin::{self, Share, Twin};
-use super::hybrid::Run;
+use super::hybrid::{self, Run};
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
@@ -21,59 +21,21 @@ use crate::abi::{FilteredSplat, shaders};
 use crate::gpu::buffer::Upload;
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{
-    Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
-};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
 use crate::gpu::{Error, Gpu};
 use drawn::Drawn;
 use std::sync::Arc;
 
 /// [`FilteredSplat`] as pipelines see it.
-pub(super) const RECORD: Record = Record {
-    stride: size_of::<FilteredSplat>() as u32,
-    attributes: &[
-        Attribute {
-            name: "window_px",
-            format: AttributeFormat::Float2,
-            offset: std::mem::offset_of!(FilteredSplat, window_px) as u32,
-        },
-        Attribute {
-            name: "pushed_depth",
-            format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(FilteredSplat, pushed_depth) as u32,
-        },
-        Attribute {
-            name: "side_px",
-            format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(FilteredSplat, side_px) as u32,
-        },
-        Attribute {
-            name: "depth",
-            format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(FilteredSplat, depth) as u32,
-        },
-        Attribute {
-            name: "area_px",
-            format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(FilteredSplat, area_px) as u32,
-        },
-        Attribute {
-            name: "extent_px",
-            format: AttributeFormat::Float2,
-            offset: std::mem::offset_of!(FilteredSplat, extent_px) as u32,
-        },
-        Attribute {
-            name: "color",
-            format: AttributeFormat::Float3,
-            offset: std::mem::offset_of!(FilteredSplat, color) as u32,
-        },
-    ],
-};
-
-const NOTHING: Record = Record {
-    stride: 0,
-    attributes: &[],
-};
+pub(super) const RECORD: Record = record!(FilteredSplat {
+    window_px: Float2,
+    pushed_depth: Float,
+    side_px: Float,
+    depth: Float,
+    area_px: Float,
+    extent_px: Float2,
+    color: Float3,
+});
 
 /// Format of the sums.
 const SUMS: Format = Format::Rgba32Float;
@@ -228,7 +190,7 @@ impl Filtered {
                     name: "filtered.normalize",
                     vertex: &shaders::FILTERED_NORMALIZE_VERT,
                     fragment: Some(&shaders::FILTERED_NORMALIZE_FRAG),
-                    record: NOTHING,
+                    record: Record::NOTHING,
                     topology: Topology::Triangles,
                     colors: targets(variant.color, false),
                     depth: Depth::None,
@@ -383,15 +345,8 @@ fn raster(
         pass = pass.vertices(&page.vertices);
     }
     pass.draw(context.viewport(), |draw| {
-        if !list.runs.is_empty() {
-            draw.cull_back_faces(context.cull_back, context.is_mirrored);
-            draw.bind(triangles, &[constants], &[]);
-            draw.indices(list.indices, 0);
-            for run in list.runs {
-                draw.vertices(&list.scene.pages[run.page].vertices, 0);
-                draw.draw_indexed(run.first, run.count, 0);
-            }
-        }
+        let runs = (list.indices, list.runs);
+        hybrid::draw_runs(draw, triangles, list.scene, runs, context, constants);
         if list.splat_count > 0 {
             draw.cull_back_faces(false, false);
             draw.bind(splats, &[constants], &[]);

@@ -7,68 +7,35 @@
 
 use super::compute::list::Triangles;
 use super::compute::twin::{self, Twin};
-use super::hybrid::Run;
+use super::hybrid::{self, Run};
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
 use super::{Settings, Shading, SplatKind, SumFormat, VERTEX};
-use crate::abi::{FuzzySplat, Shader, Splat, WeightedSplat, shaders};
+use crate::abi::{FuzzySplat, Shader, WeightedSplat, shaders};
 use crate::draw::Footprint;
 use crate::draw::fuzzy::Placed;
 use crate::draw::splats::Packed;
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{
-    Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
-};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
 use crate::gpu::{Error, Gpu};
 use std::sync::Arc;
 
-/// Byte offset of a field of the splat in [`WeightedSplat`].
-const SPLAT_AT: u32 = std::mem::offset_of!(WeightedSplat, splat) as u32;
-
 /// [`WeightedSplat`] as pipelines see it.
-pub(crate) const RECORD: Record = Record {
-    stride: size_of::<WeightedSplat>() as u32,
-    attributes: &[
-        Attribute {
-            name: "center",
-            format: AttributeFormat::Float3,
-            offset: SPLAT_AT + std::mem::offset_of!(Splat, center) as u32,
-        },
-        Attribute {
-            name: "radius",
-            format: AttributeFormat::Float,
-            offset: SPLAT_AT + std::mem::offset_of!(Splat, radius) as u32,
-        },
-        Attribute {
-            name: "normal",
-            format: AttributeFormat::Snorm16x2,
-            offset: SPLAT_AT + std::mem::offset_of!(Splat, normal) as u32,
-        },
-        Attribute {
-            name: "color",
-            format: AttributeFormat::Unorm8x4,
-            offset: SPLAT_AT + std::mem::offset_of!(Splat, color) as u32,
-        },
-        Attribute {
-            name: "area",
-            format: AttributeFormat::Float,
-            offset: std::mem::offset_of!(WeightedSplat, area) as u32,
-        },
-    ],
-};
+pub(crate) const RECORD: Record = record!(WeightedSplat {
+    center: Float3 in splat,
+    radius: Float in splat,
+    normal: Snorm16x2 in splat,
+    color: Unorm8x4 in splat,
+    area: Float,
+});
 
 /// The same where it lies in the place of a [`FuzzySplat`].
 const LARGE: Record = Record {
     stride: size_of::<FuzzySplat>() as u32,
     attributes: RECORD.attributes,
-};
-
-const NOTHING: Record = Record {
-    stride: 0,
-    attributes: &[],
 };
 
 /// What decides the pipelines.
@@ -307,7 +274,7 @@ impl Fuzzy {
                 name: "fuzzy.normalize",
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
                 fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
-                record: NOTHING,
+                record: Record::NOTHING,
                 colors: targets(variant.color, variant.writes_normals),
                 depth: Depth::None,
                 ..base
@@ -449,15 +416,8 @@ fn raster(
         pass = pass.vertices(&page.vertices);
     }
     pass.draw(context.viewport(), |draw| {
-        if !list.runs.is_empty() {
-            draw.cull_back_faces(context.cull_back, context.is_mirrored);
-            draw.bind(triangles, &[constants], &[]);
-            draw.indices(list.indices, 0);
-            for run in list.runs {
-                draw.vertices(&list.scene.pages[run.page].vertices, 0);
-                draw.draw_indexed(run.first, run.count, 0);
-            }
-        }
+        let runs = (list.indices, list.runs);
+        hybrid::draw_runs(draw, triangles, list.scene, runs, context, constants);
         draw.cull_back_faces(false, false);
         match list.splats {
             Splats::List(buffer, packed, capacity) => {

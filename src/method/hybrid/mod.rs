@@ -6,7 +6,7 @@
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use crate::gpu::buffer::Upload;
-use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::frame::{Draw, Frame, Uniform};
 use crate::gpu::pipeline::Pipeline;
 
 /// A run of indices in the draw list that belongs to one page.
@@ -37,15 +37,27 @@ pub(crate) fn record_triangles(
         pass = pass.vertices(&page.vertices);
     }
     pass.draw(context.viewport(), |draw| {
-        if runs.is_empty() {
-            return;
-        }
-        draw.cull_back_faces(context.cull_back, context.is_mirrored);
-        draw.bind(pipeline, &[constants], &[]);
-        draw.indices(indices, 0);
-        for run in runs {
-            draw.vertices(&scene.pages[run.page].vertices, 0);
-            draw.draw_indexed(run.first, run.count, 0);
-        }
+        draw_runs(draw, pipeline, scene, (indices, runs), context, constants);
     });
+}
+
+/// Draws triangles of a list, if there are any, in a pass that has declared it and the pages of the scene.
+pub(crate) fn draw_runs(
+    draw: &mut Draw<'_>,
+    pipeline: &Pipeline,
+    scene: &Scene,
+    (indices, runs): (&Upload, &[Run]),
+    context: &Context,
+    constants: Uniform,
+) {
+    if runs.is_empty() {
+        return;
+    }
+    draw.cull_back_faces(context.cull_back, context.is_mirrored);
+    draw.bind(pipeline, &[constants], &[]);
+    draw.indices(indices, 0);
+    for run in runs {
+        draw.vertices(&scene.pages[run.page].vertices, 0);
+        draw.draw_indexed(run.first, run.count, 0);
+    }
 }

@@ -4,7 +4,7 @@ use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::{COLOR, NORMAL, SAMPLES, VERTEX};
 use crate::abi::shaders;
-use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::frame::{Draw, Frame, Uniform};
 use crate::gpu::image::Format;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
@@ -70,13 +70,18 @@ pub(crate) fn record(
     pass.draw(context.viewport(), |draw| {
         draw.cull_back_faces(context.cull_back, context.is_mirrored);
         draw.bind(pipeline, &[constants], &[]);
-        for page in &scene.pages {
-            let Some(indices) = &page.indices else {
-                continue;
-            };
-            draw.vertices(&page.vertices, 0);
-            draw.indices(indices, 0);
-            draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
-        }
+        draw_pages(draw, scene);
     });
+}
+
+/// Draws all triangles of a scene with the pipeline that is bound, in a pass that has declared its pages.
+pub(crate) fn draw_pages(draw: &mut Draw<'_>, scene: &Scene) {
+    for page in &scene.pages {
+        let Some(indices) = &page.indices else {
+            continue;
+        };
+        draw.vertices(&page.vertices, 0);
+        draw.indices(indices, 0);
+        draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
+    }
 }

@@ -11,7 +11,7 @@
 
 mod pyramid;
 
-use super::hybrid::Run;
+use super::hybrid::{self, Run};
 use super::scene::Scene;
 use super::splats::Source;
 use super::targets::{Context, Targets};
@@ -31,11 +31,6 @@ use std::sync::Arc;
 const PICKED: Format = Format::Rgba8;
 /// Distance along the view direction and depth offset.
 const FRONTS: Format = Format::Rg32Float;
-
-const NOTHING: Record = Record {
-    stride: 0,
-    attributes: &[],
-};
 
 /// The splats of a frame.
 #[derive(Debug, Clone, Copy)]
@@ -145,7 +140,7 @@ fn last_pass(gpu: &Arc<Gpu>, name: &str, fragment: &Shader) -> Result<Pipeline, 
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(fragment),
             constants: &[],
-            record: NOTHING,
+            record: Record::NOTHING,
             topology: Topology::Triangles,
             colors: triangles::targets(COLOR, false),
             depth: Depth::Nearest,
@@ -316,16 +311,8 @@ impl Visibility {
                 pass = pass.vertices(records);
             }
             pass.draw(context.viewport(), |draw| {
-                if let Some((indices, runs)) = list.triangles
-                    && !runs.is_empty()
-                {
-                    draw.cull_back_faces(context.cull_back, context.is_mirrored);
-                    draw.bind(triangles, &[constants], &[]);
-                    draw.indices(indices, 0);
-                    for run in runs {
-                        draw.vertices(&list.scene.pages[run.page].vertices, 0);
-                        draw.draw_indexed(run.first, run.count, 0);
-                    }
+                if let Some(runs) = list.triangles {
+                    hybrid::draw_runs(draw, triangles, list.scene, runs, context, constants);
                 }
                 draw.cull_back_faces(false, false);
                 let footprints = if is_center {

@@ -3,11 +3,11 @@
 //! Sources: Grossman and Dally, *Point Sample Rendering* (1998); Gortler et al., *The Lumigraph* (SIGGRAPH 1996), section
 //! 3.4.2. Level 0 is the picture; each next level has half its sides, rounded up, down to one pixel.
 
-use super::{FRONTS, NOTHING, PICKED, attach_last, last_pass, whole};
+use super::{FRONTS, PICKED, attach_last, last_pass, whole};
 use crate::abi::shaders;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::Image as Target;
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::method::compute::rect;
 use crate::method::targets::{Context, Targets};
@@ -101,7 +101,7 @@ impl Pyramid {
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(&shaders::VISIBILITY_PULL_FRAG),
             constants: &[],
-            record: NOTHING,
+            record: Record::NOTHING,
             topology: Topology::Triangles,
             colors: &[PICKED, FRONTS],
             depth: Depth::None,
