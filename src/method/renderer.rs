@@ -229,9 +229,11 @@ impl Renderer {
     /// instead of points. Without, and for what was not measured, rules of thumb of a software device decide, and splats
     /// are points as far as the device has them. The picture is the same within one level.
     pub fn set_costs(&mut self, costs: Option<Costs>) {
-        // What was packed by others may be of other primitives.
-        self.lists.iter_mut().for_each(|lists| lists.held = None);
-        self.costs = costs;
+        if self.costs != costs {
+            // What was packed by others may be of other primitives.
+            self.lists.iter_mut().for_each(|lists| lists.held = None);
+            self.costs = costs;
+        }
     }
 
     /// Whether the host may draw what compute is asked for by name, where it does so for [`Path::Auto`](super::Path::Auto) as

@@ -225,17 +225,11 @@ impl Screen {
         self.costs.as_ref()?.of(kind).copied()
     }
 
-    /// Whether the host may draw what compute is asked for, see [`Renderer::let_host_draw`].
-    pub(super) fn let_host_draw(&mut self, may: bool) {
-        self.renderer.let_host_draw(may);
-    }
-
-    /// Whether those costs decide how frames are drawn, or rules of thumb.
-    pub(super) fn decide_by_costs(&mut self, by_costs: bool) {
-        let costs = self.costs.filter(|_| by_costs);
-        if self.renderer.costs() != costs {
-            self.renderer.set_costs(costs);
-        }
+    /// Whether those costs decide how frames are drawn, or rules of thumb; and whether the host may draw what compute is
+    /// asked for, see [`Renderer::let_host_draw`].
+    pub(super) fn decide(&mut self, by_costs: bool, host_may_draw: bool) {
+        self.renderer.let_host_draw(host_may_draw);
+        self.renderer.set_costs(self.costs.filter(|_| by_costs));
     }
 
     /// For tests: what goes wrong, and how often.

@@ -118,9 +118,8 @@ impl App {
         let holds = settings.has_cut() && self.turntable.is_none();
         // What holds the time chooses the way itself, by what frames took; costs would change it from frame to frame.
         let is_held = holds && self.control.is_some() && camera.is_some();
-        self.screen.decide_by_costs(!is_held);
-        // Nobody insists on the device then.
-        self.screen.let_host_draw(settings.path == Path::Auto);
+        // With neither path nobody insists on the device.
+        self.screen.decide(!is_held, settings.path == Path::Auto);
         if let (Some(control), Some(camera)) = (&mut self.control, camera)
             && holds
         {
