@@ -1,9 +1,10 @@
-//! The cut on the processor: visited nodes a second, and what a still camera costs.
+//! The cut on the processor: visited nodes a second, and what a camera costs that rests or moves.
 
 use super::cases::{self, SIZE, views};
 use super::verdict::Target;
 use super::{Case, Error, Figure, Plan, Session};
 use crate::cut::{Coherent, Cut, Selector};
+use crate::math::camera::Camera;
 use crate::method::Settings;
 use crate::method::plan::{cut_settings, for_view};
 use crate::method::times::Kept;
@@ -74,6 +75,7 @@ pub fn figures(
         progress.advance(1);
     }
     still(session, case, plan, &mut figures, progress)?;
+    moving(case, plan, &mut figures, progress)?;
     Ok(figures)
 }
 
@@ -120,16 +122,57 @@ fn still(
     figures.push(figure("still camera, frame", &kept.1));
     figures.push(figure("the same anew, cut and packing", &anew.0));
     figures.push(figure("the same anew, frame", &anew.1));
-    // The list that the library keeps from frame to frame.
-    let settings = cut_settings(&for_view(&line.settings, model, &view), model);
-    let (mut kept, mut cut) = (Coherent::default(), Cut::default());
-    let mut times = Vec::new();
-    for round in 0..=plan.rounds {
-        let time = ms(|| kept.update(model, &view, &settings, &mut cut));
-        if round > 0 {
-            times.push(time);
+    Ok(())
+}
+
+/// A camera that goes around the model: its cut from the root, and with the answers of the last frame.
+fn moving(
+    case: &Case<'_>,
+    plan: &Plan,
+    figures: &mut Vec<Figure>,
+    progress: &dyn Progress,
+) -> Result<(), Error> {
+    let (model, line) = (case.model, cases::default(1.0));
+    let place = case.place(SIZE, 1.0);
+    for degrees in [0.1, 0.5, 2.0] {
+        let (mut selector, mut coherent) = (Selector::default(), Coherent::default());
+        let mut cut = Cut::default();
+        let (mut anew, mut kept) = (Vec::new(), Vec::new());
+        // Answers are used from the fourth frame on.
+        for frame in 0..=plan.rounds + 3 {
+            if progress.is_cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let azimuth = f64::to_radians(20.0 + degrees * frame as f64);
+            let camera = Camera::orbit(
+                SIZE,
+                model.origin + model.orbit_center.as_dvec3(),
+                f64::from(model.orbit_radius),
+                azimuth,
+                f64::to_radians(20.0),
+                1.0,
+            );
+            let view = camera.view(model.origin)?;
+            let settings = cut_settings(&for_view(&line.settings, model, &view), model);
+            let times = [
+                ms(|| selector.select(model, &view, &settings, &mut cut)),
+                ms(|| coherent.select(model, &view, &settings, &mut cut)),
+            ];
+            if frame > 3 {
+                anew.push(times[0]);
+                kept.push(times[1]);
+            }
+        }
+        let update = coherent.last_update();
+        let share = 100.0 * update.tests as f64 / (update.tests + update.kept).max(1) as f64;
+        for (what, times) in [
+            ("cut from the root", &anew),
+            ("cut with kept answers", &kept),
+        ] {
+            let name = format!("camera moving by {degrees} degrees, {what}");
+            let figure = Figure::median(PART, &place, &line.name, &name, times, "ms");
+            figures.push(figure.note(format!("{share:.0} % tested again")));
         }
     }
-    figures.push(figure("the same anew, coherent cut", &times));
     Ok(())
 }

@@ -7,27 +7,30 @@
 //! their way. One group at a time and with branches, all this took about twice as long.
 
 mod hide;
+mod kept;
 
-use super::class::inherit;
+pub(super) use kept::{Record, Task};
+
 use super::nearest::{Chunk, Hiding, Marks};
 use super::quad::{self, Balls, Words};
-use super::tester::Tester;
+use super::tester::{Tester, inherit};
 use super::{Cut, StripRun};
 use crate::tree::{Leaf, Model, Node};
 use glam::Vec4;
 use prefetch_index::prefetch_index;
 
 /// Siblings that are to be looked at: the first one, how many they are (1 to 4) and what they inherit.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Group {
     first: u32,
-    /// The count; above its 8 bits what is inherited.
+    /// The count; above its 8 bits what is inherited; above 16 bits the region ([`super::motion`]), where there are any.
     word: u32,
 }
 
 const INHERITED: u32 = 8;
 const INSIDE: u32 = (inherit::INSIDE as u32) << INHERITED;
 const FRONT: u32 = (inherit::FRONT as u32) << INHERITED;
+const REGION: u32 = 16;
 
 impl Group {
     pub(super) fn new(first: u32, count: u32, inherited: u8) -> Self {
@@ -37,13 +40,33 @@ impl Group {
         }
     }
 
+    /// The first of the siblings.
+    #[inline]
+    pub(super) fn first(self) -> u32 {
+        self.first
+    }
+
+    /// The same in a region (of less than 2^16), which all groups below inherit.
+    #[inline]
+    pub(super) fn in_region(self, region: u32) -> Self {
+        Self {
+            word: self.word & ((1 << REGION) - 1) | region << REGION,
+            ..self
+        }
+    }
+
+    #[inline]
+    pub(super) fn region(self) -> usize {
+        (self.word >> REGION) as usize
+    }
+
     #[inline]
     fn inherits(self, bit: u32) -> bool {
         self.word & bit != 0
     }
 
     #[inline]
-    fn count(self) -> u32 {
+    pub(super) fn count(self) -> u32 {
         (self.word & 0xff).min(4)
     }
 }
@@ -142,10 +165,43 @@ fn bits(mask: u8) -> u32 {
     LANES[(mask & 15) as usize].1
 }
 
+/// The spheres of a group of nodes, the rest, and how many there are.
+#[inline]
+fn four_nodes(nodes: &[Node], group: Group) -> ([Vec4; 4], Words, u32) {
+    let rest = nodes.get(group.first as usize..).unwrap_or_default();
+    let count = group.count();
+    if let Some(four) = rest.first_chunk::<4>() {
+        let (spheres, words) = quad::of_nodes(four);
+        return (spheres, words, count);
+    }
+    match quad::four(nodes, group.first) {
+        Some((four, there)) => {
+            let (spheres, words) = quad::of_nodes(&four);
+            (spheres, words, count.min(there))
+        }
+        // Only where the tree's links are wrong.
+        None => ([Vec4::ZERO; 4], Words::ZERO, 0),
+    }
+}
+
+/// The same of leaves.
+#[inline]
+fn four_leaves(leaves: &[Leaf], group: Group) -> ([Vec4; 4], u32) {
+    let rest = leaves.get(group.first as usize..).unwrap_or_default();
+    let count = group.count();
+    if let Some(four) = rest.first_chunk::<4>() {
+        return (quad::of_leaves(four), count);
+    }
+    match quad::four(leaves, group.first) {
+        Some((four, there)) => (quad::of_leaves(&four), count.min(there)),
+        None => ([Vec4::ZERO; 4], 0),
+    }
+}
+
 /// Lanes of a batch, and room for the store of a push beyond the last.
 const ROOM: usize = 4 * SIZE + 4;
 
-/// The working memory of the stages, 44 KiB. Masks have a bit a sibling.
+/// The working memory of the stages, 45 KiB. Masks have a bit a sibling.
 #[derive(Debug)]
 pub(super) struct Batch {
     balls: [Balls; SIZE],
@@ -159,6 +215,8 @@ pub(super) struct Batch {
     front: [u8; SIZE],
     /// Drawn as a row of splats.
     rows: [u8; SIZE],
+    /// Of how many splats.
+    counts: [[u32; 4]; SIZE],
     /// Groups that go to the next stage.
     listed: List<u8, { SIZE + 1 }>,
     likely: List<u8, { SIZE + 1 }>,
@@ -183,6 +241,7 @@ impl Default for Batch {
             inside: [0; SIZE],
             front: [0; SIZE],
             rows: [0; SIZE],
+            counts: [[0; 4]; SIZE],
             listed: List::new(0),
             likely: List::new(0),
             ids: List::new(0),
@@ -252,22 +311,7 @@ impl Batch {
         let mut visited = 0;
         for ((group, (balls, words)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
             prefetch();
-            let rest = nodes.get(group.first as usize..).unwrap_or_default();
-            let mut count = group.count();
-            let (spheres, rest) = match rest.first_chunk::<4>() {
-                Some(four) => quad::of_nodes(four),
-                None => match quad::four(nodes, group.first) {
-                    Some((four, there)) => {
-                        count = count.min(there);
-                        quad::of_nodes(&four)
-                    }
-                    // Only where the tree's links are wrong.
-                    None => {
-                        count = 0;
-                        ([Vec4::ZERO; 4], Words::ZERO)
-                    }
-                },
-            };
+            let (spheres, rest, count) = four_nodes(nodes, *group);
             *balls = tester.balls(spheres);
             *words = rest;
             *kept = (1u8 << count) - 1;
@@ -360,6 +404,7 @@ impl Batch {
             let most = tester.most_in_row(group.first, words);
             let (counts, fits) = tester.rows(balls, words, most);
             self.rows[i] &= fits as u8;
+            self.counts[i] = counts;
             self.runs.push_lanes(group.first, counts, self.rows[i]);
         }
     }
@@ -425,7 +470,19 @@ impl Batch {
             self.drop_between(hiding, groups.len(), cut);
         }
         self.faces(model, tester, groups, cut);
-        if let Some(hiding) = after {
+        self.draw_leaves(model, after, hiding, groups, (cut, marks));
+    }
+
+    /// Draws the leaves that are kept, less what is hidden.
+    fn draw_leaves(
+        &mut self,
+        model: &Model,
+        between: Option<&Hiding<'_>>,
+        hiding: Option<&Hiding<'_>>,
+        groups: &[Group],
+        (cut, marks): (&mut Cut, &mut Marks),
+    ) {
+        if let Some(hiding) = between {
             self.drop_between(hiding, groups.len(), cut);
         }
         // A point has no triangle: large or small, it is a splat.
@@ -458,21 +515,7 @@ impl Batch {
                 prefetch_index(leaves, group.first as usize);
                 prefetch_index(leaves, group.first as usize + 3);
             }
-            let rest = leaves.get(group.first as usize..).unwrap_or_default();
-            let mut count = group.count();
-            let spheres = match rest.first_chunk::<4>() {
-                Some(four) => quad::of_leaves(four),
-                None => match quad::four(leaves, group.first) {
-                    Some((four, there)) => {
-                        count = count.min(there);
-                        quad::of_leaves(&four)
-                    }
-                    None => {
-                        count = 0;
-                        [Vec4::ZERO; 4]
-                    }
-                },
-            };
+            let (spheres, count) = four_leaves(leaves, *group);
             *balls = tester.balls(spheres);
             *small = tester.small(balls) as u8;
             *kept = (1u8 << count) - 1;

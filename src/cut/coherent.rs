@@ -1,400 +1,348 @@
-//! The cut of the next frame from the cut of the last one.
+//! The cut of a camera that moves: only what its motion can have changed is tested again.
 //!
-//! Source: Benda, *Point Based Rendering*, section 3.3.2: go down from nodes that have become too large, climb
-//! from nodes that have become small or invisible. Deviations: the cut is a list in tree order, not flags in
-//! the nodes, so nothing stale is left behind and a frame does not walk the tree from the root; and a node
-//! counts as open only if all of its ancestors are, each looked at once in a frame and then remembered.
+//! Source: Benda, *Point Based Rendering*, section 3.3.2, keeps the cut of the last frame and goes up and down from there. To test
+//! every node of it again saves nothing: one that did so was 1.1 to 1.6 times slower than a cut from the root, which reads
+//! memory in order. Deviations: what is kept is not the cut but the answers about each group of siblings that was looked at
+//! ([`super::batch::Record`]), with how far the camera may move until one of them can be another ([`super::slack`],
+//! [`super::motion`]). The next frame goes down from the root, level by level; the groups of a level and the records of the
+//! last frame are both in ascending order, so they are merged. A record that holds stands for the tests: neither the
+//! tree's nodes are read nor anything computed of them.
 //!
-//! That last rule makes the result the from-root cut by construction, whatever the camera does: it needs no
-//! monotone size, no nested spheres and no exact arithmetic, and the strip rule may be what it likes. (Trusting
-//! the parent alone would save a quarter of the remembered tests and be wrong where rounding breaks a tie.)
+//! So every answer is one of this frame's tests, or what such a test would say: the lists are those from the root,
+//! whatever the camera does. It needs no monotone size and no nested spheres.
 
-use super::class::Class;
+use super::batch::{self, Batch, Group, Record, Task};
+use super::footprints::{Footprints, Undrawn};
+use super::motion::{Motion, Reading, Regions};
+use super::nearest::Hiding;
+use super::select::{Found, PARTS, Part, Selector, Tests, batches, join, share};
 use super::tester::Tester;
-use super::walk::{Item, Run, Walk};
-use super::{Cut, Settings, StripRun, leaf_range};
+use super::{Cut, Settings, SizeMetric};
 use crate::math::camera::View;
-use crate::tree::Model;
+use crate::tree::{Leaf, Model, Node};
+use glam::Vec3;
+use prefetch_index::prefetch_index;
 
 /// What one update did.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Update {
-    /// Nodes and leaves where the traversal stops, drawn or not; the size of the cut.
-    pub stops: u64,
-    /// Of those, the ones that were not in the previous cut.
-    pub changed: u64,
-    /// Nodes and leaves that were looked at again or for the first time ([`super::Stats::visited`]).
+    /// Nodes and leaves that were tested.
     pub tests: u64,
+    /// Nodes and leaves that were not, because the camera has hardly moved since they were.
+    pub kept: u64,
 }
 
-/// Follows a moving camera.
+/// Follows a moving camera. Its cuts are those of a [`Selector`], statistics included.
 ///
-/// Memory: 12 bytes a run of stopping siblings, and 4 bytes a node of the tree.
+/// For small steps, such as a tenth of a degree of an orbit: an answer that is kept costs two thirds of a test, one that is found
+/// for later frames three times as much (`docs/PERFORMANCE.md`). Where what is hidden is left out
+/// ([`select_seen`](Self::select_seen)), the search for it needs the tree's nodes in any case, and nothing is won.
+///
+/// Nothing is kept of orthographic views, for the size metric [`Area`](SizeMetric::Area), for trees of less than three levels, and
+/// where thresholds below a pixel leave out what is between the centers of pixels, which changes with every
+/// motion. Such cuts are chosen from the root.
+///
+/// Memory: that of a selector; and 28 bytes for each group of siblings that the last cut looked at, twice.
 #[derive(Debug, Default)]
 pub struct Coherent {
-    /// Where the last traversal stopped, in tree order; together the runs cover every leaf once.
-    runs: Vec<Run>,
-    /// The runs that are being made.
-    next: Vec<Run>,
-    /// Frame (24 bits) and class (8 bits) of each node that was looked at.
-    marks: Vec<u32>,
-    frame: u32,
-    leaf_count: usize,
-    stack: Vec<Item>,
-    path: Vec<u32>,
-    nodes: Vec<u32>,
-    strips: Vec<StripRun>,
+    selector: Selector,
+    /// The last frame, where its answers were kept.
+    last: Option<Last>,
+    /// Whether those of the present frame are.
+    keeps: bool,
+    motion: Motion,
+    readings: Vec<Reading>,
+    parts: Vec<KeptPart>,
     update: Update,
 }
 
-/// Number of frames that a mark can tell apart.
-const FRAMES: u32 = 1 << 24;
+#[derive(Debug)]
+struct Last {
+    tester: Tester,
+    place: Place,
+}
 
-impl Coherent {
-    /// Forgets the last frame; the next update starts from the root.
-    ///
-    /// Needed when the model changes to another one with the same numbers of nodes and leaves but other
-    /// children; different numbers are noticed.
-    pub fn reset(&mut self) {
-        self.runs.clear();
+/// Where a model lies in memory: another one is noticed, but for one that took the place of this one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Place([(usize, usize); 3]);
+
+impl Place {
+    fn of(model: &Model) -> Self {
+        let (nodes, leaves) = (model.tree.nodes.as_ptr(), model.tree.leaves.as_ptr());
+        Self([
+            (nodes.addr(), model.tree.nodes.len()),
+            (leaves.addr(), model.tree.leaves.len()),
+            (model.vertices.as_ptr().addr(), model.vertices.len()),
+        ])
+    }
+}
+
+/// Some regions: what is below them in this frame, and the records of the last one.
+#[derive(Debug, Default)]
+struct KeptPart {
+    groups: Vec<Group>,
+    open: Vec<Group>,
+    /// Of each level, that of the leaves last: of this frame, and room for those of the next.
+    levels: Vec<[Vec<Record>; 2]>,
+    /// Groups that have to be tested, and where their records are.
+    asked: Vec<Group>,
+    places: Vec<u32>,
+    found: Found,
+    /// Nodes and leaves that were not tested.
+    kept: u64,
+}
+
+impl Part for KeptPart {
+    fn found(&self) -> &Found {
+        &self.found
     }
 
-    /// What the last update did.
+    fn found_mut(&mut self) -> &mut Found {
+        &mut self.found
+    }
+}
+
+impl KeptPart {
+    fn run(&mut self, task: &Task<'_>, batch: &mut Batch, levels: usize) {
+        self.found.clear();
+        self.kept = 0;
+        self.levels.resize_with(levels + 1, Default::default);
+        for level in 0..levels {
+            self.answer(task, batch, level, false);
+            self.open.clear();
+            let records = self.levels.get(level).map_or(&[][..], |[now, _]| now);
+            for pair in batches(records) {
+                let found = (&mut self.found.cut, &mut self.found.marks);
+                batch.take_nodes(task, pair, found, &mut self.open);
+            }
+            std::mem::swap(&mut self.groups, &mut self.open);
+            self.found.end_level();
+        }
+        self.answer(task, batch, levels, true);
+        let records = self.levels.get(levels).map_or(&[][..], |[now, _]| now);
+        for pair in batches(records) {
+            batch.take_leaves(task, pair, (&mut self.found.cut, &mut self.found.marks));
+        }
+    }
+
+    /// Makes the records of a level those of its groups in this frame: the ones that still hold, and those of tests.
+    fn answer(&mut self, task: &Task<'_>, batch: &mut Batch, level: usize, are_leaves: bool) {
+        let Some([last, records]) = self.levels.get_mut(level) else {
+            return;
+        };
+        let tree = &task.model.tree;
+        let (nodes, leaves): (&[Node], &[Leaf]) = (&tree.nodes, &tree.leaves);
+        records.clear();
+        self.asked.clear();
+        self.places.clear();
+        let (mut groups, mut rest) = (self.groups.as_slice(), last.as_slice());
+        while let [group, later @ ..] = groups {
+            // Most records hold, and those of neighbors follow one another: they are copied together.
+            let pairs = rest.iter().zip(groups);
+            let many = pairs
+                .take_while(|(record, group)| record.holds(**group, task.readings))
+                .count();
+            if many > 0 {
+                let (held, others) = rest.split_at(many);
+                records.extend_from_slice(held);
+                (groups, rest) = (groups.split_at(many).1, others);
+                continue;
+            }
+            match rest {
+                [record, others @ ..] if record.group.first() < group.first() => rest = others,
+                _ => {
+                    // Those that are asked lie apart, and processors foresee only what is in a row.
+                    let first = group.first() as usize;
+                    if are_leaves {
+                        prefetch_index(leaves, first);
+                        prefetch_index(leaves, first + 3);
+                    } else {
+                        prefetch_index(nodes, first);
+                        prefetch_index(nodes, first + 2);
+                    }
+                    self.asked.push(*group);
+                    self.places.push(records.len() as u32);
+                    records.push(Record::default());
+                    groups = later;
+                }
+            }
+        }
+        let mut places = self.places.iter();
+        for groups in self.asked.chunks(batch::SIZE) {
+            let answer = |record| {
+                let place = places.next().copied().unwrap_or(u32::MAX);
+                if let Some(place) = records.get_mut(place as usize) {
+                    *place = record;
+                }
+            };
+            if are_leaves {
+                batch.test_leaves(task, groups, answer);
+            } else {
+                batch.test_nodes(task, groups, answer);
+            }
+        }
+        let siblings = |groups: &[Group]| groups.iter().map(|g| u64::from(g.count())).sum::<u64>();
+        self.kept += siblings(&self.groups) - siblings(&self.asked);
+        std::mem::swap(last, records);
+    }
+}
+
+impl Coherent {
+    /// Uses up to `threads` threads, as [`Selector::with_threads`].
+    pub fn with_threads(threads: usize) -> Self {
+        Self {
+            selector: Selector::with_threads(threads),
+            ..Self::default()
+        }
+    }
+
+    /// As [`Selector::with_subpixel_bits`].
+    #[must_use]
+    pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
+        self.selector = self.selector.with_subpixel_bits(bits);
+        self
+    }
+
+    /// Forgets the last frame.
+    ///
+    /// Needed when the model changes, or is another one; one that lies elsewhere in memory is noticed.
+    pub fn reset(&mut self) {
+        self.last = None;
+    }
+
+    /// What the last update did. All was tested where nothing was kept.
     pub fn last_update(&self) -> Update {
         self.update
     }
 
-    /// Replaces `cut` by what `view` needs of `model`, and remembers it for the next call.
-    ///
-    /// The lists equal those of [`super::select`] for the same arguments, whatever the calls before were;
-    /// only the statistics differ. Cost: proportional to the nodes visited.
-    pub fn update(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
-        cut.clear();
-        let tree = &model.tree;
-        if self.marks.len() != tree.nodes.len() || self.leaf_count != tree.leaves.len() {
-            self.marks.clear();
-            self.marks.resize(tree.nodes.len(), 0);
-            self.leaf_count = tree.leaves.len();
-            self.frame = 0;
-            self.runs.clear();
-        }
-        self.frame += 1;
-        if self.frame == FRAMES {
-            self.marks.fill(0);
-            self.frame = 1;
-        }
-        self.next.clear();
+    /// Replaces `cut` by what `view` needs of `model`, as [`Selector::select`] does; the model is that of the calls before, as it
+    /// was, or [`reset`](Self::reset) was called.
+    pub fn select(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
         let tester = Tester::new(model, view, settings);
-        let mut changed = 0;
-        let runs = std::mem::take(&mut self.runs);
-        let mut frame = Frame {
-            number: self.frame,
-            marks: &mut self.marks,
-            path: &mut self.path,
-            walk: Walk {
-                model,
-                tester: &tester,
-                cut,
-                stack: &mut self.stack,
-                runs: &mut self.next,
-            },
+        self.run(model, &tester, None, cut);
+        self.remember(model, tester);
+    }
+
+    /// The same, less what covers no pixel: as [`Selector::select_seen`].
+    pub fn select_seen(
+        &mut self,
+        model: &Model,
+        view: &View,
+        settings: &Settings,
+        seen: (Footprints, &Undrawn),
+        cut: &mut Cut,
+    ) {
+        let mut nearest = std::mem::take(&mut self.selector.nearest);
+        if !nearest.clear(view.width, view.height) {
+            return self.select(model, view, settings, cut);
+        }
+        let tester = Tester::new(model, view, settings);
+        let bits = self.selector.subpixel_bits;
+        let hiding = Hiding::new(&nearest, &tester, view, seen, bits);
+        self.run(model, &tester, Some(&hiding), cut);
+        self.selector.nearest = nearest;
+        self.remember(model, tester);
+    }
+
+    fn remember(&mut self, model: &Model, tester: Tester) {
+        let place = Place::of(model);
+        self.last = self.keeps.then_some(Last { tester, place });
+    }
+
+    fn run(&mut self, model: &Model, tester: &Tester, hiding: Option<&Hiding<'_>>, cut: &mut Cut) {
+        let tests = Tests { tester, hiding };
+        let is_exact = hiding.is_some_and(Hiding::is_exact);
+        let can_keep = tester.is_perspective && tester.size != SizeMetric::Area && !is_exact;
+        let regions = Regions::of(&model.tree.level_starts).filter(|_| can_keep);
+        self.keeps = regions.is_some();
+        let Some(regions) = regions else {
+            self.selector.run(model, tests, cut);
+            self.update = Update {
+                tests: cut.stats.visited,
+                ..Update::default()
+            };
+            return;
         };
-        if runs.is_empty() {
-            frame.walk.root();
-            changed = count(frame.walk.runs);
-        } else {
-            let mut done_leaves = 0;
-            for &run in &runs {
-                if done_leaves > 0 {
-                    if frame.first_leaf(run) < done_leaves {
-                        continue;
-                    }
-                    done_leaves = 0;
-                }
-                changed += frame.run(run, &mut done_leaves);
+        // All centers below a node lie in its ball, but for rounding; else records say so.
+        let ball = |index: u32| {
+            let node = model.tree.nodes.get((regions.first + index) as usize);
+            node.map_or((Vec3::ZERO, 0.0), |n| (n.center, n.radius * 1.001))
+        };
+        let place = Place::of(model);
+        let last = self.last.take();
+        let last = last.filter(|last| last.place == place && last.tester.is_like(tester));
+        let holds = last.is_some_and(|last| self.motion.advance((&last.tester, tester), ball));
+        if !holds {
+            self.motion.restart(regions.count);
+            for part in &mut self.parts {
+                part.levels.clear();
             }
         }
-        self.runs = std::mem::replace(&mut self.next, runs);
-        let starts = &tree.level_starts;
-        by_level(&mut cut.nodes, &mut self.nodes, starts, |&id| id);
-        by_level(&mut cut.strips, &mut self.strips, starts, |strip| {
-            strip.node
-        });
+        self.motion.readings(tester, ball, &mut self.readings);
+        let readings = &self.readings;
+        let task = Task {
+            model,
+            tester,
+            hiding,
+            readings,
+        };
+        descend(&mut self.selector, &mut self.parts, (&task, regions), cut);
+        let kept = self.parts.iter().map(|part| part.kept).sum();
         self.update = Update {
-            stops: count(&self.runs),
-            changed,
-            tests: cut.stats.visited,
+            tests: cut.stats.visited - kept,
+            kept,
         };
     }
 }
 
-/// From tree order to ascending order: within a level they are the same.
-fn by_level<T: Copy>(list: &mut Vec<T>, spare: &mut Vec<T>, starts: &[u32], id: fn(&T) -> u32) {
-    spare.clear();
-    for level in starts.windows(2) {
-        if spare.len() == list.len() {
-            break;
-        }
-        let level = level[0]..level[1];
-        spare.extend(list.iter().filter(|item| level.contains(&id(item))));
+/// Goes down to the regions, then below them in parts.
+fn descend(
+    selector: &mut Selector,
+    parts: &mut Vec<KeptPart>,
+    (task, regions): (&Task<'_>, Regions),
+    cut: &mut Cut,
+) {
+    let Selector {
+        threads,
+        front,
+        batches,
+        marks,
+        ..
+    } = selector;
+    let Task {
+        model,
+        tester,
+        hiding,
+        ..
+    } = *task;
+    let (tree, tests) = (&model.tree, Tests { tester, hiding });
+    cut.clear();
+    marks.clear();
+    batches.resize_with(*threads, Batch::default);
+    let Some(batch) = batches.first_mut() else {
+        return;
+    };
+    front.groups.clear();
+    front.groups.push(Group::new(0, 1, tester.start()));
+    for _ in 0..=regions.level {
+        front.descend(model, tests, batch, (cut, marks));
     }
-    std::mem::swap(list, spare);
-}
-
-fn count(runs: &[Run]) -> u64 {
-    runs.iter().map(|run| u64::from(run.count)).sum()
-}
-
-/// One update.
-struct Frame<'a> {
-    number: u32,
-    marks: &'a mut Vec<u32>,
-    path: &'a mut Vec<u32>,
-    walk: Walk<'a>,
-}
-
-impl Frame<'_> {
-    /// The first leaf of a run.
-    fn first_leaf(&self, run: Run) -> u32 {
-        let tree = &self.walk.model.tree;
-        let is_leaf = match tree.nodes.get(run.parent as usize) {
-            Some(parent) => parent.has_leaves(),
-            None => tree.nodes.is_empty(),
-        };
-        if is_leaf {
-            run.first
-        } else {
-            tree.first_leaf
-                .get(run.first as usize)
-                .copied()
-                .unwrap_or(0)
-        }
+    let width = regions.count.div_ceil((PARTS * *threads) as u32).max(1);
+    parts.resize_with(regions.count.div_ceil(width) as usize, KeptPart::default);
+    for part in &mut *parts {
+        part.groups.clear();
     }
-
-    /// Brings one run up to date; returns how many stops are new. `done_leaves` becomes the end of a node
-    /// above that now stops, so that the caller skips the other runs below it.
-    fn run(&mut self, run: Run, done_leaves: &mut u32) -> u64 {
-        if run.parent == Run::ROOT {
-            let before = count(self.walk.runs);
-            self.walk.root();
-            let is_same = self.walk.runs.first() == Some(&run);
-            return if is_same {
-                0
-            } else {
-                count(self.walk.runs) - before
-            };
-        }
-        let inherited = match self.state(run.parent) {
-            Ok(class) => class.inherited(),
-            Err((top, class)) => {
-                let parent = if top == 0 {
-                    Run::ROOT
-                } else {
-                    self.parent(top)
-                };
-                self.walk.stop(parent, top, class);
-                *done_leaves = leaf_range(&self.walk.model.tree, top).end;
-                return 1;
-            }
-        };
-        let Some(&parent) = self.walk.model.tree.nodes.get(run.parent as usize) else {
-            return 0;
-        };
-        if parent.has_leaves() {
-            self.walk
-                .leaves(run.parent, run.first, run.count, inherited);
-            return 0;
-        }
-        self.classify(run.parent, inherited);
-        let mut changed = 0;
-        for id in run.first..run.first.saturating_add(run.count) {
-            match self.mark(id) {
-                Some(class) if class.is_open() => {
-                    let before = self.walk.runs.len();
-                    self.walk.descend(id, class.inherited());
-                    changed += count(self.walk.runs.get(before..).unwrap_or_default());
-                }
-                Some(class) => self.walk.stop(run.parent, id, class),
-                None => {}
-            }
-        }
-        changed
-    }
-
-    fn parent(&self, id: u32) -> u32 {
-        self.walk
-            .model
-            .tree
-            .parents
-            .get(id as usize)
-            .copied()
-            .unwrap_or(0)
-    }
-
-    /// The class of a node if it was looked at in this frame.
-    #[inline]
-    fn mark(&self, id: u32) -> Option<Class> {
-        let mark = *self.marks.get(id as usize)?;
-        (mark >> 8 == self.number).then_some(Class::from_bits(mark as u8))
-    }
-
-    #[inline]
-    fn set_mark(&mut self, id: u32, class: Class) {
-        if let Some(mark) = self.marks.get_mut(id as usize) {
-            *mark = self.number << 8 | u32::from(class.to_bits());
+    for &group in &front.groups {
+        let parent = tree.parents.get(group.first() as usize);
+        let region = parent.map_or(0, |parent| parent.saturating_sub(regions.first));
+        let region = region.min(regions.count - 1);
+        if let Some(part) = parts.get_mut((region / width) as usize) {
+            part.groups.push(group.in_region(region));
         }
     }
-
-    /// Looks at the node children of the open node `id`, unless it was done in this frame.
-    fn classify(&mut self, id: u32, inherited: u8) {
-        let Some(&node) = self.walk.model.tree.nodes.get(id as usize) else {
-            return;
-        };
-        if node.has_leaves() || self.mark(node.first_child).is_some() {
-            return;
-        }
-        let count = u32::from(node.child_count);
-        let stats = &mut self.walk.cut.stats;
-        let classes =
-            self.walk
-                .tester
-                .nodes(self.walk.model, node.first_child, count, inherited, stats);
-        for (id, class) in (node.first_child..node.first_child.saturating_add(count)).zip(classes) {
-            self.set_mark(id, class);
-        }
-    }
-
-    /// The class of node `id` if it and everything above it is open; else the topmost node that is not, on
-    /// the way from the root to `id`, with its class.
-    #[inline]
-    fn state(&mut self, id: u32) -> Result<Class, (u32, Class)> {
-        match self.mark(id) {
-            // A mark is only ever set below open nodes, so an open one is open all the way.
-            Some(class) if class.is_open() => Ok(class),
-            Some(class) => Err((id, class)),
-            None => self.state_from_above(id),
-        }
-    }
-
-    #[inline(never)]
-    fn state_from_above(&mut self, id: u32) -> Result<Class, (u32, Class)> {
-        self.path.clear();
-        let mut at = id;
-        while self.mark(at).is_none() {
-            self.path.push(at);
-            if at == 0 {
-                break;
-            }
-            at = self.parent(at);
-        }
-        let mut above = self.mark(at);
-        while let Some(id) = self.path.pop() {
-            if let Some(class) = above
-                && !class.is_open()
-            {
-                return Err((self.parent(id), class));
-            }
-            match above {
-                None => {
-                    let start = self.walk.tester.start();
-                    let stats = &mut self.walk.cut.stats;
-                    let [class, ..] = self.walk.tester.nodes(self.walk.model, 0, 1, start, stats);
-                    self.set_mark(0, class);
-                }
-                Some(class) => self.classify(self.parent(id), class.inherited()),
-            }
-            above = self.mark(id);
-        }
-        match above {
-            Some(class) if class.is_open() => Ok(class),
-            Some(class) => Err((id, class)),
-            // Only where the tree's links are wrong.
-            None => Err((id, Class::DROP)),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::camera::Camera;
-    use crate::tree::{Cone, Leaf, Node, Strip, Tree};
-    use glam::{DVec3, Vec3};
-
-    /// Four points in a row, in two nodes below the root.
-    fn row() -> Model {
-        let node = |x: f32, radius: f32, first_child, flags| Node {
-            center: Vec3::X * x,
-            radius,
-            first_child,
-            cone: Cone::ALL,
-            strip: Strip::SPHERE,
-            child_count: 2,
-            flags,
-        };
-        Model {
-            tree: Tree {
-                nodes: [
-                    node(0.0, 2.0, 1, 0),
-                    node(-1.0, 0.6, 0, Node::LEAF_CHILDREN),
-                    node(1.0, 0.6, 2, Node::LEAF_CHILDREN),
-                ][..]
-                    .into(),
-                parents: vec![0; 3],
-                first_leaf: vec![0, 0, 2],
-                level_starts: vec![0, 1, 3],
-                leaves: [-1.5, -0.5, 0.5, 1.5]
-                    .map(|x| Leaf {
-                        center: Vec3::X * x,
-                        radius: 0.1,
-                    })
-                    .into_iter()
-                    .collect(),
-                ..Tree::default()
-            },
-            ..Model::default()
-        }
-    }
-
-    /// A mark of 2^24 frames ago must not pass for one of this frame.
-    #[test]
-    fn the_frame_number_wraps_without_a_trace() {
-        let model = row();
-        let camera = Camera::look_at(
-            (400, 300),
-            DVec3::new(0.2, 0.5, 4.0),
-            DVec3::ZERO,
-            DVec3::Y,
-            0.8,
-            (0.1, 20.0),
-        );
-        let view = camera.view(DVec3::ZERO).expect("a usable camera");
-        let mut coherent = Coherent::default();
-        let mut cut = Cut::default();
-        // The frame number after each update, and how many nodes and leaves are drawn. Frame FRAMES - 2 marks
-        // both lower nodes as open; then nothing looks at them until the same number comes again, when both
-        // are to stop.
-        for (number, threshold_px, nodes, leaves) in [
-            (1, 0.0, 0, 4),
-            (FRAMES - 2, 0.0, 0, 4),
-            (FRAMES - 1, 1e4, 1, 0),
-            (1, 0.0, 0, 4),
-            (FRAMES - 2, 200.0, 2, 0),
-        ] {
-            if number == FRAMES - 2 {
-                coherent.frame = number - 1;
-            }
-            let settings = Settings {
-                threshold_px,
-                ..Settings::default()
-            };
-            coherent.update(&model, &view, &settings, &mut cut);
-            assert_eq!(coherent.frame, number);
-            assert_eq!(
-                (cut.nodes.len(), cut.leaves.len()),
-                (nodes, leaves),
-                "frame {number}"
-            );
-        }
-    }
+    let levels = tree.level_count() - regions.level - 1;
+    share(batches, parts.iter_mut(), |batch, part| {
+        part.run(task, batch, levels);
+    });
+    join(parts, batches, hiding, levels, (cut, marks));
 }

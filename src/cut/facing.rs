@@ -30,19 +30,8 @@ impl Tester {
     /// most 4 · 2⁻²⁴ √k and the difference k - (d·v)² by 1e-6 k, which loses culling only within 1e-4 rad of
     /// the limit.
     #[inline]
-    pub(super) fn cones(
-        &self,
-        balls: &Balls,
-        (x, y): (Vec4, Vec4),
-        packed_sin: Vec4,
-    ) -> (u32, u32) {
-        // The octahedral code unpacked by its definition, times 32767.
-        let mut x = x.max(Vec4::splat(-32767.0));
-        let mut y = y.max(Vec4::splat(-32767.0));
-        let z = 32767.0 - x.abs() - y.abs();
-        let fold = (-z).max(Vec4::ZERO);
-        x -= fold.copysign(x);
-        y -= fold.copysign(y);
+    pub(super) fn cones(&self, balls: &Balls, axes: (Vec4, Vec4), packed_sin: Vec4) -> (u32, u32) {
+        let [x, y, z] = Self::cone_axes(axes);
         let may_cull = packed_sin.cmplt(Vec4::splat(f32::from(Cone::NEVER)));
         let sin = packed_sin * (1.0 / 65535.0);
         let sin_squared = sin * sin;
@@ -70,6 +59,18 @@ impl Tester {
             (decided & positive).bitmask(),
             (decided & !positive).bitmask(),
         )
+    }
+
+    /// Directions of the packed axes of cones: the octahedral code unpacked by its definition, times 32767.
+    #[inline]
+    pub(super) fn cone_axes((x, y): (Vec4, Vec4)) -> [Vec4; 3] {
+        let mut x = x.max(Vec4::splat(-32767.0));
+        let mut y = y.max(Vec4::splat(-32767.0));
+        let z = 32767.0 - x.abs() - y.abs();
+        let fold = (-z).max(Vec4::ZERO);
+        x -= fold.copysign(x);
+        y -= fold.copysign(y);
+        [x, y, z]
     }
 
     /// Whether leaf `leaf` is seen from behind or edge-on, by its own geometric normal (a cloud's: by the

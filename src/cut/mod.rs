@@ -1,20 +1,21 @@
 //! The cut: which nodes of the tree the current view needs, and as what.
 //!
-//! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root; [`Coherent`] updates the cut
-//! of the last frame and gives the same lists. Both ask one [`Tester`].
+//! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root and tests every node on its way;
+//! [`Coherent`] goes the same way for a camera that moves, but tests only what may have changed since the last frame, and
+//! gives the same lists. Both ask one [`Tester`].
 
 mod batch;
-mod class;
 mod coherent;
 mod constants;
 mod facing;
 mod footprints;
+mod motion;
 mod nearest;
 mod quad;
 mod select;
+mod slack;
 mod strip;
 mod tester;
-mod walk;
 
 pub use coherent::{Coherent, Update};
 pub use constants::most_splats;
@@ -25,9 +26,6 @@ pub use strip::{
     MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers, strip_steps,
 };
 pub use tester::Tester;
-
-use crate::tree::Tree;
-use std::ops::Range;
 
 /// What the cut may drop and how small a node must be to be drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -156,15 +154,4 @@ impl Cut {
         self.triangles.clear();
         self.stats = Stats::default();
     }
-}
-
-/// The leaves below an interior node. The next node starts where this one ends, except that after the last
-/// node of a level the next level starts over at leaf 0.
-fn leaf_range(tree: &Tree, id: u32) -> Range<u32> {
-    let start = tree.first_leaf.get(id as usize).copied().unwrap_or(0);
-    let end = match tree.first_leaf.get(id as usize + 1) {
-        Some(&next) if next > start => next,
-        _ => tree.leaves.len() as u32,
-    };
-    start..end
 }

@@ -24,25 +24,25 @@ use std::sync::Mutex;
 const LARGE: usize = 4096;
 
 /// Parts for each thread: how much of a part is visible is not known before.
-const PARTS: usize = 8;
+pub(super) const PARTS: usize = 8;
 
 /// Sibling groups of one level, and the next one's.
 #[derive(Debug, Default)]
-struct Front {
-    groups: Vec<Group>,
+pub(super) struct Front {
+    pub(super) groups: Vec<Group>,
     open: Vec<Group>,
 }
 
 /// What decides about nodes.
 #[derive(Debug, Clone, Copy)]
-struct Tests<'a> {
-    tester: &'a Tester,
-    hiding: Option<&'a Hiding<'a>>,
+pub(super) struct Tests<'a> {
+    pub(super) tester: &'a Tester,
+    pub(super) hiding: Option<&'a Hiding<'a>>,
 }
 
 impl Front {
     /// Looks at a level of nodes; the groups become those of the next level.
-    fn descend(
+    pub(super) fn descend(
         &mut self,
         model: &Model,
         Tests { tester, hiding }: Tests<'_>,
@@ -70,39 +70,31 @@ impl Front {
 }
 
 /// Batches, each with what comes after it.
-fn batches(groups: &[Group]) -> impl Iterator<Item = (&[Group], &[Group])> {
+pub(super) fn batches<T>(groups: &[T]) -> impl Iterator<Item = (&[T], &[T])> {
     let ahead = (batch::SIZE..).step_by(batch::SIZE);
     let ahead = ahead.map(|at| groups.get(at..).unwrap_or_default());
     groups.chunks(batch::SIZE).zip(ahead)
 }
 
-/// What is below some consecutive groups of a level: a cut of its own, and where each level ends in its lists.
+/// What was found below some consecutive groups of a level: a cut of its own, and where each level ends in its lists.
 #[derive(Debug, Default)]
-struct Part {
-    front: Front,
-    cut: Cut,
-    marks: Marks,
-    ends: Vec<(usize, usize)>,
+pub(super) struct Found {
+    pub(super) cut: Cut,
+    pub(super) marks: Marks,
+    pub(super) ends: Vec<(usize, usize)>,
 }
 
-impl Part {
-    fn run(&mut self, model: &Model, tests: Tests<'_>, batch: &mut Batch, levels: usize) {
+impl Found {
+    pub(super) fn clear(&mut self) {
         self.cut.clear();
         self.marks.clear();
         self.ends.clear();
-        for _ in 0..levels {
-            let found = (&mut self.cut, &mut self.marks);
-            self.front.descend(model, tests, batch, found);
-            self.ends
-                .push((self.cut.nodes.len(), self.cut.strips.len()));
-        }
-        let found = (&mut self.cut, &mut self.marks);
-        self.front.finish(model, tests, batch, found);
     }
 
-    /// Drops what is hidden, once all parts have run.
-    fn hide(&mut self, hiding: &Hiding<'_>) {
-        hiding.finish(&mut self.cut, &self.marks, &mut self.ends);
+    /// Ends a level of nodes.
+    pub(super) fn end_level(&mut self) {
+        self.ends
+            .push((self.cut.nodes.len(), self.cut.strips.len()));
     }
 
     /// Where the nodes and strips of a level are in the lists.
@@ -116,6 +108,76 @@ impl Part {
     }
 }
 
+/// A part of a cut, with what was found.
+pub(super) trait Part: Send {
+    fn found(&self) -> &Found;
+    fn found_mut(&mut self) -> &mut Found;
+}
+
+/// Joins what was found in parts to what was found above them, level by level, less what is hidden: `levels` of nodes.
+pub(super) fn join<P: Part>(
+    parts: &mut [P],
+    batches: &mut [Batch],
+    hiding: Option<&Hiding<'_>>,
+    levels: usize,
+    (cut, marks): (&mut Cut, &Marks),
+) {
+    if let Some(hiding) = hiding {
+        hiding.repair(marks);
+        share(batches, parts.iter_mut(), |_, part| {
+            hiding.repair(&part.found().marks);
+        });
+        hiding.finish(cut, marks, &mut []);
+        share(batches, parts.iter_mut(), |_, part| {
+            let Found { cut, marks, ends } = part.found_mut();
+            hiding.finish(cut, marks, ends);
+        });
+    }
+    for level in 0..levels {
+        for found in parts.iter().map(P::found) {
+            let [nodes, strips] = found.level(level);
+            let (nodes, strips) = (found.cut.nodes.get(nodes), found.cut.strips.get(strips));
+            cut.nodes.extend_from_slice(nodes.unwrap_or_default());
+            cut.strips.extend_from_slice(strips.unwrap_or_default());
+        }
+    }
+    for found in parts.iter().map(P::found) {
+        cut.leaves.extend_from_slice(&found.cut.leaves);
+        cut.triangles.extend_from_slice(&found.cut.triangles);
+        cut.stats.add(&found.cut.stats);
+    }
+}
+
+/// What is below some consecutive groups of a level.
+#[derive(Debug, Default)]
+struct Below {
+    front: Front,
+    found: Found,
+}
+
+impl Part for Below {
+    fn found(&self) -> &Found {
+        &self.found
+    }
+
+    fn found_mut(&mut self) -> &mut Found {
+        &mut self.found
+    }
+}
+
+impl Below {
+    fn run(&mut self, model: &Model, tests: Tests<'_>, batch: &mut Batch, levels: usize) {
+        self.found.clear();
+        for _ in 0..levels {
+            let found = (&mut self.found.cut, &mut self.found.marks);
+            self.front.descend(model, tests, batch, found);
+            self.found.end_level();
+        }
+        let found = (&mut self.found.cut, &mut self.found.marks);
+        self.front.finish(model, tests, batch, found);
+    }
+}
+
 /// Selects cuts from the root and keeps its working memory from one to the next.
 ///
 /// A large cut (some ten thousand nodes) is divided among threads. Every list has the same ids in the same
@@ -125,15 +187,15 @@ impl Part {
 /// lists of the cut once more.
 #[derive(Debug)]
 pub struct Selector {
-    threads: usize,
+    pub(super) threads: usize,
     /// Groups from which on a cut is divided.
     large: usize,
-    front: Front,
-    batches: Vec<Batch>,
-    parts: Vec<Part>,
-    marks: Marks,
-    nearest: Nearest,
-    subpixel_bits: u32,
+    pub(super) front: Front,
+    pub(super) batches: Vec<Batch>,
+    parts: Vec<Below>,
+    pub(super) marks: Marks,
+    pub(super) nearest: Nearest,
+    pub(super) subpixel_bits: u32,
 }
 
 impl Default for Selector {
@@ -215,7 +277,7 @@ impl Selector {
         self.nearest = nearest;
     }
 
-    fn run(&mut self, model: &Model, tests: Tests<'_>, cut: &mut Cut) {
+    pub(super) fn run(&mut self, model: &Model, tests: Tests<'_>, cut: &mut Cut) {
         let tree = &model.tree;
         cut.clear();
         self.marks.clear();
@@ -258,7 +320,7 @@ impl Selector {
         let each = groups.len().div_ceil(PARTS * self.threads);
         let count = groups.len().div_ceil(each);
         if self.parts.len() < count {
-            self.parts.resize_with(count, Part::default);
+            self.parts.resize_with(count, Below::default);
         }
         let Some(parts) = self.parts.get_mut(..count) else {
             return;
@@ -269,34 +331,13 @@ impl Selector {
             part.front.groups.extend_from_slice(groups);
             part.run(model, tests, batch, levels);
         });
-        if let Some(hiding) = tests.hiding {
-            hiding.repair(&self.marks);
-            share(&mut self.batches, parts.iter_mut(), |_, part| {
-                hiding.repair(&part.marks);
-            });
-            hiding.finish(cut, &self.marks, &mut []);
-            share(&mut self.batches, parts.iter_mut(), |_, part| {
-                part.hide(hiding);
-            });
-        }
-        for level in 0..levels {
-            for part in &*parts {
-                let [nodes, strips] = part.level(level);
-                let (nodes, strips) = (part.cut.nodes.get(nodes), part.cut.strips.get(strips));
-                cut.nodes.extend_from_slice(nodes.unwrap_or_default());
-                cut.strips.extend_from_slice(strips.unwrap_or_default());
-            }
-        }
-        for part in &*parts {
-            cut.leaves.extend_from_slice(&part.cut.leaves);
-            cut.triangles.extend_from_slice(&part.cut.triangles);
-            cut.stats.add(&part.cut.stats);
-        }
+        let found = (cut, &self.marks);
+        join(parts, &mut self.batches, tests.hiding, levels, found);
     }
 }
 
 /// Does all of the work, a thread for each of the batches.
-fn share<T: Send>(
+pub(super) fn share<T: Send>(
     batches: &mut [Batch],
     work: impl Iterator<Item = T> + Send,
     run: impl Fn(&mut Batch, T) + Sync,

@@ -63,7 +63,7 @@ fn relative_size(node: &Node) -> (f32, f32) {
 
 /// The same for four nodes, from the bytes of half length and width.
 #[inline]
-fn relative_sizes((half, width): (Vec4, Vec4)) -> (Vec4, Vec4) {
+pub(super) fn relative_sizes((half, width): (Vec4, Vec4)) -> (Vec4, Vec4) {
     (
         (half + width).min(Vec4::splat(255.0)) * (1.0 / 255.0),
         width * (1.0 / 255.0),

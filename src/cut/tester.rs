@@ -10,13 +10,23 @@
 //! Every comparison errs to the safe side by the rounding of single precision, and is written so that a
 //! NaN keeps the node and descends.
 
-use super::class::inherit;
 use super::quad::{self, Balls};
 use super::{Settings, SizeMetric};
 use crate::math::camera::View;
 use crate::math::frustum::{Frustum, Plane};
 use crate::tree::{Model, Tree};
 use glam::{BVec4A, Vec3, Vec4};
+
+/// What a node inherits from its parent, as bits.
+pub(super) mod inherit {
+    /// Wholly inside the view volume (or nothing is dropped by it): no test below.
+    pub(in crate::cut) const INSIDE: u8 = 1;
+    /// Every normal faces the viewer (or nothing is dropped by facing): no test below.
+    pub(in crate::cut) const FRONT: u8 = 2;
+}
+
+/// Error of a distance to a plane, over how far the model reaches from the eye.
+const PLANE_ERROR: f64 = 1e-6;
 
 /// A plane ready for four balls: coefficients repeated in every lane.
 #[derive(Debug, Clone, Copy)]
@@ -147,7 +157,7 @@ impl Tester {
             far: (f64::from(view.far) / scale * unit) as f32,
             // Normals, products and sums each round by 2^-24; centers are at most 2^10 (the model's reach)
             // away. The view matrix itself was rounded the same way.
-            plane_error: (f64::from(reach) * unit * 1e-6) as f32,
+            plane_error: (f64::from(reach) * unit * PLANE_ERROR) as f32,
             extent: (root_center.length()
                 + root_radius
                 + view.view_from_model.w_axis.truncate().length() / scale as f32)
@@ -163,6 +173,19 @@ impl Tester {
             start: cull(settings.cull_frustum, inherit::INSIDE)
                 | cull(settings.cull_back, inherit::FRONT),
         }
+    }
+
+    /// How far the model reaches from the eye, model units.
+    pub(super) fn reach(&self) -> f64 {
+        f64::from(self.plane_error) / PLANE_ERROR / f64::from(self.unit)
+    }
+
+    /// Whether sizes and the kind of view are those of another frame, so that answers differ only by where the camera is.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        (self.is_perspective, self.size, self.start)
+            == (other.is_perspective, other.size, other.start)
+            && [self.threshold_px, self.twice_focal_px]
+                == [other.threshold_px, other.twice_focal_px]
     }
 
     /// The sides of the view volume: inward unit normals, and what is added.
@@ -214,16 +237,23 @@ impl Tester {
     #[inline]
     pub(super) fn volume(&self, balls: &Balls) -> (u32, u32) {
         let (r, error) = (balls.radius, Vec4::splat(self.plane_error));
-        let depth = balls.depth;
-        let mut nearest = (depth - self.near).min(self.far - depth);
-        for side in &self.sides {
-            nearest = nearest.min(side.distance(balls.center));
-        }
+        let nearest = self.nearest_plane(balls);
         // The smallest of six distances tells both: outside if it is below -r, inside if at least r.
         (
             nearest.cmplt(-r - error).bitmask(),
             nearest.cmpge(r + error).bitmask(),
         )
+    }
+
+    /// The least distance of the centers from the six planes.
+    #[inline]
+    pub(super) fn nearest_plane(&self, balls: &Balls) -> Vec4 {
+        let depth = balls.depth;
+        let mut nearest = (depth - self.near).min(self.far - depth);
+        for side in &self.sides {
+            nearest = nearest.min(side.distance(balls.center));
+        }
+        nearest
     }
 
     /// Which balls are at most the threshold wide on the screen and in front of the near plane.
