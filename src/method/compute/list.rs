@@ -34,6 +34,13 @@ pub(crate) struct Triangles<'a> {
     pub(crate) runs: &'a [Run],
 }
 
+impl List<'_> {
+    /// Whether nothing is drawn.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.runs.is_empty() && self.splat_count == 0
+    }
+}
+
 impl<'a> Triangles<'a> {
     /// Parts of the list, each with the vertices of its page.
     ///

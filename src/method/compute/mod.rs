@@ -23,7 +23,7 @@ use crate::abi::shaders;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::device::Kind;
-use crate::gpu::frame::{Draw, Frame, Load, Uniform};
+use crate::gpu::frame::{Draw, Frame, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use list::Items;
@@ -250,7 +250,7 @@ impl Small {
     }
 
     /// Passes small.clear, small.triangles, small.splats and small.resolve. Keeps what the targets hold where it is
-    /// nearer.
+    /// nearer; where these passes are the first of the frame, that is nothing.
     ///
     /// # Errors
     /// When the frame has no room for the constants of so many parts.
@@ -259,10 +259,10 @@ impl Small {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        context: &Context,
+        (context, is_first): (&Context, bool),
         constants: Uniform,
     ) -> Result<(), Error> {
-        if list.runs.is_empty() && list.splat_count == 0 {
+        if list.is_empty() {
             return Ok(());
         }
         let Items {
@@ -313,7 +313,7 @@ impl Small {
                 });
         }
         let mut pass = targets
-            .attach_with(frame.pass("small.resolve"), context, |_| Load::Keep)
+            .attach_after(frame.pass("small.resolve"), context, is_first)
             .fragment_storage(list.splats)
             .fragment_storage(list.corners)
             .fragment_storage(&self.keys);

@@ -20,7 +20,8 @@ pub(crate) struct Run {
     pub(crate) count: u32,
 }
 
-/// Pass `hybrid.triangles`: the leaves that are large on screen. Clears the targets.
+/// Pass `hybrid.triangles`: the leaves that are large on screen. Clears the targets. A frame without any begins with the pass
+/// after it.
 pub(crate) fn record_triangles(
     frame: &mut Frame<'_>,
     pipeline: &Pipeline,

@@ -5,6 +5,7 @@ use crate::abi::FrameConstants;
 use crate::draw::ColorBy;
 use crate::draw::filtered::host::Canvas;
 use crate::draw::samples::Screen;
+use crate::draw::splats::Packed;
 use crate::gpu::Error;
 use crate::gpu::device::Kind;
 use crate::gpu::frame::Ticket;
@@ -192,25 +193,35 @@ impl Renderer {
             &self.filtered,
         ) {
             (Drawing::Opaque, Some((_, pipeline)), Some(splats), _) => {
-                hybrid::record_triangles(
-                    &mut frame,
-                    pipeline,
-                    &self.targets,
-                    scene,
-                    (&lists.indices, &lists.runs),
-                    &context,
-                    constants,
-                );
+                let small = self.small.as_ref().filter(|_| ways.is_small);
                 let mut packed_left = packed;
-                if let (true, Some(small)) = (ways.is_small, &self.small) {
-                    small.record(&mut frame, &self.targets, small_list, &context, constants)?;
+                if small.is_some() {
                     packed_left.points = 0;
+                }
+                let has_small = small.is_some() && !small_list.is_empty();
+                let has_splats = packed_left != Packed::default();
+                // The first pass clears, be there triangles or not.
+                let has_triangles = !lists.runs.is_empty() || !(has_small || has_splats);
+                if has_triangles {
+                    hybrid::record_triangles(
+                        &mut frame,
+                        pipeline,
+                        &self.targets,
+                        scene,
+                        (&lists.indices, &lists.runs),
+                        &context,
+                        constants,
+                    );
+                }
+                if let Some(small) = small {
+                    let context = (&context, !has_triangles);
+                    small.record(&mut frame, &self.targets, small_list, context, constants)?;
                 }
                 splats.record_list(
                     &mut frame,
                     &self.targets,
                     (&lists.splats, packed_left, capacity),
-                    &context,
+                    (&context, !has_triangles && !has_small),
                     constants,
                 );
             }

@@ -94,20 +94,21 @@ impl Splats {
         })
     }
 
-    /// Pass `hybrid.splats`: the splats of a draw list of `capacity` records. Keeps what the triangles left.
+    /// Pass `hybrid.splats`: the splats of a draw list of `capacity` records. Keeps what the triangles left, unless it is the
+    /// first pass of the frame.
     pub(crate) fn record_list(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
         (list, packed, capacity): (&Upload, Packed, usize),
-        context: &Context,
+        (context, is_first): (&Context, bool),
         constants: Uniform,
     ) {
         if packed == Packed::default() {
             return;
         }
         let pass = targets
-            .attach_with(frame.pass("hybrid.splats"), context, |_| Load::Keep)
+            .attach_after(frame.pass("hybrid.splats"), context, is_first)
             .vertices(list);
         pass.draw(context.viewport(), |draw| {
             draw.cull_back_faces(false, false);
