@@ -166,6 +166,14 @@ pub struct CutConstants {
     pub sides: [[f32; 4]; 4],
     /// The view direction, likewise.
     pub forward: [f32; 4],
+    /// To the right in the picture, likewise.
+    pub right: [f32; 4],
+    /// Up in the picture.
+    pub up: [f32; 4],
+    /// Pixels of a tangent (perspective) or of a unit.
+    pub focal: [f32; 2],
+    /// The middle of the picture, pixels.
+    pub middle: [f32; 2],
     /// Where lengths start, model space.
     pub reference: [f32; 3],
     /// See above.
@@ -206,6 +214,14 @@ pub struct CutConstants {
     pub most_splats: u32,
     /// Triangles that the list of indices has room for.
     pub most_triangles: u32,
+    /// Pixels that a place in the picture may be off, times the distance (perspective) or alone.
+    pub place_error: f32,
+    /// Pixels by which a device may place a splat elsewhere by rounding.
+    pub snap: f32,
+    /// The larger of the two focal lengths.
+    pub focal_px: f32,
+    /// 1 where splats are one pixel, drawn where their balls contain its center.
+    pub are_samples: u32,
 }
 
 /// What these passes write beside the lists: the storage block `Counters` there.
@@ -343,6 +359,10 @@ same_layout!(
     cut_constants,
     sides = SIDES,
     forward = FORWARD,
+    right = RIGHT,
+    up = UP,
+    focal = FOCAL,
+    middle = MIDDLE,
     reference = REFERENCE,
     unit = UNIT,
     backward = BACKWARD,
@@ -363,6 +383,10 @@ same_layout!(
     is_perspective = IS_PERSPECTIVE,
     most_splats = MOST_SPLATS,
     most_triangles = MOST_TRIANGLES,
+    place_error = PLACE_ERROR,
+    snap = SNAP,
+    focal_px = FOCAL_PX,
+    are_samples = ARE_SAMPLES,
 );
 const _: () = {
     use generated::layout::counters as block;

@@ -7,6 +7,12 @@ layout(set = 0, binding = 0, std140) uniform CutConstants {
     // The sides of the view volume and the view direction: unit normals, and what is added.
     vec4 sides[4];
     vec4 forward;
+    // To the right and up in the picture, and what is added.
+    vec4 right;
+    vec4 up;
+    // Pixels of a tangent (perspective) or of a unit, and the middle of the picture.
+    vec2 focal;
+    vec2 middle;
     // Where lengths start, and their units in a unit of the model.
     vec3 reference;
     float unit;
@@ -36,6 +42,13 @@ layout(set = 0, binding = 0, std140) uniform CutConstants {
     // Records that the lists have room for.
     uint most_splats;
     uint most_triangles;
+    // What a place in the picture may be off, times the distance (perspective) or alone, and by rounding, pixels.
+    float place_error;
+    float snap;
+    // Largest focal length of the two.
+    float focal_px;
+    // Whether splats are one pixel, drawn where balls contain its center.
+    uint are_samples;
 } cut;
 
 // Mirrored by `abi::CutCounters`: commands that the device makes for itself, then counts.
@@ -153,6 +166,39 @@ vec3 unit_of(ivec2 code) {
     precise float size = sqrt(dot_of(at, at));
     precise vec3 unit = at / size;
     return unit;
+}
+
+// What may be in the picture of a ball at `along` the axes of the picture: the center of a pixel (x), and surely no more
+// than that of the pixel that its middle is in (y). As `cut::centers` has it.
+bvec2 centers_of(vec2 along, float depth, float radius) {
+    bool is_perspective = cut.is_perspective != 0u;
+    precise float inverse = is_perspective ? 1.0 / depth : 1.0;
+    precise vec2 at = along * inverse;
+    precise float size = radius * inverse;
+    precise float off = inverse * cut.place_error + cut.snap;
+    precise vec2 squares = at * at;
+    precise float stretch = is_perspective ? (squares.x + squares.y) * 0.506 + 1.006 : 1.001;
+    precise float reach = (size * cut.focal_px) * stretch + off * 1.41421356;
+    bool is_known = !is_perspective || size < 0.01;
+    precise vec2 shifted = at * cut.focal + cut.middle + 0.5;
+    precise vec2 sum = shifted + 8388608.0;
+    precise vec2 rounded = sum - 8388608.0;
+    precise vec2 aside = abs(shifted - rounded);
+    precise vec2 sides = aside * aside;
+    precise float nearest = sides.x + sides.y;
+    precise float reach_squared = reach * reach;
+    float farther = max(aside.x, aside.y);
+    precise float next = (nearest - 2.0 * farther) + 1.0;
+    precise float border = 0.5 - off;
+    precise float front = depth - radius;
+    bool misses = is_known && nearest > reach_squared && depth > cut.near;
+    bool is_one = is_known && next > reach_squared && farther < border && front > cut.near;
+    return bvec2(!misses, is_one);
+}
+
+bvec2 centers_of(Ball ball) {
+    vec2 along = vec2(distance_from(cut.right, ball.center), distance_from(cut.up, ball.center));
+    return centers_of(along, ball.depth, ball.radius);
 }
 
 // The two signed halves of a word, the lower one first.

@@ -113,6 +113,9 @@ void main() {
     Ball ball = ball_of(center, leaves[id].radius);
     bool is_off = is_there && (siblings.y & INSIDE) == 0u && is_outside(least_inside(ball), ball);
     bool is_kept = is_there && !is_off;
+    if (cut.are_samples != 0u) {
+        is_kept = is_kept && centers_of(ball).x;
+    }
     uvec3 index = uvec3(corners[3u * id], corners[3u * id + 1u], corners[3u * id + 2u]);
     vec3 a = position_of(index.x);
     vec3 b = position_of(index.y);

@@ -147,9 +147,16 @@ void main() {
     is_kept = is_kept && !is_away;
     count(is_there, is_off, is_away);
 
+    bool is_single = is_small(ball);
+    if (cut.are_samples != 0u) {
+        // What contains no center is nothing, what contains one alone is it.
+        bvec2 centers = centers_of(ball);
+        is_kept = is_kept && centers.x;
+        is_single = is_single || centers.y;
+    }
     uint own = 0u;
     bool is_open = false;
-    if (is_kept && is_small(ball)) {
+    if (is_kept && is_single) {
         own = 1u;
     } else if (is_kept) {
         own = row_of(id, node, ball);

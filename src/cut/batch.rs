@@ -285,7 +285,7 @@ impl Batch {
         self.volumes(tester, groups, cut);
         self.cones(tester, groups, &mut prefetch, cut);
         if let Some(hiding) = hiding.filter(|hiding| hiding.is_exact()) {
-            self.drop_nodes_between(hiding, groups.len(), &mut prefetch, cut);
+            self.ask_centers(hiding, groups.len(), &mut prefetch);
         }
         self.rows(tester, groups, &mut prefetch);
         match hiding.filter(|hiding| hiding.asks_splats()) {

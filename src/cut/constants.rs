@@ -1,8 +1,11 @@
 //! What the passes of a device need to choose the same cut.
 
+use super::centers::Centers;
+use super::nearest::SUBPIXEL_BITS;
 use super::strip::{LOW, MAX_COUNT, MAX_WIDTH};
 use super::tester::{Tester, low_levels};
 use crate::abi::CutConstants;
+use crate::math::camera::View;
 use crate::tree::{Model, Node};
 
 /// The most splats that any cut of a model with triangles has: a leaf is one at most, a node what its children are or one
@@ -40,9 +43,19 @@ pub fn most_splats(model: &Model) -> u64 {
 }
 
 impl Tester {
-    /// Those of lists with room for so many splats and triangles. The passes know
-    /// [`SizeMetric::Exact`](super::SizeMetric::Exact) alone, and thresholds above 0.
-    pub fn constants(&self, most_splats: u32, most_triangles: u32) -> CutConstants {
+    /// Those of the tester's view on a device whose window positions have so many binary places
+    /// ([`Selector::with_subpixel_bits`](super::Selector::with_subpixel_bits)), for lists with room for so many splats and
+    /// triangles. The passes know [`SizeMetric::Exact`](super::SizeMetric::Exact) alone, and thresholds from a pixel on, at
+    /// which they choose what [`Selector::select_seen`](super::Selector::select_seen) does, hidden splats with it.
+    pub fn constants(
+        &self,
+        (view, subpixel_bits): (&View, u32),
+        most_splats: u32,
+        most_triangles: u32,
+    ) -> CutConstants {
+        let bits = subpixel_bits.clamp(*SUBPIXEL_BITS.start(), *SUBPIXEL_BITS.end());
+        let centers = Centers::new(self, view, self.threshold_px, bits);
+        let [right, up] = centers.axes();
         let kappa = self.threshold_px / self.twice_focal_px;
         let low = kappa * (1.0 - kappa * kappa).max(0.0);
         let row_limit = if self.is_perspective {
@@ -53,6 +66,10 @@ impl Tester {
         CutConstants {
             sides: self.side_planes(),
             forward: self.forward_plane(),
+            right,
+            up,
+            focal: centers.focal,
+            middle: centers.middle,
             reference: self.reference.to_array(),
             unit: self.unit,
             backward: self.backward.to_array(),
@@ -73,6 +90,10 @@ impl Tester {
             is_perspective: u32::from(self.is_perspective),
             most_splats,
             most_triangles,
+            place_error: centers.place_error,
+            snap: centers.snap_px,
+            focal_px: centers.focal_px(),
+            are_samples: u32::from(self.threshold_px <= 1.0),
         }
     }
 }

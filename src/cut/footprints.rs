@@ -6,11 +6,11 @@ use rayon::prelude::*;
 /// What nodes and leaves are drawn as, where what is hidden is left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Footprints {
-    /// Side of the squares or diameter of the discs, pixels. Below 1 they are drawn as the pixel whose center they contain,
-    /// if there is one; of a cloud 1 is the least.
+    /// Side of the squares or diameter of the discs, pixels. Up to 1 they are drawn as the pixel whose center their ball
+    /// contains, if there is one (with `large_leaves` below 1, by their squares); of a cloud 1 is the least.
     pub side_px: f32,
-    /// What nearer splats hide is left out; else only what contains no pixel's center, of splats only such as are smaller
-    /// than a pixel.
+    /// What nearer splats hide is left out; else only what contains no pixel's center, of splats only such as are a
+    /// pixel at most.
     pub hides: bool,
     /// Discs instead of squares.
     pub are_discs: bool,

@@ -5,6 +5,7 @@
 //! gives the same lists. Both ask one [`Tester`].
 
 mod batch;
+mod centers;
 mod coherent;
 mod constants;
 mod facing;
@@ -127,7 +128,7 @@ pub struct Stats {
     pub outside: u64,
     /// Of those, dropped because facing away.
     pub facing_away: u64,
-    /// Splats that were left out because nearer ones cover all of their pixels, or because they are smaller than a pixel and
+    /// Splats that were left out because nearer ones cover all of their pixels, or because they are a pixel at most and
     /// contain no center ([`Selector::select_seen`]).
     pub hidden: u64,
     /// Triangles that were left out because they lie between the centers of pixels (there).

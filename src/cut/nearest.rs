@@ -17,11 +17,11 @@ mod lists;
 
 pub(super) use chunk::{CHUNK, Chunk};
 
+use super::centers::{Centers, POSITION_ERROR};
 use super::footprints::{Footprints, Undrawn};
-use super::quad::Balls;
 use super::tester::Tester;
 use crate::math::camera::View;
-use glam::{BVec4A, Vec3, Vec4};
+use glam::{BVec4A, Vec4};
 use std::ops::{Range, RangeInclusive};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -31,13 +31,6 @@ pub(super) const SUBPIXEL_BITS: RangeInclusive<u32> = 4..=8;
 const MOST_PIXELS: u32 = 1024;
 /// Nothing is nearer.
 const NOTHING: u32 = f32::INFINITY.to_bits();
-/// A circle of this radius, pixels, contains the center of one wherever it lies.
-const LARGEST_BETWEEN_PX: f32 = std::f32::consts::FRAC_1_SQRT_2;
-/// How far off a coordinate of a splat may be, over the sum of the terms that it is made of, on the device and here
-/// together. On either side numbers of the matrix are rounded, and their products and sums: at most ten times, or twelve
-/// where a device places points in two steps, by 2^-24 each.
-const POSITION_ERROR: f32 = 24.0 / 16_777_216.0;
-
 /// The nearest splat of every pixel: its distance along the view direction from the near plane, as bits (floats that are
 /// not negative order like integers).
 #[derive(Debug, Default)]
@@ -120,18 +113,12 @@ pub(super) struct Hiding<'a> {
     nearest: &'a Nearest,
     footprints: Footprints,
     undrawn: &'a Undrawn,
-    /// To the right and up in the picture, and what is added.
-    axes: [([Vec4; 3], Vec4); 2],
-    /// Pixels of a tangent (perspective) or of a unit.
-    focal: [f32; 2],
-    middle: [f32; 2],
+    pub(super) centers: Centers,
     /// Width and height of the picture.
     size: [f32; 2],
     near: f32,
     far: f32,
     is_perspective: bool,
-    /// Pixels that a place may be off, times the distance (perspective) or alone.
-    place_error: f32,
     /// Error of a distance; and what a depth that is rounded is off, as a distance: the factor of z² (perspective) or
     /// alone.
     distance_error: f32,
@@ -139,8 +126,6 @@ pub(super) struct Hiding<'a> {
     /// Half the side of what a splat surely covers, and of what it may.
     inner_px: f32,
     outer_px: f32,
-    /// Pixels by which a device may place a splat elsewhere by rounding.
-    snap_px: f32,
     /// Splats are pixels. Some of them may be two, and surely cover neither.
     are_pixels: bool,
 }
@@ -154,6 +139,8 @@ struct Placed {
     /// Half of what a splat may cover and surely covers, pixels.
     outer: Vec4,
     inner: Vec4,
+    /// What contains no center within this distance of its own, pixels, is nothing.
+    reach: Vec4,
     /// Lanes that the clip volume takes nothing away of: else nothing is covered surely. Not what is no number.
     known: BVec4A,
     /// From the near plane; and less the error of both sides.
@@ -169,25 +156,6 @@ impl<'a> Hiding<'a> {
         (footprints, undrawn): (Footprints, &'a Undrawn),
         subpixel_bits: u32,
     ) -> Self {
-        let scale = if view.model_scale > 0.0 {
-            view.model_scale
-        } else {
-            1.0
-        };
-        let axis = |row: usize| {
-            let axis: Vec3 = view.view_from_model.row(row).truncate() / scale;
-            let start = view.view_from_model.transform_point3(tester.reference)[row] / scale;
-            (
-                [axis.x, axis.y, axis.z].map(Vec4::splat),
-                Vec4::splat(start * tester.unit),
-            )
-        };
-        let half = [view.width as f32 / 2.0, view.height as f32 / 2.0];
-        let (unit, sign) = if view.is_perspective {
-            (1.0, -1.0)
-        } else {
-            (scale / tester.unit, 1.0)
-        };
         let (near, far) = (tester.near, tester.far);
         let range = far - near;
         // Depth is n (f - z) / (z (f - n)), or (f - z) / (f - n): a few roundings of its largest term each.
@@ -201,7 +169,8 @@ impl<'a> Hiding<'a> {
         } else {
             footprints.side_px
         };
-        let (inner_px, outer_px) = if side < 1.0 {
+        let are_pixels = side <= 1.0 && !footprints.large_leaves && !footprints.is_cloud;
+        let (inner_px, outer_px) = if side < 1.0 || are_pixels {
             // Drawn is what is left here: no device decides about it.
             (side / 2.0, side / 2.0)
         } else if footprints.are_discs {
@@ -212,60 +181,24 @@ impl<'a> Hiding<'a> {
         } else {
             (side.floor() / 2.0, side.ceil() / 2.0)
         };
-        let focal = [
-            view.scale[0] * half[0] * unit,
-            -view.scale[1] * half[1] * unit,
-        ];
-        let middle = [
-            half[0] * (1.0 + sign * view.offset[0]),
-            half[1] * (1.0 - sign * view.offset[1]),
-        ];
-        // A coordinate in view space is the product of a unit vector and a position, and the place of the model's zero;
-        // one in the window those of a vector as long as focal length and middle together, over a distance that is off
-        // as well, or (orthographic) those of one as long as the focal length.
+        let centers = Centers::new(tester, view, side, subpixel_bits);
         let position_error = POSITION_ERROR * tester.extent;
-        let place = |i: usize| {
-            if view.is_perspective {
-                focal[i].hypot(middle[i]) + 2.0 * half[i]
-            } else {
-                focal[i].abs()
-            }
-        };
         Self {
             nearest,
             footprints,
             undrawn,
-            axes: [axis(0), axis(1)],
-            focal,
-            middle,
+            centers,
             size: [nearest.width as f32, nearest.height as f32],
             near,
             far,
             is_perspective: view.is_perspective,
-            place_error: position_error * place(0).max(place(1)),
             // Of the one that is nearer and of the other.
             distance_error: 2.0 * position_error,
             depth_error,
             inner_px,
             outer_px,
-            // Half a step, and the roundings of positions in single precision.
-            snap_px: 0.5_f32.powi(1 + subpixel_bits as i32)
-                + 1e-6 * nearest.width.max(nearest.height) as f32,
-            are_pixels: side <= 1.0 && !footprints.large_leaves && !footprints.is_cloud,
+            are_pixels,
         }
-    }
-
-    /// How far four centers are along the axes of the picture, in the tester's unit.
-    #[inline]
-    pub(super) fn along(&self, [x, y, z]: [Vec4; 3]) -> [Vec4; 2] {
-        self.axes
-            .map(|([a, b, c], start)| a * x + b * y + c * z + start)
-    }
-
-    /// How far four ways go along the axes of the picture.
-    #[inline]
-    pub(super) fn way_along(&self, [x, y, z]: [Vec4; 3]) -> [Vec4; 2] {
-        self.axes.map(|([a, b, c], _)| a * x + b * y + c * z)
     }
 
     /// Whether any node is not drawn.
@@ -290,40 +223,49 @@ impl<'a> Hiding<'a> {
         (self.footprints.is_cloud, self.footprints.large_leaves)
     }
 
-    /// Of four splats: how far they are along the axes of the picture and the view direction, and their own radii.
+    /// Of four splats: how far they are along the axes of the picture and the view direction, and their own radii; of samples
+    /// those of their balls.
     #[inline]
     fn placed(&self, [x, y, z, radius]: [Vec4; 4]) -> Placed {
-        // By how much pixels are off, and half of what a splat of the ball's size is drawn as.
-        let own = radius * (1.001 * self.focal[0].abs().max(self.focal[1].abs()));
-        let ([x, y], off, own, error) = if self.is_perspective {
+        let ([x, y], inverse, off, error) = if self.is_perspective {
             let inverse = Vec4::ONE / z;
             (
                 [x * inverse, y * inverse],
-                inverse * self.place_error,
-                own * inverse,
+                inverse,
+                inverse * self.centers.place_error,
                 z * z * self.depth_error + self.distance_error,
             )
         } else {
             (
                 [x, y],
-                Vec4::splat(self.place_error),
-                own,
+                Vec4::ONE,
+                Vec4::splat(self.centers.place_error),
                 Vec4::splat(self.depth_error + self.distance_error),
             )
         };
-        let off = off + self.snap_px;
-        // What is smaller than a pixel is drawn as one pixel or none, of any other the device may round the size.
-        let rounded = if self.is_sampled() {
-            Vec4::select(own.cmplt(Vec4::splat(0.5)), own, own + 0.5)
+        let off = off + self.centers.snap_px;
+        let (outer, reach) = if self.is_exact() {
+            let reach = self.centers.reach([x, y], radius * inverse, off);
+            (Vec4::splat(self.outer_px), reach)
         } else {
-            own + 0.5
+            // By how much pixels are off, and half of what a splat of the ball's size is drawn as.
+            let own = radius * (1.001 * self.centers.focal_px()) * inverse;
+            // What is smaller than a pixel is drawn as one pixel or none, of any other the device may round the size.
+            let rounded = if self.is_sampled() {
+                Vec4::select(own.cmplt(Vec4::splat(0.5)), own, own + 0.5)
+            } else {
+                own + 0.5
+            };
+            let outer = rounded.max(Vec4::splat(self.outer_px));
+            (outer, Vec4::splat(f32::INFINITY))
         };
         let distance = z - self.near;
         Placed {
-            x: x * self.focal[0] + self.middle[0],
-            y: y * self.focal[1] + self.middle[1],
-            outer: rounded.max(Vec4::splat(self.outer_px)) + off,
+            x: x * self.centers.focal[0] + self.centers.middle[0],
+            y: y * self.centers.focal[1] + self.centers.middle[1],
+            outer: outer + off,
             inner: Vec4::splat(self.inner_px) - off,
+            reach,
             known: z.cmpgt(Vec4::splat(self.near) + error) & z.cmplt(Vec4::splat(self.far) - error),
             distance,
             asked: if self.footprints.hides {
@@ -343,55 +285,14 @@ impl<'a> Hiding<'a> {
     /// Whether splats are smaller than a pixel.
     #[inline]
     fn is_sampled(&self) -> bool {
-        self.outer_px < 0.5
+        self.outer_px < 0.5 || self.are_pixels
     }
 
-    /// Whether all that is below a node is drawn where it contains a pixel's center: triangles, and splats smaller than a
-    /// pixel. Then what lies in a ball between centers is nothing.
+    /// Whether all that is below a node is drawn where it contains a pixel's center: triangles, and splats that are one pixel
+    /// at most. Then what lies in a ball between centers is nothing.
     #[inline]
     pub(super) fn is_exact(&self) -> bool {
-        self.is_sampled() && !self.footprints.large_leaves
-    }
-
-    /// Which of four balls may contain the center of a pixel. Of triangles between them no device draws anything.
-    #[inline]
-    pub(super) fn meets_centers(&self, balls: &Balls) -> u8 {
-        let focal = self.focal[0].abs().max(self.focal[1].abs());
-        // None is between centers that is larger than this: not worth the rest.
-        let widest = if self.is_perspective {
-            balls.depth * (LARGEST_BETWEEN_PX / focal)
-        } else {
-            Vec4::splat(LARGEST_BETWEEN_PX / focal)
-        };
-        if balls.radius.cmpgt(widest).all() {
-            return 15;
-        }
-        let [x, y] = self.along(balls.center);
-        let ([x, y], scale, off, stretch, is_known) = if self.is_perspective {
-            let inverse = Vec4::ONE / balls.depth;
-            let (x, y) = (x * inverse, y * inverse);
-            let aside = x.abs().max(y.abs());
-            // A ball of radius r at a distance of 1 reaches r sqrt(1 + a²) / (1 - r²) to the side, from a middle that is
-            // a r² / (1 - r²) farther off; so near that r matters here, nothing is dropped.
-            let is_small = (balls.radius * inverse).cmplt(Vec4::splat(0.01));
-            let stretch = 1.001 + 0.01 * aside + 0.5 * aside * aside;
-            let off = inverse * self.place_error;
-            ([x, y], inverse * focal, off, stretch, is_small)
-        } else {
-            let every = Vec4::ONE.cmpeq(Vec4::ONE);
-            let off = Vec4::splat(self.place_error);
-            ([x, y], Vec4::splat(focal), off, Vec4::splat(1.001), every)
-        };
-        let to_center = |v: Vec4| (v - v.floor() - 0.5).abs();
-        let x = to_center(x * self.focal[0] + self.middle[0]);
-        let y = to_center(y * self.focal[1] + self.middle[1]);
-        // Corners are moved by rounding in both directions.
-        let off = (off + self.snap_px) * std::f32::consts::SQRT_2;
-        let reach = balls.radius * scale * stretch + off;
-        let misses = (x * x + y * y).cmpgt(reach * reach)
-            & is_known
-            & balls.depth.cmpgt(Vec4::splat(self.near));
-        !(misses.bitmask() as u8) & 15
+        self.are_pixels
     }
 
     /// The marks of squares of any size and place. What is not hidden so far leaves its depth in what it surely covers, but

@@ -240,10 +240,12 @@ impl Selector {
         self.run(model, tests, cut);
     }
 
-    /// As [`select`](Self::select), less what covers no pixel: triangles between the centers of pixels; splats smaller than a
-    /// pixel whose ball or square contains no center, with all that is below such nodes; and, where [`Footprints::hides`] says so, splats of which each pixel is
-    /// covered by a nearer one of the same cut. Of triangles and of splats of a pixel or more, what is dropped would show in
-    /// no pixel, however the device rounds. What is left does not depend on threads.
+    /// As [`select`](Self::select), less what covers no pixel: triangles between the centers of pixels; of splats of a pixel
+    /// at most, those whose ball contains no center, with all that is below such nodes; and, where [`Footprints::hides`] says so,
+    /// splats of which each pixel is covered by a nearer one of the same cut. Of triangles and of splats of more than a
+    /// pixel, what is dropped would show in no pixel, however the device rounds. With splats of exactly a pixel a larger node
+    /// whose ball surely contains one center alone is one splat as well: its radius is less than a pixel. What is left does
+    /// not depend on threads.
     ///
     /// For opaque squares and discs and one sample a pixel, with the threshold as their size, where the size metric is
     /// [`Exact`](super::SizeMetric::Exact); `undrawn` is that of the model. In a picture of 65,536 pixels or more to a side nothing is dropped.

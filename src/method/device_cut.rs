@@ -22,6 +22,7 @@ use crate::gpu::buffer::{AnyBuffer, Buffer, Readback, Usage};
 use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::{Error, Gpu};
+use crate::math::camera::View;
 use crate::method::plan::Drawing;
 use crate::tree::{Leaf, Model, Node, NodeAttributes};
 use std::sync::Arc;
@@ -56,6 +57,7 @@ pub(crate) struct DeviceCut {
     levels: usize,
     most_splats: u32,
     most_triangles: u32,
+    subpixel_bits: u32,
     nodes: Buffer,
     attributes: Buffer,
     leaves: Buffer,
@@ -154,6 +156,7 @@ impl DeviceCut {
             },
             most_splats: most_splats as u32,
             most_triangles: corners.len() as u32,
+            subpixel_bits: info.subpixel_bits,
             nodes: filled("nodes", bytemuck::cast_slice(nodes))?,
             attributes: filled("attributes of nodes", bytemuck::cast_slice(attributes))?,
             leaves: filled("leaves", bytemuck::cast_slice(leaves))?,
@@ -178,9 +181,10 @@ impl DeviceCut {
         })
     }
 
-    /// What the passes know, of a frame's tester.
-    pub(crate) fn constants(&self, tester: &cut::Tester) -> CutConstants {
-        tester.constants(self.most_splats, self.most_triangles)
+    /// What the passes know, of a frame's tester and view.
+    pub(crate) fn constants(&self, tester: &cut::Tester, view: &View) -> CutConstants {
+        let precision = (view, self.subpixel_bits);
+        tester.constants(precision, self.most_splats, self.most_triangles)
     }
 
     /// Passes `cut.tree` and `cut.leaves`: replaces the lists.
@@ -384,7 +388,7 @@ mod tests {
         // Twice: the lists of the last frame are replaced.
         for _ in 0..2 {
             let mut frame = frames.begin().unwrap();
-            let constants = frame.uniform(&cut.constants(&tester)).unwrap();
+            let constants = frame.uniform(&cut.constants(&tester, view)).unwrap();
             cut.choose(&mut frame, scene, constants);
             frame.read_back_buffer("splats", &cut.splats, &splats);
             frame.read_back_buffer("corners", &cut.indices, &corners);
@@ -403,7 +407,7 @@ mod tests {
     }
 
     /// The device chooses the very nodes, rows, leaves and triangles that the host chooses, and writes the same records; what it
-    /// has besides is seen edge-on.
+    /// has besides is seen edge-on, or beside the picture.
     #[test]
     fn the_device_chooses_what_the_host_chooses() {
         let options = Options {
@@ -433,6 +437,7 @@ mod tests {
         ] {
             let model = model_of(shape, triangles);
             let scene = Scene::new(&gpu, &model).unwrap();
+            let undrawn = cut::Undrawn::new(&model);
             let mut views: Vec<View> = [(0.1, 0), (0.5, 1), (1.0, 2), (2.5, 3)]
                 .map(|(fill, step)| orbit(&model, (320, 200), fill, step))
                 .to_vec();
@@ -466,12 +471,22 @@ mod tests {
                         "{shape:?} {triangles}, view {index}, {threshold_px} px, {culling:?}"
                     );
                     let mut cut = Cut::default();
-                    Selector::default().select(
-                        &model,
-                        view,
-                        &cut_settings(&settings, &model),
-                        &mut cut,
-                    );
+                    let mut selector =
+                        Selector::default().with_subpixel_bits(gpu.info().subpixel_bits);
+                    let of_cut = cut_settings(&settings, &model);
+                    if threshold_px > 1.0 {
+                        selector.select(&model, view, &of_cut, &mut cut);
+                    } else {
+                        let footprints = cut::Footprints {
+                            side_px: threshold_px,
+                            hides: false,
+                            are_discs: false,
+                            large_leaves: false,
+                            is_cloud: false,
+                        };
+                        let seen = (footprints, &undrawn);
+                        selector.select_seen(&model, view, &of_cut, seen, &mut cut);
+                    }
                     let plan = splat_plan(&settings, 255.0);
                     let mut host = vec![bytemuck::Zeroable::zeroed(); splats::count(&cut, &plan)];
                     let packed = splats::pack::<Splat>(&model, &cut, view, &plan, &mut host);
@@ -506,7 +521,17 @@ mod tests {
                         panic!("{what}: triangles of the host are missing");
                     };
                     let kept = cut.stats.facing_away - u64::from(counts.facing_away);
-                    assert!((extra.len() + edge_on.len()) as u64 <= kept, "{what}");
+                    let is_in_picture = |record: &&[u32; 6]| {
+                        let [x, y, z] = [0, 1, 2].map(|i| f32::from_bits(record[i]));
+                        let (x, y, _) = view.project(glam::Vec3::new(x, y, z));
+                        let is_in = |at: f32, size: u32| at > -0.1 && at < size as f32 + 0.1;
+                        is_in(x, view.width) && is_in(y, view.height)
+                    };
+                    let extra = match threshold_px > 1.0 {
+                        true => extra.len(),
+                        false => extra.iter().filter(is_in_picture).count(),
+                    };
+                    assert!((extra + edge_on.len()) as u64 <= kept, "{what}");
                     for corners in edge_on {
                         let [a, b, c] =
                             corners.map(|i| model.vertices[i as usize].position.as_dvec3());

@@ -46,7 +46,7 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
 
 /// What the cut of a frame takes splats for where it leaves out what covers no pixel or is hidden; `None` where it does not.
 ///
-/// Splats smaller than a pixel are drawn where they contain a pixel's center, so that with a falling threshold pictures
+/// Splats of a pixel at most are drawn where they contain a pixel's center, so that with a falling threshold pictures
 /// become those of triangles with one sample a pixel. As whole pixels they would make outlines wider, by half a pixel
 /// however fine they are. Points of a cloud are no surface that others would close: none is left out.
 ///

@@ -2,6 +2,7 @@
 
 use super::{Batch, Group, List, ROOM, SIZE};
 use crate::cut::nearest::{CHUNK, Chunk, Hiding, Marks};
+use crate::cut::quad::Balls;
 use crate::cut::strip::half_rows;
 use crate::cut::tester::Tester;
 use crate::cut::{Cut, MAX_STRIP_COUNT, StripRun};
@@ -53,14 +54,16 @@ impl Batch {
     ) {
         self.listed.clear();
         let mut asked = 0;
+        let is_exact = hiding.is_exact();
+        let radius_of = |balls: &Balls| if is_exact { balls.radius } else { Vec4::ZERO };
         let masks = self.kept.iter().zip(&self.small);
         let lanes = masks.map(|(&kept, &small)| kept & small);
         for (((group, balls), lanes), index) in groups.iter().zip(&self.balls).zip(lanes).zip(0..) {
             if lanes == 0 {
                 continue;
             }
-            let [x, y] = hiding.along(balls.center);
-            let splats = [x, y, balls.depth, Vec4::ZERO];
+            let [x, y] = hiding.centers.along(balls.center);
+            let splats = [x, y, balls.depth, radius_of(balls)];
             let lanes_of = (lanes, hiding.undrawn_nodes(group.first));
             hiding.place(&mut self.chunk, 4 * self.listed.len, splats, lanes_of);
             self.listed.push_if(true, index);
@@ -89,7 +92,7 @@ impl Batch {
         for ((balls, &small), kept) in lanes.zip(&mut self.kept).take(count) {
             let asked = *kept & (!small | splats);
             if asked != 0 {
-                let misses = asked & !hiding.meets_centers(balls);
+                let misses = asked & !hiding.centers.any(balls);
                 cut.stats.between += u64::from((misses & !small).count_ones());
                 cut.stats.hidden += u64::from((misses & small).count_ones());
                 *kept &= !misses;
@@ -97,24 +100,27 @@ impl Batch {
         }
     }
 
-    /// Drops nodes between the centers of pixels, with all that is below them, where that would be samples: of a surface
+    /// Drops large nodes between the centers of pixels, with all that is below them, where that would be samples: of a surface
     /// whose triangles are far smaller than pixels a level of the tree has four times the nodes of the one above, and no more
-    /// of them that contain a center.
-    pub(super) fn drop_nodes_between(
+    /// of them that contain a center. What contains one center is small: all below it that is drawn would be that pixel.
+    pub(super) fn ask_centers(
         &mut self,
         hiding: &Hiding<'_>,
         count: usize,
         mut prefetch: impl FnMut(),
-        cut: &mut Cut,
     ) {
-        let lanes = self.balls.iter().zip(&self.small);
-        for ((balls, &small), kept) in lanes.zip(&mut self.kept).take(count) {
+        self.listed.clear();
+        let lanes = self.balls.iter().zip(&self.small).zip(&self.kept);
+        for (((balls, &small), &kept), index) in lanes.zip(0..).take(count) {
+            let asked = kept & !small & hiding.centers.may_matter(balls);
+            self.listed.push_if(asked != 0, index);
+        }
+        for &index in self.listed.as_slice() {
+            let i = index as usize % SIZE;
             prefetch();
-            if *kept != 0 {
-                let misses = *kept & !hiding.meets_centers(balls);
-                cut.stats.hidden += u64::from((misses & small).count_ones());
-                *kept &= !misses;
-            }
+            let (some, one) = hiding.centers.of(&self.balls[i]);
+            self.kept[i] &= some | self.small[i];
+            self.small[i] |= one & some;
         }
     }
 
@@ -131,6 +137,7 @@ impl Batch {
             return;
         }
         let (have_sizes, asks_large) = hiding.of_leaves();
+        let is_exact = hiding.is_exact();
         // A small triangle has the constant size, a point of a cloud and a large triangle their own.
         let kinds = [
             (0, have_sizes, true, &mut marks.leaves),
@@ -150,8 +157,12 @@ impl Batch {
                 if lanes == 0 {
                     continue;
                 }
-                let [x, y] = hiding.along(balls.center);
-                let radius = if has_size { balls.radius } else { Vec4::ZERO };
+                let [x, y] = hiding.centers.along(balls.center);
+                let radius = if has_size || is_exact {
+                    balls.radius
+                } else {
+                    Vec4::ZERO
+                };
                 let splats = [x, y, balls.depth, radius];
                 let lanes_of = (lanes, hiding.undrawn_leaves(group.first));
                 hiding.place(&mut self.chunk, 4 * self.listed.len, splats, lanes_of);
@@ -186,11 +197,19 @@ impl Batch {
             splats,
         } = &mut self.split;
         places.clear();
+        // Needles may be far thinner than a pixel: where splats are samples, their squares are asked, lest they vanish.
+        let radius = Vec4::splat(match hiding.is_exact() {
+            true => f32::INFINITY,
+            false => 0.0,
+        });
         for (&index, at) in self.likely.as_slice().iter().zip((0..).step_by(4)) {
             let i = index as usize % SIZE;
             let balls = &self.balls[i];
             let half = half_rows(balls, &self.words[i]);
-            let ([x, y], [way_x, way_y]) = (hiding.along(balls.center), hiding.way_along(half));
+            let ([x, y], [way_x, way_y]) = (
+                hiding.centers.along(balls.center),
+                hiding.centers.way_along(half),
+            );
             put(middles, at as usize, [x, y, balls.depth]);
             put(
                 halves,
@@ -208,10 +227,9 @@ impl Batch {
                 if count + MAX_STRIP_COUNT as usize > CHUNK {
                     break;
                 }
-                let of = |lists: &[[f32; SPLATS]; 3]| {
-                    lists.each_ref().map(|list| list[place as usize % ROOM])
-                };
-                let (middle, half) = (of(middles), of(halves));
+                let at = place as usize % ROOM;
+                let middle = middles.each_ref().map(|list| list[at]);
+                let half = halves.each_ref().map(|list| list[at]);
                 let step = 2.0 / run.count as f32;
                 let mut along = Vec4::new(0.5, 1.5, 2.5, 3.5) * step - 1.0;
                 for at in (0..run.count).step_by(4) {
@@ -226,7 +244,7 @@ impl Batch {
             let [x, y, z] = lists.map(|fours| fours.iter().map(|&four| Vec4::from_array(four)));
             for (((x, y), z), at) in x.zip(y).zip(z).zip((0..count).step_by(4)) {
                 let lanes = 15 >> (4 - (count - at).min(4));
-                let splats = [x, y, z, Vec4::ZERO];
+                let splats = [x, y, z, radius];
                 hiding.place(&mut self.chunk, at, splats, (lanes, undrawn));
             }
             let (own, rest) = runs.split_at(many);

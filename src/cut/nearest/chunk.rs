@@ -1,6 +1,7 @@
 //! Splats that are asked for together, in stages without branches on what is hidden or where it lies: neither can be
 //! foreseen.
 
+use super::super::centers::to_center;
 use super::{Hiding, Mark, NOTHING};
 use glam::Vec4;
 use std::sync::atomic::Ordering;
@@ -80,27 +81,28 @@ impl Hiding<'_> {
             return self.place_others(chunk, at, splats, (lanes, undrawn));
         }
         let placed = self.placed(splats);
-        // A sum with 2^23 is rounded to whole numbers, and has them in its low bits: here 1 more than the pixel's.
-        let [x, y] = [placed.x, placed.y].map(|v| v + 0.5);
-        let sums = [x, y].map(|v| v + 8_388_608.0);
-        let [x, y] = [(x, sums[0]), (y, sums[1])].map(|(v, sum)| (v - (sum - 8_388_608.0)).abs());
+        let [(x, sum_x), (y, sum_y)] = [placed.x, placed.y].map(to_center);
+        let is_between = (x * x + y * y).cmpgt(placed.reach * placed.reach)
+            & splats[2].cmpgt(Vec4::splat(self.near));
+        let [x, y] = [x.abs(), y.abs()];
         // The pixel's own center is that far away, the next one 1 less that.
         let [width, height] = self.size.map(Vec4::splat);
         let farther = x.max(y);
-        // What contains no center, as it is smaller than a pixel, counts as hidden.
-        let some = lanes & !(farther.cmpgt(placed.outer) & placed.known).bitmask() as u8;
+        // What contains no center counts as hidden.
+        let is_nothing = (farther.cmpgt(placed.outer) & placed.known) | is_between;
+        let some = lanes & !is_nothing.bitmask() as u8;
         let is_one = farther.cmplt((1.0 - placed.outer).min(placed.inner))
             & placed.known
             & placed.x.min(placed.y).cmpgt(Vec4::ZERO)
             & placed.x.cmplt(width)
             & placed.y.cmplt(height);
-        let ones = is_one.bitmask() as u8 & lanes;
+        let ones = is_one.bitmask() as u8 & some;
         let is_one = LANES[(ones & 15) as usize].cmpgt(Vec4::ZERO);
         let bits =
             |v: Vec4, other: Vec4| Vec4::select(is_one, v, other).to_array().map(f32::to_bits);
         // Below the last row there is one pixel more.
-        let column = bits(sums[0], Vec4::splat(8_388_609.0));
-        let row = bits(sums[1], height + 8_388_609.0);
+        let column = bits(sum_x, Vec4::splat(8_388_609.0));
+        let row = bits(sum_y, height + 8_388_609.0);
         let distance = bits(placed.distance, Vec4::splat(f32::from_bits(NOTHING)));
         let asked = bits(placed.asked, Vec4::splat(f32::from_bits(ALWAYS)));
         let width = self.nearest.width;

@@ -4,7 +4,7 @@ use crate::cut::Settings;
 use crate::cut::quad::{self, Balls};
 use crate::math::camera::Camera;
 use crate::tree::Model;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 
 /// Numbers from 0 to 1 that are the same every time.
 fn numbers() -> impl FnMut() -> f32 {
@@ -55,8 +55,14 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
 /// Which of four nodes are not hidden so far; each leaves a mark.
 fn keep_nodes(hiding: &Hiding<'_>, balls: &Balls, first: u32, marks: &mut Vec<Mark>) -> u64 {
     let mut chunk = Chunk::default();
-    let [x, y] = hiding.along(balls.center);
-    let splats = [x, y, balls.depth, glam::Vec4::ZERO];
+    let [x, y] = hiding.centers.along(balls.center);
+    // Where splats are samples, balls that contain any center: what is left out is as for squares.
+    let radius = if hiding.is_exact() {
+        f32::INFINITY
+    } else {
+        0.0
+    };
+    let splats = [x, y, balls.depth, Vec4::splat(radius)];
     hiding.place(&mut chunk, 0, splats, (15, hiding.undrawn_nodes(first)));
     hiding.ask(&chunk, 4, marks)[0]
 }
@@ -177,10 +183,11 @@ fn depths_that_were_stored_over_come_back() {
     assert_eq!(depths(), expected);
 }
 
-/// Brute force over random balls: of those that are dropped no point is seen at the center of a pixel, though a device may
-/// place it half a step of window positions elsewhere.
+/// Brute force over random balls, at the corners of the picture too: of those that are dropped no point is seen at the center
+/// of a pixel, and of those that count as one none but at that of their middle's pixel, though a device may place it half a
+/// step of window positions elsewhere.
 #[test]
-fn triangles_that_are_dropped_lie_between_the_centers_of_pixels() {
+fn balls_contain_no_other_centers_than_is_said() {
     let model = Model::default();
     let mut number = numbers();
     for view in views() {
@@ -197,40 +204,62 @@ fn triangles_that_are_dropped_lie_between_the_centers_of_pixels() {
         };
         let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
         let pixel = 1.0 / view.focal_px();
-        let [mut dropped, mut kept] = [0, 0];
+        let [mut dropped, mut kept, mut ones] = [0; 3];
         for _ in 0..1500 {
             let balls: [Vec4; 4] = std::array::from_fn(|_| {
                 let center = (Vec3::new(number(), number(), number()) * 2.0 - 1.0) * 0.7;
                 center.extend(2.0 * pixel * number())
             });
-            let stays = hiding.meets_centers(&tester.balls(quad::columns(balls)));
+            let balls_there = tester.balls(quad::columns(balls));
+            let stays = hiding.centers.any(&balls_there);
+            let (some, one) = hiding.centers.of(&balls_there);
+            assert_eq!(some, stays);
+            ones += one.count_ones();
             for (lane, ball) in balls.into_iter().enumerate() {
-                if stays >> lane & 1 != 0 {
-                    kept += 1;
+                // What is beside the picture may be said to contain anything.
+                let middle = seen_at(&view, ball.truncate());
+                let sides = [view.width, view.height].map(f64::from);
+                if (0..2).any(|i| middle[i] < 0.0 || middle[i] > sides[i]) {
                     continue;
                 }
-                dropped += 1;
+                let is_kept = stays >> lane & 1 != 0;
+                if is_kept {
+                    kept += 1;
+                } else {
+                    dropped += 1;
+                }
+                if is_kept && one >> lane & 1 == 0 {
+                    continue;
+                }
                 // Its rim as the eye sees it.
                 let (center, radius) = (ball.truncate(), ball.w);
-                let middle = seen_at(&view, center);
+                let backward = match view.is_perspective {
+                    true => (view.eye - center).normalize(),
+                    false => view.backward,
+                };
+                let across = backward.any_orthonormal_pair();
                 let reach = (0..64)
                     .map(|i| {
                         let (sine, cosine) = (i as f32 * 0.1).sin_cos();
-                        let across = view.backward.any_orthonormal_pair();
                         let at = center + (across.0 * cosine + across.1 * sine) * radius;
                         let at = seen_at(&view, at);
                         (at[0] - middle[0]).hypot(at[1] - middle[1])
                     })
                     .fold(0.0, f64::max);
                 let off = |v: f64| (v - v.floor() - 0.5).abs();
-                let nearest_center = off(middle[0]).hypot(off(middle[1]));
-                assert!(
-                    nearest_center > reach + 1.0 / 32.0,
-                    "{ball:?}: {nearest_center} of {reach}"
-                );
+                let [x, y] = [off(middle[0]), off(middle[1])];
+                let next = match is_kept {
+                    true => (1.0 - x.max(y)).hypot(x.min(y)),
+                    false => x.hypot(y),
+                };
+                assert!(next > reach + 1.0 / 32.0, "{ball:?}: {next} of {reach}");
+                assert!(!is_kept || x.max(y) < 0.5 - 1.0 / 32.0, "{ball:?}");
             }
         }
-        assert!(dropped > 500 && kept > 500, "{dropped}, {kept}");
+        assert!(
+            dropped > 500 && kept > 500 && ones > 300,
+            "{dropped}, {kept}, {ones}"
+        );
     }
 }
 

@@ -93,7 +93,7 @@ impl Renderer {
         self.held_on_device = None;
         if times.kept != Kept::Lists {
             let tester = Tester::new(model, view, &cut_settings(settings, model));
-            let tests = frame.uniform(&cut.constants(&tester))?;
+            let tests = frame.uniform(&cut.constants(&tester, view))?;
             cut.choose(&mut frame, scene, tests);
         } else {
             cut.count(&mut frame);
