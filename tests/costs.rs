@@ -49,6 +49,7 @@ fn costs(path: Path, largest_point_px: f32) -> Costs {
         square: kind,
         gauss: kind,
         filtered: kind,
+        visibility: kind,
         gauss_merge: merge,
         filtered_merge: merge,
         triangle: Some(Ways {
@@ -117,7 +118,9 @@ fn cases() -> Vec<(Settings, Option<&'static str>)> {
         (of(Square, Points, 2.0), None),
         (of(Ellipse, Pop, 4.0), None),
         (of(Ellipse, Points, 5.0), None),
-        (of(Visibility, Pop, 5.0), None),
+        (of(Visibility, Pop, 5.0), Some("visibility.splats")),
+        (of(Visibility, Splats, 3.0), Some("visibility.splats")),
+        (of(Visibility, Points, 3.0), None),
         (two_pass, Some("fuzzy.clear")),
         (of(Gauss, Pop, 2.0), Some("fuzzy.clear")),
         (of(Gauss, Splats, 6.0), Some("fuzzy.clear")),

@@ -263,6 +263,7 @@ fn one_renderer_draws_frames_of_every_kind_as_a_new_one_does() {
         (Method::Pop, SplatKind::Gauss, Path::Raster),
         (Method::Pop, SplatKind::Gauss, Path::Auto),
         (Method::Pop, SplatKind::Visibility, Path::Raster),
+        (Method::Pop, SplatKind::Visibility, Path::Compute),
     ] {
         let plain = Settings {
             method,

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod common;
+#[path = "paths/visibility.rs"]
+mod visibility;
 
 use common::{Device, generated, orbit, real};
 use surfel::draw::{ColorBy, Lighting, Phong};
@@ -391,12 +393,21 @@ fn blended_splats_of_every_size_light_and_projection_are_the_same() {
     }
 }
 
+fn visible(threshold_px: f32) -> Settings {
+    Settings {
+        splat: SplatKind::Visibility,
+        threshold_px,
+        background: [0.2, 0.4, 0.6],
+        ..Settings::default()
+    }
+}
+
 #[test]
 fn a_frame_by_compute_is_the_same_again() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 200_000);
     let view = orbit(&model, (300, 300), 30.0, 20.0, 1.0);
-    for settings in blended() {
+    for settings in blended().into_iter().chain([visible(2.0)]) {
         let settings = Settings {
             path: Path::Compute,
             ..settings
@@ -441,6 +452,7 @@ fn real_models_with_colors_draw_the_same() {
         let view = orbit(&model, (300, 300), 200.0, -10.0, 1.0);
         assert_same(&device, &model, &view, Settings::default(), name);
         assert_same(&device, &model, &view, discs(2.0), name);
+        assert_same(&device, &model, &view, visible(2.0), name);
         for settings in blended() {
             let what = format!("{name}, {:?}", settings.splat);
             assert_same(&device, &model, &view, settings, &what);
@@ -503,6 +515,12 @@ fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
         },
         Settings {
             splat: SplatKind::Visibility,
+            method: Method::Points,
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Visibility,
+            threshold_px: 17.0,
             ..Settings::default()
         },
     ] {

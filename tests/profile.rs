@@ -499,6 +499,9 @@ fn what_a_device_costs_is_measured_once_and_again_where_the_file_is_none() {
         costs.filtered_merge.is_some(),
         info.has_int64_atomics && info.has_float_blend
     );
+    let visibility = costs.visibility.unwrap();
+    assert!(visibility.raster.is_some());
+    assert_eq!(visibility.compute.is_some(), info.has_int64_atomics);
     assert!(costs.primitives.is_some() && costs.gauss.is_some());
     let second = kept(&Part::ALL, false);
     assert!(!second.is_new);

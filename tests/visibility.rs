@@ -12,7 +12,7 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
-use surfel::method::{Blend, Method, Reconstruction, Settings, Shading, SplatKind};
+use surfel::method::{Blend, Method, Path, Reconstruction, Settings, Shading, SplatKind};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -166,8 +166,15 @@ fn the_device_draws_what_the_mirror_draws() {
                 background: [0.2, 0.4, 0.6],
                 ..settings(method, threshold, reconstruction)
             };
-            let name = format!("{name} {threshold} {reconstruction:?}");
-            agree(&device, model, &view, &settings, &name, 0.004);
+            for path in [Path::Raster, Path::Compute] {
+                // What has no cut has one path.
+                if path == Path::Compute && method == Method::Points {
+                    continue;
+                }
+                let settings = Settings { path, ..settings };
+                let name = format!("{name} {threshold} {reconstruction:?} {path:?}");
+                agree(&device, model, &view, &settings, &name, 0.004);
+            }
         }
     }
 }
@@ -205,8 +212,12 @@ fn orthographic_views_and_other_settings_agree_too() {
                 two_sided: false,
                 ..settings(Method::Pop, 3.0, reconstruction)
             };
-            let name = format!("orthographic, offset {depth_offset} {reconstruction:?}");
-            agree(&device, &model, &view, &settings, &name, 0.004);
+            for path in [Path::Raster, Path::Compute] {
+                let settings = Settings { path, ..settings };
+                let name =
+                    format!("orthographic, offset {depth_offset} {reconstruction:?} {path:?}");
+                agree(&device, &model, &view, &settings, &name, 0.004);
+            }
         }
     }
 }

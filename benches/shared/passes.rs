@@ -2,7 +2,7 @@
 
 use surfel::math::camera::View;
 use surfel::method::engine::Engine;
-use surfel::method::{Reconstruction, Settings, SplatKind};
+use surfel::method::{Path, Reconstruction, Settings, SplatKind};
 
 /// Most that the passes of pull-push may take at 1024 x 768, milliseconds, on two cores and a software device.
 pub(crate) const PULL_PUSH_TARGET_MS: f64 = 21.0;
@@ -13,6 +13,7 @@ pub(crate) fn settings(threshold_px: f32, reconstruction: Reconstruction) -> Set
         splat: SplatKind::Visibility,
         reconstruction,
         threshold_px,
+        path: Path::Raster,
         ..Settings::default()
     }
 }
@@ -22,7 +23,7 @@ pub(crate) fn least(times: &[f64]) -> f64 {
     times.iter().copied().fold(f64::INFINITY, f64::min)
 }
 
-/// Milliseconds of visibility.depth, of visibility.centers and of the reconstruction, in each of `frames` frames of all
+/// Milliseconds of visibility.depth, of visibility.centers and of the reconstruction, all by the rasterizer, in each of `frames` frames of all
 /// `reconstructions` in turn; two frames more go before.
 pub(crate) fn times(
     engine: &mut Engine<'_>,

@@ -40,6 +40,8 @@ pub enum Part {
     Blended,
     /// Filtered splats by both paths.
     Filtered,
+    /// Visibility splats by both paths.
+    Visibility,
     /// Opaque splats as points and as quads.
     Primitives,
     /// What the cut visits, on the processor and on the device.
@@ -48,10 +50,11 @@ pub enum Part {
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Opaque,
         Self::Blended,
         Self::Filtered,
+        Self::Visibility,
         Self::Primitives,
         Self::Nodes,
     ];
@@ -61,6 +64,7 @@ impl Part {
         let is_opaque = settings.blend() == Blend::Opaque;
         match settings.splat {
             _ if !settings.draws_splats() => &[],
+            SplatKind::Visibility if settings.has_cut() => &[Self::Visibility],
             SplatKind::Visibility => &[],
             SplatKind::Filtered => &[Self::Filtered],
             SplatKind::Square if is_opaque && settings.method == Method::Pop => {
@@ -312,6 +316,9 @@ impl Calibration {
                 }
                 Part::Filtered => {
                     (costs.filtered, costs.filtered_merge) = stand.splats(SplatKind::Filtered)?;
+                }
+                Part::Visibility => {
+                    costs.visibility = stand.splats(SplatKind::Visibility)?.0;
                 }
                 Part::Primitives => costs.primitives = stand.primitives()?,
                 Part::Nodes => {

@@ -155,6 +155,7 @@ pub fn kinds(costs: &Costs) -> Vec<(&'static str, &Ways<SplatCosts>)> {
         ("square", &costs.square),
         ("gauss", &costs.gauss),
         ("filtered", &costs.filtered),
+        ("visibility", &costs.visibility),
     ]
     .into_iter()
     .filter_map(|(name, ways)| Some((name, ways.as_ref()?)))

@@ -60,9 +60,10 @@ impl Choice {
             (Method::Pop, SplatKind::Square) => {
                 self.threshold_px <= crate::method::LARGEST_COMPUTE_SQUARE_PX
             }
-            (Method::Pop | Method::Splats, SplatKind::Gauss | SplatKind::Filtered) => {
-                self.threshold_px <= crate::method::LARGEST_COMPUTE_BLENDED_PX
-            }
+            (
+                Method::Pop | Method::Splats,
+                SplatKind::Gauss | SplatKind::Visibility | SplatKind::Filtered,
+            ) => self.threshold_px <= crate::method::LARGEST_COMPUTE_BLENDED_PX,
             _ => false,
         }
     }
@@ -259,8 +260,8 @@ mod tests {
                 .filter(|c| c.path == Path::Compute)
                 .count()
         };
-        // Squares up to 6 pixels; Gaussians and filtered splats of all eleven sizes, in splats and in pop.
-        assert_eq!((twins(false), twins(true)), (0, 8 + 4 * 11));
+        // Squares up to 6 pixels; Gaussians, visibility and filtered splats of all eleven sizes, in splats and in pop.
+        assert_eq!((twins(false), twins(true)), (0, 8 + 6 * 11));
         let lines = |is_cloud| {
             let few = Choice::few(is_cloud, true).into_iter();
             let mut lines: Vec<String> = few
@@ -273,12 +274,15 @@ mod tests {
         let of_pop = [
             "pop square, compute",
             "pop gauss, compute",
+            "pop visibility, compute",
             "pop filtered, compute",
         ];
         assert_eq!(lines(false), of_pop);
-        assert_eq!(
-            lines(true),
-            ["splats gauss, compute", "splats filtered, compute"]
-        );
+        let of_cloud = [
+            "splats gauss, compute",
+            "splats visibility, compute",
+            "splats filtered, compute",
+        ];
+        assert_eq!(lines(true), of_cloud);
     }
 }

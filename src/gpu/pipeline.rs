@@ -175,9 +175,33 @@ impl Pipeline {
         shader: &Shader,
         constants: &[bool],
     ) -> Result<Self, Error> {
+        Self::compute_with(gpu, name, shader, (constants, 0))
+    }
+
+    /// As [`compute`](Pipeline::compute), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone.
+    ///
+    /// # Errors
+    /// As [`compute`](Pipeline::compute).
+    pub fn compute_for_flags(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        shader: &Shader,
+        booleans: &[bool],
+        flags: u32,
+    ) -> Result<Self, Error> {
+        let flags = flags | constants::FLAGS_ARE_KNOWN;
+        Self::compute_with(gpu, name, shader, (booleans, flags))
+    }
+
+    fn compute_with(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        shader: &Shader,
+        (constants, flags): (&[bool], u32),
+    ) -> Result<Self, Error> {
         let mut pipeline = Self::with_layout(gpu, name, std::iter::once(shader))?;
         let module = Module::new(gpu, shader)?;
-        let (values, entries) = specialized(constants, 0);
+        let (values, entries) = specialized(constants, flags);
         let specialization = vk::SpecializationInfo::default()
             .map_entries(&entries)
             .data(&values);

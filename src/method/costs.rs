@@ -213,6 +213,8 @@ pub struct Costs {
     pub gauss: Option<Ways<SplatCosts>>,
     /// Filtered splats.
     pub filtered: Option<Ways<SplatCosts>>,
+    /// Visibility splats, with the reconstruction by a Gaussian, which is the same by both paths.
+    pub visibility: Option<Ways<SplatCosts>>,
     /// What compute costs on top beside the rasterizer: splats that are blended in two passes.
     pub gauss_merge: Option<MergeCosts>,
     /// The same of filtered splats.
@@ -270,11 +272,12 @@ pub struct Chosen<T> {
 }
 
 impl Costs {
-    /// The costs of a kind of splat. Visibility splats have no twin and count as blended ones.
+    /// The costs of a kind of splat.
     pub fn of(&self, kind: SplatKind) -> Option<&Ways<SplatCosts>> {
         match kind {
             SplatKind::Square | SplatKind::Disc | SplatKind::Ellipse => self.square.as_ref(),
-            SplatKind::Gauss | SplatKind::Visibility => self.gauss.as_ref(),
+            SplatKind::Gauss => self.gauss.as_ref(),
+            SplatKind::Visibility => self.visibility.as_ref(),
             SplatKind::Filtered => self.filtered.as_ref(),
         }
     }
@@ -334,7 +337,7 @@ impl Costs {
         })
     }
 
-    /// The cheaper path for the blended splats of a frame, [`Path::Raster`] or [`Path::Compute`]: the rasterizer, unless
+    /// The cheaper path for the blended splats (or visibility splats) of a frame, [`Path::Raster`] or [`Path::Compute`]: the rasterizer, unless
     /// compute is cheaper by a tenth. `is_beside`: triangles or splats are rasterized in the same frame whatever is chosen; `has_large`: some
     /// of the splats themselves may be. `None` where the kind was not measured.
     pub fn blended_path(
@@ -381,6 +384,7 @@ impl Costs {
             square: self.square.or(other.square),
             gauss: self.gauss.or(other.gauss),
             filtered: self.filtered.or(other.filtered),
+            visibility: self.visibility.or(other.visibility),
             gauss_merge: self.gauss_merge.or(other.gauss_merge),
             filtered_merge: self.filtered_merge.or(other.filtered_merge),
             triangle: self.triangle.or(other.triangle),
@@ -401,7 +405,7 @@ impl Costs {
         let is_splat = |c: &SplatCosts| c.splat_ns.iter().all(is_time) && is_pass(&c.passes);
         let is_triangle = |c: &TriangleCosts| is_time(&c.triangle_ns) && is_pass(&c.passes);
         let is_merge = |c: &MergeCosts| is_time(&c.splat_ns) && is_pass(&c.passes);
-        let splats = [&self.square, &self.gauss, &self.filtered];
+        let splats = [&self.square, &self.gauss, &self.filtered, &self.visibility];
         let triangles = self.triangle.iter();
         splats
             .into_iter()

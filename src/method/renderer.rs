@@ -465,7 +465,8 @@ impl Renderer {
                     Some(made) => made,
                     none => none.insert(Visibility::new(&self.gpu, width, height, normals)?),
                 };
-                visibility.ensure(source, settings.reconstruction, flags)?;
+                let how = (flags, by_compute);
+                visibility.ensure(source, settings.reconstruction, how)?;
             }
             Drawing::Opaque => {
                 let variant = Splats::variant_of(settings, flags);

@@ -123,14 +123,15 @@ fn only_what_decides_is_measured() {
             ..Settings::default()
         })
     };
-    use Part::{Blended, Filtered, Opaque, Primitives};
+    use Part::{Blended, Filtered, Opaque, Primitives, Visibility};
     assert_eq!(of(SplatKind::Square, Method::Pop), [Opaque, Primitives]);
     assert_eq!(of(SplatKind::Square, Method::Splats), [Primitives]);
     assert_eq!(of(SplatKind::Ellipse, Method::Pop), [Primitives]);
     assert_eq!(of(SplatKind::Gauss, Method::Splats), [Blended, Primitives]);
     assert_eq!(of(SplatKind::Gauss, Method::Points), [Primitives]);
     assert_eq!(of(SplatKind::Filtered, Method::Pop), [Filtered]);
-    assert_eq!(of(SplatKind::Visibility, Method::Pop), []);
+    assert_eq!(of(SplatKind::Visibility, Method::Pop), [Visibility]);
+    assert_eq!(of(SplatKind::Visibility, Method::Points), []);
     assert_eq!(of(SplatKind::Square, Method::Triangles), []);
     let two_pass = Settings {
         blend: Some(Blend::TwoPass),

@@ -81,6 +81,28 @@ impl Asked<'_> {
         }
     }
 
+    /// The path of visibility splats, in a frame that may be drawn by compute.
+    pub(crate) fn visible(&self) -> Path {
+        let load = self.load(self.splats as u64);
+        // What the rasterizer draws beside them it draws either way.
+        let chosen = (self.deciding())
+            .and_then(|costs| costs.blended_path(SplatKind::Visibility, &load, (false, false)));
+        match chosen {
+            Some(chosen) => {
+                log("visibility splats", &chosen);
+                chosen.choice
+            }
+            None => {
+                let path = match pays(self.splats, 0.125, self.rect_px, self.settings) {
+                    true => Path::Compute,
+                    false => Path::Raster,
+                };
+                self.log_guess("visibility splats", &path);
+                path
+            }
+        }
+    }
+
     /// What compute draws of blended splats beside `others` that are rasterized; `has_large`: splats may be too large.
     pub(crate) fn blended(&self, others: usize, has_large: bool) -> Share {
         let kind = match Drawing::of(self.settings) {

@@ -32,6 +32,10 @@ use std::sync::Arc;
 /// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
 /// atomics do.
 pub const LARGEST_SQUARE_PX: f32 = 6.0;
+/// Largest footprint of a visibility splat that is drawn this way, as draw lists count it: in the plane of the surface a
+/// footprint may reach a diameter beyond its center to each side.
+pub(crate) const LARGEST_VISIBLE_PX: f32 =
+    2.0 * LARGEST_SMALL_BLENDED_PX + crate::draw::splats::SLACK_PX;
 /// Largest bounding circle of a triangle that is drawn this way, pixels.
 pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 
@@ -99,9 +103,13 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
             let bytes = twin::storage_bytes((color.width, color.height));
             (not_as_blended(settings, targets), bytes)
         }
+        Drawing::Visibility if settings.has_cut() => {
+            let bytes = super::visibility::twin::storage_bytes((color.width, color.height));
+            (not_as_visible(settings), bytes)
+        }
         _ => (
             Some(
-                "it draws blended and filtered splats of a tree, and the squares and discs of pop that are not blended",
+                "it draws blended, filtered and visibility splats of a tree, and the squares and discs of pop that are not blended",
             ),
             0,
         ),
@@ -153,6 +161,13 @@ fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str
     } else {
         None
     }
+}
+
+/// Why visibility splats are not drawn by compute.
+fn not_as_visible(settings: &Settings) -> Option<&'static str> {
+    (settings.threshold_px > LARGEST_SMALL_BLENDED_PX).then_some(
+        "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
+    )
 }
 
 /// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: discs with their slack.

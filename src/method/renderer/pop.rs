@@ -104,8 +104,11 @@ impl Renderer {
                 scene,
                 (is_wanted, has_large),
             );
-            // Where the rasterizer draws, what is cheaper as a quad is one.
+            // Where the rasterizer draws, what is cheaper as a quad is one. Of visibility splats it draws quads alone beside compute.
             let max_point = match &self.costs {
+                _ if ways.is_small && drawing == Drawing::Visibility => {
+                    compute::LARGEST_VISIBLE_PX.min(max_point)
+                }
                 Some(costs) if ways.is_rastered() => {
                     choice::largest_point_px(costs, settings, max_point)
                 }
@@ -261,10 +264,11 @@ impl Renderer {
                     scene,
                     triangles: Some((&lists.indices, &lists.runs)),
                     splats: visibility::Splats::List(&lists.splats, packed, capacity),
+                    by_compute: ways.is_small.then_some(&areas),
                     largest_px: largest_splat_px(model, settings),
                 };
                 let how = settings.reconstruction;
-                visibility.record(&mut frame, &self.targets, list, how, &context, constants);
+                visibility.record(&mut frame, &self.targets, list, how, &context, constants)?;
             }
             _ => unreachable!("prepare made the pipelines"),
         }
@@ -326,6 +330,11 @@ impl Renderer {
                     share: Some(Share::Nothing),
                 }
             }
+            Drawing::Visibility => Ways {
+                is_small: asked.visible() == Path::Compute,
+                share: Some(Share::Nothing),
+                ..Ways::default()
+            },
             drawing => {
                 let all = match takes_triangles && asked.triangles > 0 {
                     true => asked.all_blended(has_large),

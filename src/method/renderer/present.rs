@@ -153,6 +153,7 @@ impl Renderer {
         let is_blended = matches!(Drawing::of(settings), Drawing::Fuzzy | Drawing::Filtered);
         let pays = match Drawing::of(settings) {
             Drawing::Opaque => asked.opaque().splats == Path::Compute,
+            Drawing::Visibility => asked.visible() == Path::Compute,
             // As the frame will be: with the triangles, where compute takes those.
             _ if triangles > 0
                 && compute::Small::takes_triangles(&self.gpu, scene)

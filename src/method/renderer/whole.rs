@@ -125,10 +125,11 @@ impl Renderer {
                             scene,
                             triangles: None,
                             splats: visibility::Splats::Vertices { as_quads },
+                            by_compute: None,
                             largest_px: largest_splat_px(model, settings),
                         };
                         let how = settings.reconstruction;
-                        visibility.record(frame, targets, list, how, &context, c);
+                        visibility.record(frame, targets, list, how, &context, c)?;
                     }
                     _ => unreachable!("prepare made the pipelines"),
                 }

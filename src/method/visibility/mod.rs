@@ -10,6 +10,7 @@
 //! a step in depth, and a hole that nothing fills shows the footprint that made it.
 
 mod pyramid;
+pub(crate) mod twin;
 
 use super::hybrid::{self, Run};
 use super::scene::Scene;
@@ -26,6 +27,7 @@ use crate::gpu::{Error, Gpu};
 use crate::method::compute::rect;
 use pyramid::Pyramid;
 use std::sync::Arc;
+use twin::Twin;
 
 /// Colors, with the class in alpha.
 const PICKED: Format = Format::Rgba8;
@@ -51,6 +53,8 @@ pub(crate) struct List<'a> {
     /// Triangles; none for clouds and methods without.
     pub(crate) triangles: Option<(&'a Upload, &'a [Run])>,
     pub(crate) splats: Splats<'a>,
+    /// Compute draws those of the list that are points; parts of the picture in which they can be.
+    pub(crate) by_compute: Option<&'a [[u32; 4]]>,
     /// No splat is larger, pixels.
     pub(crate) largest_px: f32,
 }
@@ -75,6 +79,8 @@ pub(crate) struct Visibility {
     triangles: Option<(u32, [Pipeline; 2])>,
     from_list: Option<SplatPipelines>,
     from_vertices: Option<SplatPipelines>,
+    /// For frames that compute may draw.
+    twin: Option<Twin>,
     picked: Target,
     fronts: Target,
     gaussian: Option<Pipeline>,
@@ -166,6 +172,7 @@ impl Visibility {
             triangles: None,
             from_list: None,
             from_vertices: None,
+            twin: None,
             picked: Target::new(gpu, "picked", PICKED, width, height)?,
             fronts: Target::new(gpu, "fronts", FRONTS, width, height)?,
             gaussian: None,
@@ -174,7 +181,8 @@ impl Visibility {
         })
     }
 
-    /// Makes what splats from `source` and `reconstruction` need in frames of these flags, outside of the frame.
+    /// Makes what splats from `source` and `reconstruction` need in frames of these flags, that compute may draw or may not,
+    /// outside of the frame.
     ///
     /// # Errors
     /// When memory runs out.
@@ -182,7 +190,7 @@ impl Visibility {
         &mut self,
         source: Source,
         reconstruction: Reconstruction,
-        flags: u32,
+        (flags, by_compute): (u32, bool),
     ) -> Result<(), Error> {
         let how = (self.normals, flags);
         if self.triangles.as_ref().is_none_or(|made| made.0 != flags) {
@@ -192,6 +200,11 @@ impl Visibility {
             };
             self.triangles = Some((flags, [make(false)?, make(true)?]));
             (self.from_list, self.from_vertices) = (None, None);
+            self.twin = None;
+        }
+        if by_compute && self.twin.is_none() {
+            let size = (self.picked.width, self.picked.height);
+            self.twin = Some(Twin::new(&self.gpu, how, size)?);
         }
         let pipelines = match source {
             Source::List => &mut self.from_list,
@@ -221,6 +234,9 @@ impl Visibility {
 
     /// The passes of a frame.
     ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    ///
     /// # Panics
     /// When [`Visibility::ensure`] was not called for this reconstruction.
     pub(crate) fn record(
@@ -231,8 +247,8 @@ impl Visibility {
         reconstruction: Reconstruction,
         context: &Context,
         constants: Uniform,
-    ) {
-        self.record_splats(frame, targets, list, context, constants);
+    ) -> Result<(), Error> {
+        self.record_first(frame, targets, list, context, constants)?;
         // Only quads may be larger than the margin that the rectangle has.
         let has_quads = match list.splats {
             Splats::List(_, packed, _) => packed.quads > 0,
@@ -250,7 +266,8 @@ impl Visibility {
                 let finest = [&self.picked, &self.fronts];
                 let largest = list.largest_px;
                 let how = (context, rect_px);
-                return pyramid.record(frame, targets, finest, largest, how, constants);
+                pyramid.record(frame, targets, finest, largest, how, constants);
+                return Ok(());
             }
             _ => unreachable!("ensure made what the reconstruction needs"),
         };
@@ -267,6 +284,50 @@ impl Visibility {
                 draw.bind(pipeline, &[constants], &[&self.picked, &self.fronts]);
                 draw.draw(0, 3);
             });
+        Ok(())
+    }
+
+    /// What finds the class of each pixel: by the rasterizer, and by compute what it draws.
+    fn record_first(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let (records, packed, capacity, areas, twin) =
+            match (list.splats, list.by_compute, &self.twin) {
+                (Splats::List(records, packed, capacity), Some(areas), Some(twin))
+                    if packed.points > 0 =>
+                {
+                    (records, packed, capacity, areas, twin)
+                }
+                _ => {
+                    self.record_splats(frame, targets, list, context, constants);
+                    return Ok(());
+                }
+            };
+        let count = packed.points as u32;
+        let rest = List {
+            splats: Splats::List(
+                records,
+                Packed {
+                    points: 0,
+                    ..packed
+                },
+                capacity,
+            ),
+            ..list
+        };
+        let has_triangles = list.triangles.is_some_and(|(_, runs)| !runs.is_empty());
+        let is_first = !has_triangles && packed.quads == 0;
+        if !is_first {
+            self.record_splats(frame, targets, rest, context, constants);
+        }
+        let onto = (targets, [&self.picked, &self.fronts]);
+        let small = (records, count);
+        twin.record(frame, onto, small, (areas, is_first), context, constants)
     }
 
     /// `visibility.depth` and `visibility.centers`.
