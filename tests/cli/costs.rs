@@ -42,7 +42,7 @@ fn costs_are_measured_at_first_use_of_what_they_decide() {
         "--path raster -o a.png",
         "--path raster --splat gauss -o a.png",
         "--method triangles -o a.png",
-        "--splat visibility -o a.png",
+        "--path raster --splat visibility -o a.png",
     ] {
         let run = render(at, words);
         assert_eq!(run.code, 0, "{words}: {}", run.err);
