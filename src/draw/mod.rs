@@ -4,6 +4,7 @@ pub mod falsecolor;
 pub mod filtered;
 pub mod fuzzy;
 mod light;
+pub mod opaque;
 pub mod pack;
 mod parts;
 pub mod samples;

@@ -2,15 +2,15 @@
 //! frames ask for the same.
 
 use super::compute::twin::Share;
-use super::filtered::drawn::Drawn;
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use super::scene::Scene;
-use super::{Method, Path, Settings, compute};
+use super::{Method, Path, Settings, compute, filtered as filtered_splats};
 use crate::abi::{FilteredSplat, FuzzySplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::draw::ColorBy;
 use crate::draw::filtered::host::Canvas;
+use crate::draw::opaque;
 use crate::draw::samples::{self, Screen};
 use crate::draw::splats::{self, Packed};
 use crate::draw::{filtered, fuzzy, pack};
@@ -33,8 +33,10 @@ pub(super) struct Lists {
     /// Triangles that stay such where others become samples.
     rest: samples::Rest,
     rest_ids: Vec<u32>,
-    /// What the host draws itself.
-    pub(super) drawn: Drawn,
+    /// What the host draws itself: filtered splats.
+    pub(super) drawn: filtered_splats::drawn::Drawn,
+    /// And opaque ones.
+    pub(super) nearest: compute::drawn::Drawn,
     /// None before the first frame, and after one that failed.
     pub(super) held: Option<Held>,
 }
@@ -55,7 +57,7 @@ pub(super) struct Held {
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
     pub(super) ways: Ways,
-    /// The host has drawn the splats, which are filtered.
+    /// The host has drawn the splats.
     pub(super) is_drawn: bool,
     /// Of the cut.
     pub(super) stats: Stats,
@@ -166,8 +168,14 @@ impl Key {
     }
 }
 
-/// Where the host draws so many filtered splats, if it is to.
-pub(super) type HostCanvas<'a> = &'a dyn Fn(usize) -> Option<Canvas>;
+/// Where the host draws splats, if it is to.
+#[derive(Clone, Copy)]
+pub(super) struct Host<'a> {
+    /// So many filtered ones.
+    pub(super) filtered: &'a dyn Fn(usize) -> Option<Canvas>,
+    /// Opaque squares and discs, and what they look like, if compute is to draw them.
+    pub(super) opaque: Option<(opaque::Look, opaque::Screen)>,
+}
 
 impl Lists {
     /// # Errors
@@ -182,7 +190,8 @@ impl Lists {
             small_runs: Vec::new(),
             rest: samples::Rest::new(),
             rest_ids: Vec::new(),
-            drawn: Drawn::new(gpu, slot)?,
+            drawn: filtered_splats::drawn::Drawn::new(gpu, slot)?,
+            nearest: compute::drawn::Drawn::new(gpu, slot)?,
             held: None,
         })
     }
@@ -203,7 +212,7 @@ impl Lists {
         (model, scene): (&Model, &Scene),
         cut: &mut Cut,
         (key, packing): (Key, Packing),
-        (ways, screen, canvas): (Ways, &Screen, HostCanvas<'_>),
+        (ways, screen, host): (Ways, &Screen, Host<'_>),
     ) -> Result<(), Error> {
         self.held = None;
         let view = &key.view;
@@ -281,9 +290,19 @@ impl Lists {
         }
         pack_triangles(model, scene, triangles, self, is_small);
         self.rest_ids = rest;
-        let is_drawn = match written {
-            Some(splats) => self.draw(gpu, &splats, canvas(packed.points))?,
-            None => false,
+        let is_drawn = match (written, host.opaque) {
+            (Some(splats), _) => self.draw(gpu, &splats, (host.filtered)(packed.points))?,
+            // Small triangles are the device's, and the keys with them.
+            (None, Some((look, screen)))
+                if ways.is_small && packed.points > 0 && self.small_runs.is_empty() =>
+            {
+                let splats: &[Splat] = whole_records(self.splats.bytes_mut());
+                let look = (look, samples.unwrap_or(0));
+                let splats = &splats[..packed.points];
+                self.nearest.draw(gpu, splats, look, &screen)?;
+                true
+            }
+            _ => false,
         };
         self.held = Some(Held {
             packed,
@@ -331,12 +350,25 @@ impl Lists {
         }
     }
 
+    /// How long the host drew, milliseconds, and how many bytes.
+    pub(super) fn host(&self) -> (f64, u64) {
+        match &self.held {
+            Some(held) if held.is_drawn => match held.key.packing {
+                Packing::Filtered(_) => (self.drawn.ms(), self.drawn.bytes()),
+                _ => (self.nearest.ms(), self.nearest.bytes()),
+            },
+            _ => (0.0, 0),
+        }
+    }
+
     /// Makes what was packed visible to the device.
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
-        if held.is_drawn {
-            self.drawn.flush();
+        match held.key.packing {
+            _ if !held.is_drawn => {}
+            Packing::Filtered(_) => self.drawn.flush(),
+            _ => self.nearest.flush(),
         }
         self.indices.flush(0..held.index_bytes);
         if held.ways.takes_triangles {

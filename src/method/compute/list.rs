@@ -4,6 +4,7 @@ use super::super::hybrid::Run;
 use super::super::scene::Scene;
 use super::super::targets::Context;
 use super::Variant;
+use super::drawn::Drawn;
 use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::Slice;
@@ -24,6 +25,8 @@ pub(crate) struct List<'a> {
     pub(crate) variant: Variant,
     /// Parts of the picture in which anything can be.
     pub(crate) areas: &'a [[u32; 4]],
+    /// What the host has drawn of it: all, and there are no triangles.
+    pub(crate) drawn: Option<&'a Drawn>,
 }
 
 /// Triangles of a scene: their corner indices, page by page.

@@ -8,6 +8,7 @@
 //! the near plane, goes to the rasterizer.
 
 pub(crate) mod choice;
+pub(crate) mod drawn;
 pub(crate) mod list;
 pub(crate) mod rect;
 pub(crate) mod twin;
@@ -264,8 +265,8 @@ impl Small {
         Ok(())
     }
 
-    /// Passes small.clear, small.triangles, small.splats and small.resolve. Keeps what the targets hold where it is
-    /// nearer; where these passes are the first of the frame, that is nothing.
+    /// Passes small.clear, small.triangles, small.splats and small.resolve; of a list that the host has drawn the last alone.
+    /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
     ///
     /// # Errors
     /// When the frame has no room for the constants of so many parts.
@@ -280,11 +281,22 @@ impl Small {
         if list.is_empty() {
             return Ok(());
         }
+        let items = list.bound(frame, context, self.max_binding)?;
+        if let Some(drawn) = list.drawn {
+            let keys = (drawn.buffer() as _, drawn.storage());
+            self.resolve(
+                frame,
+                targets,
+                &list,
+                (&items, keys),
+                (context, is_first),
+                constants,
+            );
+            return Ok(());
+        }
         let Items {
-            splats,
-            all,
-            triangles,
-        } = list.bound(frame, context, self.max_binding)?;
+            splats, triangles, ..
+        } = &items;
         let keys = Slice::whole(&self.keys);
         frame
             .pass("small.clear")
@@ -298,7 +310,7 @@ impl Small {
                 pass = pass.storage_read(&page.vertices);
             }
             pass.compute(|compute| {
-                for &((part, uniform, count), vertices) in &triangles {
+                for &((part, uniform, count), vertices) in triangles {
                     compute.bind(
                         &self.triangles,
                         &[constants, uniform],
@@ -321,17 +333,39 @@ impl Small {
                 .storage_read(list.splats)
                 .storage(&self.keys)
                 .compute(|compute| {
-                    for &(variant, (part, uniform, count)) in &splats {
+                    for &(variant, (part, uniform, count)) in splats {
                         compute.bind(pipeline(variant), &[constants, uniform], &[part, keys]);
                         compute.items(count);
                     }
                 });
         }
+        let keys = (&self.keys as _, keys);
+        self.resolve(
+            frame,
+            targets,
+            &list,
+            (&items, keys),
+            (context, is_first),
+            constants,
+        );
+        Ok(())
+    }
+
+    /// Pass small.resolve: shades what each pixel kept.
+    fn resolve(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: &List<'_>,
+        (items, (buffer, keys)): (&Items<'_>, (&dyn AnyBuffer, Slice<'_>)),
+        (context, is_first): (&Context, bool),
+        constants: Uniform,
+    ) {
         let mut pass = targets
             .attach_after(frame.pass("small.resolve"), context, is_first)
             .fragment_storage(list.splats)
             .fragment_storage(list.corners)
-            .fragment_storage(&self.keys);
+            .fragment_storage(buffer);
         for page in &list.scene.pages {
             pass = pass.fragment_storage(&page.vertices);
         }
@@ -344,7 +378,7 @@ impl Small {
                     draw.draw(0, 3);
                 }
             };
-            for &((part, uniform, _), vertices) in &triangles {
+            for &((part, uniform, _), vertices) in &items.triangles {
                 draw.bind_storage(
                     &self.resolve_triangles,
                     &[constants, uniform],
@@ -353,7 +387,7 @@ impl Small {
                 );
                 over_areas(draw);
             }
-            for &(part, uniform, _) in &all {
+            for &(part, uniform, _) in &items.all {
                 draw.bind_storage(
                     &self.resolve_splats,
                     &[constants, uniform],
@@ -363,6 +397,5 @@ impl Small {
                 over_areas(draw);
             }
         });
-        Ok(())
     }
 }

@@ -4,6 +4,7 @@ use super::{Counts, End, FrameTimes, Renderer, margin_px};
 use crate::abi::FrameConstants;
 use crate::draw::ColorBy;
 use crate::draw::filtered::host::Canvas;
+use crate::draw::opaque;
 use crate::draw::samples::Screen;
 use crate::draw::splats::Packed;
 use crate::gpu::Error;
@@ -14,7 +15,7 @@ use crate::method::compute::choice::{self, Asked};
 use crate::method::compute::list::Triangles;
 use crate::method::compute::twin::Share;
 use crate::method::compute::{self, Small};
-use crate::method::lists::{Held, Key, Packing, Ways};
+use crate::method::lists::{Held, Host, Key, Packing, Ways};
 use crate::method::plan::{Choice, Drawing, frame_constants, largest_splat_px, splat_plan};
 use crate::method::scene::Scene;
 use crate::method::splats::Splats;
@@ -34,6 +35,14 @@ fn screen(frame: &FrameConstants, context: &Context) -> Screen {
         context.rect_px,
         compute::list::constants(context).dropped_sign,
     )
+}
+
+/// The same to the host.
+fn opaque_look(settings: &Settings, model: &Model) -> opaque::Look {
+    opaque::Look {
+        are_discs: settings.splat == SplatKind::Disc,
+        has_one_size: splat_plan(settings, f32::INFINITY).has_one_size(model),
+    }
 }
 
 /// What compute draws opaque splats as.
@@ -117,16 +126,24 @@ impl Renderer {
             let packing = Packing::of(settings, model, (max_point, is_wanted));
             let asked = self.asked(settings, &context);
             let canvas = self.canvas(settings, context.rect_px);
-            // What a software device does by compute, the host does in less time; unless somebody insists on a path.
             let canvas = |splats: usize| {
                 let asked = Asked { splats, ..asked };
                 canvas.filter(|_| asked.blended(0, false) != Share::Nothing)
             };
+            let constants = frame_constants(view, settings, &context);
+            let look = opaque_look(settings, model);
+            let opaque = (by_compute && self.host_may_draw(settings))
+                .then(|| opaque::Screen::new(&constants, context.rect_px))
+                .flatten();
+            let opaque = opaque.map(|screen| (look, screen));
             let triangles = self.cut.triangles.len();
             let cut = &mut self.cut;
             let lists = &mut self.lists[slot];
-            let screen = screen(&frame_constants(view, settings, &context), &context);
-            let how = (ways, &screen, &canvas as _);
+            let host = Host {
+                filtered: &canvas,
+                opaque,
+            };
+            let how = (ways, &screen(&constants, &context), host);
             lists.pack(&gpu, (model, scene), cut, (key, packing), how)?;
             if self.cut.triangles.len() != triangles {
                 self.chosen = None;
@@ -151,10 +168,7 @@ impl Renderer {
             ..
         } = held;
         let ways = held.ways;
-        let drawn_bytes = match held.is_drawn {
-            true => lists.drawn.bytes(),
-            false => 0,
-        };
+        let (host_ms, drawn_bytes) = lists.host();
         let share = ways.share.unwrap_or_else(|| {
             let asked = Asked {
                 splats: packed.points,
@@ -181,6 +195,7 @@ impl Renderer {
             sample_count: held.samples as u32,
             variant: compute_variant(settings, model),
             areas: &areas,
+            drawn: (held.is_drawn && drawing == Drawing::Opaque).then_some(&lists.nearest),
         };
         let small_triangles = Triangles {
             scene,
@@ -283,7 +298,7 @@ impl Renderer {
         let ticket = end(frame, &self.targets.color)?;
         submit.end(&mut times);
         if held.is_drawn && times.kept != Kept::Lists {
-            times.host_ms = lists.drawn.ms();
+            times.host_ms = host_ms;
         }
         times.counts = Counts {
             nodes_visited: held.stats.visited,
@@ -297,15 +312,21 @@ impl Renderer {
         Ok((ticket, times))
     }
 
+    /// Whether the host may draw what compute is to: what a software device does by compute, the host does in less time, but
+    /// somebody may insist on a path.
+    fn host_may_draw(&self, settings: &Settings) -> bool {
+        let is_software = self.gpu.info().kind == Kind::Cpu;
+        is_software
+            && match settings.path {
+                Path::Auto => true,
+                Path::Compute => self.host_may_draw,
+                Path::Raster => false,
+            }
+    }
+
     /// Where the host draws filtered splats, if it may.
     fn canvas(&self, settings: &Settings, rect_px: [u32; 4]) -> Option<Canvas> {
-        let is_software = self.gpu.info().kind == Kind::Cpu;
-        let may_draw = match settings.path {
-            Path::Auto => true,
-            Path::Compute => self.host_may_draw,
-            Path::Raster => false,
-        };
-        if Drawing::of(settings) != Drawing::Filtered || !may_draw || !is_software {
+        if Drawing::of(settings) != Drawing::Filtered || !self.host_may_draw(settings) {
             return None;
         }
         let is_gray = self.filtered.as_ref()?.variant.by_compute?;
