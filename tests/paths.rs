@@ -122,10 +122,10 @@ fn passes(engine: &mut Engine<'_>, view: &View, settings: &Settings) -> (Image, 
     (engine.read(view).unwrap(), passes)
 }
 
-/// Every kind of splat: of nodes, rows and triangles, in grays, colors and the light of a lamp, culled or not, of a cloud; and
+/// Filtered splats, squares and discs: of nodes, rows and triangles, in grays, colors and the light of a lamp, culled or not, of a cloud; and
 /// beside triangles, where the device draws all.
 #[test]
-fn the_host_draws_filtered_splats_as_compute_does() {
+fn the_host_draws_what_compute_does() {
     let Some(device) = Device::open() else { return };
     let is_software = device.gpu().info().kind == Kind::Cpu;
     let mut colored = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
@@ -152,7 +152,7 @@ fn the_host_draws_filtered_splats_as_compute_does() {
         ("cloud", built(cloud)),
     ];
     let size = (240, 200);
-    let mut by_host = 0;
+    let mut by_host = [0; 2];
     let backend = Backend::Device(device.gpu().clone());
     let outputs = Outputs {
         depth: true,
@@ -169,13 +169,24 @@ fn the_host_draws_filtered_splats_as_compute_does() {
             ("part", part),
             ("orthographic", common::orthographic(model, size)),
         ] {
-            for (threshold_px, light, culling) in [
+            for ((threshold_px, light, culling), splat) in [
                 (1.0, Lighting::Headlight, Culling::Auto),
                 (2.5, Lighting::Headlight, Culling::Auto),
                 (4.0, Lighting::Phong(Phong::default()), Culling::Off),
-            ] {
+                (0.6, Lighting::Headlight, Culling::Auto),
+            ]
+            .into_iter()
+            .flat_map(|how| {
+                let kinds = [SplatKind::Filtered, SplatKind::Square, SplatKind::Disc];
+                kinds.map(|kind| (how, kind))
+            }) {
+                // Opaque splats by compute know the headlight alone.
+                let light = match splat {
+                    SplatKind::Filtered => light,
+                    _ => Lighting::Headlight,
+                };
                 let settings = Settings {
-                    splat: SplatKind::Filtered,
+                    splat,
                     threshold_px,
                     light,
                     culling,
@@ -188,16 +199,29 @@ fn the_host_draws_filtered_splats_as_compute_does() {
                 };
                 let (picture, own) = passes(&mut engine, &view, &settings);
                 let (wanted, others) = passes(&mut engine, &view, &insisting);
-                let what = format!("{name}, {view_name}, {threshold_px}: {own:?}");
+                let what = format!("{name}, {view_name}, {splat:?}, {threshold_px}: {own:?}");
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
                 assert!(picture == wanted, "{what}");
-                assert!(others.contains(&"filtered.clear"), "{what}: {others:?}");
-                by_host += usize::from(own == ["filtered.normalize"]);
+                let (clear, is_by_host) = match splat {
+                    SplatKind::Filtered => ("filtered.clear", own == ["filtered.normalize"]),
+                    _ => (
+                        "small.clear",
+                        own.contains(&"small.resolve") && !own.contains(&"small.splats"),
+                    ),
+                };
+                assert!(others.contains(&clear), "{what}: {others:?}");
+                by_host[usize::from(splat != SplatKind::Filtered)] += usize::from(is_by_host);
+                engine.let_host_draw(true);
+                let (picture, own) = passes(&mut engine, &view, &insisting);
+                engine.let_host_draw(false);
+                assert!(picture == wanted, "{what}, insisting: {own:?}");
             }
         }
     }
-    println!("{by_host} pictures by the host");
-    assert_eq!(by_host >= 12, is_software, "{by_host}");
+    println!("{by_host:?} pictures by the host");
+    for (count, least) in by_host.into_iter().zip([12, 60]) {
+        assert_eq!(count >= least, is_software, "{by_host:?}");
+    }
 }
 
 /// How many pixels have another coverage, a color that is off by more than a level, or a depth by more than a thousandth.
@@ -321,7 +345,8 @@ fn discs_go_by_compute_where_that_pays() {
             ..discs(threshold_px)
         };
         let times = engine.draw(&view, &settings).unwrap();
-        let is_there = times.passes.iter().any(|p| p.name == "small.splats");
+        // Which compute or the host leaves to it.
+        let is_there = times.passes.iter().any(|p| p.name == "small.resolve");
         assert_eq!(is_there, is_wanted, "{fill}, {threshold_px}, {path:?}");
     }
 }

@@ -24,6 +24,7 @@ pub use cases::{Case, Line, Plan};
 pub use report::{About, Figure, Place};
 
 use crate::gpu::Gpu;
+use crate::gpu::device::Kind;
 use crate::method::engine::{Backend, Engine};
 use crate::method::renderer::Outputs;
 use crate::tree::Model;
@@ -103,6 +104,14 @@ impl Session {
             found: Calibration::kept(gpu, folder, &Part::ALL, true)?,
             bandwidth: Bandwidth::measure(gpu)?,
         })
+    }
+
+    /// Whether the device is the processor itself.
+    pub fn is_software(&self) -> bool {
+        match &self.backend {
+            Backend::Device(gpu) => gpu.info().kind == Kind::Cpu,
+            Backend::Mirror => false,
+        }
     }
 
     /// Draws a model with what was calibrated.

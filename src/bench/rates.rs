@@ -227,24 +227,41 @@ pub fn figures(
             None,
         ),
     ];
+    // Where the host draws in the place of a software device, it is what has to be fast; shaders are measured beside it.
+    let has_host = |kind| {
+        let by_host = [SplatKind::Square, SplatKind::Disc, SplatKind::Filtered].contains(&kind);
+        by_host && session.is_software()
+    };
     let lines: Vec<_> = wanted
         .iter()
         .flat_map(|&(name, kind, threshold, occlusion, target)| {
-            [(Path::Compute, target), (Path::Raster, None)].map(|(path, target)| {
+            let ways = match has_host(kind) {
+                true => vec![
+                    (Path::Compute, true, target),
+                    (Path::Compute, false, None),
+                    (Path::Raster, false, None),
+                ],
+                false => vec![(Path::Compute, false, target), (Path::Raster, false, None)],
+            };
+            ways.into_iter().map(move |(path, by_host, target)| {
                 let mut line = cases::pop(kind, path, threshold);
                 line.settings.occlusion = occlusion;
-                (name, line, target)
+                if by_host {
+                    line.name.push_str(", the host for it");
+                }
+                (name, line, by_host, target)
             })
         })
         .collect();
     let mut frames: Vec<Result<Vec<FrameTimes>, String>> = vec![Ok(Vec::new()); lines.len()];
     progress.stage("rates", plan.rounds as u64 + 1);
     for round in 0..=plan.rounds {
-        for ((_, line, _), found) in lines.iter().zip(&mut frames) {
+        for ((_, line, by_host, _), found) in lines.iter().zip(&mut frames) {
             if progress.is_cancelled() {
                 return Err(Error::Cancelled);
             }
             let Ok(list) = found else { continue };
+            engine.let_host_draw(*by_host);
             match engine.draw(&view, &line.settings) {
                 Ok(times) if round > 0 => list.push(times),
                 Ok(_) => {}
@@ -257,7 +274,8 @@ pub fn figures(
         progress.advance(1);
     }
     let mut figures = Vec::new();
-    for ((name, line, target), found) in lines.iter().zip(frames) {
+    engine.let_host_draw(false);
+    for ((name, line, _, target), found) in lines.iter().zip(frames) {
         let target = target
             .filter(|_| case.standard().is_some())
             .map(Target::AtLeast);

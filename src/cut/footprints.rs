@@ -51,6 +51,18 @@ impl Undrawn {
         }
     }
 
+    /// Whether a node is one of them.
+    #[inline]
+    pub fn has_node(&self, id: u32) -> bool {
+        Self::has(&self.nodes, id)
+    }
+
+    /// Whether a leaf is one of them.
+    #[inline]
+    pub fn has_leaf(&self, id: u32) -> bool {
+        Self::has(&self.leaves, id)
+    }
+
     /// Which of the four nodes or leaves from `first` on are in their list.
     #[inline]
     pub(super) fn four(list: &[u64], first: u32) -> u8 {

@@ -24,7 +24,8 @@ pub use facing::Facing;
 pub use footprints::{Footprints, Undrawn};
 pub use select::{Selector, select};
 pub use strip::{
-    MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_centers, strip_steps,
+    MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_center_of, strip_centers,
+    strip_steps,
 };
 pub use tester::Tester;
 

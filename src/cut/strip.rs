@@ -191,8 +191,16 @@ impl Tester {
 /// of 0 counts as 1.
 #[inline]
 pub fn strip_center(node: &Node, count: u32, index: u32) -> Vec3 {
-    let along = (2 * index + 1) as f32 / count.max(1) as f32 - 1.0;
-    node.center + node.strip.direction() * (relative_size(node).0 * node.radius * along)
+    strip_center_of(node, count)(index)
+}
+
+/// The same of all splats of a strip, to the bit.
+#[inline]
+pub fn strip_center_of(node: &Node, count: u32) -> impl Fn(u32) -> Vec3 + use<> {
+    let (center, direction) = (node.center, node.strip.direction());
+    let half = relative_size(node).0 * node.radius;
+    let count = count.max(1) as f32;
+    move |index| center + direction * (half * ((2 * index + 1) as f32 / count - 1.0))
 }
 
 /// The first of these centers, and the way from one to the next.

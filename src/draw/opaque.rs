@@ -7,12 +7,22 @@
 //! the bit: the greatest key of a pixel does not depend on any order, and each number is made by the operations of
 //! `shaders/compute/splats.comp`, in their order.
 
+mod band;
 mod place;
+mod seen;
+#[cfg(test)]
+mod tests;
 
+use super::parts;
+use super::splats::{self, Part, Plan};
 use crate::abi::{FrameConstants, Splat};
-use crate::draw::parts;
+use crate::cut::{Cut, Undrawn};
+use crate::math::camera::View;
+use crate::tree::Model;
+use band::Fronts;
 use fearless_simd::{Level, dispatch};
-use place::{GROUP, Group, Pixels, Round};
+use place::{Finding, Found, GROUP, Group, Pixels, Round};
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Rows of a band.
 const BAND_PX: usize = 32;
@@ -43,7 +53,8 @@ impl Screen {
     /// That of a frame; `None` where places do not fit their numbers.
     pub fn new(frame: &FrameConstants, rect_px: [u32; 4]) -> Option<Self> {
         let (view, clip) = (&frame.view_from_model, &frame.clip_from_view);
-        let row = |of: &[[f32; 4]; 4], row: usize| [0, 1, 2, 3].map(|column: usize| of[column][row]);
+        let row =
+            |of: &[[f32; 4]; 4], row: usize| [0, 1, 2, 3].map(|column: usize| of[column][row]);
         let [left, top, right, bottom] = rect_px;
         let fits = |low: u32, high: u32| low <= high && high - low <= u32::from(u16::MAX);
         (fits(left, right) && fits(top, bottom)).then(|| Self {
@@ -77,19 +88,30 @@ pub struct Look {
     pub has_one_size: bool,
 }
 
-/// Where splats are, kept from frame to frame for its memory.
+/// Splats of a draw list, a part of it.
+#[derive(Clone, Copy)]
+pub(super) enum Source<'a> {
+    /// Of a cut of a mesh; none has a radius of its own.
+    Cut(&'a Model, &'a Undrawn, Part<'a>),
+    /// Those that are written already.
+    List(&'a [Splat]),
+}
+
+/// Where splats are, and which of them are seen; kept from frame to frame for its memory.
 #[derive(Debug, Default)]
 pub struct Places {
-    pixels: Vec<Pixels>,
+    pixels: Pixels,
     rounds: Vec<Round>,
     groups: Vec<Group>,
+    seen: Vec<AtomicU8>,
+    bands: Vec<Fronts>,
 }
 
 /// Splats of one look, and where they are.
 struct Placed<'a> {
     /// Number of the first in the list.
     first: u32,
-    pixels: &'a [Pixels],
+    pixels: Found<'a>,
     /// Of discs, else empty.
     rounds: &'a [Round],
     groups: &'a [Group],
@@ -110,203 +132,169 @@ pub fn draw(
     places: &mut Places,
     keys: &mut [u64],
 ) {
-    draw_by(Level::new(), splats, (look, samples), screen, (places, keys));
+    let (own, sampled) = splats.split_at(splats.len() - samples);
+    let own = own.chunks(parts::PART);
+    let own = own.map(|part| (Source::List(part), part.len())).collect();
+    draw_by(Level::new(), (own, look, sampled), screen, (places, keys));
+}
+
+/// Draws the splats of a cut of a mesh, none of which has a radius of its own, and after them those of `out` from their
+/// number on, which are squares of a pixel: the keys are as of [`draw`]. Then the records of what is seen of the cut are written to
+/// `out`, each at its number in the list that [`splats::pack`] would write; other records stay what they were.
+///
+/// # Panics
+/// When `keys` are fewer than [`Screen::pixels`], or `out` is shorter than [`splats::count`].
+pub fn draw_cut(
+    (model, undrawn): (&Model, &Undrawn),
+    (cut, view, plan): (&Cut, &View, &Plan),
+    (screen, are_discs): (&Screen, bool),
+    (places, keys): (&mut Places, &mut [u64]),
+    out: &mut [Splat],
+) {
+    let look = Look {
+        are_discs,
+        has_one_size: true,
+    };
+    let parts = splats::parts_of(cut, plan);
+    let own = parts.iter();
+    let own = own.map(|&(part, count)| (Source::Cut(model, undrawn, part), count));
+    let (out, sampled) = out.split_at_mut(splats::count(cut, plan));
+    let own = own.collect();
+    draw_by(Level::new(), (own, look, sampled), screen, (places, keys));
+    seen::pack(model, (view, plan), parts, &places.seen, out);
 }
 
 /// The same by vectors of a level.
 fn draw_by(
     level: Level,
-    splats: &[Splat],
-    (look, samples): (Look, usize),
+    (own, look, sampled): (Vec<(Source<'_>, usize)>, Look, &[Splat]),
     screen: &Screen,
     (places, keys): (&mut Places, &mut [u64]),
 ) {
-    let (own, sampled) = splats.split_at(splats.len() - samples);
-    let is_one_pixel = |look: Look| !look.are_discs && look.has_one_size && screen.size_px <= 1.0;
-    let all_samples = Look {
+    let own_count: usize = own.iter().map(|part| part.1).sum();
+    let count = own_count + sampled.len();
+    let sampled = sampled.chunks(parts::PART);
+    let sampled: Vec<_> = sampled
+        .map(|part| (Source::List(part), part.len()))
+        .collect();
+    let groups_of = |parts: &[(Source<'_>, usize)]| -> usize {
+        parts.iter().map(|part| part.1.div_ceil(GROUP)).sum()
+    };
+    let own_groups = groups_of(&own);
+    let group_count = own_groups + groups_of(&sampled);
+    // What is not written below is not read either.
+    let mut pixels = places.pixels.first(count);
+    places
+        .groups
+        .resize(group_count.max(places.groups.len()), Group::default());
+    if look.are_discs {
+        places
+            .rounds
+            .resize(own_count.max(places.rounds.len()), Round::default());
+    }
+    places
+        .seen
+        .resize_with(own_count.max(places.seen.len()), AtomicU8::default);
+    for seen in &mut places.seen[..own_count] {
+        *seen.get_mut() = 0;
+    }
+    let (mut own_pixels, mut sampled_pixels) = (pixels.split(own_count), pixels);
+    let (own_group, sampled_group) = places.groups[..group_count].split_at_mut(own_groups);
+    let own_rounds = match look.are_discs {
+        true => &mut places.rounds[..own_count],
+        false => &mut [],
+    };
+    let is_one_pixel = !look.are_discs && look.has_one_size && screen.size_px <= 1.0;
+    let of_samples = Look {
         are_discs: false,
         has_one_size: true,
     };
-    let Places {
-        pixels,
-        rounds,
-        groups,
-    } = places;
-    // What is not written below is not read either.
-    pixels.resize(splats.len().max(pixels.len()), Pixels::default());
-    let own_groups = own.len().div_ceil(GROUP);
-    let count = own_groups + sampled.len().div_ceil(GROUP);
-    groups.resize(count.max(groups.len()), Group::default());
-    if look.are_discs {
-        rounds.resize(own.len().max(rounds.len()), Round::default());
-    }
-    let (own_pixels, sampled_pixels) = pixels[..splats.len()].split_at_mut(own.len());
-    let (own_group, sampled_group) = groups[..count].split_at_mut(own_groups);
-    let own_rounds = match look.are_discs {
-        true => &mut rounds[..own.len()],
-        false => &mut [],
-    };
-    let one_pixel = [is_one_pixel(look), true];
     place_all(
         level,
         screen,
-        (own, look, one_pixel[0]),
-        (own_pixels, own_rounds, own_group),
+        (own, look, is_one_pixel),
+        (&mut own_pixels, own_rounds, own_group),
     );
     place_all(
         level,
         screen,
-        (sampled, all_samples, true),
-        (sampled_pixels, &mut [], sampled_group),
+        (sampled, of_samples, true),
+        (&mut sampled_pixels, &mut [], sampled_group),
     );
     let lists = [
         Placed {
             first: 0,
-            pixels: own_pixels,
+            pixels: own_pixels.found(),
             rounds: own_rounds,
             groups: own_group,
-            are_samples: one_pixel[0],
+            are_samples: is_one_pixel,
         },
         Placed {
-            first: own.len() as u32,
-            pixels: sampled_pixels,
+            first: own_count as u32,
+            pixels: sampled_pixels.found(),
             rounds: &[],
             groups: sampled_group,
             are_samples: true,
         },
     ];
+    let seen = &places.seen[..own_count];
     let width = screen.width();
     let keys = &mut keys[..screen.pixels()];
     if width == 0 {
         return;
     }
     let bands = keys.chunks_mut(BAND_PX * width).enumerate();
-    parts::share(splats.len(), bands, |(number, keys)| {
-        keys.fill(0);
+    places.bands.resize_with(bands.len(), Fronts::default);
+    let bands = bands.zip(&mut places.bands);
+    parts::share(count, bands, |((number, keys), fronts)| {
+        let first_row = number * BAND_PX;
+        let mut band = fronts.band(width, [first_row, first_row + keys.len() / width]);
         for list in &lists {
-            dispatch!(level, _simd => list.draw(number * BAND_PX, width, keys));
+            dispatch!(level, simd => band.draw(simd, list));
         }
+        band.write(keys);
+        mark(keys, seen);
     });
+}
+
+/// Marks those of the first splats of a list that are the nearest somewhere.
+fn mark(keys: &[u64], seen: &[AtomicU8]) {
+    let mut last = u32::MAX;
+    for &key in keys.iter().filter(|&&key| key != 0) {
+        let number = !(key as u32) & !SPLAT_BIT;
+        if number != last
+            && let Some(seen) = seen.get(number as usize)
+        {
+            seen.store(1, Ordering::Relaxed);
+        }
+        last = number;
+    }
 }
 
 /// Finds where splats are, part by part.
 fn place_all(
     level: Level,
     screen: &Screen,
-    (splats, look, is_one_pixel): (&[Splat], Look, bool),
-    (pixels, rounds, groups): (&mut [Pixels], &mut [Round], &mut [Group]),
+    (parts, look, is_one_pixel): (Vec<(Source<'_>, usize)>, Look, bool),
+    (pixels, mut rounds, mut groups): (&mut Finding<'_>, &mut [Round], &mut [Group]),
 ) {
-    const PART: usize = parts::PART;
-    let mut rounds = rounds.chunks_mut(PART);
-    let jobs = (splats.chunks(PART))
-        .zip(pixels.chunks_mut(PART))
-        .zip(groups.chunks_mut(PART / GROUP))
-        .map(|((splats, pixels), groups)| {
-            let rounds = rounds.next().unwrap_or_default();
-            (splats, pixels, rounds, groups)
-        });
-    parts::share(splats.len(), jobs, |(splats, pixels, rounds, groups)| {
+    let mut rest = pixels.again();
+    let mut count = 0;
+    let jobs: Vec<_> = parts
+        .into_iter()
+        .map(|(source, size)| {
+            let (round, group);
+            let rounded = if look.are_discs { size } else { 0 };
+            (round, rounds) = std::mem::take(&mut rounds).split_at_mut(rounded);
+            (group, groups) = std::mem::take(&mut groups).split_at_mut(size.div_ceil(GROUP));
+            let first = count as u32;
+            count += size;
+            (source, first, (rest.split(size), round, group))
+        })
+        .collect();
+    parts::share(count, jobs.into_iter(), |(source, first, out)| {
         dispatch!(level, simd => {
-            place::part(simd, screen, (splats, look, is_one_pixel), (pixels, rounds, groups));
+            place::part(simd, screen, (source, look, is_one_pixel), first, out);
         });
     });
-}
-
-impl Placed<'_> {
-    /// Leaves the keys of what is in a band of rows, whose first is number `first_row` of the rectangle.
-    #[inline(always)]
-    fn draw(&self, first_row: usize, width: usize, keys: &mut [u64]) {
-        let end_row = first_row + keys.len() / width;
-        for (index, group) in self.groups.iter().enumerate() {
-            let [first, end] = group.rows.map(usize::from);
-            if first >= end_row || end <= first_row {
-                continue;
-            }
-            let from = index * GROUP;
-            let range = from..(from + GROUP).min(self.pixels.len());
-            let number = self.first + from as u32;
-            let pixels = &self.pixels[range.clone()];
-            if self.are_samples {
-                samples(pixels, number, (first_row, end_row, width), keys);
-            } else if self.rounds.is_empty() {
-                squares(pixels, number, (first_row, end_row, width), keys);
-            } else {
-                let discs = pixels.iter().zip(&self.rounds[range]);
-                let discs = discs.zip(number..);
-                for ((pixels, round), number) in discs {
-                    disc(pixels, round, number, (first_row, end_row, width), keys);
-                }
-            }
-        }
-    }
-}
-
-/// The key of a splat.
-#[inline(always)]
-fn key(depth: u32, number: u32) -> u64 {
-    u64::from(depth) << 32 | u64::from(!(number | SPLAT_BIT))
-}
-
-/// Squares of a pixel.
-#[inline(always)]
-fn samples(
-    pixels: &[Pixels],
-    number: u32,
-    (first_row, end_row, width): (usize, usize, usize),
-    keys: &mut [u64],
-) {
-    for (own, number) in pixels.iter().zip(number..) {
-        let [x, y] = own.first.map(usize::from);
-        if own.end[0] > own.first[0] && (first_row..end_row).contains(&y) {
-            let place = &mut keys[(y - first_row) * width + x];
-            *place = (*place).max(key(own.depth, number));
-        }
-    }
-}
-
-#[inline(always)]
-fn squares(
-    pixels: &[Pixels],
-    number: u32,
-    (first_row, end_row, width): (usize, usize, usize),
-    keys: &mut [u64],
-) {
-    for (own, number) in pixels.iter().zip(number..) {
-        let [left, top] = own.first.map(usize::from);
-        let [right, bottom] = own.end.map(usize::from);
-        let key = key(own.depth, number);
-        for y in top.max(first_row)..bottom.min(end_row) {
-            let row = (y - first_row) * width;
-            for place in &mut keys[row + left..row + right] {
-                *place = (*place).max(key);
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn disc(
-    own: &Pixels,
-    round: &Round,
-    number: u32,
-    (first_row, end_row, width): (usize, usize, usize),
-    keys: &mut [u64],
-) {
-    let [left, top] = own.first.map(usize::from);
-    let [right, bottom] = own.end.map(usize::from);
-    let key = key(own.depth, number);
-    let Round { form, to_first } = *round;
-    for y in top.max(first_row)..bottom.min(end_row) {
-        let from_y = to_first[1] + (y - top) as f32;
-        let of_y = form * from_y * from_y;
-        let row = (y - first_row) * width;
-        let mut x = 0.0;
-        for place in &mut keys[row + left..row + right] {
-            let from_x = to_first[0] + x;
-            let is_in = form * from_x * from_x + of_y <= 1.0;
-            let own = if is_in { key } else { 0 };
-            *place = (*place).max(own);
-            x += 1.0;
-        }
-    }
 }

@@ -9,7 +9,8 @@
 //! Rasterization") in the very steps of `shaders/common/vertex_record.glsl`: single precision, products and sums in the order
 //! of a matrix times a vector, positions in steps of 1/256 pixel, edges in whole numbers. A software device does the same
 //! operations, so neighbors of which one is drawn here and one there neither overlap nor leave a gap. On others the last
-//! place of a quotient may differ; they get triangles.
+//! place of a quotient may differ; they get triangles. What is seen at a pixel's center is that of the triangle as it is, without
+//! steps.
 
 mod cover;
 mod surface;
@@ -197,7 +198,8 @@ fn part<S: Simd>(
                         let value = covered.values[i][lane]
                             + column * covered.to_right[i][lane]
                             + row * covered.down[i][lane];
-                        value * covered.inverse_w[i][lane]
+                        // A center may lie beside the triangle by what its corners are moved by.
+                        (value * covered.inverse_w[i][lane]).max(0.0)
                     };
                     queue.push(corners, [weight(0), weight(1), weight(2)]);
                 }
@@ -221,6 +223,7 @@ fn set_bits(mut mask: u64) -> impl Iterator<Item = usize> {
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
+    use super::cover::LANES;
     use super::*;
     use crate::abi::Vertex;
     use crate::generate::{self, Shape, Spec};
@@ -300,6 +303,100 @@ mod tests {
             }
         }
         assert!(numbers[0] > 10_000 && numbers[1] > 3_000, "{numbers:?}");
+    }
+
+    /// Triangles of some 40 to 250 steps, thick enough: a step is a hundredth of them.
+    #[test]
+    fn weights_are_those_of_triangles_as_they_are() {
+        let screen = screen(2.0, 400);
+        let mut state = 7u64;
+        let mut next = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            f64::from((state >> 40) as u32) / f64::from(1 << 24)
+        };
+        let in_window = |p: &[f64; 3]| {
+            let times = |row: &[f32; 4]| {
+                (0..3).map(|i| f64::from(row[i]) * p[i]).sum::<f64>() + f64::from(row[3])
+            };
+            let [x, y, z] = [0, 1, 2].map(|i| times(&screen.view[i]));
+            let along =
+                |i: usize| f64::from(screen.along[i][0]) * z + f64::from(screen.along[i][1]);
+            let w = along(3);
+            let place = |v: f64, i: usize| {
+                let clip = v * f64::from(screen.across[i]) + along(i);
+                (clip / w * 0.5 + 0.5) * f64::from(screen.viewport_px[i])
+                    - f64::from(screen.guard_px)
+            };
+            ([place(x, 0), place(y, 1)], 1.0 / w)
+        };
+        let mut compared = 0;
+        for _ in 0..3000 {
+            let mut positions = Positions([[[0.0; BLOCK]; 3]; 3]);
+            let mut corners = [[[0.0; 3]; 3]; LANES];
+            for (lane, corners) in corners.iter_mut().enumerate() {
+                let middle = [0, 1, 2].map(|_| 0.6 * next() - 0.3);
+                for (corner, rows) in corners.iter_mut().zip(&mut positions.0) {
+                    for axis in 0..3 {
+                        let at = (middle[axis] + 0.004 * (next() - 0.5)) as f32;
+                        rows[axis][lane] = at;
+                        corner[axis] = f64::from(at);
+                    }
+                }
+            }
+            for level in levels() {
+                let mut covered = Covered::NOTHING;
+                dispatch!(level, simd => covered.ask(simd, &screen, &positions, 0));
+                for lane in set_bits(covered.some & covered.known) {
+                    let [a, b, c] = corners[lane].map(|corner| in_window(&corner));
+                    let cross = |[ax, ay]: [f64; 2], [bx, by]: [f64; 2], [cx, cy]: [f64; 2]| {
+                        (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+                    };
+                    let area = cross(a.0, b.0, c.0);
+                    let longest = [(a, b), (b, c), (c, a)]
+                        .map(|(p, q)| (p.0[0] - q.0[0]).hypot(p.0[1] - q.0[1]));
+                    if area.abs() < 0.15 * longest.into_iter().fold(0.0, f64::max) {
+                        continue;
+                    }
+                    // The first of its pixels is covered or not; its weights are known in any case.
+                    let first = |of: usize| {
+                        let low = [a, b, c]
+                            .map(|p| p.0[of])
+                            .into_iter()
+                            .fold(f64::MAX, f64::min);
+                        (low - 0.5 - 1e-6).ceil() + 0.5
+                    };
+                    let near = [a, b, c].iter().flat_map(|p| p.0).any(|v| {
+                        let from_center = (v - 0.5).abs().fract();
+                        from_center < 0.01 || from_center > 0.99
+                    });
+                    if near {
+                        continue;
+                    }
+                    let at = [first(0), first(1)];
+                    if at[0] < 11.0 || at[1] < 1.0 {
+                        // It may begin beside what is drawn.
+                        continue;
+                    }
+                    let wanted = [
+                        cross(b.0, c.0, at) / area * a.1,
+                        cross(c.0, a.0, at) / area * b.1,
+                        cross(a.0, b.0, at) / area * c.1,
+                    ];
+                    let is = [0, 1, 2].map(|i| {
+                        f64::from(covered.values[i][lane]) * f64::from(covered.inverse_w[i][lane])
+                    });
+                    let (all, sum) = (wanted.iter().sum::<f64>(), is.iter().sum::<f64>());
+                    for (wanted, is) in wanted.into_iter().zip(is) {
+                        let off = (wanted / all - is / sum).abs();
+                        assert!(off < 3e-3, "{off} {wanted} {is} {area}");
+                    }
+                    compared += 1;
+                }
+            }
+        }
+        assert!(compared > 1000, "{compared}");
     }
 
     /// Interpolated in double precision, as the shader of triangles does it.

@@ -2,7 +2,7 @@
 //! device can draw as points, at the end those that are too large and become quads.
 
 use crate::abi::{Splat, Vertex, WeightedSplat};
-use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center};
+use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center_of};
 use crate::draw::parts::{self, Sink};
 use crate::draw::{Footprint, falsecolor};
 use crate::math::camera::View;
@@ -217,6 +217,7 @@ pub(super) fn parts_of<'a>(cut: &'a Cut, plan: &Plan) -> Vec<(Part<'a>, usize)> 
 }
 
 /// What one thread writes at a time.
+#[derive(Clone, Copy)]
 pub(super) enum Part<'a> {
     Nodes(&'a [u32]),
     Rows(&'a [StripRun]),
@@ -347,8 +348,9 @@ impl<'a> Writer<'a> {
             let a = &attributes[id as usize];
             let ball = strip_ball_radius(node, count);
             let normal = octahedral::decode(a.normal);
+            let center_of = strip_center_of(node, count);
             for i in (0..count).filter(|&i| row.is_seen(i)) {
-                let center = strip_center(node, count, i);
+                let center = center_of(i);
                 let [r, g, b, alpha] = self.plan.color_of(self.model, Some(id), a.color);
                 // The slab lies around the node's center, and its thickness counts in the radii of the ball.
                 let half =

@@ -135,6 +135,13 @@ impl<'m> Engine<'m> {
         }
     }
 
+    /// As [`Renderer::let_host_draw`]. The mirror is the host.
+    pub fn let_host_draw(&mut self, may: bool) {
+        if let Kind::Device { renderer, .. } = &mut self.kind {
+            renderer.let_host_draw(may);
+        }
+    }
+
     /// What drawing costs on the device: [`Renderer::set_costs`]. The mirror has one way to draw.
     pub fn set_costs(&mut self, costs: Option<Costs>) {
         if let Kind::Device { renderer, .. } = &mut self.kind {

@@ -220,30 +220,64 @@ impl Lists {
         let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
         let mut placed = None;
         let mut written = None;
+        // Small triangles are the device's, and the keys with them, unless they become samples.
+        let may_sample = key.may_sample && ways.takes_triangles && ways.is_small;
+        let host_draws = host.opaque.filter(|_| {
+            let has_triangles = ways.takes_triangles && !cut.triangles.is_empty();
+            ways.is_small && (may_sample || !has_triangles)
+        });
+        let mut is_drawn = false;
         let (packed, capacity, record_bytes) = match &packing {
-            Packing::Splats(plan)
-                if key.may_sample
-                    && ways.takes_triangles
-                    && ways.is_small
-                    && plan.has_one_size(model) =>
-            {
+            Packing::Splats(plan) if plan.has_one_size(model) => {
                 let count = splats::count(cut, plan);
-                let all = count + samples::room(cut.triangles.len());
-                let out = records::<Splat>(gpu, &mut self.splats, all)?;
-                let mut packed = splats::pack(model, cut, view, plan, &mut out[..count]);
-                // None is too large for a point: all have one size.
-                let out = &mut out[packed.points..];
-                let found = samples::pack(model, &cut.triangles, screen, &mut self.rest, out);
-                packed.points += found;
-                self.rest_ids.clear();
-                self.rest_ids.extend(self.rest.iter().flatten());
-                samples = Some(found);
-                (packed, packed.points, size_of::<Splat>())
+                let room = match may_sample {
+                    true => samples::room(cut.triangles.len()),
+                    false => 0,
+                };
+                let out = records::<Splat>(gpu, &mut self.splats, count + room)?;
+                // Where many are hidden, they are written once it is known which are not.
+                let is_last = host_draws.is_some() && !key.choice.hides();
+                let mut packed = match is_last {
+                    true => Packed {
+                        points: count,
+                        quads: 0,
+                    },
+                    false => splats::pack(model, cut, view, plan, &mut out[..count]),
+                };
+                if may_sample {
+                    // None is too large for a point: all have one size.
+                    let out = &mut out[packed.points..];
+                    let found = samples::pack(model, &cut.triangles, screen, &mut self.rest, out);
+                    packed.points += found;
+                    self.rest_ids.clear();
+                    self.rest_ids.extend(self.rest.iter().flatten());
+                    samples = Some(found);
+                }
+                if let Some((look, screen)) = host_draws.filter(|_| packed.points > 0) {
+                    let out = &mut out[..packed.points];
+                    if is_last {
+                        let scene = (model, scene.undrawn(model));
+                        let screen = (&screen, look.are_discs);
+                        (self.nearest).draw_cut(gpu, scene, (cut, view, plan), screen, out)?;
+                    } else {
+                        let look = (look, samples.unwrap_or(0));
+                        self.nearest.draw(gpu, out, look, &screen)?;
+                    }
+                    is_drawn = true;
+                }
+                // Quads end where splats without gaps would.
+                let capacity = count.max(packed.points);
+                (packed, capacity, size_of::<Splat>())
             }
             Packing::Splats(plan) => {
                 let count = splats::count(cut, plan);
                 let out = records::<Splat>(gpu, &mut self.splats, count)?;
                 let packed = splats::pack(model, cut, view, plan, out);
+                if let Some((look, screen)) = host_draws.filter(|_| packed.points > 0) {
+                    let splats = &out[..packed.points];
+                    self.nearest.draw(gpu, splats, (look, 0), &screen)?;
+                    is_drawn = true;
+                }
                 (packed, count, size_of::<Splat>())
             }
             Packing::Fuzzy(plan, look) if by_compute => {
@@ -290,20 +324,9 @@ impl Lists {
         }
         pack_triangles(model, scene, triangles, self, is_small);
         self.rest_ids = rest;
-        let is_drawn = match (written, host.opaque) {
-            (Some(splats), _) => self.draw(gpu, &splats, (host.filtered)(packed.points))?,
-            // Small triangles are the device's, and the keys with them.
-            (None, Some((look, screen)))
-                if ways.is_small && packed.points > 0 && self.small_runs.is_empty() =>
-            {
-                let splats: &[Splat] = whole_records(self.splats.bytes_mut());
-                let look = (look, samples.unwrap_or(0));
-                let splats = &splats[..packed.points];
-                self.nearest.draw(gpu, splats, look, &screen)?;
-                true
-            }
-            _ => false,
-        };
+        if let Some(splats) = written {
+            is_drawn = self.draw(gpu, &splats, (host.filtered)(packed.points))?;
+        }
         self.held = Some(Held {
             packed,
             samples: samples.unwrap_or(0),

@@ -13,8 +13,8 @@ use crate::tree::Model;
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
-/// that may be drawn by compute, which is cheap; and squares that are rasterized.
-pub(super) const LARGEST_HIDDEN_PX: [f32; 2] = [2.0, 4.0];
+/// that may be drawn by compute, which is cheap; squares that are rasterized; and what the host draws.
+pub(super) const LARGEST_HIDDEN_PX: [f32; 3] = [2.0, 4.0, 1.0];
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
 /// what is seen from there is what faces away.
@@ -102,6 +102,11 @@ impl Choice {
     /// Whether it has to be known what of the model is not drawn.
     pub(super) fn needs_undrawn(&self) -> bool {
         self.seen.is_some()
+    }
+
+    /// Whether splats that are hidden are left out.
+    pub(super) fn hides(&self) -> bool {
+        self.seen.is_some_and(|seen| seen.hides)
     }
 
     /// Chooses the cut.

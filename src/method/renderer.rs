@@ -19,7 +19,7 @@ use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
 pub use super::mirror::Outputs;
 use super::overdraw::{self, Overdraw};
-use super::plan::{Choice, Drawing, check, for_view, frame_flags, splat_plan};
+use super::plan::{Choice, Drawing, LARGEST_HIDDEN_PX, check, for_view, frame_flags, splat_plan};
 use super::scene::Scene;
 use super::splats::{Source, Splats};
 use super::targets::{Context, Targets};
@@ -27,7 +27,7 @@ pub use super::times::FrameTimes;
 use super::times::{Kept, Stage};
 use super::triangles::{self, Variant};
 use super::visibility::Visibility;
-use super::{COLOR, Method, SAMPLES, Settings};
+use super::{COLOR, Method, Occlusion, SAMPLES, Settings};
 use crate::cut::{self, Cut};
 use crate::draw::{self, ColorBy};
 use crate::gpu::buffer::Readback;
@@ -237,7 +237,7 @@ impl Renderer {
     }
 
     /// Whether the host may draw what compute is asked for by name, where it does so for [`Path::Auto`](super::Path::Auto) as
-    /// well: filtered splats on a software device. The picture is the same. Not at first.
+    /// well: filtered splats, and opaque squares and discs, on a software device. The picture is the same. Not at first.
     pub fn let_host_draw(&mut self, may: bool) {
         self.host_may_draw = may;
     }
@@ -388,7 +388,7 @@ impl Renderer {
         }
         let max_point = self.gpu.info().max_point_size_px;
         check(model, settings, self.outputs, max_point)?;
-        let settings = &for_view(settings, model, view);
+        let settings = &self.for_frame(settings, model, view);
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
         let start = Instant::now();
@@ -407,6 +407,22 @@ impl Renderer {
             on_device,
             counted,
         })
+    }
+
+    /// The settings of a frame, see [`for_view`]. Where the host draws splats of more than a pixel, that takes it less time than
+    /// to look for hidden ones.
+    fn for_frame(&self, settings: &Settings, model: &Model, view: &View) -> Settings {
+        let mut settings = for_view(settings, model, view);
+        let is_large = settings.threshold_px > LARGEST_HIDDEN_PX[2];
+        if settings.occlusion == Occlusion::Auto
+            && is_large
+            && Drawing::of(&settings) == Drawing::Opaque
+            && self.host_may_draw(&settings)
+            && compute::is_wanted(&self.gpu, &settings, &self.targets).unwrap_or(false)
+        {
+            settings.occlusion = Occlusion::Off;
+        }
+        settings
     }
 
     /// Makes the pipelines and buffers that `settings` need, outside of the frame.
@@ -448,7 +464,9 @@ impl Renderer {
             small.ensure(pop::compute_variant(settings, model))?;
             small.ensure(compute::Variant::SAMPLES)?;
         }
-        if settings.has_cut() && Choice::of(settings, model, view).needs_undrawn() {
+        let by_host = by_compute && is_opaque && self.host_may_draw(settings);
+        let asks = || Choice::of(settings, model, view).needs_undrawn();
+        if settings.has_cut() && (by_host || asks()) {
             // Looks at the whole model, once.
             scene.undrawn(model);
         }

@@ -316,11 +316,21 @@ impl Stand {
         }
         // On a software device the host takes the place of compute, unless somebody insists on that.
         let by_host = match (&compute, kind) {
-            (Some(_), SplatKind::Filtered) if self.is_software => self.way(&base(Path::Auto))?,
+            (Some(_), SplatKind::Filtered | SplatKind::Square) if self.is_software => {
+                self.by_host(|stand| stand.way(&base(Path::Compute)))?
+            }
             _ => None,
         };
         let [raster, compute] = [raster, by_host.or(compute)].map(|way| way.map(|w| w.0));
         Ok((Some(Ways { raster, compute }), merge))
+    }
+
+    /// Measures what the host draws in the place of compute.
+    fn by_host<T>(&mut self, measure: impl FnOnce(&mut Self) -> T) -> T {
+        self.renderer.let_host_draw(true);
+        let measured = measure(self);
+        self.renderer.let_host_draw(false);
+        measured
     }
 
     /// Points and quads.
@@ -349,32 +359,36 @@ impl Stand {
     }
 
     pub(super) fn triangles(&mut self) -> Result<Option<Ways<TriangleCosts>>, Error> {
-        let mut way = |path| -> Result<Option<TriangleCosts>, Error> {
+        let way = |stand: &mut Self, path| -> Result<Option<TriangleCosts>, Error> {
             let settings = Settings {
                 path,
                 threshold_px: 0.0,
                 culling: Culling::On,
                 ..Settings::default()
             };
-            let Some(nothing) = self.nothing(&settings)? else {
+            let Some(nothing) = stand.nothing(&settings)? else {
                 return Ok(None);
             };
             let mut views = Vec::new();
             for fill in [3.0 * FILL_OF_ONE, 7.0 * FILL_OF_ONE] {
-                match self.draw(true, fill, &settings)? {
+                match stand.draw(true, fill, &settings)? {
                     Some(drawn) => views.push(drawn),
                     None => return Ok(None),
                 }
             }
             // The mean of both distances: triangles of one and of two and a half pixels.
-            let (passes, each) = nothing.costs(&views, self.pixels());
+            let (passes, each) = nothing.costs(&views, stand.pixels());
             let triangle_ns = each.iter().sum::<f64>() / each.len() as f64;
             Ok(Some(TriangleCosts {
                 triangle_ns,
                 passes,
             }))
         };
-        let (raster, compute) = (way(Path::Raster)?, way(Path::Compute)?);
+        let raster = way(self, Path::Raster)?;
+        let compute = match self.is_software {
+            true => self.by_host(|stand| way(stand, Path::Compute))?,
+            false => way(self, Path::Compute)?,
+        };
         let any = raster.is_some() || compute.is_some();
         Ok(any.then_some(Ways { raster, compute }))
     }

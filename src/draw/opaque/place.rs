@@ -1,8 +1,12 @@
 //! Which pixels splats may cover, a vector of them at a time.
 
-use super::{Look, Screen};
-use crate::abi::Splat;
+use super::super::splats::Part;
+use super::{Look, Screen, Source};
+use crate::cut::strip_center_of;
+use crate::tree::{Leaf, Node};
 use fearless_simd::prelude::*;
+use glam::Vec3;
+use prefetch_index::prefetch_index;
 
 type Numbers<S> = <S as Simd>::f32s;
 
@@ -14,14 +18,91 @@ const BLOCK: usize = 64;
 /// A circle of a smaller diameter is the square around it, see `shaders/common/form.glsl`.
 const LEAST_ROUND_PX: f32 = std::f32::consts::SQRT_2;
 
-/// Pixels of a splat, counted from the corner of the rectangle; the end of its columns is not beyond their first where it has none.
-#[derive(Debug, Clone, Copy, Default)]
+/// Pixels of splats, counted from the corner of the rectangle: numbers of one kind in a list each. Words of two numbers have x in their
+/// lower half. What has no pixels ends before it begins.
+#[derive(Debug, Default)]
 pub(super) struct Pixels {
-    pub(super) first: [u16; 2],
+    first: Vec<i32>,
     /// One past the last.
-    pub(super) end: [u16; 2],
+    end: Vec<i32>,
     /// Reversed depth, as bits.
-    pub(super) depth: u32,
+    depth: Vec<f32>,
+}
+
+/// Some of them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Found<'a> {
+    pub(super) first: &'a [i32],
+    pub(super) end: &'a [i32],
+    pub(super) depth: &'a [f32],
+}
+
+/// Some of them, to be found.
+#[derive(Debug, Default)]
+pub(super) struct Finding<'a> {
+    first: &'a mut [i32],
+    end: &'a mut [i32],
+    depth: &'a mut [f32],
+}
+
+impl Pixels {
+    /// The first so many, whatever was in them.
+    pub(super) fn first(&mut self, count: usize) -> Finding<'_> {
+        let all = count.max(self.first.len());
+        self.first.resize(all, 0);
+        self.end.resize(all, 0);
+        self.depth.resize(all, 0.0);
+        Finding {
+            first: &mut self.first[..count],
+            end: &mut self.end[..count],
+            depth: &mut self.depth[..count],
+        }
+    }
+}
+
+impl<'a> Finding<'a> {
+    /// The first so many, which are no longer among them.
+    pub(super) fn split(&mut self, count: usize) -> Self {
+        let Self { first, end, depth } = std::mem::take(self);
+        let (first, end, depth) = (
+            first.split_at_mut(count),
+            end.split_at_mut(count),
+            depth.split_at_mut(count),
+        );
+        *self = Self {
+            first: first.1,
+            end: end.1,
+            depth: depth.1,
+        };
+        Self {
+            first: first.0,
+            end: end.0,
+            depth: depth.0,
+        }
+    }
+
+    /// All of them, for a while.
+    pub(super) fn again(&mut self) -> Finding<'_> {
+        Finding {
+            first: self.first,
+            end: self.end,
+            depth: self.depth,
+        }
+    }
+
+    pub(super) fn found(self) -> Found<'a> {
+        Found {
+            first: self.first,
+            end: self.end,
+            depth: self.depth,
+        }
+    }
+}
+
+/// Both numbers of a word.
+#[inline(always)]
+pub(super) fn both(word: i32) -> [usize; 2] {
+    [(word & 0xffff) as usize, (word as u32 >> 16) as usize]
 }
 
 /// Which of its pixels a disc covers: those at offsets o with `form` o.o of at most 1.
@@ -33,9 +114,13 @@ pub(super) struct Round {
     pub(super) to_first: [f32; 2],
 }
 
-/// Splats that lie near each other: the first row that they may touch, and one past the last.
+/// Splats that lie near each other.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Group {
+    /// Number of the first among those of their look.
+    pub(super) first: u32,
+    pub(super) count: u16,
+    /// The first row that they may touch, and one past the last.
     pub(super) rows: [u16; 2],
 }
 
@@ -48,73 +133,175 @@ struct Block {
 }
 
 /// What is found of a block.
-struct Found {
-    first: [Row; 2],
-    end: [Row; 2],
+struct Answers {
+    first: [i32; BLOCK],
+    end: [i32; BLOCK],
     depth: Row,
     form: Row,
     to_first: [Row; 2],
 }
 
-/// Finds the pixels of splats of one look, and of groups of them the rows.
+/// How far ahead of the item that is looked at the memory of another one is asked for.
+const AHEAD: usize = 48;
+
+/// Where no splat is drawn.
+const NOWHERE: Vec3 = Vec3::NAN;
+
+/// Finds the pixels of splats of one look, and of groups of them the rows; the number of the first of them.
 #[inline(always)]
 pub(super) fn part<S: Simd>(
     simd: S,
     screen: &Screen,
-    (splats, look, is_one_pixel): (&[Splat], Look, bool),
-    (pixels, rounds, groups): (&mut [Pixels], &mut [Round], &mut [Group]),
+    (source, look, is_one_pixel): (Source<'_>, Look, bool),
+    first: u32,
+    out: Out<'_>,
 ) {
-    let mut block = Block {
-        center: [[0.0; BLOCK]; 3],
-        radius: [0.0; BLOCK],
+    let mut placer = Placer {
+        simd,
+        screen,
+        look,
+        is_one_pixel,
+        first,
+        out,
+        len: 0,
+        block: Block {
+            center: [[0.0; BLOCK]; 3],
+            radius: [0.0; BLOCK],
+        },
+        answers: Answers {
+            first: [0; BLOCK],
+            end: [0; BLOCK],
+            depth: [0.0; BLOCK],
+            form: [0.0; BLOCK],
+            to_first: [[0.0; BLOCK]; 2],
+        },
     };
-    let mut found = Found {
-        first: [[0.0; BLOCK]; 2],
-        end: [[0.0; BLOCK]; 2],
-        depth: [0.0; BLOCK],
-        form: [0.0; BLOCK],
-        to_first: [[0.0; BLOCK]; 2],
-    };
-    for (number, splats) in splats.chunks(BLOCK).enumerate() {
-        for (i, splat) in splats.iter().enumerate() {
-            block.center[0][i] = splat.center.x;
-            block.center[1][i] = splat.center.y;
-            block.center[2][i] = splat.center.z;
-            block.radius[i] = splat.radius;
-        }
-        for at in (0..splats.len()).step_by(Numbers::<S>::LEN) {
-            if is_one_pixel {
-                find::<S, true>(simd, screen, look, (&block, &mut found), at);
-            } else {
-                find::<S, false>(simd, screen, look, (&block, &mut found), at);
+    match source {
+        Source::List(splats) => {
+            for splat in splats {
+                placer.push(splat.center, splat.radius);
             }
         }
-        let from = number * BLOCK;
-        let pixels = &mut pixels[from..from + splats.len()];
-        for (i, pixels) in pixels.iter_mut().enumerate() {
-            *pixels = Pixels {
-                first: [found.first[0][i] as u16, found.first[1][i] as u16],
-                end: [found.end[0][i] as u16, found.end[1][i] as u16],
-                depth: found.depth[i].to_bits(),
+        Source::Cut(model, undrawn, Part::Nodes(ids)) => {
+            let nodes: &[Node] = &model.tree.nodes;
+            for (index, &id) in ids.iter().enumerate() {
+                if let Some(&next) = ids.get(index + AHEAD) {
+                    prefetch_index(nodes, next as usize);
+                }
+                let is_drawn = !undrawn.has_node(id);
+                placer.push_if(is_drawn, nodes[id as usize].center);
+            }
+        }
+        Source::Cut(model, undrawn, Part::Rows(rows)) => {
+            let nodes: &[Node] = &model.tree.nodes;
+            for (index, row) in rows.iter().enumerate() {
+                if let Some(next) = rows.get(index + AHEAD) {
+                    prefetch_index(nodes, next.node as usize);
+                }
+                let is_drawn = !undrawn.has_node(row.node);
+                let center = strip_center_of(&nodes[row.node as usize], row.count);
+                for i in (0..row.count).filter(|&i| row.is_seen(i)) {
+                    placer.push_if(is_drawn, center(i));
+                }
+            }
+        }
+        Source::Cut(model, undrawn, Part::Leaves(ids) | Part::Large(ids)) => {
+            let leaves: &[Leaf] = &model.tree.leaves;
+            for (index, &id) in ids.iter().enumerate() {
+                if let Some(&next) = ids.get(index + AHEAD) {
+                    prefetch_index(leaves, next as usize);
+                }
+                let is_drawn = !undrawn.has_leaf(id);
+                placer.push_if(is_drawn, leaves[id as usize].center);
+            }
+        }
+    }
+    placer.flush();
+}
+
+/// Where pixels, of discs what is round, and groups go.
+pub(super) type Out<'a> = (Finding<'a>, &'a mut [Round], &'a mut [Group]);
+
+/// Finds where splats are, block by block.
+struct Placer<'a, S> {
+    simd: S,
+    screen: &'a Screen,
+    look: Look,
+    is_one_pixel: bool,
+    /// Number of the first of the block.
+    first: u32,
+    /// What is left of it.
+    out: Out<'a>,
+    len: usize,
+    block: Block,
+    answers: Answers,
+}
+
+impl<S: Simd> Placer<'_, S> {
+    /// A splat without a radius of its own, or in its place one that has no pixels.
+    #[inline(always)]
+    fn push_if(&mut self, is_drawn: bool, center: Vec3) {
+        self.push(if is_drawn { center } else { NOWHERE }, 0.0);
+    }
+
+    #[inline(always)]
+    fn push(&mut self, center: Vec3, radius: f32) {
+        let at = self.len % BLOCK;
+        let [x, y, z] = &mut self.block.center;
+        (x[at], y[at], z[at]) = (center.x, center.y, center.z);
+        self.block.radius[at] = radius;
+        self.len += 1;
+        if self.len == BLOCK {
+            self.flush();
+        }
+    }
+
+    #[inline(always)]
+    fn flush(&mut self) {
+        let Self {
+            simd,
+            screen,
+            look,
+            answers,
+            ..
+        } = self;
+        for at in (0..self.len).step_by(Numbers::<S>::LEN) {
+            if self.is_one_pixel {
+                find::<S, true>(*simd, screen, *look, (&self.block, answers), at);
+            } else {
+                find::<S, false>(*simd, screen, *look, (&self.block, answers), at);
+            }
+        }
+        let (mut pixels, rounds, groups) = std::mem::take(&mut self.out);
+        let own = pixels.split(self.len);
+        own.first.copy_from_slice(&answers.first[..self.len]);
+        own.end.copy_from_slice(&answers.end[..self.len]);
+        own.depth.copy_from_slice(&answers.depth[..self.len]);
+        let count = if look.are_discs { self.len } else { 0 };
+        let (rounds, rest_of_rounds) = rounds.split_at_mut(count);
+        for (i, round) in rounds.iter_mut().enumerate() {
+            *round = Round {
+                form: answers.form[i],
+                to_first: [answers.to_first[0][i], answers.to_first[1][i]],
             };
         }
-        if look.are_discs {
-            let rounds = &mut rounds[from..from + splats.len()];
-            for (i, round) in rounds.iter_mut().enumerate() {
-                *round = Round {
-                    form: found.form[i],
-                    to_first: [found.to_first[0][i], found.to_first[1][i]],
-                };
-            }
+        let (groups, rest_of_groups) = groups.split_at_mut(self.len.div_ceil(GROUP));
+        let firsts = own.first.chunks(GROUP);
+        let ends = own.end.chunks(GROUP);
+        let begins = (self.first..).step_by(GROUP);
+        for ((group, (firsts, ends)), first) in groups.iter_mut().zip(firsts.zip(ends)).zip(begins)
+        {
+            let low = firsts.iter().fold(u32::MAX, |low, &v| low.min(v as u32));
+            let high = ends.iter().fold(0, |high, &v| high.max(v as u32));
+            *group = Group {
+                first,
+                count: firsts.len() as u16,
+                rows: [low, high].map(|v| (v >> 16) as u16),
+            };
         }
-        let groups = &mut groups[from / GROUP..];
-        for (group, pixels) in groups.iter_mut().zip(pixels.chunks(GROUP)) {
-            let drawn = pixels.iter().filter(|own| own.end[0] > own.first[0]);
-            let rows = drawn.fold([u16::MAX, 0], |[low, high], own| {
-                [low.min(own.first[1]), high.max(own.end[1])]
-            });
-            *group = Group { rows };
-        }
+        self.out = (pixels, rest_of_rounds, rest_of_groups);
+        self.first += self.len as u32;
+        self.len = 0;
     }
 }
 
@@ -124,7 +311,7 @@ fn find<S: Simd, const ONE: bool>(
     simd: S,
     screen: &Screen,
     look: Look,
-    (block, found): (&Block, &mut Found),
+    (block, found): (&Block, &mut Answers),
     at: usize,
 ) {
     let lanes = at..at + Numbers::<S>::LEN;
@@ -155,12 +342,8 @@ fn find<S: Simd, const ONE: bool>(
         let (column, is_in_x) = of(window[0], sides[0]);
         let (row, is_in_y) = of(window[1], sides[1]);
         let is_in = is_drawn & is_in_x & is_in_y;
-        for (i, place) in [column, row].into_iter().enumerate() {
-            let first = is_in.select(place, zero);
-            first.store_slice(&mut found.first[i][lanes.clone()]);
-            let end = is_in.select(place + 1.0, zero);
-            end.store_slice(&mut found.end[i][lanes.clone()]);
-        }
+        let ends = [[column, column + 1.0], [row, row + 1.0]];
+        store(simd, is_in, ends, found, lanes);
         return;
     }
     let one_size = number(0.5 * screen.size_px);
@@ -184,7 +367,9 @@ fn find<S: Simd, const ONE: bool>(
         let whole = |v: f32| S::i32s::splat(simd, v as i32);
         let low_step = (window * 256.0).round_ties_even().to_int::<S::i32s>() - (steps >> 1) + 127;
         let first = (low_step >> 8).max(whole(low)).to_float::<Numbers<S>>();
-        let end = ((low_step + steps) >> 8).min(whole(high)).to_float::<Numbers<S>>();
+        let end = ((low_step + steps) >> 8)
+            .min(whole(high))
+            .to_float::<Numbers<S>>();
         ends[i] = [first, end];
         if look.are_discs {
             let clamped = |v: Numbers<S>| v.max(number(low)).min(number(high));
@@ -205,10 +390,25 @@ fn find<S: Simd, const ONE: bool>(
     }
     let [[first_x, end_x], [first_y, end_y]] = ends;
     is_in &= first_x.simd_lt(end_x) & first_y.simd_lt(end_y);
-    for (i, ([first, end], [low, _])) in ends.into_iter().zip(sides).enumerate() {
-        let first = is_in.select(first - low, zero);
-        first.store_slice(&mut found.first[i][lanes.clone()]);
-        let end = is_in.select(end - low, zero);
-        end.store_slice(&mut found.end[i][lanes.clone()]);
-    }
+    let from = |i: usize| ends[i].map(|end: Numbers<S>| end - sides[i][0]);
+    store(simd, is_in, [from(0), from(1)], found, lanes);
+}
+
+/// Stores first and end of columns and rows, or of what is not in something that ends before it begins.
+#[inline(always)]
+fn store<S: Simd>(
+    simd: S,
+    is_in: S::mask32s,
+    [x, y]: [[Numbers<S>; 2]; 2],
+    found: &mut Answers,
+    lanes: std::ops::Range<usize>,
+) {
+    let word = |x: Numbers<S>, y: Numbers<S>| -> S::i32s {
+        x.to_int::<S::i32s>() | (y.to_int::<S::i32s>() << 16)
+    };
+    let (first, end) = (word(x[0], y[0]), word(x[1], y[1]));
+    let (none, nothing) = (S::i32s::splat(simd, -1), S::i32s::splat(simd, 0));
+    let (first, end) = (is_in.select(first, none), is_in.select(end, nothing));
+    first.store_slice(&mut found.first[lanes.clone()]);
+    end.store_slice(&mut found.end[lanes]);
 }

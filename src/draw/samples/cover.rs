@@ -17,6 +17,9 @@ struct Corners<S: Simd> {
     /// Window position, steps of 1/256 pixel.
     x: Numbers<S>,
     y: Numbers<S>,
+    /// By how much it is off.
+    off_x: Numbers<S>,
+    off_y: Numbers<S>,
     inverse_w: Numbers<S>,
     /// In the view volume, as far as depth goes.
     within: u64,
@@ -40,12 +43,15 @@ fn corners<S: Simd>(simd: S, screen: &Screen, rows: &[super::Row; 3], at: usize)
     let x = x * screen.across[0] + (z * to_x[0] + to_x[1]);
     let y = y * screen.across[1] + (z * to_y[0] + to_y[1]);
     let (z, w) = (z * to_z[0] + to_z[1], z * to_w[0] + to_w[1]);
-    let in_window_x = (x / w * 0.5 + 0.5) * screen.viewport_px[0] - screen.guard_px;
-    let in_window_y = (y / w * 0.5 + 0.5) * screen.viewport_px[1] - screen.guard_px;
+    let in_window_x = ((x / w * 0.5 + 0.5) * screen.viewport_px[0] - screen.guard_px) * 256.0;
+    let in_window_y = ((y / w * 0.5 + 0.5) * screen.viewport_px[1] - screen.guard_px) * 256.0;
+    let (snapped_x, snapped_y) = (rounded::<S>(in_window_x), rounded::<S>(in_window_y));
     let within = w.simd_gt(0.0) & z.simd_ge(0.0) & z.simd_le(w);
     Corners {
-        x: rounded::<S>(in_window_x * 256.0),
-        y: rounded::<S>(in_window_y * 256.0),
+        x: snapped_x,
+        y: snapped_y,
+        off_x: in_window_x - snapped_x,
+        off_y: in_window_y - snapped_y,
         inverse_w: Numbers::<S>::splat(simd, 1.0) / w,
         within: within.to_bitmask(),
     }
@@ -76,7 +82,8 @@ pub(super) struct Covered {
     /// Which of their pixels, of `columns` a row, from the lowest bit.
     pub(super) pixels: [u32; LANES],
     pub(super) columns: [f32; LANES],
-    /// Edge functions at the center of the first pixel, each opposite of a corner: proportional to its weight in the window.
+    /// Edge functions at the center of the first pixel, each opposite of a corner: proportional to its weight in the window. Of
+    /// the corners as they are, not in steps, but for triangles as thin as a step.
     pub(super) values: [[f32; LANES]; 3],
     /// What they grow by to the next pixel of the row, and of the column.
     pub(super) to_right: [[f32; LANES]; 3],
@@ -188,6 +195,25 @@ impl Covered {
         if self.some == 0 {
             return;
         }
+        // What is covered goes by steps, as it does on the device. What is seen there need not: a triangle of 50 steps would be
+        // shaded as one that is a fiftieth of its size elsewhere. Of one as thin as a step that is not known any better.
+        let exact =
+            |corner: &Corners<S>| (corner.x - a.x + corner.off_x, corner.y - a.y + corner.off_y);
+        let ((ax, ay), (ex, ey), (fx, fy)) = (exact(&a), exact(&b), exact(&c));
+        let exact_area = (ex - ax) * (fy - ay) - (ey - ay) * (fx - ax);
+        let is_thick = (exact_area * sign).simd_gt(area * sign * 0.5);
+        let either = |exact: Numbers<S>, snapped: Numbers<S>| is_thick.select(exact, snapped);
+        let (ax, ay) = (either(ax, zero), either(ay, zero));
+        let (bx, by) = (either(ex, bx), either(ey, by));
+        let (cx, cy) = (either(fx, cx), either(fy, cy));
+        let edge = |from: [Numbers<S>; 2], to: [Numbers<S>; 2]| {
+            let (dx, dy) = ((to[0] - from[0]) * sign, (to[1] - from[1]) * sign);
+            let value = dx * (at_y - from[1]) - dy * (at_x - from[0]);
+            [value, dy * -256.0, dx * 256.0]
+        };
+        let [value_a, right_a, down_a] = edge([bx, by], [cx, cy]);
+        let [value_b, right_b, down_b] = edge([cx, cy], [ax, ay]);
+        let [value_c, right_c, down_c] = edge([ax, ay], [bx, by]);
         let lanes = ..Numbers::<S>::LEN;
         covered.store_slice(&mut self.pixels[lanes]);
         columns.store_slice(&mut self.columns[lanes]);

@@ -5,7 +5,7 @@ use super::twin::Share;
 use super::{pays, rect};
 use crate::method::costs::{Chosen, Costs, Load, Paths, Pixels};
 use crate::method::plan::{Drawing, LARGEST_HIDDEN_PX};
-use crate::method::{Path, Settings, SplatKind};
+use crate::method::{Occlusion, Path, Settings, SplatKind};
 
 /// What a frame asks for, as far as it is known once its cut is.
 #[derive(Debug, Clone, Copy)]
@@ -54,7 +54,9 @@ impl Asked<'_> {
         // Where hidden squares are left out by themselves, about one for each pixel of the box is left, at larger sizes fewer.
         let pixels = rect::pixels(self.rect_px) as f64;
         let left = pixels / f64::from(settings.threshold_px.max(1.0));
-        let splats = match settings.threshold_px <= LARGEST_HIDDEN_PX[0] {
+        let are_left_out =
+            settings.occlusion != Occlusion::Off && settings.threshold_px <= LARGEST_HIDDEN_PX[0];
+        let splats = match are_left_out {
             true => (self.splats as u64).min(left as u64),
             false => self.splats as u64,
         };

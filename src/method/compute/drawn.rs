@@ -1,11 +1,15 @@
 //! What the host drew of a frame's opaque splats, in mapped memory.
 
 use crate::abi::Splat;
+use crate::cut::{Cut, Undrawn};
 use crate::draw::opaque::{self, Look, Places, Screen};
+use crate::draw::splats::Plan;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::Upload;
 use crate::gpu::{Error, Gpu};
+use crate::math::camera::View;
 use crate::method::lists::records;
+use crate::tree::Model;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -47,6 +51,34 @@ impl Drawn {
         let pixels = screen.pixels();
         let keys = records::<u64>(gpu, &mut self.keys, pixels)?;
         opaque::draw(splats, look, screen, &mut self.places, keys);
+        self.bytes = 8 * pixels as u64;
+        self.ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(())
+    }
+
+    /// Draws the splats of a cut and the samples after them, and writes the records of what is seen: see
+    /// [`opaque::draw_cut`]. Nothing may be reading what was there.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn draw_cut(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (model, undrawn): (&Model, &Undrawn),
+        (cut, view, plan): (&Cut, &View, &Plan),
+        (screen, are_discs): (&Screen, bool),
+        out: &mut [Splat],
+    ) -> Result<(), Error> {
+        let start = Instant::now();
+        let pixels = screen.pixels();
+        let keys = records::<u64>(gpu, &mut self.keys, pixels)?;
+        opaque::draw_cut(
+            (model, undrawn),
+            (cut, view, plan),
+            (screen, are_discs),
+            (&mut self.places, keys),
+            out,
+        );
         self.bytes = 8 * pixels as u64;
         self.ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(())

@@ -314,7 +314,7 @@ impl Renderer {
 
     /// Whether the host may draw what compute is to: what a software device does by compute, the host does in less time, but
     /// somebody may insist on a path.
-    fn host_may_draw(&self, settings: &Settings) -> bool {
+    pub(super) fn host_may_draw(&self, settings: &Settings) -> bool {
         let is_software = self.gpu.info().kind == Kind::Cpu;
         is_software
             && match settings.path {

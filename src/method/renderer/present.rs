@@ -15,7 +15,7 @@ use crate::math::camera::View;
 use crate::method::compute;
 use crate::method::compute::choice::Asked;
 use crate::method::compute::twin::Share;
-use crate::method::plan::{Choice, Drawing, filtered_shade, for_view};
+use crate::method::plan::{Choice, Drawing, filtered_shade};
 use crate::method::scene::Scene;
 use crate::method::targets::{Context, Targets};
 use crate::method::{Method, Path, Settings};
@@ -121,7 +121,7 @@ impl Renderer {
             return Foreseen::default();
         }
         let start = Instant::now();
-        let settings = &for_view(settings, model, view);
+        let settings = &self.for_frame(settings, model, view);
         let choice = Choice::of(settings, model, view);
         let is_new = self.select(model, scene, (scene.id(), choice));
         let (splats, large) = if Drawing::of(settings) == Drawing::Filtered {
