@@ -201,7 +201,6 @@ fn the_host_draws_what_compute_does() {
                 let (wanted, others) = passes(&mut engine, &view, &insisting);
                 let what = format!("{name}, {view_name}, {splat:?}, {threshold_px}: {own:?}");
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
-                assert!(picture == wanted, "{what}");
                 let (clear, is_by_host) = match splat {
                     SplatKind::Filtered => ("filtered.clear", own == ["filtered.normalize"]),
                     _ => (
@@ -210,16 +209,21 @@ fn the_host_draws_what_compute_does() {
                     ),
                 };
                 assert!(others.contains(&clear), "{what}: {others:?}");
-                by_host[usize::from(splat != SplatKind::Filtered)] += usize::from(is_by_host);
+                // The rasterizer's may differ in a level.
+                if is_by_host || splat == SplatKind::Filtered {
+                    assert!(picture == wanted, "{what}");
+                }
                 engine.let_host_draw(true);
                 let (picture, own) = passes(&mut engine, &view, &insisting);
                 engine.let_host_draw(false);
                 assert!(picture == wanted, "{what}, insisting: {own:?}");
+                by_host[usize::from(splat != SplatKind::Filtered)] +=
+                    usize::from(!own.contains(&clear));
             }
         }
     }
     println!("{by_host:?} pictures by the host");
-    for (count, least) in by_host.into_iter().zip([12, 60]) {
+    for (count, least) in by_host.into_iter().zip([40, 110]) {
         assert_eq!(count >= least, is_software, "{by_host:?}");
     }
 }

@@ -449,7 +449,7 @@ fn what_was_foreseen_for_other_settings_is_not_drawn() {
     let model = generated(Shape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let square = of_splat(SplatKind::Square, 2.0);
-    let disc = of_splat(SplatKind::Disc, 2.0);
+    let disc = of_splat(SplatKind::Disc, 2.5);
     for keeps in [false, true] {
         let mut stand = Stand::new(&device, &model);
         stand.renderer.keep_lists(keeps);

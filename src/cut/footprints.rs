@@ -1,5 +1,6 @@
 //! What the nodes and leaves of a cut are drawn as, as far as that decides what hides what.
 
+use super::Cut;
 use crate::tree::Model;
 use rayon::prelude::*;
 
@@ -49,6 +50,20 @@ impl Undrawn {
             }),
             leaves: bits(triangles.len(), |leaf| has_area(leaf) != Some(true)),
         }
+    }
+
+    /// How many splats of a cut are of those.
+    pub fn count_in(&self, cut: &Cut) -> usize {
+        let mut count = 0;
+        if !self.nodes.is_empty() {
+            let nodes = cut.nodes.iter().filter(|&&id| self.has_node(id));
+            let rows = cut.strips.iter().filter(|row| self.has_node(row.node));
+            count += nodes.count() + rows.map(|row| row.splats() as usize).sum::<usize>();
+        }
+        if !self.leaves.is_empty() {
+            count += cut.leaves.iter().filter(|&&id| self.has_leaf(id)).count();
+        }
+        count
     }
 
     /// Whether a node is one of them.

@@ -10,8 +10,6 @@
 mod band;
 mod place;
 mod seen;
-#[cfg(test)]
-mod tests;
 
 use super::parts;
 use super::splats::{self, Part, Plan};
@@ -297,4 +295,297 @@ fn place_all(
             place::part(simd, screen, (source, look, is_one_pixel), first, out);
         });
     });
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
+    use super::*;
+    use crate::cut::{Settings, select};
+    use crate::draw::Footprint;
+    use crate::generate::{self, Shape, Spec};
+    use crate::math::camera::Camera;
+    use crate::progress::Silent;
+    use crate::tree::{self, BuildOptions};
+    use bytemuck::Zeroable;
+    use glam::{DVec3, Mat4, Vec3};
+
+    const SIZE: [u32; 2] = [90, 110];
+    const RECT: [u32; 4] = [7, 0, 85, 104];
+
+    /// A camera at (0, 0, 3) that looks to where z falls, with depth 1 at a distance of 0.5.
+    fn screen(size_px: f32) -> Screen {
+        let [width, height] = SIZE.map(|v| v as f32);
+        let view = Mat4::from_translation(Vec3::new(0.0, 0.1, -3.0));
+        let clip = Mat4::from_cols_array_2d(&[
+            [2.4, 0.0, 0.0, 0.0],
+            [0.0, -2.4 * width / height, 0.0, 0.0],
+            [0.0, 0.0, 0.0, -1.0],
+            [0.0, 0.0, 0.5, 0.0],
+        ]);
+        let half = Vec3::new(0.5 * width, 0.5 * height, 1.0);
+        let window = Mat4::from_translation(half.with_z(0.0)) * Mat4::from_scale(half);
+        let frame = FrameConstants {
+            view_from_model: view.to_cols_array_2d(),
+            clip_from_view: clip.to_cols_array_2d(),
+            window_from_model: (window * clip * view).to_cols_array_2d(),
+            model_scale: 1.0,
+            focal_px: 1.2 * width,
+            splat_size_px: size_px,
+            ..FrameConstants::zeroed()
+        };
+        Screen::new(&frame, RECT).unwrap()
+    }
+
+    /// The keys of a list as `shaders/compute/splats.comp` leaves them, splat by splat and pixel by pixel.
+    fn expected(splats: &[Splat], (look, samples): (Look, usize), screen: &Screen) -> Vec<u64> {
+        let [left, top, right, bottom] = screen.rect_px;
+        let mut keys = vec![0; screen.pixels()];
+        for (number, splat) in splats.iter().enumerate() {
+            let Vec3 { x, y, z } = splat.center;
+            let times = |row: &[f32; 4]| x * row[0] + (y * row[1] + (z * row[2] + row[3]));
+            let in_view = times(&screen.along);
+            let depth = in_view * screen.depth[0] + screen.depth[1];
+            let last = in_view * screen.last[0] + screen.last[1];
+            if !(depth >= 0.0 && depth <= last && last > 0.0) {
+                continue;
+            }
+            let window = screen.window.map(|row| times(&row) / last);
+            let is_sample = number >= splats.len() - samples;
+            let half = match splat.radius > 0.0 && !look.has_one_size && !is_sample {
+                true => splat.radius * screen.model_scale * screen.focal_px / last,
+                false => 0.5 * screen.size_px,
+            };
+            let side = if is_sample { 1.0 } else { 2.0 * half };
+            let is_round = look.are_discs && !is_sample && side >= std::f32::consts::SQRT_2;
+            let form = 4.0 / (side * side);
+            // A pixel belongs to the square that contains its center, in steps of 1/256 pixel.
+            let steps = (256.0 * side.max(1.0)).round_ties_even() as i64;
+            let low = window.map(|p| (256.0 * p).round_ties_even() as i64 - steps / 2);
+            let key =
+                u64::from((depth / last).to_bits()) << 32 | u64::from(!(number as u32 | SPLAT_BIT));
+            let pixels = (top..bottom).flat_map(|y| (left..right).map(move |x| [x, y]));
+            for (place, pixel) in keys.iter_mut().zip(pixels) {
+                let offset = [0, 1].map(|i| pixel[i] as f32 + 0.5 - window[i]);
+                let is_in = match is_round {
+                    true => form * offset[0] * offset[0] + form * offset[1] * offset[1] <= 1.0,
+                    false => [0, 1].into_iter().all(|i| {
+                        let center = 256 * i64::from(pixel[i]) + 128;
+                        low[i] <= center && center < low[i] + steps
+                    }),
+                };
+                if is_in {
+                    *place = key.max(*place);
+                }
+            }
+        }
+        keys
+    }
+
+    /// Numbers in 0..1, the same in every run.
+    fn numbers(mut state: u64) -> impl FnMut() -> f32 {
+        move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 40) as f32 / (1u64 << 24) as f32
+        }
+    }
+
+    /// A crowd around what is seen, with radii of up to `largest` pixels; one in eight is odd.
+    fn crowd(count: usize, largest: f32, seed: u64) -> Vec<Splat> {
+        let mut next = numbers(seed);
+        (0..count)
+            .map(|i| {
+                let mut splat = Splat {
+                    center: Vec3::new(3.0 * next() - 1.5, 3.0 * next() - 1.5, 2.0 * next() - 1.0),
+                    radius: largest * next() * next() / 110.0,
+                    ..Splat::zeroed()
+                };
+                match i % 24 {
+                    0 => splat.center.x = f32::NAN,
+                    3 => splat.center.z = 3.5,
+                    6 => splat.center = Vec3::new(f32::INFINITY, 0.0, 0.0),
+                    9 => splat.radius = -splat.radius,
+                    12 => splat.center.z = 2.4999,
+                    // In one place, in one row: what ends in which row is seen at the border of bands.
+                    15 | 18 => splat.center = Vec3::new(0.3, -0.4, 0.5),
+                    21 => splat.center.y = 0.0,
+                    _ => {}
+                }
+                splat
+            })
+            .collect()
+    }
+
+    /// Every way that this processor has.
+    fn levels() -> Vec<Level> {
+        let mut levels = vec![Level::baseline(), Level::new()];
+        #[cfg(target_arch = "x86_64")]
+        levels.extend(Level::new().as_avx2().map(Level::Avx2));
+        levels
+    }
+
+    #[test]
+    fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
+        let mut places = Places::default();
+        let mut covered = 0;
+        for (seed, (size_px, largest)) in
+            [(1.0, 2.0), (1.3, 1.5), (2.0, 3.0), (3.0, 5.0), (5.7, 6.0)]
+                .into_iter()
+                .enumerate()
+        {
+            for (count, samples) in [(0, 0), (1, 0), (1, 1), (900, 0), (20_000, 7_001)] {
+                let splats = crowd(count, largest, 5 + seed as u64);
+                for (are_discs, has_one_size) in
+                    [(false, true), (false, false), (true, true), (true, false)]
+                {
+                    let look = Look {
+                        are_discs,
+                        has_one_size,
+                    };
+                    let screen = screen(size_px);
+                    // Of many, plain loops look at the first ones only: the rest is behind them.
+                    let wanted = match count {
+                        20_000 => None,
+                        _ => Some(expected(&splats, (look, samples), &screen)),
+                    };
+                    let mut first = None;
+                    for level in levels() {
+                        let what = format!("{size_px}, {count}, {samples}, {look:?}, {level:?}");
+                        // What was there is not looked at.
+                        let mut keys = vec![u64::MAX; screen.pixels() + 5];
+                        let own = splats.split_at(count - samples);
+                        let parts = own.0.chunks(parts::PART);
+                        let parts = parts.map(|part| (Source::List(part), part.len())).collect();
+                        let list = (parts, look, own.1);
+                        draw_by(level, list, &screen, (&mut places, &mut keys));
+                        assert!(keys[screen.pixels()..].iter().all(|&key| key == u64::MAX));
+                        keys.truncate(screen.pixels());
+                        covered += keys.iter().filter(|&&key| key != 0).count();
+                        if let Some(wanted) = &wanted {
+                            assert!(keys == *wanted, "{what}");
+                        }
+                        let is_seen = |number: usize| {
+                            let low = !(number as u32 | SPLAT_BIT);
+                            keys.iter().any(|&key| key != 0 && key as u32 == low)
+                        };
+                        for number in (0..count - samples).step_by(211) {
+                            let seen = places.seen[number].load(Ordering::Relaxed) != 0;
+                            assert_eq!(seen, is_seen(number), "{what}: {number}");
+                        }
+                        assert!(*first.get_or_insert_with(|| keys.clone()) == keys, "{what}");
+                    }
+                }
+            }
+        }
+        assert!(covered > 100_000, "{covered}");
+    }
+
+    /// A cut with nodes, rows and leaves, and some that have no area: what is seen in each pixel is the same splat as where all
+    /// are written first, and what is not seen is not written.
+    #[test]
+    fn a_cut_is_drawn_as_its_list_and_what_is_seen_is_written() {
+        let mut numbers = [0; 4];
+        for (shape, threshold_px) in [
+            (Shape::Statue, 1.7),
+            (Shape::Torus, 3.0),
+            (Shape::Torus, 1.2),
+        ] {
+            let spec = Spec::with_triangles(shape, 40_000).unwrap();
+            let mut mesh = generate::mesh(&spec);
+            for corners in mesh.triangles.iter_mut().step_by(5) {
+                corners[2] = corners[1];
+            }
+            let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+            let undrawn = Undrawn::new(&model);
+            let eye = DVec3::new(0.0, -0.1, 3.0);
+            let size = (SIZE[0], SIZE[1]);
+            let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.7, (0.5, 100.0));
+            let view = camera.view(model.origin).unwrap();
+            let settings = Settings {
+                threshold_px,
+                cull_back: false,
+                ..Settings::default()
+            };
+            let mut cut = Cut::default();
+            select(&model, &view, &settings, &mut cut);
+            let lists = [cut.nodes.len(), cut.strips.len(), cut.leaves.len()];
+            for (sum, count) in numbers.iter_mut().zip(lists) {
+                *sum += count;
+            }
+            for footprint in [Footprint::Square, Footprint::Circle] {
+                let plan = Plan {
+                    footprint,
+                    threshold_px,
+                    size: settings.size,
+                    draws_large_leaves: false,
+                    low_pass_px: 0.0,
+                    by_level: false,
+                    cut_view: None,
+                    max_point_px: f32::INFINITY,
+                };
+                let are_discs = footprint == Footprint::Circle;
+                let look = Look {
+                    are_discs,
+                    has_one_size: true,
+                };
+                let screen = screen(threshold_px);
+                let (mut places, mut keys) = (Places::default(), vec![0; screen.pixels()]);
+                let count = splats::count(&cut, &plan);
+                let samples = crowd(40, 1.0, 3);
+                let mut list = vec![Splat::zeroed(); count];
+                let packed = splats::pack(&model, &cut, &view, &plan, &mut list);
+                list.truncate(packed.points);
+                numbers[3] += count - packed.points;
+                list.extend(&samples);
+                draw(
+                    &list,
+                    (look, samples.len()),
+                    &screen,
+                    &mut places,
+                    &mut keys,
+                );
+                let nothing = Splat {
+                    radius: -77.0,
+                    ..Splat::zeroed()
+                };
+                let mut out = vec![nothing; count];
+                out.extend(&samples);
+                let mut own_keys = keys.clone();
+                draw_cut(
+                    (&model, &undrawn),
+                    (&cut, &view, &plan),
+                    (&screen, are_discs),
+                    (&mut places, &mut own_keys),
+                    &mut out,
+                );
+                let mut seen = vec![false; count];
+                for (key, own) in keys.into_iter().zip(own_keys) {
+                    assert_eq!(key >> 32, own >> 32);
+                    if key != 0 {
+                        let at = |key: u64| (!(key as u32) & !SPLAT_BIT) as usize;
+                        let [wanted, is] = [&list[at(key)], &out[at(own)]];
+                        assert_eq!(bytemuck::bytes_of(wanted), bytemuck::bytes_of(is));
+                        if let Some(seen) = seen.get_mut(at(own)) {
+                            *seen = true;
+                        }
+                    }
+                }
+                for (splat, seen) in out[..count].iter().zip(seen) {
+                    assert_eq!(splat.radius != -77.0, seen);
+                }
+            }
+        }
+        assert!(numbers.iter().all(|&n| n > 100), "{numbers:?}");
+    }
+
+    #[test]
+    fn what_is_too_wide_for_its_numbers_is_not_drawn() {
+        let frame = FrameConstants::zeroed();
+        assert!(Screen::new(&frame, [3, 0, 3, 65_535]).is_some());
+        assert!(Screen::new(&frame, [0, 0, 65_536, 2]).is_none());
+        assert!(Screen::new(&frame, [5, 0, 4, 2]).is_none());
+    }
 }

@@ -369,7 +369,7 @@ mod tests {
                     };
                     let near = [a, b, c].iter().flat_map(|p| p.0).any(|v| {
                         let from_center = (v - 0.5).abs().fract();
-                        from_center < 0.01 || from_center > 0.99
+                        !(0.01..=0.99).contains(&from_center)
                     });
                     if near {
                         continue;

@@ -48,6 +48,8 @@ pub(super) struct Held {
     pub(super) packed: Packed,
     /// How many of them are triangles that cover one pixel.
     pub(super) samples: usize,
+    /// How many of them have no area, and are not drawn.
+    pub(super) undrawn: usize,
     /// Where compute draws fuzzy splats, what of them is where; then nothing is in `packed`.
     pub(super) placed: Option<fuzzy::Placed>,
     /// Records of the list of splats, with gaps.
@@ -226,7 +228,7 @@ impl Lists {
             let has_triangles = ways.takes_triangles && !cut.triangles.is_empty();
             ways.is_small && (may_sample || !has_triangles)
         });
-        let mut is_drawn = false;
+        let (mut is_drawn, mut undrawn) = (false, 0);
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan) if plan.has_one_size(model) => {
                 let count = splats::count(cut, plan);
@@ -257,6 +259,7 @@ impl Lists {
                     let out = &mut out[..packed.points];
                     if is_last {
                         let scene = (model, scene.undrawn(model));
+                        undrawn = scene.1.count_in(cut);
                         let screen = (&screen, look.are_discs);
                         (self.nearest).draw_cut(gpu, scene, (cut, view, plan), screen, out)?;
                     } else {
@@ -330,6 +333,7 @@ impl Lists {
         self.held = Some(Held {
             packed,
             samples: samples.unwrap_or(0),
+            undrawn,
             placed,
             capacity,
             splat_bytes: (capacity * record_bytes) as u64,

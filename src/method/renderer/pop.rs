@@ -304,7 +304,10 @@ impl Renderer {
             nodes_visited: held.stats.visited,
             hidden: held.stats.hidden,
             between: held.stats.between,
-            splats: placed.map_or(packed.points + packed.quads - held.samples, |p| p.all()) as u64,
+            splats: placed.map_or(
+                packed.points + packed.quads - held.samples - held.undrawn,
+                |p| p.all(),
+            ) as u64,
             triangles: held.triangles as u64,
             points: 0,
             draw_list_bytes: held.splat_bytes + held.index_bytes + drawn_bytes,
