@@ -445,7 +445,7 @@ impl Renderer {
                 Some(made) => made,
                 none => none.insert(Small::new(&self.gpu, &self.targets)?),
             };
-            small.ensure(pop::compute_variant(settings, model))?;
+            small.ensure(pop::compute_variant(settings, model, flags))?;
             small.ensure(compute::Variant::SAMPLES)?;
         }
         if settings.has_cut() && Choice::of(settings, model, view).needs_undrawn() {

@@ -20,9 +20,7 @@ use crate::method::scene::Scene;
 use crate::method::splats::Splats;
 use crate::method::targets::Context;
 use crate::method::times::{Kept, Stage};
-use crate::method::{
-    Method, Path, Settings, SplatKind, filtered, fuzzy, hybrid, overdraw, visibility,
-};
+use crate::method::{Method, Path, Settings, filtered, fuzzy, hybrid, overdraw, visibility};
 use crate::tree::Model;
 
 /// Where the device places corners of triangles.
@@ -36,11 +34,11 @@ fn screen(frame: &FrameConstants, context: &Context) -> Screen {
     )
 }
 
-/// What compute draws opaque splats as.
-pub(super) fn compute_variant(settings: &Settings, model: &Model) -> compute::Variant {
+/// What compute draws opaque splats as in frames of these flags.
+pub(super) fn compute_variant(settings: &Settings, model: &Model, flags: u32) -> compute::Variant {
     let plan = splat_plan(settings, f32::INFINITY);
     let one_size_px = plan.has_one_size(model).then_some(plan.threshold_px);
-    compute::Variant::new(settings.splat == SplatKind::Disc, one_size_px)
+    compute::Variant::new(settings.footprint(), one_size_px, flags)
 }
 
 impl Renderer {
@@ -179,7 +177,7 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
             sample_count: held.samples as u32,
-            variant: compute_variant(settings, model),
+            variant: compute_variant(settings, model, flags),
             areas: &areas,
         };
         let small_triangles = Triangles {
