@@ -47,6 +47,7 @@ fn costs(path: Path, largest_point_px: f32) -> Costs {
     });
     Costs {
         square: kind,
+        ellipse: kind,
         gauss: kind,
         filtered: kind,
         visibility: kind,
@@ -116,7 +117,9 @@ fn cases() -> Vec<(Settings, Option<&'static str>)> {
         (of(Square, Pop, 9.0), None),
         (of(Square, Splats, 2.0), None),
         (of(Square, Points, 2.0), None),
-        (of(Ellipse, Pop, 4.0), None),
+        (of(Ellipse, Pop, 4.0), Some("small.clear")),
+        (of(Ellipse, Pop, 10.5), None),
+        (of(Ellipse, Splats, 2.0), None),
         (of(Ellipse, Points, 5.0), None),
         (of(Visibility, Pop, 5.0), Some("visibility.splats")),
         (of(Visibility, Splats, 3.0), Some("visibility.splats")),

@@ -2,6 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 mod common;
+#[path = "paths/ellipses.rs"]
+mod ellipses;
 #[path = "paths/visibility.rs"]
 mod visibility;
 
@@ -12,6 +14,7 @@ use surfel::gpu::Error;
 use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
+use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
 use surfel::method::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
@@ -115,6 +118,27 @@ fn discs(threshold_px: f32) -> Settings {
     }
 }
 
+fn built(mesh: Mesh) -> Model {
+    let options = surfel::tree::BuildOptions::default();
+    surfel::tree::build(mesh, &options, &surfel::progress::Silent).unwrap()
+}
+
+/// A statue of 30,000 triangles, in colors.
+fn colored() -> Mesh {
+    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
+    let shade = |x: f32| (x * 127.0 + 128.0) as u8;
+    let colors = mesh.positions.iter();
+    mesh.colors = colors.map(|p| [shade(p.x), 90, shade(p.z), 255]).collect();
+    mesh
+}
+
+/// Its points.
+fn colored_cloud() -> Model {
+    let mut mesh = colored();
+    mesh.triangles.clear();
+    built(mesh)
+}
+
 /// The picture, its depths, and the passes that drew it.
 fn passes(engine: &mut Engine<'_>, view: &View, settings: &Settings) -> (Image, Vec<&'static str>) {
     let times = engine.draw(view, settings).unwrap();
@@ -128,23 +152,9 @@ fn passes(engine: &mut Engine<'_>, view: &View, settings: &Settings) -> (Image, 
 fn the_host_draws_what_compute_does() {
     let Some(device) = Device::open() else { return };
     let is_software = device.gpu().info().kind == Kind::Cpu;
-    let mut colored = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
-    colored.colors = (colored.positions.iter())
-        .map(|p| {
-            [
-                (p.x * 127.0 + 128.0) as u8,
-                90,
-                (p.z * 127.0 + 128.0) as u8,
-                255,
-            ]
-        })
-        .collect();
+    let colored = colored();
     let mut cloud = colored.clone();
     cloud.triangles.clear();
-    let built = |mesh| {
-        let options = surfel::tree::BuildOptions::default();
-        surfel::tree::build(mesh, &options, &surfel::progress::Silent).unwrap()
-    };
     let models = [
         ("statue", generated(Shape::Statue, 60_000)),
         ("torus", generated(Shape::Torus, 60_000)),
@@ -244,16 +254,9 @@ fn differing(a: &Image, b: &Image) -> usize {
 #[test]
 fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
     let Some(device) = Device::open() else { return };
-    let mut mesh = surfel::generate::mesh(
-        &surfel::generate::Spec::with_triangles(Shape::Statue, 30_000).unwrap(),
-    );
+    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
     mesh.triangles.clear();
-    let cloud = surfel::tree::build(
-        mesh,
-        &surfel::tree::BuildOptions::default(),
-        &surfel::progress::Silent,
-    )
-    .unwrap();
+    let cloud = built(mesh);
     let statue = generated(Shape::Statue, 60_000);
     let torus = generated(Shape::Torus, 60_000);
     let size = (400, 320);
@@ -329,30 +332,39 @@ fn opaque_discs_are_the_same_in_every_projection_and_light() {
     }
 }
 
-/// A view full of small discs is drawn by compute unless it is asked not to, and one of a few pixels is not.
-#[test]
-fn discs_go_by_compute_where_that_pays() {
+/// Asserts of the statue, for each fill, threshold and path, whether a frame of these settings has this pass.
+fn assert_ways(settings: impl Fn(f32) -> Settings, pass: &str, wanted: &[(f64, f32, Path, bool)]) {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 60_000);
     let backend = Backend::Device(device.gpu().clone());
-    for (fill, threshold_px, path, is_wanted) in [
-        (1.0, 2.0, Path::Auto, true),
-        (1.0, 2.0, Path::Raster, false),
-        (1.0, 6.5, Path::Auto, false),
-        (0.01, 2.0, Path::Auto, false),
-        (0.01, 2.0, Path::Compute, true),
-    ] {
+    for &(fill, threshold_px, path, is_wanted) in wanted {
         let view = orbit(&model, (200, 200), 30.0, 20.0, fill);
         let mut engine = Engine::new(&backend, &model, (200, 200), Outputs::default()).unwrap();
         let settings = Settings {
             path,
-            ..discs(threshold_px)
+            ..settings(threshold_px)
         };
-        let times = engine.draw(&view, &settings).unwrap();
-        // Which compute or the host leaves to it.
-        let is_there = times.passes.iter().any(|p| p.name == "small.resolve");
-        assert_eq!(is_there, is_wanted, "{fill}, {threshold_px}, {path:?}");
+        let (_, passes) = passes(&mut engine, &view, &settings);
+        let what = format!("{fill}, {threshold_px}, {path:?}: {passes:?}");
+        assert_eq!(passes.contains(&pass), is_wanted, "{what}");
     }
+}
+
+/// A view full of small discs is drawn by compute unless it is asked not to, and one of a few pixels is not.
+#[test]
+fn discs_go_by_compute_where_that_pays() {
+    assert_ways(
+        discs,
+        // Which compute or the host leaves to it.
+        "small.resolve",
+        &[
+            (1.0, 2.0, Path::Auto, true),
+            (1.0, 2.0, Path::Raster, false),
+            (1.0, 6.5, Path::Auto, false),
+            (0.01, 2.0, Path::Auto, false),
+            (0.01, 2.0, Path::Compute, true),
+        ],
+    );
 }
 
 #[test]
@@ -510,7 +522,17 @@ fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
         },
         Settings {
             splat: SplatKind::Ellipse,
-            threshold_px: 3.0,
+            threshold_px: 10.5,
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Ellipse,
+            method: Method::Splats,
+            ..Settings::default()
+        },
+        Settings {
+            splat: SplatKind::Ellipse,
+            color_by: ColorBy::Normal,
             ..Settings::default()
         },
         Settings {

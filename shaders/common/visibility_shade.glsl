@@ -40,6 +40,11 @@ vec4 clip_of_footprint(Seen seen) {
     return before_far(frame.clip_from_view * vec4(push_away(seen.center_in_view, seen.front.y), 1.0));
 }
 
+// Before `bounded` ends it.
+Disc unbounded_footprint_of(Seen seen, float alpha) {
+    return unbounded_footprint(seen.center_in_view, seen.normal_in_view, seen.radius, thickness_of(alpha), false);
+}
+
 Disc footprint_of(Seen seen, float alpha) {
-    return footprint(seen.center_in_view, seen.normal_in_view, seen.radius, thickness_of(alpha), false);
+    return bounded(unbounded_footprint_of(seen, alpha));
 }

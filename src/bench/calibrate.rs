@@ -36,6 +36,8 @@ pub const VARIABLE: &str = "SURFEL_CALIBRATE";
 pub enum Part {
     /// Opaque squares and triangles of a pixel or two by both paths.
     Opaque,
+    /// Opaque ellipses by both paths.
+    Ellipses,
     /// Splats that are blended in two passes, by both paths.
     Blended,
     /// Filtered splats by both paths.
@@ -50,8 +52,9 @@ pub enum Part {
 
 impl Part {
     /// All of them.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Opaque,
+        Self::Ellipses,
         Self::Blended,
         Self::Filtered,
         Self::Visibility,
@@ -69,6 +72,9 @@ impl Part {
             SplatKind::Filtered => &[Self::Filtered],
             SplatKind::Square if is_opaque && settings.method == Method::Pop => {
                 &[Self::Opaque, Self::Primitives]
+            }
+            SplatKind::Ellipse if is_opaque && settings.method == Method::Pop => {
+                &[Self::Opaque, Self::Ellipses, Self::Primitives]
             }
             _ if is_opaque || !settings.has_cut() => &[Self::Primitives],
             _ => &[Self::Blended, Self::Primitives],
@@ -311,6 +317,7 @@ impl Calibration {
                     costs.square = stand.splats(SplatKind::Square)?.0;
                     costs.triangle = stand.triangles()?;
                 }
+                Part::Ellipses => costs.ellipse = stand.splats(SplatKind::Ellipse)?.0,
                 Part::Blended => {
                     (costs.gauss, costs.gauss_merge) = stand.splats(SplatKind::Gauss)?;
                 }

@@ -153,6 +153,7 @@ fn of_passes(place: &Place, line: &str, passes: &PassCosts) -> [Figure; 4] {
 pub fn kinds(costs: &Costs) -> Vec<(&'static str, &Ways<SplatCosts>)> {
     [
         ("square", &costs.square),
+        ("ellipse", &costs.ellipse),
         ("gauss", &costs.gauss),
         ("filtered", &costs.filtered),
         ("visibility", &costs.visibility),

@@ -57,8 +57,11 @@ impl Choice {
     /// Whether compute shaders can draw it on a device that has what they need.
     fn has_twin(&self) -> bool {
         match (self.method, self.splat) {
-            (Method::Pop, SplatKind::Square) => {
+            (Method::Pop, SplatKind::Square | SplatKind::Disc) => {
                 self.threshold_px <= crate::method::LARGEST_COMPUTE_SQUARE_PX
+            }
+            (Method::Pop, SplatKind::Ellipse) => {
+                self.threshold_px <= crate::method::LARGEST_COMPUTE_ELLIPSE_PX
             }
             (
                 Method::Pop | Method::Splats,
@@ -260,8 +263,9 @@ mod tests {
                 .filter(|c| c.path == Path::Compute)
                 .count()
         };
-        // Squares up to 6 pixels; Gaussians, visibility and filtered splats of all eleven sizes, in splats and in pop.
-        assert_eq!((twins(false), twins(true)), (0, 8 + 6 * 11));
+        // Squares and discs up to 6 pixels, ellipses up to 10; Gaussians, visibility and filtered splats of all eleven sizes, in
+        // splats and in pop.
+        assert_eq!((twins(false), twins(true)), (0, 2 * 8 + 9 + 6 * 11));
         let lines = |is_cloud| {
             let few = Choice::few(is_cloud, true).into_iter();
             let mut lines: Vec<String> = few
@@ -273,6 +277,8 @@ mod tests {
         };
         let of_pop = [
             "pop square, compute",
+            "pop disc, compute",
+            "pop ellipse, compute",
             "pop gauss, compute",
             "pop visibility, compute",
             "pop filtered, compute",

@@ -230,8 +230,8 @@ pub(crate) struct LookArgs {
     /// Where splats are blended: how far behind the front a surface still counts as one with it, in radii of a splat [default: 3 for filtered, 2 of these where nothing is culled; else 1]
     #[arg(long, value_name = "FACTOR")]
     depth_offset: Option<f32>,
-    /// What draws splats and triangles of a few pixels on a device; the picture is the same. Compute knows squares and discs of
-    /// --method pop, and blended, filtered and visibility splats of pop and splats
+    /// What draws splats and triangles of a few pixels on a device; the picture is the same. Compute knows squares, discs and
+    /// ellipses of --method pop, and blended, filtered and visibility splats of pop and splats
     #[arg(long, value_enum, default_value = "auto")]
     path: PathName,
     /// What goes down the tree; the picture is the same. The device knows squares and discs of --method pop

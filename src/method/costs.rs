@@ -207,8 +207,10 @@ impl PrimitiveCosts {
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Costs {
-    /// Opaque squares; discs and ellipses count as these.
+    /// Opaque squares; discs count as these.
     pub square: Option<Ways<SplatCosts>>,
+    /// Opaque ellipses.
+    pub ellipse: Option<Ways<SplatCosts>>,
     /// Splats that are blended in two passes and normalized.
     pub gauss: Option<Ways<SplatCosts>>,
     /// Filtered splats.
@@ -275,26 +277,27 @@ impl Costs {
     /// The costs of a kind of splat.
     pub fn of(&self, kind: SplatKind) -> Option<&Ways<SplatCosts>> {
         match kind {
-            SplatKind::Square | SplatKind::Disc | SplatKind::Ellipse => self.square.as_ref(),
+            SplatKind::Square | SplatKind::Disc => self.square.as_ref(),
+            SplatKind::Ellipse => self.ellipse.as_ref(),
             SplatKind::Gauss => self.gauss.as_ref(),
             SplatKind::Visibility => self.visibility.as_ref(),
             SplatKind::Filtered => self.filtered.as_ref(),
         }
     }
 
-    /// The cheapest paths for a frame of opaque squares and triangles; `None` where squares or triangles were not measured.
+    /// The cheapest paths for a frame of opaque splats of a kind and triangles; `None` where one of them was not measured.
     ///
     /// Where triangles go by compute the splats do, too: what is left in a pixel by both is shaded by one pass over the
     /// picture. Passes that both need count once. The rasterizer, unless compute is cheaper by a tenth.
-    pub fn opaque_paths(&self, load: &Load) -> Option<Chosen<Paths>> {
+    pub fn opaque_paths(&self, kind: SplatKind, load: &Load) -> Option<Chosen<Paths>> {
         let Load {
             triangles,
             splats,
             size_px,
             pixels,
         } = *load;
-        let (squares, small) = (self.square.as_ref()?, self.triangle.as_ref()?);
-        let splat_ns = squares.each(|c| c.frame_ns(splats, size_px, pixels));
+        let (own, small) = (self.of(kind)?, self.triangle.as_ref()?);
+        let splat_ns = own.each(|c| c.frame_ns(splats, size_px, pixels));
         let triangle_ns = small.each(|c| c.frame_ns(triangles, pixels));
         // What goes over the same pixels for both is done once: clearing, resolving.
         let nothing = |of_splats: &Option<SplatCosts>, of_triangles: &Option<TriangleCosts>| match (
@@ -309,7 +312,7 @@ impl Costs {
         use Path::{Compute, Raster};
         let offer = |by: [usize; 2]| {
             let ways = (
-                [&squares.raster, &squares.compute][by[1]],
+                [&own.raster, &own.compute][by[1]],
                 [&small.raster, &small.compute][by[0]],
             );
             triangle_ns[by[0]] + splat_ns[by[1]] - nothing(ways.0, ways.1)
@@ -382,6 +385,7 @@ impl Costs {
     pub fn or(self, other: Self) -> Self {
         Self {
             square: self.square.or(other.square),
+            ellipse: self.ellipse.or(other.ellipse),
             gauss: self.gauss.or(other.gauss),
             filtered: self.filtered.or(other.filtered),
             visibility: self.visibility.or(other.visibility),
@@ -405,7 +409,13 @@ impl Costs {
         let is_splat = |c: &SplatCosts| c.splat_ns.iter().all(is_time) && is_pass(&c.passes);
         let is_triangle = |c: &TriangleCosts| is_time(&c.triangle_ns) && is_pass(&c.passes);
         let is_merge = |c: &MergeCosts| is_time(&c.splat_ns) && is_pass(&c.passes);
-        let splats = [&self.square, &self.gauss, &self.filtered, &self.visibility];
+        let splats = [
+            &self.square,
+            &self.ellipse,
+            &self.gauss,
+            &self.filtered,
+            &self.visibility,
+        ];
         let triangles = self.triangle.iter();
         splats
             .into_iter()

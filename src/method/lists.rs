@@ -226,6 +226,9 @@ impl Lists {
         let may_sample = key.may_sample && ways.takes_triangles && ways.is_small;
         let host_draws = host.opaque.filter(|_| {
             let has_triangles = ways.takes_triangles && !cut.triangles.is_empty();
+            let has_one_size = |plan: &splats::Plan| plan.has_one_size(model);
+            let may_sample =
+                may_sample && matches!(&packing, Packing::Splats(plan) if has_one_size(plan));
             ways.is_small && (may_sample || !has_triangles)
         });
         let (mut is_drawn, mut undrawn) = (false, 0);

@@ -27,6 +27,7 @@ pub use settings::{
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;
+pub use compute::LARGEST_ELLIPSE_PX as LARGEST_COMPUTE_ELLIPSE_PX;
 pub use compute::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;
 
 use crate::gpu::image::Format;

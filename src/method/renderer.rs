@@ -461,7 +461,7 @@ impl Renderer {
                 Some(made) => made,
                 none => none.insert(Small::new(&self.gpu, &self.targets)?),
             };
-            small.ensure(pop::compute_variant(settings, model))?;
+            small.ensure(pop::compute_variant(settings, model, flags))?;
             small.ensure(compute::Variant::SAMPLES)?;
         }
         let by_host = by_compute && is_opaque && self.host_may_draw(settings);

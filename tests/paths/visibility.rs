@@ -1,29 +1,13 @@
 //! Visibility splats by compute and by the rasterizer.
 
 use super::common::{self, Device, generated, orbit};
-use super::{assert_same, differing, draw, passes, visible};
+use super::{assert_same, assert_ways, built, colored_cloud, differing, draw, passes, visible};
 use surfel::draw::{ColorBy, Lighting, Phong};
-use surfel::generate::{Shape, Spec};
+use surfel::generate::Shape;
 use surfel::image::Image;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::Outputs;
 use surfel::method::{Culling, Method, Path, Reconstruction, Settings};
-use surfel::tree::Model;
-
-fn built(mesh: surfel::mesh::Mesh) -> Model {
-    let options = surfel::tree::BuildOptions::default();
-    surfel::tree::build(mesh, &options, &surfel::progress::Silent).unwrap()
-}
-
-/// Points of a statue of 30,000 triangles, in colors.
-fn colored_cloud() -> Model {
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
-    let shade = |x: f32| (x * 127.0 + 128.0) as u8;
-    let colors = mesh.positions.iter();
-    mesh.colors = colors.map(|p| [shade(p.x), 90, shade(p.z), 255]).collect();
-    mesh.triangles.clear();
-    built(mesh)
-}
 
 /// At every threshold and in every reconstruction: alone, beside triangles, beside splats that are too large for compute.
 #[test]
@@ -187,24 +171,15 @@ fn of_equally_far_visibility_splats_the_same_one_is_seen() {
 
 #[test]
 fn visibility_splats_go_by_compute_where_that_pays() {
-    let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 60_000);
-    let backend = Backend::Device(device.gpu().clone());
-    for (fill, threshold_px, path, is_wanted) in [
-        (1.0, 2.0, Path::Auto, true),
-        (1.0, 2.0, Path::Raster, false),
-        (1.0, 16.5, Path::Auto, false),
-        (0.01, 4.0, Path::Auto, false),
-        (0.01, 4.0, Path::Compute, true),
-    ] {
-        let view = orbit(&model, (200, 200), 30.0, 20.0, fill);
-        let mut engine = Engine::new(&backend, &model, (200, 200), Outputs::default()).unwrap();
-        let settings = Settings {
-            path,
-            ..visible(threshold_px)
-        };
-        let (_, passes) = passes(&mut engine, &view, &settings);
-        let is_there = passes.contains(&"visibility.splats");
-        assert_eq!(is_there, is_wanted, "{fill}, {threshold_px}, {path:?}");
-    }
+    assert_ways(
+        visible,
+        "visibility.splats",
+        &[
+            (1.0, 2.0, Path::Auto, true),
+            (1.0, 2.0, Path::Raster, false),
+            (1.0, 16.5, Path::Auto, false),
+            (0.01, 4.0, Path::Auto, false),
+            (0.01, 4.0, Path::Compute, true),
+        ],
+    );
 }

@@ -294,7 +294,7 @@ impl Stand {
         let raster = self.way(&base(Path::Raster))?;
         let compute = self.way(&base(Path::Compute))?;
         let merge = match (&compute, kind) {
-            (None, _) | (_, SplatKind::Square | SplatKind::Visibility) => None,
+            (None, _) | (_, SplatKind::Square | SplatKind::Ellipse | SplatKind::Visibility) => None,
             (Some((_, alone)), _) => {
                 // Every leaf might be large.
                 let settings = Settings {

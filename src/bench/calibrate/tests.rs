@@ -123,10 +123,14 @@ fn only_what_decides_is_measured() {
             ..Settings::default()
         })
     };
-    use Part::{Blended, Filtered, Opaque, Primitives, Visibility};
+    use Part::{Blended, Ellipses, Filtered, Opaque, Primitives, Visibility};
     assert_eq!(of(SplatKind::Square, Method::Pop), [Opaque, Primitives]);
     assert_eq!(of(SplatKind::Square, Method::Splats), [Primitives]);
-    assert_eq!(of(SplatKind::Ellipse, Method::Pop), [Primitives]);
+    assert_eq!(
+        of(SplatKind::Ellipse, Method::Pop),
+        [Opaque, Ellipses, Primitives]
+    );
+    assert_eq!(of(SplatKind::Ellipse, Method::Splats), [Primitives]);
     assert_eq!(of(SplatKind::Gauss, Method::Splats), [Blended, Primitives]);
     assert_eq!(of(SplatKind::Gauss, Method::Points), [Primitives]);
     assert_eq!(of(SplatKind::Filtered, Method::Pop), [Filtered]);

@@ -3,6 +3,7 @@
 
 use super::twin::Share;
 use super::{pays, rect};
+use crate::draw::Footprint;
 use crate::method::costs::{Chosen, Costs, Load, Paths, Pixels};
 use crate::method::plan::{Drawing, LARGEST_HIDDEN_PX};
 use crate::method::{Occlusion, Path, Settings, SplatKind};
@@ -48,24 +49,27 @@ impl Asked<'_> {
         }
     }
 
-    /// The paths of opaque squares and small triangles, in a frame that may be drawn by compute.
+    /// The paths of opaque splats and small triangles, in a frame that may be drawn by compute.
     pub(crate) fn opaque(&self) -> Paths {
         let settings = self.settings;
         // Where hidden squares are left out by themselves, about one for each pixel of the box is left, at larger sizes fewer.
         let pixels = rect::pixels(self.rect_px) as f64;
         let left = pixels / f64::from(settings.threshold_px.max(1.0));
-        let are_left_out =
-            settings.occlusion != Occlusion::Off && settings.threshold_px <= LARGEST_HIDDEN_PX[0];
+        // What an ellipse hides is not looked for.
+        let are_ellipses = settings.footprint() == Footprint::Oriented;
+        let are_left_out = settings.occlusion != Occlusion::Off
+            && !are_ellipses
+            && settings.threshold_px <= LARGEST_HIDDEN_PX[0];
         let splats = match are_left_out {
             true => (self.splats as u64).min(left as u64),
             false => self.splats as u64,
         };
         match self
             .deciding()
-            .and_then(|c| c.opaque_paths(&self.load(splats)))
+            .and_then(|c| c.opaque_paths(settings.splat, &self.load(splats)))
         {
             Some(chosen) => {
-                log("squares and small triangles", &chosen);
+                log("opaque splats and small triangles", &chosen);
                 chosen.choice
             }
             None => {
@@ -73,11 +77,13 @@ impl Asked<'_> {
                     true => Path::Compute,
                     false => Path::Raster,
                 };
+                // Each ellipse saves a software device 130 ns and more, a square 60 to 80.
+                let least = if are_ellipses { 0.0625 } else { 0.125 };
                 let paths = Paths {
                     triangles: path(self.triangles, 1.0),
-                    splats: path(self.splats, 0.125),
+                    splats: path(self.splats, least),
                 };
-                self.log_guess("squares and small triangles", &paths);
+                self.log_guess("opaque splats and small triangles", &paths);
                 paths
             }
         }
@@ -185,5 +191,68 @@ pub(crate) fn largest_point_px(costs: &Costs, settings: &Settings, device_px: f3
             px
         }
         _ => device_px,
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a failing test panics")]
+mod tests {
+    use super::*;
+    use crate::method::costs::{PassCosts, SplatCosts, TriangleCosts, Ways};
+
+    /// A million splats in 100,000 pixels: at 10 ns more for each by the rasterizer and 5 ms more for the frame by compute.
+    #[test]
+    fn all_ellipses_count_and_of_squares_those_that_are_seen() {
+        let passes = PassCosts {
+            frame_ns: 5e6,
+            ..PassCosts::default()
+        };
+        let splats = |ns, passes| SplatCosts {
+            splat_ns: [ns; 3],
+            passes,
+        };
+        let kind = Some(Ways {
+            raster: Some(splats(11.0, PassCosts::default())),
+            compute: Some(splats(1.0, passes)),
+        });
+        let triangles = TriangleCosts {
+            triangle_ns: 1.0,
+            passes: PassCosts::default(),
+        };
+        let costs = Costs {
+            square: kind,
+            ellipse: kind,
+            triangle: Some(Ways {
+                raster: Some(triangles),
+                compute: None,
+            }),
+            ..Costs::default()
+        };
+        let path = |splat, costs| {
+            let settings = Settings {
+                splat,
+                threshold_px: 1.0,
+                ..Settings::default()
+            };
+            let asked = Asked {
+                settings: &settings,
+                costs: Some(costs),
+                splats: 1_000_000,
+                triangles: 0,
+                rect_px: [0, 0, 500, 200],
+                size: (500, 500),
+            };
+            asked.opaque().splats
+        };
+        assert_eq!(path(SplatKind::Ellipse, costs), Path::Compute);
+        assert_eq!(path(SplatKind::Square, costs), Path::Raster);
+        assert_eq!(path(SplatKind::Disc, costs), Path::Raster);
+        // Each kind by its own costs.
+        let mut cheap = costs;
+        cheap.ellipse = cheap.ellipse.map(|ways| Ways {
+            raster: Some(splats(1.0, PassCosts::default())),
+            ..ways
+        });
+        assert_eq!(path(SplatKind::Ellipse, cheap), Path::Raster);
     }
 }

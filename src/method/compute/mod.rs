@@ -1,5 +1,5 @@
-//! Small primitives by compute: the picture of [`super::hybrid`]'s rasterized squares, discs and triangles, at a fraction
-//! of their cost where they are a few pixels large.
+//! Small primitives by compute: the picture of [`super::hybrid`]'s rasterized squares, discs, ellipses and triangles, at a
+//! fraction of their cost where they are a few pixels large.
 //!
 //! A rasterizer sets every primitive up before it draws it, which on a software device takes some 65 to 150 ns whatever
 //! its size. Here `small.triangles` and `small.splats` let each leave (depth, number) in the pixels it covers by a 64-bit
@@ -19,8 +19,9 @@ use super::plan::Drawing;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::{Method, Path, Settings, Shading, SplatKind};
-use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
+use crate::abi::constants::{self, LARGEST_SMALL_BLENDED_PX};
 use crate::abi::shaders;
+use crate::draw::Footprint;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::device::Kind;
@@ -33,6 +34,8 @@ use std::sync::Arc;
 /// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
 /// atomics do.
 pub const LARGEST_SQUARE_PX: f32 = 6.0;
+/// Largest threshold at which ellipses are drawn this way, pixels: above it a rasterizer fills faster (docs/PERFORMANCE.md).
+pub const LARGEST_ELLIPSE_PX: f32 = 10.0;
 /// Largest footprint of a visibility splat that is drawn this way, as draw lists count it: in the plane of the surface a
 /// footprint may reach a diameter beyond its center to each side.
 pub(crate) const LARGEST_VISIBLE_PX: f32 =
@@ -40,26 +43,33 @@ pub(crate) const LARGEST_VISIBLE_PX: f32 =
 /// Largest bounding circle of a triangle that is drawn this way, pixels.
 pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 
-/// What decides the pipeline of splats: discs or squares, and where none has a size of its own that of all, rounded up to
-/// pixels; else 0.
+/// What decides the pipeline of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Variant {
-    are_discs: bool,
+    footprint: Footprint,
+    /// Where none has a size of its own that of all, rounded up to pixels; else 0.
     side_px: u32,
+    /// Those of the frame that a footprint in the plane of the surface asks for.
+    flags: u32,
 }
 
 impl Variant {
     /// Squares of a pixel.
     pub(crate) const SAMPLES: Self = Self {
-        are_discs: false,
+        footprint: Footprint::Square,
         side_px: 1,
+        flags: 0,
     };
 
-    /// Of discs or squares of one size, pixels, at most [`LARGEST_SQUARE_PX`]; or of sizes of their own.
-    pub(crate) fn new(are_discs: bool, one_size_px: Option<f32>) -> Self {
+    /// Of splats of one size, pixels, at most [`LARGEST_SQUARE_PX`]; or of sizes of their own; in frames of these flags.
+    pub(crate) fn new(footprint: Footprint, one_size_px: Option<f32>, flags: u32) -> Self {
         Self {
-            are_discs,
+            footprint,
             side_px: one_size_px.map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32),
+            flags: match footprint {
+                Footprint::Oriented => flags & constants::FLAG_ORTHOGRAPHIC,
+                _ => 0,
+            },
         }
     }
 }
@@ -94,10 +104,7 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     let info = gpu.info();
     let color = targets.color();
     let (why, bytes) = match Drawing::of(settings) {
-        Drawing::Opaque
-            if settings.method == Method::Pop
-                && matches!(settings.splat, SplatKind::Square | SplatKind::Disc) =>
-        {
+        Drawing::Opaque if settings.method == Method::Pop => {
             (not_as_opaque(settings), key_bytes(targets))
         }
         Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
@@ -110,7 +117,7 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
         }
         _ => (
             Some(
-                "it draws blended, filtered and visibility splats of a tree, and the squares and discs of pop that are not blended",
+                "it draws blended, filtered and visibility splats of a tree, and what pop does not blend",
             ),
             0,
         ),
@@ -134,10 +141,14 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     }
 }
 
-/// Why opaque squares and discs are not drawn by compute.
+/// Why opaque splats are not drawn by compute.
 fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
     if !settings.has_headlight() {
         Some("it knows the headlight only, and no colors by level, normal or depth")
+    } else if settings.splat == SplatKind::Ellipse {
+        (settings.threshold_px > LARGEST_ELLIPSE_PX).then_some(
+            "ellipses of this size are cheaper to rasterize; use a threshold of at most 10 pixels",
+        )
     } else if settings.threshold_px > LARGEST_SQUARE_PX {
         Some(
             "squares and discs of this size are cheaper to rasterize; use a threshold of at most 6 pixels",
@@ -171,13 +182,14 @@ fn not_as_visible(settings: &Settings) -> Option<&'static str> {
     )
 }
 
-/// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: discs with their slack.
+/// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: round ones with their slack, and
+/// in the plane of the surface a diameter beyond the center to each side.
 pub(crate) fn largest_point_px(settings: &Settings) -> f32 {
-    LARGEST_SQUARE_PX
-        + match settings.splat {
-            SplatKind::Disc => crate::draw::splats::SLACK_PX,
-            _ => 0.0,
-        }
+    match settings.footprint() {
+        Footprint::Square => LARGEST_SQUARE_PX,
+        Footprint::Circle => LARGEST_SQUARE_PX + crate::draw::splats::SLACK_PX,
+        Footprint::Oriented => 2.0 * LARGEST_ELLIPSE_PX + crate::draw::splats::SLACK_PX,
+    }
 }
 
 /// Whether `count` primitives are enough to pay for the pass that shades the picture, by a rule of thumb for devices whose
@@ -254,13 +266,21 @@ impl Small {
         let gpu = &self.gpu;
         let looks_first = gpu.info().kind != Kind::Cpu;
         let side = |bit: u32| variant.side_px & bit != 0;
-        let constants = [variant.are_discs, looks_first, side(1), side(2), side(4)];
-        let name = match variant.are_discs {
-            true => "small discs",
-            false => "small squares",
+        let of_one_size = |name, are_discs| {
+            let constants = [are_discs, looks_first, side(1), side(2), side(4)];
+            Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
         };
-        let shader = &shaders::COMPUTE_SPLATS_COMP;
-        let pipeline = Pipeline::compute(gpu, name, shader, &constants)?;
+        let pipeline = match variant.footprint {
+            Footprint::Square => of_one_size("small squares", false)?,
+            Footprint::Circle => of_one_size("small discs", true)?,
+            Footprint::Oriented => Pipeline::compute_for_flags(
+                gpu,
+                "small ellipses",
+                &shaders::COMPUTE_ELLIPSES_COMP,
+                &[looks_first],
+                variant.flags,
+            )?,
+        };
         self.splats.push((variant, pipeline));
         Ok(())
     }

@@ -165,7 +165,7 @@ fn beside_the_rasterizer_merging_is_paid_for() {
 fn splats_follow_triangles_and_their_pixels_count_once() {
     let c = costs();
     let paths = |t, s| {
-        let chosen = c.opaque_paths(&load(t, s, 1.0)).unwrap();
+        let chosen = c.opaque_paths(SplatKind::Square, &load(t, s, 1.0)).unwrap();
         (chosen.choice.triangles, chosen.choice.splats)
     };
     use Path::{Compute, Raster};
@@ -184,7 +184,7 @@ fn splats_follow_triangles_and_their_pixels_count_once() {
         ..ways
     });
     let chosen = without
-        .opaque_paths(&load(1_000_000, 1_000_000, 1.0))
+        .opaque_paths(SplatKind::Square, &load(1_000_000, 1_000_000, 1.0))
         .unwrap();
     assert_eq!(
         (chosen.choice.triangles, chosen.choice.splats),
@@ -192,7 +192,11 @@ fn splats_follow_triangles_and_their_pixels_count_once() {
     );
     assert!(chosen.compute_ns.is_infinite() && chosen.raster_ns == 1.7e8);
     without.square = None;
-    assert!(without.opaque_paths(&load(9, 9, 1.0)).is_none());
+    assert!(
+        without
+            .opaque_paths(SplatKind::Square, &load(9, 9, 1.0))
+            .is_none()
+    );
 }
 
 #[test]

@@ -45,11 +45,11 @@ fn opaque_look(settings: &Settings, model: &Model) -> opaque::Look {
     }
 }
 
-/// What compute draws opaque splats as.
-pub(super) fn compute_variant(settings: &Settings, model: &Model) -> compute::Variant {
+/// What compute draws opaque splats as in frames of these flags.
+pub(super) fn compute_variant(settings: &Settings, model: &Model, flags: u32) -> compute::Variant {
     let plan = splat_plan(settings, f32::INFINITY);
     let one_size_px = plan.has_one_size(model).then_some(plan.threshold_px);
-    compute::Variant::new(settings.splat == SplatKind::Disc, one_size_px)
+    compute::Variant::new(settings.footprint(), one_size_px, flags)
 }
 
 impl Renderer {
@@ -193,7 +193,7 @@ impl Renderer {
             splats: &lists.splats,
             splat_count: packed.points as u32,
             sample_count: held.samples as u32,
-            variant: compute_variant(settings, model),
+            variant: compute_variant(settings, model, flags),
             areas: &areas,
             drawn: (held.is_drawn && drawing == Drawing::Opaque).then_some(&lists.nearest),
         };
@@ -319,7 +319,9 @@ impl Renderer {
     /// somebody may insist on a path.
     pub(super) fn host_may_draw(&self, settings: &Settings) -> bool {
         let is_software = self.gpu.info().kind == Kind::Cpu;
+        let kinds = [SplatKind::Square, SplatKind::Disc, SplatKind::Filtered];
         is_software
+            && kinds.contains(&settings.splat)
             && match settings.path {
                 Path::Auto => true,
                 Path::Compute => self.host_may_draw,
