@@ -271,7 +271,7 @@ fn alpha_of(thickness: f32) -> u8 {
 }
 
 /// Pixels of a unit of the model, parallel to the picture, at the depth of a point.
-pub(super) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
+pub(crate) fn pixels_of_unit(view: &View, at: Vec3) -> f32 {
     let z = if view.is_perspective {
         view.distance(at).max(view.near)
     } else {

@@ -257,6 +257,7 @@ impl Renderer {
             settings,
             costs: self.costs,
             splats: splats + cut.stats.hidden as usize,
+            size_px: settings.threshold_px.max(1.0),
             triangles: if is_whole { 0 } else { cut.triangles.len() },
             rect_px: context.rect_px,
             size: (context.width, context.height),

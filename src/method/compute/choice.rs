@@ -3,10 +3,14 @@
 
 use super::twin::Share;
 use super::{pays, rect};
+use crate::cut::Cut;
 use crate::draw::Footprint;
+use crate::draw::splats::pixels_of_unit;
+use crate::math::camera::View;
 use crate::method::costs::{Chosen, Costs, Load, Paths, Pixels};
 use crate::method::plan::{Drawing, LARGEST_HIDDEN_PX};
 use crate::method::{Occlusion, Path, Settings, SplatKind};
+use crate::tree::Model;
 
 /// What a frame asks for, as far as it is known once its cut is.
 #[derive(Debug, Clone, Copy)]
@@ -17,12 +21,47 @@ pub(crate) struct Asked<'a> {
     /// Splats of the cut, hidden ones with them: the picture, to the last bit, must not depend on whether those are left
     /// out.
     pub(crate) splats: usize,
+    /// See [`size_px`].
+    pub(crate) size_px: f32,
     /// Triangles of the cut.
     pub(crate) triangles: usize,
     /// The part of the picture that something may be drawn in.
     pub(crate) rect_px: [u32; 4],
     /// Width and height of the picture.
     pub(crate) size: (u32, u32),
+}
+
+/// Leaves that are looked at for the size of all.
+const SAMPLE: usize = 256;
+
+/// What size the splats of a cut count as, pixels: the threshold, but for opaque ellipses of a cloud, whose points have sizes of
+/// their own. Of these it is the side of their mean square, of a sample; none counts as larger than
+/// compute draws.
+pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: &Cut) -> f32 {
+    let usual = settings.threshold_px.max(1.0);
+    let has_own = model.triangles.is_empty()
+        && Drawing::of(settings) == Drawing::Opaque
+        && settings.footprint() == Footprint::Oriented;
+    let step = cut.leaves.len().div_ceil(SAMPLE);
+    if !has_own || step == 0 {
+        return usual;
+    }
+    let most = super::largest_point_px(settings);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for &leaf in cut.leaves.iter().step_by(step) {
+        let sphere = &model.tree.leaves[leaf as usize];
+        let side = 2.0 * sphere.radius * pixels_of_unit(view, sphere.center);
+        // A radius of 0 asks for the usual size.
+        let side = if side > 0.0 { side } else { usual };
+        sum += side.clamp(1.0, most).powi(2);
+        count += 1.0;
+    }
+    let of_strips: u64 = cut.strips.iter().map(|s| u64::from(s.splats())).sum();
+    let (leaves, others) = (
+        cut.leaves.len() as f32,
+        (cut.nodes.len() as u64 + of_strips) as f32,
+    );
+    ((leaves * (sum / count) + others * usual.powi(2)) / (leaves + others)).sqrt()
 }
 
 impl Asked<'_> {
@@ -44,7 +83,7 @@ impl Asked<'_> {
         Load {
             triangles: self.triangles as u64,
             splats,
-            size_px: self.settings.threshold_px.max(1.0),
+            size_px: self.size_px,
             pixels: self.pixels(),
         }
     }
@@ -238,6 +277,7 @@ mod tests {
                 settings: &settings,
                 costs: Some(costs),
                 splats: 1_000_000,
+                size_px: 1.0,
                 triangles: 0,
                 rect_px: [0, 0, 500, 200],
                 size: (500, 500),
@@ -254,5 +294,51 @@ mod tests {
             ..ways
         });
         assert_eq!(path(SplatKind::Ellipse, cheap), Path::Raster);
+    }
+
+    #[test]
+    fn ellipses_of_a_cloud_count_as_large_as_they_are() {
+        let points = (0..1600).map(|i| (i % 40, i / 40));
+        let mesh = crate::mesh::Mesh {
+            positions: (points.map(|(x, y)| glam::Vec3::new(x as f32, y as f32, 0.0))).collect(),
+            ..crate::mesh::Mesh::default()
+        };
+        let options = crate::tree::BuildOptions::default();
+        let model = crate::tree::build(mesh, &options, &crate::progress::Silent).unwrap();
+        let at = model.origin + glam::DVec3::new(0.0, 0.0, 1000.0);
+        let camera = crate::math::camera::Camera::look_at(
+            (500, 500),
+            at,
+            model.origin,
+            glam::DVec3::Y,
+            2.0 * 0.05f64.atan(),
+            (1.0, 2000.0),
+        );
+        let view = camera.view(model.origin).unwrap();
+        let size = |splat, threshold_px, cut: &Cut| {
+            let settings = Settings {
+                splat,
+                threshold_px,
+                ..Settings::default()
+            };
+            size_px(&settings, (&model, &view), cut)
+        };
+        let mut cut = Cut {
+            leaves: (0..1600).collect(),
+            ..Cut::default()
+        };
+        // 5 pixels of a unit: 100 units are 500.
+        let squares = model.tree.leaves.iter().map(|l| (10.0 * l.radius).powi(2));
+        let wanted = (squares.sum::<f32>() / 1600.0).sqrt();
+        let found = size(SplatKind::Ellipse, 2.0, &cut);
+        assert!(wanted > 4.0, "{wanted}");
+        assert!((found - wanted).abs() < 0.05 * wanted, "{found}, {wanted}");
+        assert_eq!(size(SplatKind::Square, 2.0, &cut), 2.0);
+        // As many nodes beside them.
+        cut.nodes = vec![0; 1600];
+        let both = size(SplatKind::Ellipse, 2.0, &cut);
+        let wanted = ((found * found + 4.0) / 2.0).sqrt();
+        assert!((both - wanted).abs() < 0.01, "{both}, {wanted}");
+        assert_eq!(size(SplatKind::Ellipse, 2.0, &Cut::default()), 2.0);
     }
 }

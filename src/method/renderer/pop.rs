@@ -108,11 +108,11 @@ impl Renderer {
         let packing = Stage::Pack.begin();
         if times.kept != Kept::Lists {
             self.frames.wait_for_next()?;
-            let ways = self.ways(
-                &self.asked(settings, &context),
-                scene,
-                (is_wanted, has_large),
-            );
+            let asked = Asked {
+                size_px: choice::size_px(settings, (model, view), &self.cut),
+                ..self.asked(settings, &context)
+            };
+            let ways = self.ways(&asked, scene, (is_wanted, has_large));
             // Where the rasterizer draws, what is cheaper as a quad is one. Of visibility splats it draws quads alone beside compute.
             let max_point = match &self.costs {
                 _ if ways.is_small && drawing == Drawing::Visibility => {

@@ -13,7 +13,7 @@ use crate::gpu::surface::Acquired;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::method::compute;
-use crate::method::compute::choice::Asked;
+use crate::method::compute::choice::{self, Asked};
 use crate::method::compute::twin::Share;
 use crate::method::plan::{Choice, Drawing, filtered_shade};
 use crate::method::scene::Scene;
@@ -145,6 +145,7 @@ impl Renderer {
             settings,
             costs: self.costs,
             splats: (splats + self.cut.stats.hidden) as usize,
+            size_px: choice::size_px(settings, (model, view), &self.cut),
             triangles: triangles as usize,
             rect_px: rect,
             size: (self.targets.color.width, self.targets.color.height),
