@@ -7,16 +7,17 @@
 //! leave (`shaders/filtered/depth.comp`, `shaders/filtered/blend.comp`), which have the rules: a pixel's maximum and sums
 //! of whole numbers do not depend on any order, and each number is made by the same operations.
 
+mod blend;
+mod block;
+mod depth;
 #[cfg(test)]
 mod tests;
 
 use crate::abi::FilteredSplat;
-use crate::abi::constants::{
-    COARSE_STEPS, FILTERED_TILE_PX, FINE_STEPS, LARGEST_SMALL_BLENDED_PX, LEAST_COARSE, MOST_WEIGHT,
-};
+use crate::abi::constants::{FILTERED_TILE_PX, LARGEST_SMALL_BLENDED_PX};
 use crate::draw::parts;
-use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f32x4, i32x4, mask32x4, u32x4};
+use block::Blocks;
+use fearless_simd::{Level, Simd, dispatch};
 
 /// Rows of a band: whole tiles.
 const BAND_PX: u32 = 4 * FILTERED_TILE_PX;
@@ -181,44 +182,6 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
     bands
 }
 
-/// Which of four lanes are the first so many.
-const LANES: [[u32; 4]; 5] = {
-    const ALL: u32 = u32::MAX;
-    [
-        [0, 0, 0, 0],
-        [ALL, 0, 0, 0],
-        [ALL, ALL, 0, 0],
-        [ALL, ALL, ALL, 0],
-        [ALL, ALL, ALL, ALL],
-    ]
-};
-
-/// Four rows become four columns.
-#[inline(always)]
-fn columns<S: Simd>([a, b, c, d]: [f32x4<S>; 4]) -> [f32x4<S>; 4] {
-    let (ac, bd) = (a.zip_low(c), b.zip_low(d));
-    let (ac_high, bd_high) = (a.zip_high(c), b.zip_high(d));
-    [
-        ac.zip_low(bd),
-        ac.zip_high(bd),
-        ac_high.zip_low(bd_high),
-        ac_high.zip_high(bd_high),
-    ]
-}
-
-/// The words of four splats, three vectors each; what is missing of four is nothing.
-#[inline(always)]
-fn four(splats: &[FilteredSplat]) -> [[f32; 12]; 4] {
-    let of = |i: usize| splats.get(i).map_or([0.0; 12], |s| bytemuck::cast(*s));
-    [of(0), of(1), of(2), of(3)]
-}
-
-#[inline(always)]
-fn part<S: Simd>(simd: S, words: &[[f32; 12]; 4], at: usize) -> [f32x4<S>; 4] {
-    let of = |i: usize| f32x4::from_slice(simd, &words[i][at..at + 4]);
-    columns([of(0), of(1), of(2), of(3)])
-}
-
 #[inline(always)]
 fn draw_band<S: Simd, const GRAY: bool>(
     simd: S,
@@ -235,255 +198,15 @@ fn draw_band<S: Simd, const GRAY: bool>(
     let near: Vec<&[FilteredSplat]> = (groups.iter().filter(is_near))
         .map(|group| &splats[group.first as usize..][..usize::from(group.count)])
         .collect();
-    for splats in &near {
-        for splats in splats.chunks(4) {
-            depth(simd, &four(splats), canvas, band);
-        }
+    let mut blocks = Blocks::of(&near);
+    while let Some(block) = blocks.next() {
+        depth::draw(simd, &block, canvas, band);
     }
-    for splats in &near {
-        for splats in splats.chunks(4) {
-            blend::<S, GRAY>(simd, &four(splats), canvas, band);
-        }
+    let mut blocks = Blocks::of(&near);
+    while let Some(block) = blocks.next() {
+        blend::draw::<S, GRAY>(simd, &block, canvas, band);
     }
     find_tiles::<GRAY>(canvas, band);
-}
-
-/// Leaves the pushed depths of four splats in the pixels of their squares, see `shaders/common/square.glsl`.
-#[inline(always)]
-fn depth<S: Simd>(simd: S, words: &[[f32; 12]; 4], canvas: &Canvas, band: &mut Band<'_>) {
-    let [x, y, pushed, own_side] = part(simd, words, 0);
-    let [left, top, right, bottom] = canvas.rect_px;
-    let float = |v: u32| f32x4::splat(simd, v as f32);
-    let int = |v: u32| i32x4::splat(simd, v as i32);
-    let side = own_side.max(f32x4::splat(simd, 1.0));
-    let is_drawn = pushed.simd_gt(0.0)
-        & own_side.simd_le(LARGEST_SMALL_BLENDED_PX)
-        & x.simd_gt(float(left) - side)
-        & x.simd_lt(float(right) + side)
-        & y.simd_gt(float(top) - side)
-        & y.simd_lt(float(bottom) + side);
-    let steps = (side * 256.0).round_ties_even().to_int::<i32x4<S>>();
-    let (first_x, end_x) = pixels_around(x, steps, [int(left), int(right)]);
-    let (first_y, end_y) = pixels_around(y, steps, band.rows.map(int));
-    let is_drawn = is_drawn & first_x.simd_lt(end_x) & first_y.simd_lt(end_y);
-    let width = canvas.width();
-    let at = (first_y - int(band.rows[0])) * int(width as u32) + (first_x - int(left));
-    let (at, rows, columns) = (
-        at.to_array(),
-        (end_y - first_y).to_array(),
-        (end_x - first_x).to_array(),
-    );
-    let pushed: [u32; 4] = pushed.to_bits().to_array();
-    let mut lanes = is_drawn.to_bitmask();
-    while lanes != 0 {
-        let lane = lanes.trailing_zeros() as usize & 3;
-        lanes &= lanes - 1;
-        let depth = u32x4::splat(simd, pushed[lane]);
-        let (mut at, mut left) = (at[lane] as usize, columns[lane] as usize);
-        while left > 0 {
-            let depth = depth & u32x4::from_slice(simd, &LANES[left.min(4)]);
-            let mut row = at;
-            for _ in 0..rows[lane] {
-                with_four(band.front, row, |four| {
-                    u32x4::from_slice(simd, four).max(depth).store_slice(four);
-                });
-                row += width;
-            }
-            at += 4;
-            left = left.saturating_sub(4);
-        }
-    }
-}
-
-/// The first pixel whose center is within half of `steps` steps of 1/256 pixel around a position, and one past the last.
-#[inline(always)]
-fn pixels_around<S: Simd>(
-    window: f32x4<S>,
-    steps: i32x4<S>,
-    [least, most]: [i32x4<S>; 2],
-) -> (i32x4<S>, i32x4<S>) {
-    let low = (window * 256.0).round_ties_even().to_int::<i32x4<S>>() - (steps >> 1) + 127;
-    ((low >> 8).max(least), ((low + steps) >> 8).min(most))
-}
-
-/// Lets `change` have four words from a place on, or what there is of them.
-#[inline(always)]
-fn with_four(words: &mut [u32], at: usize, change: impl Fn(&mut [u32; 4])) {
-    let rest = &mut words[at..];
-    if let Some(four) = rest.first_chunk_mut() {
-        return change(four);
-    }
-    let mut four = [0; 4];
-    four[..rest.len()].copy_from_slice(rest);
-    change(&mut four);
-    rest.copy_from_slice(&four[..rest.len()]);
-}
-
-/// Adds the deposits of four splats to the sums of the pixels that they overlap and are not hidden in.
-#[inline(always)]
-fn blend<S: Simd, const GRAY: bool>(
-    simd: S,
-    words: &[[f32; 12]; 4],
-    canvas: &Canvas,
-    band: &mut Band<'_>,
-) {
-    let [x, y, _, side] = part(simd, words, 0);
-    let [depth, area, wide, high] = part(simd, words, 4);
-    let [left, top, right, bottom] = canvas.rect_px.map(|v| v as f32);
-    // In steps of 1/256 pixel, as a rasterizer has it.
-    let step = |v: f32x4<S>| (v * 256.0).round_ties_even() * (1.0 / 256.0);
-    let (x, y) = (step(x), step(y));
-    let clamped = |v: f32x4<S>, least: f32, most: f32| {
-        v.max(f32x4::splat(simd, least))
-            .min(f32x4::splat(simd, most))
-    };
-    let (half_wide, half_high) = (wide * 0.5, high * 0.5);
-    let low_x = clamped((x - half_wide).floor(), left, right);
-    let end_x = clamped((x + half_wide).ceil(), left, right);
-    let [first, end] = band.rows;
-    let low_y = clamped((y - half_high).floor(), top, bottom).max(f32x4::splat(simd, first as f32));
-    let end_y = clamped((y + half_high).ceil(), top, bottom).min(f32x4::splat(simd, end as f32));
-    let is_drawn = side.simd_le(LARGEST_SMALL_BLENDED_PX)
-        & wide.simd_gt(0.0)
-        & high.simd_gt(0.0)
-        & low_x.simd_lt(end_x)
-        & low_y.simd_lt(end_y);
-    let mut lanes = is_drawn.to_bitmask();
-    if lanes == 0 {
-        return;
-    }
-    let density = (area / (wide * high)).to_array();
-    // The most of an overlap, and where it begins to fall off.
-    let one = f32x4::splat(simd, 1.0);
-    let (most_x, most_y) = (wide.min(one).to_array(), high.min(one).to_array());
-    let (reach_x, reach_y) = (
-        ((wide + 1.0) * 0.5).to_array(),
-        ((high + 1.0) * 0.5).to_array(),
-    );
-    let zero = f32x4::splat(simd, 0.0);
-    let from_x = (low_x + 0.5 - x).to_array();
-    let from_y = (low_y + 0.5 - y).to_array();
-    let depth: [u32; 4] = depth.to_bits().to_array();
-    let width = canvas.width();
-    let columns = (end_x - low_x).to_array();
-    let rows = (end_y - low_y).to_array();
-    let at = (low_y - first as f32).to_int::<i32x4<S>>() * i32x4::splat(simd, width as i32)
-        + (low_x - left).to_int::<i32x4<S>>();
-    let at = at.to_array();
-    while lanes != 0 {
-        let lane = lanes.trailing_zeros() as usize & 3;
-        lanes &= lanes - 1;
-        let color = &words[lane][8..11];
-        let depth = u32x4::splat(simd, depth[lane]);
-        let (mut at, mut left) = (at[lane] as usize, columns[lane] as usize);
-        let mut from_x = f32x4::from_slice(simd, &[0.0, 1.0, 2.0, 3.0]) + from_x[lane];
-        while left > 0 {
-            let is_in = u32x4::from_slice(simd, &LANES[left.min(4)]);
-            let own_x = (f32x4::splat(simd, reach_x[lane]) - from_x.abs())
-                .max(zero)
-                .min(f32x4::splat(simd, most_x[lane]));
-            // Nothing beyond the last column, which may be that of the canvas.
-            let own_x = is_in.simd_gt(0).select(own_x, zero);
-            let mut row = at;
-            let mut from_y = from_y[lane];
-            for _ in 0..rows[lane] as u32 {
-                let own_y = (reach_y[lane] - from_y.abs()).max(0.0).min(most_y[lane]);
-                let weight = own_x * own_y * density[lane];
-                deposit::<S, GRAY>(simd, band, row, weight, depth, color);
-                row += width;
-                from_y += 1.0;
-            }
-            from_x += 4.0;
-            at += 4;
-            left = left.saturating_sub(4);
-        }
-    }
-}
-
-/// One deposit in each of four pixels of a row, where the weight is above 0 and nothing hides it.
-#[inline(always)]
-fn deposit<S: Simd, const GRAY: bool>(
-    simd: S,
-    band: &mut Band<'_>,
-    at: usize,
-    weight: f32x4<S>,
-    depth: u32x4<S>,
-    color: &[f32],
-) {
-    let front = &band.front[at..];
-    let mut own = [0; 4];
-    let front = match front.first_chunk::<4>() {
-        Some(front) => front,
-        None => {
-            own[..front.len()].copy_from_slice(front);
-            &own
-        }
-    };
-    let is_seen = u32x4::from_slice(simd, front).simd_le(depth) & weight.simd_gt(0.0);
-    if !is_seen.any_true() {
-        return;
-    }
-    let weight = weight.min(f32x4::splat(simd, MOST_WEIGHT));
-    let is_fine = weight.simd_lt(LEAST_COARSE);
-    let steps = weight
-        * is_fine.select(
-            f32x4::splat(simd, FINE_STEPS),
-            f32x4::splat(simd, COARSE_STEPS),
-        );
-    // Without what is not seen: 0.
-    let weights = whole(simd, is_seen, steps);
-    let reds = whole(simd, is_seen, steps * color[0]);
-    let fine: [u32; 4] = is_fine
-        .select(u32x4::splat(simd, 1), u32x4::splat(simd, 0))
-        .to_array();
-    if GRAY {
-        let pairs = pairs(reds, weights);
-        let sums = &mut band.sums[2 * at..];
-        if let Some(sums) = sums.first_chunk_mut::<8>() {
-            for lane in 0..4 {
-                let sum = &mut sums[2 * lane + (fine[lane] & 1) as usize];
-                *sum = sum.wrapping_add(pairs[lane]);
-            }
-        } else {
-            for lane in 0..4 {
-                if let Some(sum) = sums.get_mut(2 * lane + fine[lane] as usize) {
-                    *sum = sum.wrapping_add(pairs[lane]);
-                }
-            }
-        }
-        return;
-    }
-    let sums = &mut band.sums[4 * at..];
-    let (greens, blues) = (
-        whole(simd, is_seen, steps * color[1]),
-        whole(simd, is_seen, steps * color[2]),
-    );
-    let (firsts, seconds) = (pairs(reds, greens), pairs(blues, weights));
-    for lane in 0..4 {
-        let word = 4 * lane + 2 * fine[lane] as usize;
-        if let Some([first, second]) = sums.get_mut(word..word + 2) {
-            *first = first.wrapping_add(firsts[lane]);
-            *second = second.wrapping_add(seconds[lane]);
-        }
-    }
-}
-
-/// The nearest whole numbers, upward from the middle; 0 in other lanes.
-#[inline(always)]
-fn whole<S: Simd>(simd: S, lanes: mask32x4<S>, v: f32x4<S>) -> i32x4<S> {
-    lanes.select(v + 0.5, f32x4::splat(simd, 0.0)).to_int()
-}
-
-/// Words of two whole numbers, the first in the low half.
-#[inline(always)]
-fn pairs<S: Simd>(low: i32x4<S>, high: i32x4<S>) -> [u64; 4] {
-    let both = [low.zip_low(high).to_array(), low.zip_high(high).to_array()];
-    let words: [u64; 4] = bytemuck::cast(both);
-    // In memory the first is the low half only where the least byte comes first.
-    match cfg!(target_endian = "big") {
-        true => words.map(|word| word.rotate_left(32)),
-        false => words,
-    }
 }
 
 /// The tiles of a band that have anything in them.

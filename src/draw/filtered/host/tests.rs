@@ -1,6 +1,7 @@
 //! Lists that no cut would make, against plain loops over all pixels.
 
 use super::*;
+use crate::abi::constants::{COARSE_STEPS, FINE_STEPS, LEAST_COARSE, MOST_WEIGHT};
 
 /// What should be there after `splats`, by the rules of the shaders: front and sums.
 fn expected(splats: &[FilteredSplat], canvas: Canvas) -> (Vec<u32>, Vec<u64>) {
@@ -157,12 +158,24 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     (front, sums, tiles)
 }
 
-/// All of a picture of 70 x 50 pixels, parts of it, a column and a pixel.
-const RECTS: [[u32; 4]; 5] = [
+/// Every way that this processor has.
+fn levels() -> Vec<Level> {
+    let mut levels = vec![Level::baseline(), Level::new()];
+    #[cfg(target_arch = "x86_64")]
+    {
+        levels.extend(Level::new().as_sse4_2().map(Level::Sse4_2));
+        levels.extend(Level::new().as_avx2().map(Level::Avx2));
+    }
+    levels
+}
+
+/// All of a picture of 70 x 50 pixels, parts of it, one and three columns, and a pixel.
+const RECTS: [[u32; 4]; 6] = [
     [0, 0, 70, 50],
     [5, 3, 61, 47],
     [16, 16, 48, 32],
     [13, 0, 14, 50],
+    [20, 7, 23, 50],
     [31, 29, 32, 30],
 ];
 
@@ -181,8 +194,9 @@ fn front_and_sums_are_those_of_the_rules() {
                     count < 900 || canvas.pixels() == 1 || front.iter().any(|&bits| bits > 0),
                     "{what}"
                 );
-                for level in [Level::new(), Level::baseline()] {
+                for level in levels() {
                     let (own_front, own_sums, tiles) = drawn(level, &splats, canvas);
+                    let what = format!("{what}, {level:?}");
                     assert!(own_front == front, "{what}: front");
                     assert!(own_sums == sums, "{what}: sums");
                     assert_eq!(tiles, expected_tiles(&front, &sums, canvas), "{what}");
