@@ -234,9 +234,11 @@ pub(crate) fn largest_point_px(costs: &Costs, settings: &Settings, device_px: f3
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
     use super::*;
+    use crate::generate::{self, Shape, Spec};
     use crate::method::costs::{PassCosts, SplatCosts, TriangleCosts, Ways};
 
     /// A million splats in 100,000 pixels: at 10 ns more for each by the rasterizer and 5 ms more for the frame by compute.
@@ -299,10 +301,14 @@ mod tests {
     #[test]
     fn ellipses_of_a_cloud_count_as_large_as_they_are() {
         let points = (0..1600).map(|i| (i % 40, i / 40));
-        let mesh = crate::mesh::Mesh {
-            positions: (points.map(|(x, y)| glam::Vec3::new(x as f32, y as f32, 0.0))).collect(),
-            ..crate::mesh::Mesh::default()
-        };
+        let spec = Spec::with_triangles(Shape::Square, 2_000).unwrap();
+        let mut mesh = generate::mesh(&spec);
+        mesh.triangles.clear();
+        mesh.normals.clear();
+        mesh.colors.clear();
+        mesh.positions = points
+            .map(|(x, y)| glam::Vec3::new(x as f32, y as f32, 0.0))
+            .collect();
         let options = crate::tree::BuildOptions::default();
         let model = crate::tree::build(mesh, &options, &crate::progress::Silent).unwrap();
         let at = model.origin + glam::DVec3::new(0.0, 0.0, 1000.0);
