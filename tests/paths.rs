@@ -219,8 +219,9 @@ fn the_host_draws_what_compute_does() {
                     ),
                 };
                 assert!(others.contains(&clear), "{what}: {others:?}");
-                // The rasterizer's may differ in a level.
-                if is_by_host || splat == SplatKind::Filtered {
+                // Where the rasterizer draws, a level may be another one.
+                let is_rastered = own.contains(&"hybrid.triangles");
+                if is_by_host && !is_rastered || splat == SplatKind::Filtered {
                     assert!(picture == wanted, "{what}");
                 }
                 engine.let_host_draw(true);
@@ -233,7 +234,7 @@ fn the_host_draws_what_compute_does() {
         }
     }
     println!("{by_host:?} pictures by the host");
-    for (count, least) in by_host.into_iter().zip([40, 110]) {
+    for (count, least) in by_host.into_iter().zip([20, 110]) {
         assert_eq!(count >= least, is_software, "{by_host:?}");
     }
 }
