@@ -1,22 +1,27 @@
 //! A batch of sibling groups, tested in stages.
 //!
 //! What becomes of a node cannot be foreseen on a real surface, and the nodes of a large model are not in the
-//! nearest caches. So no stage branches on a verdict: it does one test for all groups that need it, and those
-//! that need the next one are listed by a store that is always made and a length that may grow. The groups
-//! after the batch are prefetched meanwhile, a line a stage, since the processor has only so many requests on
-//! their way. One group at a time and with branches, all this took about twice as long.
+//! nearest caches. So no stage branches on a verdict: the siblings of a batch are lanes of vectors as wide as the processor
+//! has them, every test answers with a bit a lane, and only what follows from all answers is done one by one. The groups
+//! after the batch are prefetched meanwhile, since the processor has only so many requests on
+//! their way.
 
 mod hide;
 mod kept;
+mod lanes;
 
 pub(super) use kept::{Record, Task};
+pub(super) use lanes::{LANES, Mask};
 
 use super::nearest::{Chunk, Hiding, Marks};
-use super::quad::{self, Balls, Words};
+use super::quad;
 use super::tester::{Tester, inherit};
+use super::vector::Wide;
 use super::{Cut, StripRun};
 use crate::tree::{Leaf, Model, Node};
-use glam::Vec4;
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
+use lanes::{Siblings, push_lanes};
 use prefetch_index::prefetch_index;
 
 /// Siblings that are to be looked at: the first one, how many they are (1 to 4) and what they inherit.
@@ -60,12 +65,12 @@ impl Group {
         (self.word >> REGION) as usize
     }
 
-    #[inline]
+    #[inline(always)]
     fn inherits(self, bit: u32) -> bool {
         self.word & bit != 0
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn count(self) -> u32 {
         (self.word & 0xff).min(4)
     }
@@ -74,380 +79,254 @@ impl Group {
 /// Groups in a batch.
 pub(super) const SIZE: usize = 64;
 
-/// A list that never moves: pushing is a store and an addition, without a branch on `keep`.
-#[derive(Debug)]
-struct List<T, const N: usize> {
-    items: [T; N],
-    len: usize,
-}
-
-impl<T: Copy, const N: usize> List<T, N> {
-    const fn new(zero: T) -> Self {
-        Self {
-            items: [zero; N],
-            len: 0,
-        }
+/// The four records from a group's first on, and how many of them are its own. Where links of a tree are wrong, none.
+#[inline(always)]
+fn four<T: Copy + bytemuck::Zeroable>(records: &[T], group: Group) -> ([T; 4], u32) {
+    let rest = records.get(group.first as usize..).unwrap_or_default();
+    if let Some(&four) = rest.first_chunk::<4>() {
+        return (four, group.count());
     }
-
-    #[inline]
-    fn push_if(&mut self, keep: bool, item: T) {
-        if let Some(place) = self.items.get_mut(self.len) {
-            *place = item;
-        }
-        self.len += usize::from(keep);
-    }
-
-    #[inline]
-    fn as_slice(&self) -> &[T] {
-        self.items.get(..self.len).unwrap_or_default()
-    }
-
-    fn clear(&mut self) {
-        self.len = 0;
-    }
-
-    /// Moves all to the end of `list`.
-    fn flush(&mut self, list: &mut Vec<T>) {
-        list.extend_from_slice(self.as_slice());
-        self.clear();
+    match quad::four(records, group.first) {
+        Some((four, there)) => (four, group.count().min(there)),
+        None => ([T::zeroed(); 4], 0),
     }
 }
 
-impl<const N: usize> List<u32, N> {
-    /// Appends `first + i` for the bits i of `mask` (4 of them), lowest first.
-    #[inline]
-    fn push_lanes(&mut self, first: u32, mask: u8) {
-        let (lanes, count) = LANES[(mask & 15) as usize];
-        if let Some(place) = self.items.get_mut(self.len..self.len + 4) {
-            place.copy_from_slice(&lanes.map(|lane| first.wrapping_add(lane)));
-        }
-        self.len += count as usize;
+/// Which siblings of a batch are what, a bit a lane.
+#[derive(Debug, Clone, Copy, Default)]
+struct Verdicts {
+    /// Not dropped so far.
+    kept: Mask,
+    /// Not outside of the view volume.
+    in_view: Mask,
+    small: Mask,
+    /// Wholly inside the view volume, by a test of this batch.
+    inside: Mask,
+    /// Facing the viewer everywhere, by a test of this batch.
+    front: Mask,
+    /// Drawn as a row of splats.
+    rows: Mask,
+    /// Not asked whether they face away, as a node above them faces the viewer everywhere.
+    faces: Mask,
+    /// The same of the view volume.
+    within: Mask,
+}
+
+/// How many siblings were looked at, and how many were dropped.
+#[derive(Debug, Clone, Copy, Default)]
+struct Counts {
+    visited: u32,
+    outside: u32,
+    away: u32,
+}
+
+impl Counts {
+    fn add_to(self, cut: &mut Cut) {
+        cut.stats.visited += u64::from(self.visited);
+        cut.stats.outside += u64::from(self.outside);
+        cut.stats.facing_away += u64::from(self.away);
     }
 }
 
-impl<const N: usize> List<StripRun, N> {
-    /// Appends node `first + i` with its count for the bits i of `mask` (4 of them), lowest first.
-    #[inline]
-    fn push_lanes(&mut self, first: u32, counts: [u32; 4], mask: u8) {
-        let (lanes, count) = LANES[(mask & 15) as usize];
-        if let Some(place) = self.items.get_mut(self.len..self.len + 4) {
-            place.copy_from_slice(
-                &lanes.map(|lane| {
-                    StripRun::new(first.wrapping_add(lane), counts[(lane & 3) as usize])
-                }),
-            );
-        }
-        self.len += count as usize;
-    }
-}
-
-/// The set bits of a mask of four, lowest first, and how many they are.
-const LANES: [([u32; 4], u32); 16] = {
-    let mut table = [([0; 4], 0); 16];
-    let mut mask = 0;
-    while mask < 16 {
-        let (mut lane, mut count) = (0, 0);
-        while lane < 4 {
-            if mask >> lane & 1 != 0 {
-                table[mask].0[count] = lane;
-                count += 1;
-            }
-            lane += 1;
-        }
-        table[mask].1 = count as u32;
-        mask += 1;
-    }
-    table
-};
-
-#[inline]
-fn bits(mask: u8) -> u32 {
-    LANES[(mask & 15) as usize].1
-}
-
-/// The spheres of a group of nodes, the rest, and how many there are.
-#[inline]
-fn four_nodes(nodes: &[Node], group: Group) -> ([Vec4; 4], Words, u32) {
-    let rest = nodes.get(group.first as usize..).unwrap_or_default();
-    let count = group.count();
-    if let Some(four) = rest.first_chunk::<4>() {
-        let (spheres, words) = quad::of_nodes(four);
-        return (spheres, words, count);
-    }
-    match quad::four(nodes, group.first) {
-        Some((four, there)) => {
-            let (spheres, words) = quad::of_nodes(&four);
-            (spheres, words, count.min(there))
-        }
-        // Only where the tree's links are wrong.
-        None => ([Vec4::ZERO; 4], Words::ZERO, 0),
-    }
-}
-
-/// The same of leaves.
-#[inline]
-fn four_leaves(leaves: &[Leaf], group: Group) -> ([Vec4; 4], u32) {
-    let rest = leaves.get(group.first as usize..).unwrap_or_default();
-    let count = group.count();
-    if let Some(four) = rest.first_chunk::<4>() {
-        return (quad::of_leaves(four), count);
-    }
-    match quad::four(leaves, group.first) {
-        Some((four, there)) => (quad::of_leaves(&four), count.min(there)),
-        None => ([Vec4::ZERO; 4], 0),
-    }
-}
-
-/// Lanes of a batch, and room for the store of a push beyond the last.
-const ROOM: usize = 4 * SIZE + 4;
-
-/// The working memory of the stages, 45 KiB. Masks have a bit a sibling.
+/// The working memory of the stages, 35 KiB.
 #[derive(Debug)]
 pub(super) struct Batch {
-    balls: [Balls; SIZE],
-    words: [Words; SIZE],
-    /// Not dropped so far.
-    kept: [u8; SIZE],
-    small: [u8; SIZE],
-    /// Wholly inside the view volume, by a test of this batch.
-    inside: [u8; SIZE],
-    /// Facing the viewer everywhere, by a test of this batch.
-    front: [u8; SIZE],
-    /// Drawn as a row of splats.
-    rows: [u8; SIZE],
-    /// Of how many splats.
-    counts: [[u32; 4]; SIZE],
-    /// Groups that go to the next stage.
-    listed: List<u8, { SIZE + 1 }>,
-    likely: List<u8, { SIZE + 1 }>,
-    ids: List<u32, ROOM>,
-    triangles: List<u32, ROOM>,
-    runs: List<StripRun, ROOM>,
-    /// Leaves whose side is asked for, and 4 times the group plus the lane of each.
-    faces: List<u32, ROOM>,
-    places: List<u32, ROOM>,
-    corners: [[u32; 3]; ROOM],
+    level: Level,
+    siblings: Siblings,
+    verdicts: Verdicts,
+    /// Of how many splats rows are.
+    counts: [u32; LANES],
+    /// Leaves whose side is asked for, and the lane of each.
+    faces: Vec<(u32, u32)>,
+    corners: Vec<[u32; 3]>,
     split: hide::Rows,
     chunk: Chunk,
 }
 
-impl Default for Batch {
-    fn default() -> Self {
+impl Batch {
+    /// For vectors of a level.
+    pub(super) fn new(level: Level) -> Self {
         Self {
-            balls: [Balls::ZERO; SIZE],
-            words: [Words::ZERO; SIZE],
-            kept: [0; SIZE],
-            small: [0; SIZE],
-            inside: [0; SIZE],
-            front: [0; SIZE],
-            rows: [0; SIZE],
-            counts: [[0; 4]; SIZE],
-            listed: List::new(0),
-            likely: List::new(0),
-            ids: List::new(0),
-            triangles: List::new(0),
-            runs: List::new(StripRun::new(0, 0)),
-            faces: List::new(0),
-            places: List::new(0),
-            corners: [[0; 3]; ROOM],
+            level,
+            siblings: Siblings::default(),
+            verdicts: Verdicts::default(),
+            counts: [0; LANES],
+            faces: Vec::with_capacity(LANES),
+            corners: Vec::with_capacity(LANES),
             split: hide::Rows::default(),
             chunk: Chunk::default(),
         }
     }
-}
 
-impl Batch {
     /// Looks at groups of nodes of one level (at most [`SIZE`]): appends what is drawn of them to `cut` and
     /// the children of what is to be opened to `open`. `ahead` are the groups that come next.
     pub(super) fn nodes(
         &mut self,
         model: &Model,
         tester: &Tester,
-        (groups, ahead): (&[Group], &[Group]),
+        groups: (&[Group], &[Group]),
         hiding: Option<&Hiding<'_>>,
         (cut, marks): (&mut Cut, &mut Marks),
         open: &mut Vec<Group>,
     ) {
         let nodes: &[Node] = &model.tree.nodes;
-        // Four nodes lie on two lines (see `tree::Records`). Only so many requests may be on their way at once, and one more
-        // waits for its place; so they are made a few at a time wherever there is work between them.
-        let mut lines = ahead
-            .iter()
-            .take(SIZE)
-            .flat_map(|group| [0, 2].map(|node| group.first as usize + node));
-        let mut prefetch = || {
-            if let Some(node) = lines.next() {
-                prefetch_index(nodes, node);
-            }
-        };
-        self.gather_nodes(nodes, tester, groups, &mut prefetch, cut);
-        self.sizes(tester, groups.len());
-        self.volumes(tester, groups, cut);
-        self.cones(tester, groups, &mut prefetch, cut);
-        if let Some(hiding) = hiding.filter(|hiding| hiding.is_exact()) {
-            self.ask_centers(hiding, groups.len(), &mut prefetch);
-        }
-        self.rows(tester, groups, &mut prefetch);
-        match hiding.filter(|hiding| hiding.asks_splats()) {
-            Some(hiding) => {
-                self.hide_rows(hiding, tester, marks, cut);
-                self.hide_nodes(hiding, groups, marks, cut);
-            }
-            None => self.runs.flush(&mut cut.strips),
-        }
-        self.emit_nodes(groups, &mut prefetch, cut, open);
+        dispatch!(self.level, simd => {
+            self.look_at_nodes(simd, (nodes, tester), groups, hiding, (cut, marks), open);
+        });
     }
 
-    #[inline]
-    fn gather_nodes(
+    #[inline(always)]
+    fn look_at_nodes<S: Simd>(
         &mut self,
-        nodes: &[Node],
-        tester: &Tester,
-        groups: &[Group],
-        mut prefetch: impl FnMut(),
-        cut: &mut Cut,
-    ) {
-        let lanes = self.balls.iter_mut().zip(&mut self.words);
-        let mut visited = 0;
-        for ((group, (balls, words)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
-            prefetch();
-            let (spheres, rest, count) = four_nodes(nodes, *group);
-            *balls = tester.balls(spheres);
-            *words = rest;
-            *kept = (1u8 << count) - 1;
-            visited += count;
-        }
-        cut.stats.visited += u64::from(visited);
-        self.inside = [0; SIZE];
-        self.front = [0; SIZE];
-        self.rows = [0; SIZE];
-    }
-
-    #[inline]
-    fn sizes(&mut self, tester: &Tester, count: usize) {
-        for (balls, small) in self.balls.iter().zip(&mut self.small).take(count) {
-            *small = tester.small(balls) as u8;
-        }
-    }
-
-    #[inline]
-    fn volumes(&mut self, tester: &Tester, groups: &[Group], cut: &mut Cut) {
-        let lanes = self.balls.iter().zip(&mut self.inside);
-        for ((group, (balls, inside)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
-            // Foreseen well: what is at the edge of the view volume lies together.
-            if !group.inherits(INSIDE) {
-                let (outside, wholly) = tester.volume(balls);
-                cut.stats.outside += u64::from(bits(outside as u8 & *kept));
-                *kept &= !outside as u8;
-                *inside = wholly as u8;
-            }
-        }
-    }
-
-    #[inline]
-    fn cones(
-        &mut self,
-        tester: &Tester,
-        groups: &[Group],
-        mut prefetch: impl FnMut(),
-        cut: &mut Cut,
-    ) {
-        self.listed.clear();
-        for (((group, words), &kept), index) in
-            groups.iter().zip(&self.words).zip(&self.kept).zip(0..)
-        {
-            // On a rough surface most cones above the lowest levels are too wide to decide anything.
-            let is_asked = !group.inherits(FRONT) & (kept != 0) & words.has_cones();
-            self.listed.push_if(is_asked, index);
-        }
-        let mut dropped = 0;
-        for &index in self.listed.as_slice() {
-            let i = index as usize % SIZE;
-            let words = &self.words[i];
-            prefetch();
-            let (away, front) = tester.cones(&self.balls[i], words.axis(), words.sine());
-            dropped += bits(away as u8 & self.kept[i]);
-            self.kept[i] &= !away as u8;
-            self.front[i] = front as u8;
-        }
-        cut.stats.facing_away += u64::from(dropped);
-    }
-
-    /// Lists the nodes that are rows.
-    #[inline]
-    fn rows(&mut self, tester: &Tester, groups: &[Group], mut prefetch: impl FnMut()) {
-        self.listed.clear();
-        let masks = self.kept.iter().zip(&self.small);
-        for ((&kept, &small), index) in masks.zip(0..).take(groups.len()) {
-            self.listed.push_if(kept & !small != 0, index);
-        }
-        self.likely.clear();
-        for &index in self.listed.as_slice() {
-            let i = index as usize % SIZE;
-            let (Some(group), balls, words) = (groups.get(i), &self.balls[i], &self.words[i])
-            else {
-                continue;
-            };
-            prefetch();
-            let most = tester.most_in_row(group.first, words);
-            let likely = tester.may_be_rows(balls, words, most) as u8;
-            self.rows[i] = likely & self.kept[i] & !self.small[i];
-            self.likely.push_if(self.rows[i] != 0, index);
-        }
-        for &index in self.likely.as_slice() {
-            let i = index as usize % SIZE;
-            let (Some(group), balls, words) = (groups.get(i), &self.balls[i], &self.words[i])
-            else {
-                continue;
-            };
-            prefetch();
-            let most = tester.most_in_row(group.first, words);
-            let (counts, fits) = tester.rows(balls, words, most);
-            self.rows[i] &= fits as u8;
-            self.counts[i] = counts;
-            self.runs.push_lanes(group.first, counts, self.rows[i]);
-        }
-    }
-
-    #[inline]
-    fn emit_nodes(
-        &mut self,
-        groups: &[Group],
-        mut prefetch: impl FnMut(),
-        cut: &mut Cut,
+        simd: S,
+        (nodes, tester): (&[Node], &Tester),
+        (groups, ahead): (&[Group], &[Group]),
+        hiding: Option<&Hiding<'_>>,
+        (cut, marks): (&mut Cut, &mut Marks),
         open: &mut Vec<Group>,
     ) {
-        self.listed.clear();
-        let masks = self.kept.iter().zip(&self.small).zip(&self.rows);
-        for ((group, ((&kept, &small), &rows)), index) in groups.iter().zip(masks).zip(0..) {
-            prefetch();
-            self.ids.push_lanes(group.first, kept & small);
-            self.listed.push_if(kept & !small & !rows != 0, index);
-        }
-        self.ids.flush(&mut cut.nodes);
-        let mut end = open.len();
-        open.resize(end + 4 * self.listed.len, Group::default());
-        for &index in self.listed.as_slice() {
-            let i = index as usize % SIZE;
-            let Some(group) = groups.get(i) else { continue };
-            prefetch();
-            let mut mask = self.kept[i] & !self.small[i] & !self.rows[i];
-            let (mut inside, mut front) = (u32::from(self.inside[i]), u32::from(self.front[i]));
-            let inherited = group.word & !0xff;
-            let words = &self.words[i];
-            for (first, count) in words.first_child.into_iter().zip(words.child_counts()) {
-                let found = (inside & 1) * INSIDE + (front & 1) * FRONT;
-                let word = count | inherited | found;
-                if let Some(place) = open.get_mut(end) {
-                    *place = Group { first, word };
+        // Four nodes lie on two lines (see `tree::Records`). Only so many requests may be on their way at once, and one more
+        // waits for its place; so they are made a few at a time wherever there is work between them.
+        let (now, later) = ahead.split_at(ahead.len().min(SIZE / 2));
+        self.load_nodes(nodes, groups, now);
+        let exact = hiding.filter(|hiding| hiding.is_exact());
+        let later = later.get(..later.len().min(SIZE / 2)).unwrap_or_default();
+        let counts = self.test_nodes(simd, tester, groups, exact, (nodes, later));
+        counts.add_to(cut);
+        match hiding.filter(|hiding| hiding.asks_splats()) {
+            Some(hiding) => {
+                self.hide_rows(simd, (hiding, tester), groups, marks, cut);
+                self.hide_nodes(simd, hiding, groups, marks, cut);
+            }
+            None => {
+                for lane in self.verdicts.rows.lanes() {
+                    let run = StripRun::new(node_of(groups, lane), self.counts[lane % LANES]);
+                    cut.strips.push(run);
                 }
-                end += usize::from(mask & 1);
-                mask >>= 1;
-                inside >>= 1;
-                front >>= 1;
             }
         }
-        open.truncate(end);
+        self.emit_nodes(groups, cut, open);
+    }
+
+    /// Nodes become lanes; those of `ahead` are asked for.
+    #[inline(always)]
+    fn load_nodes(&mut self, nodes: &[Node], groups: &[Group], ahead: &[Group]) {
+        let mut ahead = ahead.iter();
+        let siblings = &mut self.siblings;
+        self.verdicts = Verdicts::begin(groups, |index, group| {
+            if let Some(next) = ahead.next() {
+                prefetch_index(nodes, next.first as usize);
+                prefetch_index(nodes, next.first as usize + 2);
+            }
+            let (four, count) = four(nodes, group);
+            let (spheres, words) = quad::of_nodes(&four);
+            siblings.put_spheres(index, spheres);
+            siblings.put_words(index, words);
+            count
+        });
+    }
+
+    /// All tests of the nodes that were loaded; where splats are samples, also whether they contain the center of a pixel: of
+    /// a surface whose triangles are far smaller than pixels a level of the tree has four times the nodes of the one above,
+    /// and no more of them that contain a center. So large nodes between centers are dropped, with all that is below
+    /// them. What contains one center is small: all below it that is drawn would be that pixel.
+    #[inline(always)]
+    fn test_nodes<S: Simd>(
+        &mut self,
+        simd: S,
+        tester: &Tester,
+        groups: &[Group],
+        exact: Option<&Hiding<'_>>,
+        (nodes, ahead): (&[Node], &[Group]),
+    ) -> Counts {
+        let mut verdicts = self.verdicts;
+        let mut counts = Counts {
+            visited: verdicts.kept.count(),
+            ..Counts::default()
+        };
+        let mut ahead = ahead.iter();
+        let width = Wide::<S>::LANES;
+        for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
+            for next in ahead.by_ref().take(width / 8 + 1) {
+                prefetch_index(nodes, next.first as usize);
+                prefetch_index(nodes, next.first as usize + 2);
+            }
+            let balls = tester.balls(self.siblings.spheres(simd, at));
+            self.siblings.put_balls(at, &balls);
+            let mut kept = verdicts.kept.get(at, width);
+            let edge = kept & !verdicts.within.get(at, width);
+            // Foreseen well: what is at the edge of the view volume lies together.
+            if edge != 0 {
+                let (outside, wholly) = tester.volume(&balls);
+                counts.outside += (outside & edge).count_ones();
+                kept &= !(outside & edge);
+                verdicts.inside.add(at, wholly & edge);
+            }
+            let in_view = kept;
+            let words = self.siblings.words(simd, at);
+            let asked = kept & !verdicts.faces.get(at, width);
+            if asked != 0 {
+                // On a rough surface most cones above the lowest levels are too wide to decide anything.
+                let sines = words.sine();
+                if tester.may_cull(sines) & asked != 0 {
+                    let (away, front) = tester.cones(&balls, words.axis(), sines);
+                    counts.away += (away & asked).count_ones();
+                    kept &= !(away & asked);
+                    verdicts.front.add(at, front & asked);
+                }
+            }
+            let mut small = tester.small(&balls);
+            if let Some(hiding) = exact {
+                let asked = kept & !small & hiding.centers.may_matter(&balls);
+                if asked != 0 {
+                    let (none, one) = hiding.centers.of(&balls);
+                    kept &= !(none & asked);
+                    small |= one & asked;
+                }
+            }
+            let large = kept & !small;
+            if large != 0 {
+                let first = groups.get(at / 4).map_or(0, |group| group.first);
+                let most = tester.most_in_row(first, &words);
+                let likely = large & tester.may_be_rows(&balls, &words, most);
+                if likely != 0 {
+                    let (splats, fits) = tester.rows(&balls, &words, most);
+                    if let Some(counts) = self.counts.get_mut(at..at + width) {
+                        splats.store_whole(counts);
+                    }
+                    verdicts.rows.add(at, likely & fits);
+                }
+            }
+            verdicts.small.add(at, small);
+            verdicts.in_view.add(at, in_view);
+            verdicts.kept.replace(at, width, kept);
+        }
+        self.verdicts = verdicts;
+        counts
+    }
+
+    #[inline(always)]
+    fn emit_nodes(&mut self, groups: &[Group], cut: &mut Cut, open: &mut Vec<Group>) {
+        let Verdicts {
+            kept,
+            small,
+            inside,
+            front,
+            rows,
+            ..
+        } = self.verdicts;
+        push_lanes(&mut cut.nodes, groups, kept & small);
+        let opened = kept & !small & !rows;
+        open.reserve(opened.count() as usize);
+        for lane in opened.lanes() {
+            let Some(group) = groups.get(lane / 4) else {
+                continue;
+            };
+            let (first, count) = self.siblings.children(lane);
+            let found = inside.bit(lane) * INSIDE + front.bit(lane) * FRONT;
+            let word = count | group.word & !0xff | found;
+            open.push(Group { first, word });
+        }
     }
 
     /// The same for groups of leaves, all of which are drawn or dropped.
@@ -455,120 +334,183 @@ impl Batch {
         &mut self,
         model: &Model,
         tester: &Tester,
+        groups: (&[Group], &[Group]),
+        hiding: Option<&Hiding<'_>>,
+        found: (&mut Cut, &mut Marks),
+    ) {
+        dispatch!(self.level, simd => {
+            self.look_at_leaves(simd, (model, tester), groups, hiding, found);
+        });
+    }
+
+    #[inline(always)]
+    fn look_at_leaves<S: Simd>(
+        &mut self,
+        simd: S,
+        (model, tester): (&Model, &Tester),
         (groups, ahead): (&[Group], &[Group]),
         hiding: Option<&Hiding<'_>>,
         (cut, marks): (&mut Cut, &mut Marks),
     ) {
-        self.gather_leaves(&model.tree.leaves, tester, (groups, ahead), cut);
-        self.volumes(tester, groups, cut);
+        self.load_leaves(&model.tree.leaves, groups, ahead);
+        self.test_leaves(simd, tester, groups).add_to(cut);
         // Sides take vertices, so they are asked for last where most leaves are far smaller than a pixel.
         let (before, after) = match hiding {
             Some(hiding) if hiding.is_exact() => (Some(hiding), None),
             _ => (None, hiding),
         };
         if let Some(hiding) = before {
-            self.drop_between(hiding, groups.len(), cut);
+            self.drop_between(simd, hiding, groups.len(), cut);
         }
-        self.faces(model, tester, groups, cut);
-        self.draw_leaves(model, after, hiding, groups, (cut, marks));
+        self.drop_away((model, tester), groups).add_to(cut);
+        self.draw_leaves(simd, model, (after, hiding), groups, (cut, marks));
     }
 
     /// Draws the leaves that are kept, less what is hidden.
-    fn draw_leaves(
+    #[inline(always)]
+    fn draw_leaves<S: Simd>(
         &mut self,
+        simd: S,
         model: &Model,
-        between: Option<&Hiding<'_>>,
-        hiding: Option<&Hiding<'_>>,
+        (between, hiding): (Option<&Hiding<'_>>, Option<&Hiding<'_>>),
         groups: &[Group],
         (cut, marks): (&mut Cut, &mut Marks),
     ) {
         if let Some(hiding) = between {
-            self.drop_between(hiding, groups.len(), cut);
+            self.drop_between(simd, hiding, groups.len(), cut);
         }
         // A point has no triangle: large or small, it is a splat.
-        let always = if model.triangles.is_empty() { 15 } else { 0 };
+        let always = Mask::all(model.triangles.is_empty());
         if let Some(hiding) = hiding {
-            self.hide_leaves(hiding, groups, always, marks, cut);
+            self.hide_leaves(simd, hiding, groups, always, (cut, marks));
         }
-        for ((group, &kept), &small) in groups.iter().zip(&self.kept).zip(&self.small) {
-            let splats = kept & (small | always);
-            self.ids.push_lanes(group.first, splats);
-            self.triangles.push_lanes(group.first, kept & !splats);
-        }
-        self.ids.flush(&mut cut.leaves);
-        self.triangles.flush(&mut cut.triangles);
+        let Verdicts { kept, small, .. } = self.verdicts;
+        push_lanes(&mut cut.leaves, groups, kept & (small | always));
+        push_lanes(&mut cut.triangles, groups, kept & !(small | always));
     }
 
-    #[inline]
-    fn gather_leaves(
-        &mut self,
-        leaves: &[Leaf],
-        tester: &Tester,
-        (groups, ahead): (&[Group], &[Group]),
-        cut: &mut Cut,
-    ) {
+    /// Leaves become lanes; those of `ahead` are asked for.
+    #[inline(always)]
+    fn load_leaves(&mut self, leaves: &[Leaf], groups: &[Group], ahead: &[Group]) {
         let mut ahead = ahead.iter();
-        let mut visited = 0;
-        let lanes = self.balls.iter_mut().zip(&mut self.small);
-        for ((group, (balls, small)), kept) in groups.iter().zip(lanes).zip(&mut self.kept) {
+        let siblings = &mut self.siblings;
+        self.verdicts = Verdicts::begin(groups, |index, group| {
             if let Some(group) = ahead.next() {
                 prefetch_index(leaves, group.first as usize);
                 prefetch_index(leaves, group.first as usize + 3);
             }
-            let (spheres, count) = four_leaves(leaves, *group);
-            *balls = tester.balls(spheres);
-            *small = tester.small(balls) as u8;
-            *kept = (1u8 << count) - 1;
-            visited += count;
+            let (four, count) = four(leaves, group);
+            siblings.put_spheres(index, quad::of_leaves(&four));
+            count
+        });
+    }
+
+    /// The tests of the leaves that were loaded that need no more of them.
+    #[inline(always)]
+    fn test_leaves<S: Simd>(&mut self, simd: S, tester: &Tester, groups: &[Group]) -> Counts {
+        let mut verdicts = self.verdicts;
+        let mut counts = Counts {
+            visited: verdicts.kept.count(),
+            ..Counts::default()
+        };
+        let width = Wide::<S>::LANES;
+        for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
+            let balls = tester.balls(self.siblings.spheres(simd, at));
+            self.siblings.put_balls(at, &balls);
+            verdicts.small.add(at, tester.small(&balls));
+            let kept = verdicts.kept.get(at, width);
+            let edge = kept & !verdicts.within.get(at, width);
+            if edge != 0 {
+                let outside = tester.volume(&balls).0 & edge;
+                counts.outside += outside.count_ones();
+                verdicts.kept.replace(at, width, kept & !outside);
+            }
         }
-        cut.stats.visited += u64::from(visited);
+        self.verdicts = verdicts;
+        counts
     }
 
     /// Drops the leaves that face away.
-    #[inline]
-    fn faces(&mut self, model: &Model, tester: &Tester, groups: &[Group], cut: &mut Cut) {
+    #[inline(always)]
+    fn drop_away(&mut self, (model, tester): (&Model, &Tester), groups: &[Group]) -> Counts {
+        let asked = self.verdicts.kept & !self.verdicts.faces;
         self.faces.clear();
-        self.places.clear();
-        for ((group, &kept), place) in groups.iter().zip(&self.kept).zip((0..).step_by(4)) {
-            if !group.inherits(FRONT) {
-                self.faces.push_lanes(group.first, kept);
-                self.places.push_lanes(place, kept);
-            }
+        for lane in asked.lanes() {
+            self.faces.push((node_of(groups, lane), lane as u32));
         }
-        let (leaves, places) = (self.faces.as_slice(), self.places.as_slice());
-        let kept = &mut self.kept;
-        let mut drop = |place: u32, is_away: bool| {
-            kept[place as usize / 4 % SIZE] &= !(u8::from(is_away) << (place % 4));
-            cut.stats.facing_away += u64::from(is_away);
-        };
+        let mut away = Mask::default();
         if model.triangles.is_empty() {
-            for (&leaf, &place) in leaves.iter().zip(places) {
-                drop(place, tester.leaf_faces_away(model, leaf));
+            for &(leaf, lane) in &self.faces {
+                let is_away = tester.leaf_faces_away(model, leaf);
+                away.add(lane as usize, u32::from(is_away));
             }
-            return;
-        }
-        // All corners are asked for before the first is used. What does not exist is not a number, which
-        // single precision cannot tell from edge-on.
-        for (&leaf, corners) in leaves.iter().zip(&mut self.corners) {
-            *corners = match model.triangles.get(leaf as usize) {
-                Some(&triangle) => triangle,
-                None => [u32::MAX; 3],
-            };
-            for &vertex in &*corners {
-                prefetch_index(model.vertices.as_slice(), vertex as usize);
+        } else {
+            // All corners are asked for before the first is used. What does not exist is not a number, which
+            // single precision cannot tell from edge-on.
+            self.corners.clear();
+            for &(leaf, _) in &self.faces {
+                let corners = match model.triangles.get(leaf as usize) {
+                    Some(&triangle) => triangle,
+                    None => [u32::MAX; 3],
+                };
+                self.corners.push(corners);
+                for vertex in corners {
+                    prefetch_index(model.vertices.as_slice(), vertex as usize);
+                }
             }
-        }
-        let fours = leaves.chunks(4).zip(places.chunks(4));
-        for ((leaves, places), &corners) in fours.zip(self.corners.as_chunks::<4>().0) {
-            let (away, unsure) =
-                tester.triangles_face_away(&Tester::corners(&model.vertices, corners));
-            for ((&leaf, &place), lane) in leaves.iter().zip(places).zip(0..) {
-                if unsure >> lane & 1 != 0 {
-                    drop(place, tester.leaf_faces_away(model, leaf));
-                } else {
-                    drop(place, away >> lane & 1 != 0);
+            let rest = self.corners.len().next_multiple_of(4);
+            self.corners.resize(rest, [u32::MAX; 3]);
+            let fours = self.faces.chunks(4).zip(self.corners.as_chunks::<4>().0);
+            for (leaves, &corners) in fours {
+                let corners = Tester::corners(&model.vertices, corners);
+                let (is_away, unsure) = tester.triangles_face_away(&corners);
+                for (&(leaf, lane), bit) in leaves.iter().zip(0..) {
+                    let is_away = match unsure >> bit & 1 {
+                        0 => is_away >> bit & 1 != 0,
+                        _ => tester.leaf_faces_away(model, leaf),
+                    };
+                    away.add(lane as usize, u32::from(is_away));
                 }
             }
         }
+        self.verdicts.kept = self.verdicts.kept & !away;
+        Counts {
+            away: away.count(),
+            ..Counts::default()
+        }
     }
+}
+
+impl Verdicts {
+    /// The siblings of groups are there, as many as `load` says of each, and have what they inherit.
+    #[inline(always)]
+    fn begin(groups: &[Group], mut load: impl FnMut(usize, Group) -> u32) -> Self {
+        let mut verdicts = Self::default();
+        let chunks = groups.chunks(GROUPS_OF_WORD).take(SIZE / GROUPS_OF_WORD);
+        for (chunk, word) in chunks.zip(0..) {
+            let (mut kept, mut within, mut faces) = (0, 0, 0);
+            for (&group, index) in chunk.iter().zip(GROUPS_OF_WORD * word..) {
+                let count = load(index, group);
+                let at = 4 * index % 64;
+                let all = |is_set: bool| if is_set { 15 << at } else { 0 };
+                kept |= ((1 << count) - 1) << at;
+                within |= all(group.inherits(INSIDE));
+                faces |= all(group.inherits(FRONT));
+            }
+            verdicts.kept.words_mut()[word] = kept;
+            verdicts.within.words_mut()[word] = within;
+            verdicts.faces.words_mut()[word] = faces;
+        }
+        verdicts
+    }
+}
+
+/// Whose lanes are a word of a mask.
+const GROUPS_OF_WORD: usize = 16;
+
+/// The node or leaf in a lane.
+#[inline(always)]
+fn node_of(groups: &[Group], lane: usize) -> u32 {
+    let first = groups.get(lane / 4).map_or(0, |group| group.first);
+    first.wrapping_add(lane as u32 % 4)
 }

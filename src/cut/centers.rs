@@ -11,8 +11,9 @@
 
 use super::quad::Balls;
 use super::tester::Tester;
+use super::vector::Vector;
 use crate::math::camera::View;
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 /// A circle of this radius, pixels, contains the center of one wherever it lies.
 const LARGEST_BETWEEN_PX: f32 = std::f32::consts::FRAC_1_SQRT_2;
@@ -41,14 +42,14 @@ pub(super) struct Centers {
     ones_are_small: bool,
 }
 
-/// Four balls in the picture, pixels.
+/// Balls in the picture, pixels.
 #[derive(Clone, Copy)]
-struct Spots {
+struct Spots<V> {
     /// How far their middles are from the nearest center.
-    aside: [Vec4; 2],
-    reach: Vec4,
+    aside: [V; 2],
+    reach: V,
     /// By how much a coordinate may be off.
-    off: Vec4,
+    off: V,
 }
 
 impl Centers {
@@ -107,17 +108,19 @@ impl Centers {
         self.axes
     }
 
-    /// How far four centers are along the axes of the picture, in the tester's unit.
-    #[inline]
-    pub(super) fn along(&self, [x, y, z]: [Vec4; 3]) -> [Vec4; 2] {
-        self.axes
-            .map(|[a, b, c, start]| a * x + b * y + c * z + start)
+    /// How far centers are along the axes of the picture, in the tester's unit.
+    #[inline(always)]
+    pub(super) fn along<V: Vector>(&self, center: [V; 3]) -> [V; 2] {
+        let [[_, _, _, right], [_, _, _, up]] = self.axes;
+        let [x, y] = self.way_along(center);
+        [x + right, y + up]
     }
 
-    /// How far four ways go along the axes of the picture.
-    #[inline]
-    pub(super) fn way_along(&self, [x, y, z]: [Vec4; 3]) -> [Vec4; 2] {
-        self.axes.map(|[a, b, c, _]| a * x + b * y + c * z)
+    /// How far ways go along the axes of the picture.
+    #[inline(always)]
+    pub(super) fn way_along<V: Vector>(&self, [x, y, z]: [V; 3]) -> [V; 2] {
+        let [[a, b, c, _], [d, e, f, _]] = self.axes;
+        [x * a + y * b + z * c, x * d + y * e + z * f]
     }
 
     /// Pixels of a length at a distance of 1, at most.
@@ -126,13 +129,13 @@ impl Centers {
         self.focal[0].abs().max(self.focal[1].abs())
     }
 
-    /// How far four balls reach in the picture from where their middles are seen, pixels; `off`: by how much a coordinate of
+    /// How far balls reach in the picture from where their middles are seen, pixels; `off`: by how much a coordinate of
     /// theirs may be off. Places and radii are those at a distance of 1.
     ///
     /// A ball of radius r there, seen at the tangent a from the middle, reaches r sqrt(1 + a²) / (1 - r²) to the side, from
     /// a middle that is a r² / (1 - r²) farther off; infinitely far where r is not small.
-    #[inline]
-    pub(super) fn reach(&self, [x, y]: [Vec4; 2], radius: Vec4, off: Vec4) -> Vec4 {
+    #[inline(always)]
+    pub(super) fn reach<V: Vector>(&self, [x, y]: [V; 2], radius: V, off: V) -> V {
         // Corners are moved by rounding in both directions.
         let off = off * std::f32::consts::SQRT_2;
         let in_pixels = radius * self.focal_px();
@@ -141,49 +144,48 @@ impl Centers {
         }
         // sqrt(1 + a²) <= 1 + a² / 2, and a r < 0.01 a <= 0.005 (1 + a²).
         let stretch = (x * x + y * y) * 0.506 + 1.006;
-        let is_small = radius.cmplt(Vec4::splat(0.01));
-        Vec4::select(
-            is_small,
-            in_pixels * stretch + off,
-            Vec4::splat(f32::INFINITY),
-        )
+        let is_small = radius.lt(x.all(0.01));
+        V::choose(is_small, in_pixels * stretch + off, x.all(f32::INFINITY))
     }
 
-    #[inline]
-    fn spots(&self, balls: &Balls) -> Spots {
+    #[inline(always)]
+    fn spots<V: Vector>(&self, balls: &Balls<V>) -> Spots<V> {
         let [x, y] = self.along(balls.center);
         let ([x, y], radius, off) = if self.is_perspective {
-            let inverse = Vec4::ONE / balls.depth;
+            let inverse = x.all(1.0) / balls.depth;
             let at = [x * inverse, y * inverse];
             (at, balls.radius * inverse, inverse * self.place_error)
         } else {
-            ([x, y], balls.radius, Vec4::splat(self.place_error))
+            ([x, y], balls.radius, x.all(self.place_error))
         };
         let off = off + self.snap_px;
         let [focal_x, focal_y] = self.focal;
-        let window = [x * focal_x + self.middle[0], y * focal_y + self.middle[1]];
+        let [middle_x, middle_y] = self.middle;
         Spots {
-            aside: window.map(|v| to_center(v).0.abs()),
+            aside: [
+                to_center(x * focal_x + middle_x).0.abs(),
+                to_center(y * focal_y + middle_y).0.abs(),
+            ],
             reach: self.reach([x, y], radius, off),
             off,
         }
     }
 
-    /// Which of four balls have at most this radius, pixels.
-    #[inline]
-    fn are_within(&self, balls: &Balls, px: f32) -> u8 {
+    /// Which balls have at most this radius, pixels.
+    #[inline(always)]
+    fn are_within<V: Vector>(&self, balls: &Balls<V>, px: f32) -> u32 {
         let most = px / self.focal_px();
         let most = if self.is_perspective {
             balls.depth * most
         } else {
-            Vec4::splat(most)
+            balls.depth.all(most)
         };
-        balls.radius.cmple(most).bitmask() as u8 & 15
+        V::bits(balls.radius.le(most))
     }
 
-    /// Which of four balls may be so small that it matters which centers they contain.
-    #[inline]
-    pub(super) fn may_matter(&self, balls: &Balls) -> u8 {
+    /// Which balls may be so small that it matters which centers they contain.
+    #[inline(always)]
+    pub(super) fn may_matter<V: Vector>(&self, balls: &Balls<V>) -> u32 {
         let largest = if self.ones_are_small {
             LARGEST_OF_ONE_PX
         } else {
@@ -192,36 +194,36 @@ impl Centers {
         self.are_within(balls, largest)
     }
 
-    /// Which of four balls may contain the center of a pixel, and which of them surely no more than one, that of the pixel
+    /// Which balls contain no center of a pixel, and which of them surely one and no more, that of the pixel
     /// that their own middle is in, and are splats for it. Of triangles between centers no device draws anything.
-    #[inline]
-    pub(super) fn of(&self, balls: &Balls) -> (u8, u8) {
+    #[inline(always)]
+    pub(super) fn of<V: Vector>(&self, balls: &Balls<V>) -> (u32, u32) {
         let Spots {
             aside: [x, y],
             reach,
             off,
         } = self.spots(balls);
         let (nearest, reach) = (x * x + y * y, reach * reach);
-        let near = Vec4::splat(self.near);
-        let misses = nearest.cmpgt(reach) & balls.depth.cmpgt(near);
+        let near = x.all(self.near);
+        let misses = nearest.gt(reach) & balls.depth.gt(near);
         // The next center is across the nearest side of the pixel.
         let farther = x.max(y);
-        let next = nearest - 2.0 * farther + 1.0;
+        let next = nearest - farther * 2.0 + 1.0;
         let is_one =
-            next.cmpgt(reach) & farther.cmplt(0.5 - off) & (balls.depth - balls.radius).cmpgt(near);
+            next.gt(reach) & farther.lt(x.all(0.5) - off) & (balls.depth - balls.radius).gt(near);
         let one = if self.ones_are_small {
-            is_one.bitmask() as u8
+            V::bits(is_one & !misses)
         } else {
             0
         };
-        (!(misses.bitmask() as u8) & 15, one)
+        (V::bits(misses), one)
     }
 
-    /// Which of four balls may contain the center of a pixel.
-    #[inline]
-    pub(super) fn any(&self, balls: &Balls) -> u8 {
+    /// Which balls contain no center of a pixel.
+    #[inline(always)]
+    pub(super) fn none<V: Vector>(&self, balls: &Balls<V>) -> u32 {
         if self.are_within(balls, LARGEST_BETWEEN_PX) == 0 {
-            return 15;
+            return 0;
         }
         self.of(balls).0
     }
@@ -230,8 +232,8 @@ impl Centers {
 /// How far coordinates in the picture are from the nearest center of a pixel, and sums whose low bits are 1 more than the
 /// pixel's number: a sum with 2^23 is rounded to whole numbers. Beside the picture both mean nothing: what is a pixel large
 /// there covers no center that matters.
-#[inline]
-pub(super) fn to_center(window: Vec4) -> (Vec4, Vec4) {
+#[inline(always)]
+pub(super) fn to_center<V: Vector>(window: V) -> (V, V) {
     let shifted = window + 0.5;
     let sum = shifted + 8_388_608.0;
     (shifted - (sum - 8_388_608.0), sum)

@@ -176,9 +176,9 @@ impl KeptPart {
                 }
             };
             if are_leaves {
-                batch.test_leaves(task, groups, answer);
+                batch.test_kept_leaves(task, groups, answer);
             } else {
-                batch.test_nodes(task, groups, answer);
+                batch.test_kept_nodes(task, groups, answer);
             }
         }
         let siblings = |groups: &[Group]| groups.iter().map(|g| u64::from(g.count())).sum::<u64>();
@@ -304,6 +304,7 @@ fn descend(
 ) {
     let Selector {
         threads,
+        level,
         front,
         batches,
         marks,
@@ -318,7 +319,7 @@ fn descend(
     let (tree, tests) = (&model.tree, Tests { tester, hiding });
     cut.clear();
     marks.clear();
-    batches.resize_with(*threads, Batch::default);
+    batches.resize_with(*threads, || Batch::new(*level));
     let Some(batch) = batches.first_mut() else {
         return;
     };

@@ -2,6 +2,7 @@
 
 use super::quad::{self, Balls};
 use super::tester::Tester;
+use super::vector::Vector;
 use crate::abi::Vertex;
 use crate::math::octahedral;
 use crate::tree::{Cone, Model};
@@ -29,13 +30,19 @@ impl Tester {
     /// d·v gives "faces the viewer". The factors below cover the rounding: with k = D² |d|², d·v is off by at
     /// most 4 · 2⁻²⁴ √k and the difference k - (d·v)² by 1e-6 k, which loses culling only within 1e-4 rad of
     /// the limit.
-    #[inline]
-    pub(super) fn cones(&self, balls: &Balls, axes: (Vec4, Vec4), packed_sin: Vec4) -> (u32, u32) {
+    #[inline(always)]
+    pub(super) fn cones<V: Vector>(
+        &self,
+        balls: &Balls<V>,
+        axes: (V, V),
+        packed_sin: V,
+    ) -> (u32, u32) {
         let [x, y, z] = Self::cone_axes(axes);
-        let may_cull = packed_sin.cmplt(Vec4::splat(f32::from(Cone::NEVER)));
+        let (zero, one) = (x.all(0.0), x.all(1.0));
+        let may_cull = packed_sin.lt(x.all(f32::from(Cone::NEVER)));
         let sin = packed_sin * (1.0 / 65535.0);
         let sin_squared = sin * sin;
-        let cos = (1.0 - sin_squared).max(Vec4::ZERO).sqrt();
+        let cos = (one - sin_squared).max(zero).sqrt();
         let length_squared = x * x + y * y + z * z;
         let (along, distance_squared, radius) = if self.is_perspective {
             let [vx, vy, vz] = balls.center;
@@ -47,30 +54,31 @@ impl Tester {
         } else {
             // Seen from infinitely far: v is the view direction and the ball has no extent.
             let v = -self.backward;
-            (x * v.x + y * v.y + z * v.z, Vec4::ONE, Vec4::ZERO)
+            (x * v.x + y * v.y + z * v.z, one, zero)
         };
         let k = distance_squared * length_squared;
         let t = along.abs() * cos * 0.999_999 - radius * length_squared.sqrt() * 1.000_001;
-        let across = (k * 1.000_001 - along * along).max(Vec4::ZERO);
+        let across = (k * 1.000_001 - along * along).max(zero);
         let limit = across * sin_squared * 1.000_1 + k * 4e-9;
-        let decided = may_cull & t.cmpgt(Vec4::ZERO) & (t * t).cmpge(limit);
-        let positive = along.cmpgt(Vec4::ZERO);
-        (
-            (decided & positive).bitmask(),
-            (decided & !positive).bitmask(),
-        )
+        let decided = may_cull & t.gt(zero) & (t * t).ge(limit);
+        let positive = along.gt(zero);
+        (V::bits(decided & positive), V::bits(decided & !positive))
+    }
+
+    /// Which nodes have cones that can decide anything, by their packed sines.
+    #[inline(always)]
+    pub(super) fn may_cull<V: Vector>(&self, packed_sin: V) -> u32 {
+        V::bits(packed_sin.lt(packed_sin.all(f32::from(Cone::NEVER))))
     }
 
     /// Directions of the packed axes of cones: the octahedral code unpacked by its definition, times 32767.
-    #[inline]
-    pub(super) fn cone_axes((x, y): (Vec4, Vec4)) -> [Vec4; 3] {
-        let mut x = x.max(Vec4::splat(-32767.0));
-        let mut y = y.max(Vec4::splat(-32767.0));
-        let z = 32767.0 - x.abs() - y.abs();
-        let fold = (-z).max(Vec4::ZERO);
-        x -= fold.copysign(x);
-        y -= fold.copysign(y);
-        [x, y, z]
+    #[inline(always)]
+    pub(super) fn cone_axes<V: Vector>((x, y): (V, V)) -> [V; 3] {
+        let least = x.all(-32767.0);
+        let (x, y) = (x.max(least), y.max(least));
+        let z = x.all(32767.0) - x.abs() - y.abs();
+        let fold = (-z).max(x.all(0.0));
+        [x - fold.copysign(x), y - fold.copysign(y), z]
     }
 
     /// Whether leaf `leaf` is seen from behind or edge-on, by its own geometric normal (a cloud's: by the

@@ -17,6 +17,7 @@ mod select;
 mod slack;
 mod strip;
 mod tester;
+mod vector;
 
 pub use coherent::{Coherent, Update};
 pub use constants::most_splats;

@@ -20,8 +20,9 @@ pub(super) use chunk::{CHUNK, Chunk};
 use super::centers::{Centers, POSITION_ERROR};
 use super::footprints::{Footprints, Undrawn};
 use super::tester::Tester;
+use super::vector::Vector;
 use crate::math::camera::View;
-use glam::{BVec4A, Vec4};
+use glam::Vec4;
 use std::ops::{Range, RangeInclusive};
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -130,22 +131,22 @@ pub(super) struct Hiding<'a> {
     are_pixels: bool,
 }
 
-/// Four splats in the picture.
+/// Splats in the picture.
 #[derive(Clone, Copy)]
-struct Placed {
+struct Placed<V: Vector> {
     /// Pixels.
-    x: Vec4,
-    y: Vec4,
+    x: V,
+    y: V,
     /// Half of what a splat may cover and surely covers, pixels.
-    outer: Vec4,
-    inner: Vec4,
+    outer: V,
+    inner: V,
     /// What contains no center within this distance of its own, pixels, is nothing.
-    reach: Vec4,
+    reach: V,
     /// Lanes that the clip volume takes nothing away of: else nothing is covered surely. Not what is no number.
-    known: BVec4A,
+    known: V::Mask,
     /// From the near plane; and less the error of both sides.
-    distance: Vec4,
-    asked: Vec4,
+    distance: V,
+    asked: V,
 }
 
 impl<'a> Hiding<'a> {
@@ -206,6 +207,11 @@ impl<'a> Hiding<'a> {
         !self.undrawn.nodes.is_empty()
     }
 
+    /// Whether any leaf is not drawn.
+    pub(super) fn has_undrawn_leaves(&self) -> bool {
+        !self.undrawn.leaves.is_empty()
+    }
+
     /// Which of the four nodes from `first` on are not drawn.
     #[inline]
     pub(super) fn undrawn_nodes(&self, first: u32) -> u8 {
@@ -223,12 +229,12 @@ impl<'a> Hiding<'a> {
         (self.footprints.is_cloud, self.footprints.large_leaves)
     }
 
-    /// Of four splats: how far they are along the axes of the picture and the view direction, and their own radii; of samples
+    /// Of splats: how far they are along the axes of the picture and the view direction, and their own radii; of samples
     /// those of their balls.
-    #[inline]
-    fn placed(&self, [x, y, z, radius]: [Vec4; 4]) -> Placed {
+    #[inline(always)]
+    fn placed<V: Vector>(&self, [x, y, z, radius]: [V; 4]) -> Placed<V> {
         let ([x, y], inverse, off, error) = if self.is_perspective {
-            let inverse = Vec4::ONE / z;
+            let inverse = x.all(1.0) / z;
             (
                 [x * inverse, y * inverse],
                 inverse,
@@ -238,66 +244,66 @@ impl<'a> Hiding<'a> {
         } else {
             (
                 [x, y],
-                Vec4::ONE,
-                Vec4::splat(self.centers.place_error),
-                Vec4::splat(self.depth_error + self.distance_error),
+                x.all(1.0),
+                x.all(self.centers.place_error),
+                x.all(self.depth_error + self.distance_error),
             )
         };
         let off = off + self.centers.snap_px;
+        let least = x.all(self.outer_px);
         let (outer, reach) = if self.is_exact() {
             let reach = self.centers.reach([x, y], radius * inverse, off);
-            (Vec4::splat(self.outer_px), reach)
+            (least, reach)
         } else {
             // By how much pixels are off, and half of what a splat of the ball's size is drawn as.
             let own = radius * (1.001 * self.centers.focal_px()) * inverse;
             // What is smaller than a pixel is drawn as one pixel or none, of any other the device may round the size.
             let rounded = if self.is_sampled() {
-                Vec4::select(own.cmplt(Vec4::splat(0.5)), own, own + 0.5)
+                V::choose(own.lt(x.all(0.5)), own, own + 0.5)
             } else {
                 own + 0.5
             };
-            let outer = rounded.max(Vec4::splat(self.outer_px));
-            (outer, Vec4::splat(f32::INFINITY))
+            (rounded.max(least), x.all(f32::INFINITY))
         };
         let distance = z - self.near;
         Placed {
             x: x * self.centers.focal[0] + self.centers.middle[0],
             y: y * self.centers.focal[1] + self.centers.middle[1],
             outer: outer + off,
-            inner: Vec4::splat(self.inner_px) - off,
+            inner: x.all(self.inner_px) - off,
             reach,
-            known: z.cmpgt(Vec4::splat(self.near) + error) & z.cmplt(Vec4::splat(self.far) - error),
+            known: z.gt(error + self.near) & z.lt(x.all(self.far) - error),
             distance,
             asked: if self.footprints.hides {
-                (distance - error).max(Vec4::ZERO)
+                (distance - error).max(x.all(0.0))
             } else {
-                Vec4::ZERO
+                x.all(0.0)
             },
         }
     }
 
     /// Whether anything is dropped of splats.
-    #[inline]
+    #[inline(always)]
     pub(super) fn asks_splats(&self) -> bool {
         self.footprints.hides || self.is_sampled()
     }
 
     /// Whether splats are smaller than a pixel.
-    #[inline]
+    #[inline(always)]
     fn is_sampled(&self) -> bool {
         self.outer_px < 0.5 || self.are_pixels
     }
 
     /// Whether all that is below a node is drawn where it contains a pixel's center: triangles, and splats that are one pixel
     /// at most. Then what lies in a ball between centers is nothing.
-    #[inline]
+    #[inline(always)]
     pub(super) fn is_exact(&self) -> bool {
         self.are_pixels
     }
 
     /// The marks of squares of any size and place. What is not hidden so far leaves its depth in what it surely covers, but
     /// for those in `undrawn`.
-    fn ask_squares(&self, placed: &Placed, lanes: u8, undrawn: u8) -> [Mark; 4] {
+    fn ask_squares(&self, placed: &Placed<Vec4>, lanes: u8, undrawn: u8) -> [Mark; 4] {
         let mut marks = [Mark::HIDDEN; 4];
         let Placed {
             x, y, outer, inner, ..
@@ -351,7 +357,7 @@ impl<'a> Hiding<'a> {
         marks
     }
 
-    #[inline]
+    #[inline(always)]
     fn is_hidden(&self, mark: Mark) -> bool {
         let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.asked;
         let mut first = mark.first as usize;

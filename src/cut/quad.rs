@@ -1,98 +1,81 @@
-//! Four siblings in the four lanes of vectors.
+//! Balls and words of siblings, a lane each.
 
+use super::vector::Vector;
 use crate::tree::{Leaf, Node};
 use glam::{Mat4, Vec4};
 
-/// Four balls: centers relative to the tester's reference point, in its unit.
+/// Balls: centers relative to the tester's reference point, in its unit.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Balls {
-    pub(super) center: [Vec4; 3],
-    pub(super) radius: Vec4,
+pub(super) struct Balls<V = Vec4> {
+    pub(super) center: [V; 3],
+    pub(super) radius: V,
     /// Distance of the centers along the view direction.
-    pub(super) depth: Vec4,
+    pub(super) depth: V,
 }
 
-impl Balls {
-    pub(super) const ZERO: Self = Self {
-        center: [Vec4::ZERO; 3],
-        radius: Vec4::ZERO,
-        depth: Vec4::ZERO,
-    };
-
-    #[inline]
-    pub(super) fn distance_squared(&self) -> Vec4 {
+impl<V: Vector> Balls<V> {
+    #[inline(always)]
+    pub(super) fn distance_squared(&self) -> V {
         let [x, y, z] = self.center;
         x * x + y * y + z * z
     }
 }
 
-/// What four nodes have besides their spheres, a lane each: the words of [`Node`] as they lie in memory.
+/// What nodes have besides their spheres and first children: words of [`Node`] as they lie in memory.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Words {
-    pub(super) first_child: [u32; 4],
+pub(super) struct Words<V: Vector = Vec4> {
     /// Both halves of the cone's axis.
-    axis: [u32; 4],
+    pub(super) axis: V::Words,
     /// Sine of the cone's half angle; above it the strip's direction.
-    sine: [u32; 4],
+    pub(super) sine: V::Words,
     /// Half length and width of the strip, number of children, flags; a byte each.
-    shape: [u32; 4],
+    pub(super) shape: V::Words,
 }
 
-impl Words {
-    pub(super) const ZERO: Self = Self {
-        first_child: [0; 4],
-        axis: [0; 4],
-        sine: [0; 4],
-        shape: [0; 4],
-    };
-
+impl<V: Vector> Words<V> {
     /// The coordinates of the packed axes, whole numbers.
-    #[inline]
-    pub(super) fn axis(&self) -> (Vec4, Vec4) {
-        let x = self.axis.map(|w| ((w << 16) as i32 >> 16) as f32);
-        let y = self.axis.map(|w| (w as i32 >> 16) as f32);
-        (Vec4::from_array(x), Vec4::from_array(y))
+    #[inline(always)]
+    pub(super) fn axis(&self) -> (V, V) {
+        (
+            V::from_bits_of(self.axis, 16, 16, true),
+            V::from_bits_of(self.axis, 0, 16, true),
+        )
     }
 
     /// The packed sines, whole numbers.
-    #[inline]
-    pub(super) fn sine(&self) -> Vec4 {
-        Vec4::from_array(self.sine.map(|w| (w & 0xffff) as i32 as f32))
-    }
-
-    /// Whether a cone of the four can decide anything.
-    #[inline]
-    pub(super) fn has_cones(&self) -> bool {
-        self.sine.iter().fold(u32::MAX, |all, w| all & w) & 0xffff != 0xffff
+    #[inline(always)]
+    pub(super) fn sine(&self) -> V {
+        V::from_bits_of(self.sine, 16, 16, false)
     }
 
     /// Half lengths and widths of the strips, whole numbers.
-    #[inline]
-    pub(super) fn strip(&self) -> (Vec4, Vec4) {
-        let half = self.shape.map(|w| (w & 0xff) as i32 as f32);
-        let width = self.shape.map(|w| (w >> 8 & 0xff) as i32 as f32);
-        (Vec4::from_array(half), Vec4::from_array(width))
+    #[inline(always)]
+    pub(super) fn strip(&self) -> (V, V) {
+        (
+            V::from_bits_of(self.shape, 24, 24, false),
+            V::from_bits_of(self.shape, 16, 24, false),
+        )
     }
 
     /// The packed directions of the strips, whole numbers.
-    #[inline]
-    pub(super) fn direction(&self) -> (Vec4, Vec4) {
+    #[inline(always)]
+    pub(super) fn direction(&self) -> (V, V) {
         // -128 is no code; a damaged file may hold it.
-        let x = self.sine.map(|w| ((w << 8) as i32 >> 24).max(-127) as f32);
-        let y = self.sine.map(|w| (w as i32 >> 24).max(-127) as f32);
-        (Vec4::from_array(x), Vec4::from_array(y))
+        let x = V::from_bits_of(self.sine, 8, 24, true);
+        let y = V::from_bits_of(self.sine, 0, 24, true);
+        (x.max(x.all(-127.0)), y.max(y.all(-127.0)))
     }
 
     /// Numbers of children.
-    #[inline]
-    pub(super) fn child_counts(&self) -> [u32; 4] {
-        self.shape.map(|w| w >> 16 & 0xff)
+    #[inline(always)]
+    pub(super) fn child_counts(&self) -> V {
+        V::from_bits_of(self.shape, 8, 24, false)
     }
 }
 
 /// The four items from `first` on, and how many of them there are. Siblings are followed by others, whose
 /// lanes the caller masks; where the list ends the first is repeated. `None` if there is none.
-#[inline]
+#[inline(always)]
 pub(super) fn four<T: Copy>(items: &[T], first: u32) -> Option<([T; 4], u32)> {
     let items = items.get(first as usize..)?;
     if let Some(&group) = items.first_chunk::<4>() {
@@ -104,34 +87,28 @@ pub(super) fn four<T: Copy>(items: &[T], first: u32) -> Option<([T; 4], u32)> {
 }
 
 /// Four rows become the columns x, y, z, w.
-#[inline]
+#[inline(always)]
 pub(super) fn columns([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
     let lanes = Mat4::from_cols(a, b, c, d).transpose();
     [lanes.x_axis, lanes.y_axis, lanes.z_axis, lanes.w_axis]
 }
 
-/// Columns of the spheres of four nodes (centers and radii), and the rest.
-#[inline]
-pub(super) fn of_nodes(nodes: &[Node; 4]) -> ([Vec4; 4], Words) {
+/// Columns of the spheres of four nodes (centers and radii), and of the other words: first children, and what [`Words`] has.
+#[inline(always)]
+pub(super) fn of_nodes(nodes: &[Node; 4]) -> ([Vec4; 4], [[u32; 4]; 4]) {
     // The words travel as floats, whose bits nothing changes on the way.
     let words = nodes.map(|node| {
         let [_, _, _, _, first_child, axis, sine, shape] = bytemuck::cast::<Node, [f32; 8]>(node);
         Vec4::new(first_child, axis, sine, shape)
     });
-    let [first_child, axis, sine, shape] = columns(words).map(|v| v.to_array().map(f32::to_bits));
     (
         columns(nodes.map(|node| node.center.extend(node.radius))),
-        Words {
-            first_child,
-            axis,
-            sine,
-            shape,
-        },
+        columns(words).map(|v| v.to_array().map(f32::to_bits)),
     )
 }
 
 /// Columns of the spheres of four leaves.
-#[inline]
+#[inline(always)]
 pub(super) fn of_leaves(leaves: &[Leaf; 4]) -> [Vec4; 4] {
     columns(leaves.map(|leaf| leaf.center.extend(leaf.radius)))
 }

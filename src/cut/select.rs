@@ -17,6 +17,7 @@ use super::tester::Tester;
 use super::{Cut, Settings};
 use crate::math::camera::View;
 use crate::tree::Model;
+use fearless_simd::Level;
 use std::sync::Mutex;
 
 /// A large cut is divided where a level has at least this many sibling groups to look at (about a tenth of a
@@ -188,6 +189,8 @@ impl Below {
 #[derive(Debug)]
 pub struct Selector {
     pub(super) threads: usize,
+    /// Of the processor's vectors.
+    pub(super) level: Level,
     /// Groups from which on a cut is divided.
     large: usize,
     pub(super) front: Front,
@@ -211,6 +214,7 @@ impl Selector {
     pub fn with_threads(threads: usize) -> Self {
         Self {
             threads: threads.max(1),
+            level: Level::new(),
             large: LARGE,
             front: Front::default(),
             batches: Vec::new(),
@@ -283,7 +287,8 @@ impl Selector {
         let tree = &model.tree;
         cut.clear();
         self.marks.clear();
-        self.batches.resize_with(self.threads, Batch::default);
+        let level = self.level;
+        self.batches.resize_with(self.threads, || Batch::new(level));
         let Some(batch) = self.batches.first_mut() else {
             return;
         };
@@ -428,5 +433,93 @@ mod tests {
             }
         }
         assert!(lists.iter().all(|&len| len > 100), "{lists:?}");
+    }
+
+    /// Those that this processor has.
+    fn levels() -> Vec<Level> {
+        let mut levels = vec![Level::new()];
+        #[cfg(target_arch = "x86_64")]
+        {
+            levels.extend(Level::new().as_sse4_2().map(Level::Sse4_2));
+            levels.extend(Level::new().as_avx2().map(Level::Avx2));
+        }
+        levels
+    }
+
+    /// Vectors of any width choose the same, with what is hidden and without, of triangles, points and nodes without area.
+    #[test]
+    fn the_cut_does_not_depend_on_the_width_of_vectors() {
+        let models = [
+            (Shape::Torus, false),
+            (Shape::Statue, false),
+            (Shape::Statue, true),
+        ];
+        let models = models.map(|(shape, is_cloud)| {
+            let spec = Spec::with_triangles(shape, 30_000).expect("a valid size");
+            let mut mesh = generate::mesh(&spec);
+            if is_cloud {
+                mesh.triangles.clear();
+            } else {
+                // Every eighth triangle of the first part, so that whole nodes have no area.
+                let many = mesh.triangles.len() / 8;
+                for triangle in &mut mesh.triangles[..many] {
+                    triangle[2] = triangle[1];
+                }
+            }
+            tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree")
+        });
+        let mut counts = [0; 6];
+        for model in &models {
+            let undrawn = Undrawn::new(model);
+            let is_cloud = model.triangles.is_empty();
+            let center = model.origin + model.orbit_center.as_dvec3();
+            let radius = f64::from(model.orbit_radius);
+            for (fill, threshold_px) in [(0.3, 1.0), (1.0, 0.5), (1.0, 1.0), (2.0, 2.0), (1.0, 6.0)]
+            {
+                let camera = Camera::orbit_view((300, 200), center, radius, fill, 1, 3);
+                let view = camera.view(model.origin).expect("a usable camera");
+                let settings = Settings {
+                    threshold_px,
+                    cull_back: model.is_closed,
+                    ..Settings::default()
+                };
+                let footprints = Footprints {
+                    side_px: threshold_px,
+                    hides: true,
+                    are_discs: false,
+                    large_leaves: false,
+                    is_cloud,
+                };
+                let chosen = |level: Level, hides: bool| {
+                    let mut selector = Selector::with_threads(1).with_subpixel_bits(8);
+                    selector.level = level;
+                    let mut cut = Cut::default();
+                    if hides {
+                        let seen = (footprints, &undrawn);
+                        selector.select_seen(model, &view, &settings, seen, &mut cut);
+                    } else {
+                        selector.select(model, &view, &settings, &mut cut);
+                    }
+                    cut
+                };
+                for hides in [true, false] {
+                    let expected = chosen(Level::baseline(), hides);
+                    for (count, more) in counts.iter_mut().zip([
+                        expected.nodes.len() as u64,
+                        expected.strips.len() as u64,
+                        expected.leaves.len() as u64,
+                        expected.triangles.len() as u64,
+                        expected.stats.hidden,
+                        expected.stats.outside,
+                    ]) {
+                        *count += more;
+                    }
+                    for level in levels() {
+                        assert_eq!(chosen(level, hides), expected, "{level:?}, {threshold_px}");
+                    }
+                }
+            }
+        }
+        assert!(counts.iter().all(|&count| count > 1000), "{counts:?}");
     }
 }

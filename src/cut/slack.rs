@@ -285,7 +285,8 @@ mod tests {
                 Tester::new(&model, &view, &settings)
             };
             let (before, after) = (tester(eye, DVec3::ZERO), tester(to_eye, to_target));
-            let (spheres, words) = quad::of_nodes(&nodes);
+            let (spheres, [_, axis, sine, shape]) = quad::of_nodes(&nodes);
+            let words = Words { axis, sine, shape };
             let (from, to) = (before.balls(spheres), after.balls(spheres));
             let (a, b) = (from.depth / before.unit, to.depth / after.unit);
             let distance = |balls: &Balls, t: &Tester| balls.distance_squared().sqrt() / t.unit;
@@ -311,10 +312,11 @@ mod tests {
             let rows = |t: &Tester, balls: &Balls| {
                 let (count, fits) = t.rows(balls, &words, most);
                 let fits = fits & t.may_be_rows(balls, &words, most);
-                [0, 1, 2, 3].map(|i| if fits >> i & 1 != 0 { count[i] } else { 0 })
+                let is_row = |i: usize| fits >> i & 1 != 0;
+                [0, 1, 2, 3].map(|i| if is_row(i) { count[i] } else { 0.0 })
             };
             let (rows_before, rows_after) = (rows(&before, &from), rows(&after, &to));
-            let are_rows = (0..4).fold(0, |mask, i| mask | u8::from(rows_before[i] > 0) << i);
+            let are_rows = (0..4).fold(0, |mask, i| mask | u8::from(rows_before[i] > 0.0) << i);
             let (row_bounds, may) = before.may_be_rows_slack(&from, &words, most);
             let row_bounds = row_bounds.min(of_lanes(
                 before.rows_slack(&from, &words, most, are_rows),

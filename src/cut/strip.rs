@@ -21,8 +21,9 @@
 use super::SizeMetric;
 use super::quad::{self, Words};
 use super::tester::Tester;
+use super::vector::Vector;
 use crate::tree::Node;
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 
 /// Most splats in a row; beyond, the children are looked at.
 pub const MAX_COUNT: u32 = 16;
@@ -43,13 +44,6 @@ struct Frame {
     near: f32,
 }
 
-/// Four nodes' balls in that unit; depths are along the view direction.
-struct Balls {
-    radius: Vec4,
-    depth: Vec4,
-    distance: Vec4,
-}
-
 /// Half length of the row (the strip with its round ends, within the ball) and width, over the node's radius.
 #[inline]
 fn relative_size(node: &Node) -> (f32, f32) {
@@ -61,23 +55,23 @@ fn relative_size(node: &Node) -> (f32, f32) {
     (in_radii((half + width).min(255)), in_radii(width))
 }
 
-/// The same for four nodes, from the bytes of half length and width.
-#[inline]
-pub(super) fn relative_sizes((half, width): (Vec4, Vec4)) -> (Vec4, Vec4) {
+/// The same of nodes, from the bytes of half length and width.
+#[inline(always)]
+pub(super) fn relative_sizes<V: Vector>((half, width): (V, V)) -> (V, V) {
     (
-        (half + width).min(Vec4::splat(255.0)) * (1.0 / 255.0),
+        (half + width).min(half.all(255.0)) * (1.0 / 255.0),
         width * (1.0 / 255.0),
     )
 }
 
-/// How many splats cover the strips of four nodes, and for which of them that is at most [`MAX_COUNT`] and
-/// the strip thin enough (bits of the lanes; other lanes mean nothing).
+/// How many splats cover the strips of nodes, and for which of them that is at most [`MAX_COUNT`] and
+/// the strip thin enough (other lanes mean nothing).
 ///
 /// In a perspective G is bounded once more, to spare a division: a <= κ' = t / 2f because no depth exceeds its
 /// distance, so G >= κ' Z² (1 - κ'²) / S with Z the least depth and S the greatest distance, and
 /// n² = H² S² / (K Z⁴ - ω² S²), K = (κ' (1 - κ'²))².
-#[inline]
-fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) {
+#[inline(always)]
+fn counts<V: Vector>(half: V, width: V, balls: &quad::Balls<V>, frame: &Frame) -> (V, V::Mask) {
     let (half, width) = (half * balls.radius, width * balls.radius);
     let nearest = balls.depth - half;
     let (t, f) = (frame.threshold_px, frame.twice_focal_px);
@@ -86,15 +80,15 @@ fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) 
     // half² far² / (limit - width² far²).
     let (ball, limit, far_squared) = if !frame.is_perspective {
         (
-            Vec4::splat(kappa),
-            Vec4::splat(kappa * kappa * LOW),
-            Vec4::ONE,
+            half.all(kappa),
+            half.all(kappa * kappa * LOW),
+            half.all(1.0),
         )
     } else if frame.is_nearest {
         let ball = nearest * (t / (f + t));
-        (ball, ball * ball * LOW, Vec4::ONE)
+        (ball, ball * ball * LOW, half.all(1.0))
     } else {
-        let far = balls.distance + half;
+        let far = balls.distance_squared().sqrt() + half;
         let low = kappa * (1.0 - kappa * kappa).max(0.0);
         let z_squared = nearest * nearest;
         (
@@ -105,24 +99,23 @@ fn counts(half: Vec4, width: Vec4, balls: &Balls, frame: &Frame) -> (Vec4, u32) 
     };
     let thick = width * width * far_squared;
     let squared = half * half * far_squared / (limit - thick);
-    let fits = (nearest - ball).cmpgt(Vec4::splat(frame.near))
-        & nearest.cmpgt(Vec4::ZERO)
-        & thick.cmple(limit * (MAX_WIDTH * MAX_WIDTH))
-        & squared.cmple(Vec4::splat((MAX_COUNT * MAX_COUNT) as f32));
-    (squared.sqrt().ceil().max(Vec4::splat(2.0)), fits.bitmask())
+    let fits = (nearest - ball).gt(half.all(frame.near))
+        & nearest.gt(half.all(0.0))
+        & thick.le(limit * (MAX_WIDTH * MAX_WIDTH))
+        & squared.le(half.all((MAX_COUNT * MAX_COUNT) as f32));
+    (squared.sqrt().ceil().max(half.all(2.0)), fits)
 }
 
-/// The ways from the centers of four nodes to the ends of their rows, in the tester's unit.
-#[inline]
-pub(super) fn half_rows(balls: &quad::Balls, words: &Words) -> [Vec4; 3] {
+/// The ways from the centers of nodes to the ends of their rows, in the tester's unit.
+#[inline(always)]
+pub(super) fn half_rows<V: Vector>(balls: &quad::Balls<V>, words: &Words<V>) -> [V; 3] {
     let (half, _) = relative_sizes(words.strip());
     // As `octahedral::decode` unpacks what `Strip::direction` gives it.
     let (x, y) = words.direction();
-    let [mut x, mut y] = [x, y].map(|v| v * (258.0 / 32767.0));
-    let z = 1.0 - x.abs() - y.abs();
-    let fold = (-z).max(Vec4::ZERO);
-    x -= fold.copysign(x);
-    y -= fold.copysign(y);
+    let (x, y) = (x * (258.0 / 32767.0), y * (258.0 / 32767.0));
+    let z = x.all(1.0) - x.abs() - y.abs();
+    let fold = (-z).max(x.all(0.0));
+    let (x, y) = (x - fold.copysign(x), y - fold.copysign(y));
     let scale = half * balls.radius / (x * x + y * y + z * z).sqrt();
     [x * scale, y * scale, z * scale]
 }
@@ -133,38 +126,52 @@ impl Tester {
     ///
     /// Known without a look at them: the levels are complete and split evenly, so two levels up a node has
     /// about the average number of leaves, and three levels up at least as many as a row has splats.
-    #[inline]
-    pub(super) fn most_in_row(&self, first: u32, words: &Words) -> Vec4 {
+    #[inline(always)]
+    pub(super) fn most_in_row<V: Vector>(&self, first: u32, words: &Words<V>) -> V {
+        let counts = words.child_counts();
         if first >= self.lowest_nodes {
-            Vec4::from_array(words.child_counts().map(|n| (n as i32 - 1) as f32))
+            counts - 1.0
         } else if first >= self.low_nodes {
-            Vec4::splat(self.low_leaves.saturating_sub(1).min(MAX_COUNT) as f32)
+            counts.all(self.low_leaves.saturating_sub(1).min(MAX_COUNT) as f32)
         } else {
-            Vec4::splat(MAX_COUNT as f32)
+            counts.all(MAX_COUNT as f32)
         }
     }
 
     /// Which nodes may be rows of splats, before any root or division. Most are not: no ball that the
     /// threshold allows is wider than t z / 2 f, so the strip must be thinner than that, and short enough
     /// for a row of such balls.
-    #[inline]
-    pub(super) fn may_be_rows(&self, balls: &quad::Balls, words: &Words, most: Vec4) -> u32 {
+    #[inline(always)]
+    pub(super) fn may_be_rows<V: Vector>(
+        &self,
+        balls: &quad::Balls<V>,
+        words: &Words<V>,
+        most: V,
+    ) -> u32 {
+        let one = most.all(1.0);
         let depth = if self.is_perspective {
             balls.depth
         } else {
-            Vec4::ONE
+            one
         };
         let in_balls = balls.radius * self.ratio;
         let (half, width) = relative_sizes(words.strip());
-        (width.cmplt(Vec4::ONE)
-            & (width * in_balls).cmple(depth * MAX_WIDTH)
-            & (half * in_balls).cmple(depth * most))
-        .bitmask()
+        V::bits(
+            width.lt(one)
+                & (width * in_balls).le(depth * MAX_WIDTH)
+                & (half * in_balls).le(depth * most),
+        )
     }
 
-    /// How many splats along their strips stand for the nodes, and for which nodes such a row will do.
-    #[inline]
-    pub(super) fn rows(&self, balls: &quad::Balls, words: &Words, most: Vec4) -> ([u32; 4], u32) {
+    /// How many splats along their strips stand for the nodes, whole numbers, and for which nodes such a row will do (the
+    /// numbers of others mean nothing).
+    #[inline(always)]
+    pub(super) fn rows<V: Vector>(
+        &self,
+        balls: &quad::Balls<V>,
+        words: &Words<V>,
+        most: V,
+    ) -> (V, u32) {
         let frame = Frame {
             is_perspective: self.is_perspective,
             is_nearest: self.size == SizeMetric::Nearest,
@@ -172,16 +179,9 @@ impl Tester {
             threshold_px: self.threshold_px,
             near: self.near,
         };
-        let distances = Balls {
-            radius: balls.radius,
-            depth: balls.depth,
-            distance: balls.distance_squared().sqrt(),
-        };
         let (half, width) = relative_sizes(words.strip());
-        let (counts, fits) = counts(half, width, &distances, &frame);
-        // Whole numbers below 2^23 lie in the low bits after this addition.
-        let integers = (counts + 8_388_608.0).to_array().map(|n| n.to_bits() & 31);
-        (integers, fits & counts.cmple(most).bitmask())
+        let (counts, fits) = counts(half, width, balls, &frame);
+        (counts, V::bits(fits & counts.le(most)))
     }
 }
 
@@ -254,7 +254,8 @@ mod tests {
                 child_count: 2,
                 flags: 0,
             });
-            let (spheres, words) = quad::of_nodes(&nodes);
+            let (spheres, [_, axis, sine, shape]) = quad::of_nodes(&nodes);
+            let words = Words { axis, sine, shape };
             let [x, y, z] = half_rows(&tester.balls(spheres), &words).map(|v| v.to_array());
             for (lane, node) in nodes.iter().enumerate() {
                 let (first, step) = strip_steps(node, 2);

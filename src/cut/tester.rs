@@ -1,21 +1,22 @@
-//! The tests of the cut: view volume and projected size; four siblings at a time. What faces away is in
+//! The tests of the cut: view volume and projected size, of siblings in the lanes of vectors. What faces away is in
 //! [`super::facing`].
 //!
 //! Sources: Benda, *Point Based Rendering*, sections 3.2 and 3.3; Rusinkiewicz and Levoy, *QSplat*
 //! (SIGGRAPH 2000), section 2.1; the normal cone goes back to Shirman and Abi-Ezzi, *The Cone of Normals
 //! Technique* (Eurographics 1993). Deviations: sizes are compared as squares, without root or division where
-//! the metric allows it; the cone test is exact for a ball instead of for its center; the four children of a
-//! node are tested in the four lanes of one vector, so that a node costs no branch that cannot be foreseen.
+//! the metric allows it; the cone test is exact for a ball instead of for its center; many nodes
+//! are tested in the lanes of one vector, so that a node costs no branch that cannot be foreseen.
 //!
 //! Every comparison errs to the safe side by the rounding of single precision, and is written so that a
 //! NaN keeps the node and descends.
 
 use super::quad::{self, Balls};
+use super::vector::Vector;
 use super::{Settings, SizeMetric};
 use crate::math::camera::View;
 use crate::math::frustum::{Frustum, Plane};
 use crate::tree::{Model, Tree};
-use glam::{BVec4A, Vec3, Vec4};
+use glam::Vec3;
 
 /// What a node inherits from its parent, as bits.
 pub(super) mod inherit {
@@ -28,23 +29,15 @@ pub(super) mod inherit {
 /// Error of a distance to a plane, over how far the model reaches from the eye.
 const PLANE_ERROR: f64 = 1e-6;
 
-/// A plane ready for four balls: coefficients repeated in every lane.
+/// A plane: its inward unit normal, and what is added.
 #[derive(Debug, Clone, Copy)]
-struct Plane4 {
-    x: Vec4,
-    y: Vec4,
-    z: Vec4,
-    offset: Vec4,
-}
+struct Distances([f32; 4]);
 
-impl Plane4 {
-    #[inline]
-    fn distance(&self, [x, y, z]: [Vec4; 3]) -> Vec4 {
-        self.x * x + self.y * y + self.z * z + self.offset
-    }
-
-    fn row(&self) -> [f32; 4] {
-        [self.x.x, self.y.x, self.z.x, self.offset.x]
+impl Distances {
+    #[inline(always)]
+    fn of<V: Vector>(&self, [x, y, z]: [V; 3]) -> V {
+        let Self([a, b, c, offset]) = *self;
+        x * a + y * b + z * c + offset
     }
 }
 
@@ -62,8 +55,8 @@ pub struct Tester {
     /// From the scene to the viewer (orthographic: everywhere the same).
     pub(super) backward: Vec3,
     pub(super) is_perspective: bool,
-    sides: [Plane4; 4],
-    forward: Plane4,
+    sides: [Distances; 4],
+    forward: Distances,
     pub(super) near: f32,
     pub(super) far: f32,
     /// Absolute error of a distance to a plane.
@@ -129,11 +122,9 @@ impl Tester {
         let unit = (10.0 - f64::from(reach).log2().ceil())
             .clamp(-120.0, 120.0)
             .exp2();
-        let plane4 = |plane: &Plane, more: f64| Plane4 {
-            x: Vec4::splat(plane.normal.x as f32),
-            y: Vec4::splat(plane.normal.y as f32),
-            z: Vec4::splat(plane.normal.z as f32),
-            offset: Vec4::splat(((plane.distance(reference.as_dvec3()) + more) * unit) as f32),
+        let distances = |plane: &Plane, more: f64| {
+            let offset = (plane.distance(reference.as_dvec3()) + more) * unit;
+            Distances(plane.normal.as_vec3().extend(offset as f32).to_array())
         };
         let near = f64::from(view.near) / scale;
         let twice_focal = 2.0
@@ -151,8 +142,8 @@ impl Tester {
             unit: unit as f32,
             backward: (-frustum.near.normal).as_vec3(),
             is_perspective: view.is_perspective,
-            sides: [0, 1, 2, 3].map(|i| plane4(&frustum.sides[i], 0.0)),
-            forward: plane4(&frustum.near, near),
+            sides: [0, 1, 2, 3].map(|i| distances(&frustum.sides[i], 0.0)),
+            forward: distances(&frustum.near, near),
             near: (near * unit) as f32,
             far: (f64::from(view.far) / scale * unit) as f32,
             // Normals, products and sums each round by 2^-24; centers are at most 2^10 (the model's reach)
@@ -190,12 +181,12 @@ impl Tester {
 
     /// The sides of the view volume: inward unit normals, and what is added.
     pub(super) fn side_planes(&self) -> [[f32; 4]; 4] {
-        self.sides.map(|plane| plane.row())
+        self.sides.map(|plane| plane.0)
     }
 
     /// The view direction, and what is added.
     pub(super) fn forward_plane(&self) -> [f32; 4] {
-        self.forward.row()
+        self.forward.0
     }
 
     /// What the root inherits.
@@ -204,9 +195,9 @@ impl Tester {
         self.start
     }
 
-    /// Four spheres (columns of centers and radii, model units) become four balls.
-    #[inline]
-    pub(super) fn balls(&self, [x, y, z, radius]: [Vec4; 4]) -> Balls {
+    /// Spheres (columns of centers and radii, model units) become balls.
+    #[inline(always)]
+    pub(super) fn balls<V: Vector>(&self, [x, y, z, radius]: [V; 4]) -> Balls<V> {
         let center = [
             (x - self.reference.x) * self.unit,
             (y - self.reference.y) * self.unit,
@@ -215,14 +206,15 @@ impl Tester {
         Balls {
             center,
             radius: radius * self.unit,
-            depth: self.forward.distance(center),
+            depth: self.forward.of(center),
         }
     }
 
-    /// How far four ways go along the view direction.
-    #[inline]
-    pub(super) fn way_forward(&self, [x, y, z]: [Vec4; 3]) -> Vec4 {
-        self.forward.x * x + self.forward.y * y + self.forward.z * z
+    /// How far ways go along the view direction.
+    #[inline(always)]
+    pub(super) fn way_forward<V: Vector>(&self, [x, y, z]: [V; 3]) -> V {
+        let Distances([a, b, c, _]) = self.forward;
+        x * a + y * b + z * c
     }
 
     /// One ball in all lanes.
@@ -234,57 +226,58 @@ impl Tester {
     /// Which balls lie outside of the view volume, and which wholly inside.
     ///
     /// Both err to "no" by the rounding, so a ball is never inside whose sub-ball is found outside.
-    #[inline]
-    pub(super) fn volume(&self, balls: &Balls) -> (u32, u32) {
-        let (r, error) = (balls.radius, Vec4::splat(self.plane_error));
+    #[inline(always)]
+    pub(super) fn volume<V: Vector>(&self, balls: &Balls<V>) -> (u32, u32) {
+        let r = balls.radius;
         let nearest = self.nearest_plane(balls);
         // The smallest of six distances tells both: outside if it is below -r, inside if at least r.
         (
-            nearest.cmplt(-r - error).bitmask(),
-            nearest.cmpge(r + error).bitmask(),
+            V::bits(nearest.lt(-r - self.plane_error)),
+            V::bits(nearest.ge(r + self.plane_error)),
         )
     }
 
     /// The least distance of the centers from the six planes.
-    #[inline]
-    pub(super) fn nearest_plane(&self, balls: &Balls) -> Vec4 {
+    #[inline(always)]
+    pub(super) fn nearest_plane<V: Vector>(&self, balls: &Balls<V>) -> V {
         let depth = balls.depth;
-        let mut nearest = (depth - self.near).min(self.far - depth);
+        let mut nearest = (depth - self.near).min(depth.all(self.far) - depth);
         for side in &self.sides {
-            nearest = nearest.min(side.distance(balls.center));
+            nearest = nearest.min(side.of(balls.center));
         }
         nearest
     }
 
     /// Which balls are at most the threshold wide on the screen and in front of the near plane.
-    #[inline]
-    pub(super) fn small(&self, balls: &Balls) -> u32 {
+    #[inline(always)]
+    pub(super) fn small<V: Vector>(&self, balls: &Balls<V>) -> u32 {
         let (r, z) = (balls.radius, balls.depth);
-        let is_in_front = (z - r).cmpgt(Vec4::splat(self.near));
+        let one = z.all(1.0);
+        let is_in_front = (z - r).gt(z.all(self.near));
         if !self.is_perspective {
             // 2 R p <= t
-            return (is_in_front & (r * self.ratio).cmple(Vec4::ONE)).bitmask();
+            return V::bits(is_in_front & (r * self.ratio).le(one));
         }
         let rr = r * r;
-        let is_small: BVec4A = match self.size {
+        let is_small = match self.size {
             // 2 f R sqrt(D² - R²) / (z² - R²) <= t, squared; both sides are positive where z > R.
             SizeMetric::Exact => {
                 let tangent = balls.distance_squared() - rr;
                 let depths = z * z - rr;
-                (rr * self.ratio_squared * tangent).cmple(depths * depths)
+                (rr * self.ratio_squared * tangent).le(depths * depths)
             }
-            SizeMetric::Center => (r * self.ratio).cmple(z),
-            SizeMetric::Nearest => (r * self.ratio).cmple(z - r),
+            SizeMetric::Center => (r * self.ratio).le(z),
+            SizeMetric::Nearest => (r * self.ratio).le(z - r),
             // tan(asin(R / D)) = R / sqrt(D² - R²)
-            SizeMetric::Angle => (rr * self.ratio_squared).cmple(balls.distance_squared() - rr),
+            SizeMetric::Angle => (rr * self.ratio_squared).le(balls.distance_squared() - rr),
             // (4 A B)² = (2 f R)⁴ (D² - R²) / (z² - R²)³ <= t⁴; the division keeps the sixth power in range.
             SizeMetric::Area => {
-                let inverse = 1.0 / (z * z - rr);
+                let inverse = one / (z * z - rr);
                 let q = rr * self.ratio_squared * inverse;
-                (q * q * ((balls.distance_squared() - rr) * inverse)).cmple(Vec4::ONE)
+                (q * q * ((balls.distance_squared() - rr) * inverse)).le(one)
             }
         };
-        (is_in_front & is_small).bitmask()
+        V::bits(is_in_front & is_small)
     }
 
     /// Whether a ball (model space) is drawn as a splat when it is visible: its projected diameter is at most

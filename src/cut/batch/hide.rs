@@ -1,262 +1,301 @@
 //! What nearer splats hide of a batch.
 
-use super::{Batch, Group, List, ROOM, SIZE};
+use super::{Batch, Group, LANES, Mask, node_of};
 use crate::cut::nearest::{CHUNK, Chunk, Hiding, Marks};
-use crate::cut::quad::Balls;
 use crate::cut::strip::half_rows;
 use crate::cut::tester::Tester;
+use crate::cut::vector::{Vector, Wide};
 use crate::cut::{Cut, MAX_STRIP_COUNT, StripRun};
-use glam::Vec4;
+use fearless_simd::prelude::*;
 
-/// Room for the splats of rows in a chunk, and for a store of four at any place.
-const SPLATS: usize = CHUNK + 4;
-const _: () = assert!(MAX_STRIP_COUNT as usize <= CHUNK && ROOM <= SPLATS);
+/// Room for the splats of rows in a chunk, and for a store of a row's at any place.
+const SPLATS: usize = CHUNK + MAX_STRIP_COUNT as usize;
+const _: () = assert!(MAX_STRIP_COUNT as usize <= CHUNK && LANES <= CHUNK);
 
-/// The rows of a batch and some of their splats, numbers of one kind in a list each.
+/// Some of the splats of a batch's rows, numbers of one kind in a list each.
 #[derive(Debug)]
 pub(super) struct Rows {
-    /// Where a row is in the lists of middles and halves.
-    places: List<u32, ROOM>,
-    /// Where their middles are along the axes of the picture and the view direction, and how far their ends are from there.
-    middles: [[f32; SPLATS]; 3],
-    halves: [[f32; SPLATS]; 3],
+    /// Where the middles of rows are along the axes of the picture and the view direction, and how far their ends are from there.
+    middles: [[f32; LANES]; 3],
+    halves: [[f32; LANES]; 3],
     splats: [[f32; SPLATS]; 3],
+    /// Rows whose splats these are.
+    runs: Vec<StripRun>,
 }
 
 impl Default for Rows {
     fn default() -> Self {
         Self {
-            places: List::new(0),
-            middles: [[0.0; SPLATS]; 3],
-            halves: [[0.0; SPLATS]; 3],
+            middles: [[0.0; LANES]; 3],
+            halves: [[0.0; LANES]; 3],
             splats: [[0.0; SPLATS]; 3],
+            runs: Vec::with_capacity(CHUNK),
         }
     }
 }
 
-#[inline]
-fn put(lists: &mut [[f32; SPLATS]; 3], at: usize, four: [Vec4; 3]) {
-    for (list, v) in lists.iter_mut().zip(four) {
-        if let Some(places) = list.get_mut(at..at + 4) {
-            places.copy_from_slice(&v.to_array());
-        }
-    }
+#[inline(always)]
+fn put<S: Simd>(lists: &mut [[f32; LANES]; 3], at: usize, numbers: [Wide<S>; 3]) {
+    let lanes = at..at + Wide::<S>::LANES;
+    let [x, y, z] = lists;
+    let [a, b, c] = numbers;
+    a.store(&mut x[lanes.clone()]);
+    b.store(&mut y[lanes.clone()]);
+    c.store(&mut z[lanes]);
 }
 
 impl Batch {
     /// Drops small nodes that are hidden.
-    pub(super) fn hide_nodes(
+    #[inline(always)]
+    pub(super) fn hide_nodes<S: Simd>(
         &mut self,
+        simd: S,
         hiding: &Hiding<'_>,
         groups: &[Group],
         marks: &mut Marks,
         cut: &mut Cut,
     ) {
-        self.listed.clear();
-        let mut asked = 0;
-        let is_exact = hiding.is_exact();
-        let radius_of = |balls: &Balls| if is_exact { balls.radius } else { Vec4::ZERO };
-        let masks = self.kept.iter().zip(&self.small);
-        let lanes = masks.map(|(&kept, &small)| kept & small);
-        for (((group, balls), lanes), index) in groups.iter().zip(&self.balls).zip(lanes).zip(0..) {
+        let asked = self.verdicts.kept & self.verdicts.small;
+        let undrawn = of_groups(groups, hiding.has_undrawn_nodes(), |first| {
+            hiding.undrawn_nodes(first)
+        });
+        let seen = self.ask(
+            simd,
+            hiding,
+            (asked, undrawn, hiding.is_exact()),
+            &mut marks.nodes,
+        );
+        cut.stats.hidden += u64::from(asked.count() - seen.count());
+        self.verdicts.kept = self.verdicts.kept & (seen | !asked);
+    }
+
+    /// Which of the lanes that are asked for are not hidden so far; those in `undrawn` hide nothing. Each that is seen leaves a
+    /// mark.
+    #[inline(always)]
+    fn ask<S: Simd>(
+        &mut self,
+        simd: S,
+        hiding: &Hiding<'_>,
+        (asked, undrawn, have_sizes): (Mask, Mask, bool),
+        marks: &mut Vec<crate::cut::nearest::Mark>,
+    ) -> Mask {
+        if asked.is_empty() {
+            return asked;
+        }
+        self.chunk.clear();
+        let width = Wide::<S>::LANES;
+        for at in (0..LANES).step_by(width) {
+            let lanes = asked.get(at, width);
             if lanes == 0 {
                 continue;
             }
+            let balls = self.siblings.balls(simd, at);
             let [x, y] = hiding.centers.along(balls.center);
-            let splats = [x, y, balls.depth, radius_of(balls)];
-            let lanes_of = (lanes, hiding.undrawn_nodes(group.first));
-            hiding.place(&mut self.chunk, 4 * self.listed.len, splats, lanes_of);
-            self.listed.push_if(true, index);
-            asked += lanes.count_ones();
+            let radius = if have_sizes { balls.radius } else { x.all(0.0) };
+            let splats = [x, y, balls.depth, radius];
+            let lanes = (lanes, undrawn.get(at, width));
+            hiding.place(simd, &mut self.chunk, at, splats, lanes);
         }
-        let listed = self.listed.as_slice();
-        if listed.is_empty() {
-            return;
-        }
-        let seen = hiding.ask(&self.chunk, 4 * listed.len(), &mut marks.nodes);
-        cut.stats.hidden += u64::from(asked.saturating_sub(count(&seen)));
-        for (&index, place) in listed.iter().zip(0..) {
-            let i = index as usize % SIZE;
-            self.kept[i] &= four(&seen, place) | !self.small[i];
-        }
+        hiding.ask(&self.chunk, marks)
     }
 
     /// Drops triangles between the centers of pixels, and small ones where splats are samples.
-    pub(super) fn drop_between(&mut self, hiding: &Hiding<'_>, count: usize, cut: &mut Cut) {
+    #[inline(always)]
+    pub(super) fn drop_between<S: Simd>(
+        &mut self,
+        simd: S,
+        hiding: &Hiding<'_>,
+        count: usize,
+        cut: &mut Cut,
+    ) {
         let (have_sizes, asks_large) = hiding.of_leaves();
         if have_sizes || asks_large {
             return;
         }
-        let splats = if hiding.is_exact() { 15 } else { 0 };
-        let lanes = self.balls.iter().zip(&self.small);
-        for ((balls, &small), kept) in lanes.zip(&mut self.kept).take(count) {
-            let asked = *kept & (!small | splats);
-            if asked != 0 {
-                let misses = asked & !hiding.centers.any(balls);
-                cut.stats.between += u64::from((misses & !small).count_ones());
-                cut.stats.hidden += u64::from((misses & small).count_ones());
-                *kept &= !misses;
+        let splats = Mask::all(hiding.is_exact());
+        let asked = self.verdicts.kept & (!self.verdicts.small | splats);
+        let mut misses = Mask::default();
+        let width = Wide::<S>::LANES;
+        for at in (0..4 * count).step_by(width) {
+            let lanes = asked.get(at, width);
+            if lanes != 0 {
+                let balls = self.siblings.balls(simd, at);
+                misses.add(at, lanes & hiding.centers.none(&balls));
             }
         }
-    }
-
-    /// Drops large nodes between the centers of pixels, with all that is below them, where that would be samples: of a surface
-    /// whose triangles are far smaller than pixels a level of the tree has four times the nodes of the one above, and no more
-    /// of them that contain a center. What contains one center is small: all below it that is drawn would be that pixel.
-    pub(super) fn ask_centers(
-        &mut self,
-        hiding: &Hiding<'_>,
-        count: usize,
-        mut prefetch: impl FnMut(),
-    ) {
-        self.listed.clear();
-        let lanes = self.balls.iter().zip(&self.small).zip(&self.kept);
-        for (((balls, &small), &kept), index) in lanes.zip(0..).take(count) {
-            let asked = kept & !small & hiding.centers.may_matter(balls);
-            self.listed.push_if(asked != 0, index);
-        }
-        for &index in self.listed.as_slice() {
-            let i = index as usize % SIZE;
-            prefetch();
-            let (some, one) = hiding.centers.of(&self.balls[i]);
-            self.kept[i] &= some | self.small[i];
-            self.small[i] |= one & some;
-        }
+        let small = (misses & self.verdicts.small).count();
+        cut.stats.between += u64::from(misses.count() - small);
+        cut.stats.hidden += u64::from(small);
+        self.verdicts.kept = self.verdicts.kept & !misses;
     }
 
     /// Drops leaves that are hidden; those in `always` are splats in any case.
-    pub(super) fn hide_leaves(
+    #[inline(always)]
+    pub(super) fn hide_leaves<S: Simd>(
         &mut self,
+        simd: S,
         hiding: &Hiding<'_>,
         groups: &[Group],
-        always: u8,
-        marks: &mut Marks,
-        cut: &mut Cut,
+        always: Mask,
+        (cut, marks): (&mut Cut, &mut Marks),
     ) {
         if !hiding.asks_splats() {
             return;
         }
         let (have_sizes, asks_large) = hiding.of_leaves();
-        let is_exact = hiding.is_exact();
+        let undrawn = of_groups(groups, hiding.has_undrawn_leaves(), |first| {
+            hiding.undrawn_leaves(first)
+        });
         // A small triangle has the constant size, a point of a cloud and a large triangle their own.
+        let splats = self.verdicts.small | always;
         let kinds = [
-            (0, have_sizes, true, &mut marks.leaves),
-            (15, true, asks_large, &mut marks.triangles),
+            (
+                splats,
+                have_sizes || hiding.is_exact(),
+                true,
+                &mut marks.leaves,
+            ),
+            (!splats, true, asks_large, &mut marks.triangles),
         ];
-        for (flip, has_size, is_asked, marks) in kinds {
-            if !is_asked {
-                continue;
-            }
-            self.listed.clear();
-            let mut asked = 0;
-            let masks = self.kept.iter().zip(&self.small);
-            let lanes = masks.map(|(&kept, &small)| kept & ((small | always) ^ flip));
-            for (((group, balls), lanes), index) in
-                groups.iter().zip(&self.balls).zip(lanes).zip(0..)
-            {
-                if lanes == 0 {
-                    continue;
-                }
-                let [x, y] = hiding.centers.along(balls.center);
-                let radius = if has_size || is_exact {
-                    balls.radius
-                } else {
-                    Vec4::ZERO
-                };
-                let splats = [x, y, balls.depth, radius];
-                let lanes_of = (lanes, hiding.undrawn_leaves(group.first));
-                hiding.place(&mut self.chunk, 4 * self.listed.len, splats, lanes_of);
-                self.listed.push_if(true, index);
-                asked += lanes.count_ones();
-            }
-            let listed = self.listed.as_slice();
-            if listed.is_empty() {
-                continue;
-            }
-            let seen = hiding.ask(&self.chunk, 4 * listed.len(), marks);
-            cut.stats.hidden += u64::from(asked.saturating_sub(count(&seen)));
-            for (&index, place) in listed.iter().zip(0..) {
-                let i = index as usize % SIZE;
-                self.kept[i] &= four(&seen, place) | !((self.small[i] | always) ^ flip);
+        for (kind, have_sizes, is_asked, marks) in kinds {
+            if is_asked {
+                let asked = self.verdicts.kept & kind;
+                let seen = self.ask(simd, hiding, (asked, undrawn, have_sizes), marks);
+                cut.stats.hidden += u64::from(asked.count() - seen.count());
+                self.verdicts.kept = self.verdicts.kept & (seen | !asked);
             }
         }
     }
 
     /// Appends the rows of the batch to the cut, less what is hidden of them.
-    pub(super) fn hide_rows(
+    #[inline(always)]
+    pub(super) fn hide_rows<S: Simd>(
         &mut self,
-        hiding: &Hiding<'_>,
-        tester: &Tester,
+        simd: S,
+        (hiding, tester): (&Hiding<'_>, &Tester),
+        groups: &[Group],
         marks: &mut Marks,
         cut: &mut Cut,
     ) {
-        let Rows {
-            places,
-            middles,
-            halves,
-            splats,
-        } = &mut self.split;
-        places.clear();
-        // Needles may be far thinner than a pixel: where splats are samples, their squares are asked, lest they vanish.
-        let radius = Vec4::splat(match hiding.is_exact() {
-            true => f32::INFINITY,
-            false => 0.0,
-        });
-        for (&index, at) in self.likely.as_slice().iter().zip((0..).step_by(4)) {
-            let i = index as usize % SIZE;
-            let balls = &self.balls[i];
-            let half = half_rows(balls, &self.words[i]);
+        let rows = self.verdicts.rows;
+        let width = Wide::<S>::LANES;
+        for at in (0..4 * groups.len()).step_by(width) {
+            if rows.get(at, width) == 0 {
+                continue;
+            }
+            let balls = self.siblings.balls(simd, at);
+            let half = half_rows(&balls, &self.siblings.words(simd, at));
             let ([x, y], [way_x, way_y]) = (
                 hiding.centers.along(balls.center),
                 hiding.centers.way_along(half),
             );
-            put(middles, at as usize, [x, y, balls.depth]);
-            put(
-                halves,
-                at as usize,
-                [way_x, way_y, tester.way_forward(half)],
-            );
-            places.push_lanes(at, self.rows[i]);
+            put(&mut self.split.middles, at, [x, y, balls.depth]);
+            let way_forward = tester.way_forward(half);
+            put(&mut self.split.halves, at, [way_x, way_y, way_forward]);
         }
+        let mut count = 0;
+        for lane in rows.lanes() {
+            let run = StripRun::new(node_of(groups, lane), self.counts[lane % LANES]);
+            if count + MAX_STRIP_COUNT as usize > CHUNK {
+                self.keep_rows(simd, hiding, count, marks, cut);
+                count = 0;
+            }
+            self.split.add(simd, lane % LANES, run, count);
+            count += run.count as usize;
+        }
+        if count > 0 {
+            self.keep_rows(simd, hiding, count, marks, cut);
+        }
+    }
+
+    /// Appends the rows whose splats are in the chunk, so many of them, less what is hidden.
+    #[inline(always)]
+    fn keep_rows<S: Simd>(
+        &mut self,
+        simd: S,
+        hiding: &Hiding<'_>,
+        count: usize,
+        marks: &mut Marks,
+        cut: &mut Cut,
+    ) {
         // Where any node has no area, rows cover nothing: that is rare.
-        let undrawn = if hiding.has_undrawn_nodes() { 15 } else { 0 };
-        let (mut runs, mut places) = (self.runs.as_slice(), places.as_slice());
-        while !runs.is_empty() {
-            let (mut many, mut count) = (0, 0);
-            for (run, &place) in runs.iter().zip(places) {
-                if count + MAX_STRIP_COUNT as usize > CHUNK {
-                    break;
-                }
-                let at = place as usize % ROOM;
-                let middle = middles.each_ref().map(|list| list[at]);
-                let half = halves.each_ref().map(|list| list[at]);
-                let step = 2.0 / run.count as f32;
-                let mut along = Vec4::new(0.5, 1.5, 2.5, 3.5) * step - 1.0;
-                for at in (0..run.count).step_by(4) {
-                    let four = [0, 1, 2].map(|i| middle[i] + half[i] * along);
-                    put(splats, count + at as usize, four);
-                    along += 4.0 * step;
-                }
-                count += run.count as usize;
-                many += 1;
-            }
-            let lists = splats.each_ref().map(|list| list.as_chunks::<4>().0);
-            let [x, y, z] = lists.map(|fours| fours.iter().map(|&four| Vec4::from_array(four)));
-            for (((x, y), z), at) in x.zip(y).zip(z).zip((0..count).step_by(4)) {
-                let lanes = 15 >> (4 - (count - at).min(4));
-                let splats = [x, y, z, radius];
-                hiding.place(&mut self.chunk, at, splats, (lanes, undrawn));
-            }
-            let (own, rest) = runs.split_at(many);
-            keep_runs(hiding, &self.chunk, own, count, marks, cut);
-            (runs, places) = (rest, places.get(many..).unwrap_or_default());
+        let undrawn = if hiding.has_undrawn_nodes() {
+            u32::MAX
+        } else {
+            0
+        };
+        // Needles may be far thinner than a pixel: where splats are samples, their squares are asked, lest they vanish.
+        let radius = match hiding.is_exact() {
+            true => f32::INFINITY,
+            false => 0.0,
+        };
+        let all = Mask::first(count);
+        let width = Wide::<S>::LANES;
+        self.chunk.clear();
+        for at in (0..count).step_by(width) {
+            let lanes = at..at + width;
+            let [x, y, z] = &self.split.splats;
+            let x = Wide::load(simd, &x[lanes.clone()]);
+            let splats = [
+                x,
+                Wide::load(simd, &y[lanes.clone()]),
+                Wide::load(simd, &z[lanes]),
+                x.all(radius),
+            ];
+            let lanes = (all.get(at, width), undrawn);
+            hiding.place(simd, &mut self.chunk, at, splats, lanes);
         }
-        self.runs.clear();
+        keep_runs(hiding, &self.chunk, &self.split.runs, count, marks, cut);
+        self.split.runs.clear();
     }
 }
 
+impl Rows {
+    /// Adds the splats of the row in a lane, of which the first has this number.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, lane: usize, run: StripRun, first: usize) {
+        let step = 2.0 / run.count as f32;
+        let (own, along) = (first..first + MAX_STRIP_COUNT as usize, &ALONG);
+        for ((splats, middles), halves) in
+            self.splats.iter_mut().zip(&self.middles).zip(&self.halves)
+        {
+            let (middle, half) = (middles[lane], halves[lane]);
+            let own = &mut splats[own.clone()];
+            for at in (0..run.count as usize).step_by(Wide::<S>::LANES) {
+                let lanes = at..at + Wide::<S>::LANES;
+                let along = Wide::load(simd, &along[lanes.clone()]) * step - 1.0;
+                (along * half + middle).store(&mut own[lanes]);
+            }
+        }
+        self.runs.push(run);
+    }
+}
+
+/// Where the splats of a row are, in halves of the way between two.
+const ALONG: [f32; MAX_STRIP_COUNT as usize] = {
+    let mut along = [0.5; MAX_STRIP_COUNT as usize];
+    let mut i = 1;
+    while i < along.len() {
+        along[i] = along[i - 1] + 1.0;
+        i += 1;
+    }
+    along
+};
+
+/// What is so of the siblings of groups, where it may be of any.
+#[inline(always)]
+fn of_groups(groups: &[Group], may_be: bool, of: impl Fn(u32) -> u8) -> Mask {
+    let mut mask = Mask::default();
+    if may_be {
+        for (index, group) in groups.iter().enumerate() {
+            mask.add(4 * index, u32::from(of(group.first)));
+        }
+    }
+    mask
+}
+
 /// Appends what is seen of rows whose splats are in the chunk.
-#[inline]
+#[inline(always)]
 fn keep_runs(
     hiding: &Hiding<'_>,
     chunk: &Chunk,
@@ -265,8 +304,9 @@ fn keep_runs(
     marks: &mut Marks,
     cut: &mut Cut,
 ) {
-    let seen = hiding.ask(chunk, splats, &mut marks.strips);
-    cut.stats.hidden += (splats as u64).saturating_sub(u64::from(count(&seen)));
+    let seen = hiding.ask(chunk, &mut marks.strips);
+    cut.stats.hidden += splats as u64 - u64::from(seen.count());
+    let seen = seen.words();
     let (mut at, mut end) = (0, cut.strips.len());
     cut.strips.resize(end + runs.len(), StripRun::new(0, 0));
     for run in runs {
@@ -280,17 +320,4 @@ fn keep_runs(
         end += usize::from(seen != 0);
     }
     cut.strips.truncate(end);
-}
-
-/// How many bits are set.
-#[inline]
-fn count(words: &[u64]) -> u32 {
-    words.iter().map(|word| word.count_ones()).sum()
-}
-
-/// Bits `4 * place` and on.
-#[inline]
-fn four(words: &[u64], place: usize) -> u8 {
-    let word = words.get(place / 16).copied().unwrap_or(0);
-    (word >> (place % 16 * 4)) as u8 & 15
 }

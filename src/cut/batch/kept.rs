@@ -1,12 +1,15 @@
 //! What was found out about a group of siblings, kept from frame to frame.
 
-use super::{Batch, FRONT, Group, INSIDE, SIZE, bits, four_leaves, four_nodes};
-use crate::cut::Cut;
+use super::lanes::push_lanes;
+use super::{Batch, Counts, FRONT, Group, INSIDE, LANES, Mask, SIZE, Verdicts, four};
 use crate::cut::motion::Reading;
 use crate::cut::nearest::{Hiding, Marks};
+use crate::cut::quad;
 use crate::cut::slack::{FOREVER, of_lanes};
 use crate::cut::tester::Tester;
+use crate::cut::{Cut, StripRun};
 use crate::tree::{Leaf, Model, Node};
+use fearless_simd::dispatch;
 use glam::Vec4;
 use prefetch_index::prefetch_index;
 
@@ -63,9 +66,12 @@ impl Record {
     }
 
     fn count_in(&self, cut: &mut Cut) {
-        cut.stats.visited += u64::from(self.group.count());
-        cut.stats.outside += u64::from(bits(self.mask(OUTSIDE)));
-        cut.stats.facing_away += u64::from(bits(self.mask(AWAY)));
+        let counts = Counts {
+            visited: self.group.count(),
+            outside: self.mask(OUTSIDE).count_ones(),
+            away: self.mask(AWAY).count_ones(),
+        };
+        counts.add_to(cut);
     }
 }
 
@@ -108,7 +114,7 @@ impl Task<'_> {
 impl Batch {
     /// Tests groups of nodes (at most [`SIZE`]); `answer` takes their records one after the other. Their nodes should be on
     /// their way.
-    pub(in crate::cut) fn test_nodes(
+    pub(in crate::cut) fn test_kept_nodes(
         &mut self,
         task: &Task<'_>,
         groups: &[Group],
@@ -116,23 +122,27 @@ impl Batch {
     ) {
         let Task { model, tester, .. } = *task;
         let nodes: &[Node] = &model.tree.nodes;
+        self.load_nodes(nodes, groups, &[]);
+        let there = self.verdicts.kept;
         // What is counted here is counted again with the answers.
-        let cut = &mut Cut::default();
-        self.gather_nodes(nodes, tester, groups, || (), cut);
-        let there = self.kept;
-        self.sizes(tester, groups.len());
-        self.volumes(tester, groups, cut);
-        let in_view = self.kept;
-        self.cones(tester, groups, || (), cut);
-        self.rows(tester, groups, || ());
-        self.runs.clear();
+        dispatch!(self.level, simd => {
+            self.test_nodes(simd, tester, groups, None, (nodes, &[]));
+        });
+        let verdicts = self.verdicts;
         for (i, &group) in groups.iter().enumerate().take(SIZE) {
-            let (balls, words) = (&self.balls[i], &self.words[i]);
-            let (kept, small, rows) = (self.kept[i], self.small[i], self.rows[i]);
+            let (balls, words) = (self.siblings.four_balls(i), self.siblings.four_words(i));
+            let (balls, words) = (&balls, &words);
+            let Answers {
+                there,
+                in_view,
+                kept,
+                small,
+                rows,
+            } = Answers::of(&verdicts, there, i);
             let opened = kept & !small & !rows;
             let mut place = of_lanes(tester.small_slack(balls), kept);
             if !group.inherits(INSIDE) {
-                place = place.min(of_lanes(tester.volume_slack(balls), there[i]));
+                place = place.min(of_lanes(tester.volume_slack(balls), there));
             }
             if kept & !small != 0 {
                 let most = tester.most_in_row(group.first, words);
@@ -144,30 +154,30 @@ impl Batch {
                     place = place.min(of_lanes(bounds, may));
                 }
             }
-            let eye = if !group.inherits(FRONT) && words.has_cones() {
-                of_lanes(tester.cones_slack(balls, words, opened), in_view[i])
+            let eye = if !group.inherits(FRONT) && tester.may_cull(words.sine()) != 0 {
+                of_lanes(tester.cones_slack(balls, words, opened), in_view)
             } else {
                 FOREVER
             };
-            let [by_place, by_eye] = task.expiry(group, balls.center, there[i], [place, eye]);
-            let child_counts = words.child_counts().map(|count| count.min(7));
-            let [a, b, c, d] = child_counts;
+            let [by_place, by_eye] = task.expiry(group, balls.center, there, [place, eye]);
+            let children = [0, 1, 2, 3].map(|lane| self.siblings.children(4 * i + lane));
+            let [a, b, c, d] = children.map(|(_, count)| count.min(7));
             let mut counts = a | b << 3 | c << 6 | d << 9;
             if rows != 0 {
-                for (count, shift) in self.counts[i].iter().zip([12, 17, 22, 27]) {
-                    counts |= (count & 31) << shift;
+                for (shift, lane) in [12, 17, 22, 27].into_iter().zip(4 * i..) {
+                    counts |= (self.counts[lane % LANES] & 31) << shift;
                 }
             }
             answer(Record {
                 group,
-                children: words.first_child[0],
+                children: children[0].0,
                 masks: u32::from(kept) << KEPT
                     | u32::from(small) << SMALL
-                    | u32::from(self.inside[i] & 15) << IN_SIDE
-                    | u32::from(self.front[i] & 15) << FACES
+                    | u32::from(verdicts.inside.four(i)) << IN_SIDE
+                    | u32::from(verdicts.front.four(i)) << FACES
                     | u32::from(rows) << ROWS
-                    | u32::from(there[i] & !in_view[i]) << OUTSIDE
-                    | u32::from(in_view[i] & !kept) << AWAY,
+                    | u32::from(there & !in_view) << OUTSIDE
+                    | u32::from(in_view & !kept) << AWAY,
                 counts,
                 by_place,
                 by_eye,
@@ -176,28 +186,36 @@ impl Batch {
     }
 
     /// The same for groups of leaves.
-    pub(in crate::cut) fn test_leaves(
+    pub(in crate::cut) fn test_kept_leaves(
         &mut self,
         task: &Task<'_>,
         groups: &[Group],
         mut answer: impl FnMut(Record),
     ) {
         let Task { model, tester, .. } = *task;
-        let cut = &mut Cut::default();
-        self.gather_leaves(&model.tree.leaves, tester, (groups, &[]), cut);
-        let there = self.kept;
-        self.volumes(tester, groups, cut);
-        let in_view = self.kept;
-        self.faces(model, tester, groups, cut);
+        self.load_leaves(&model.tree.leaves, groups, &[]);
+        let there = self.verdicts.kept;
+        dispatch!(self.level, simd => {
+            self.test_leaves(simd, tester, groups);
+        });
+        self.verdicts.in_view = self.verdicts.kept;
+        self.drop_away((model, tester), groups);
+        let verdicts = self.verdicts;
         for (i, &group) in groups.iter().enumerate().take(SIZE) {
-            let balls = &self.balls[i];
-            let (kept, small) = (self.kept[i], self.small[i]);
+            let balls = &self.siblings.four_balls(i);
+            let Answers {
+                there,
+                in_view,
+                kept,
+                small,
+                ..
+            } = Answers::of(&verdicts, there, i);
             let mut place = of_lanes(tester.small_slack(balls), kept);
             if !group.inherits(INSIDE) {
-                place = place.min(of_lanes(tester.volume_slack(balls), there[i]));
+                place = place.min(of_lanes(tester.volume_slack(balls), there));
             }
             let mut eye = FOREVER;
-            if !group.inherits(FRONT) && in_view[i] != 0 {
+            if !group.inherits(FRONT) && in_view != 0 {
                 let corners = [0, 1, 2, 3].map(|lane| {
                     let triangle = group.first.wrapping_add(lane) as usize;
                     model.triangles.get(triangle).copied()
@@ -205,15 +223,15 @@ impl Batch {
                 // Of points nothing is known here.
                 let corners = corners.map(|corners| corners.unwrap_or([u32::MAX; 3]));
                 let corners = Tester::corners(&model.vertices, corners);
-                eye = of_lanes(tester.sides_slack(&corners), in_view[i]);
+                eye = of_lanes(tester.sides_slack(&corners), in_view);
             }
-            let [by_place, by_eye] = task.expiry(group, balls.center, there[i], [place, eye]);
+            let [by_place, by_eye] = task.expiry(group, balls.center, there, [place, eye]);
             answer(Record {
                 group,
                 masks: u32::from(kept) << KEPT
                     | u32::from(small) << SMALL
-                    | u32::from(there[i] & !in_view[i]) << OUTSIDE
-                    | u32::from(in_view[i] & !kept) << AWAY,
+                    | u32::from(there & !in_view) << OUTSIDE
+                    | u32::from(in_view & !kept) << AWAY,
                 by_place,
                 by_eye,
                 ..Record::default()
@@ -229,69 +247,74 @@ impl Batch {
         (cut, marks): (&mut Cut, &mut Marks),
         open: &mut Vec<Group>,
     ) {
-        let hiding = task.hiding.filter(|hiding| hiding.asks_splats());
-        if let Some(hiding) = hiding {
-            self.take_seen_nodes(task, hiding, (records, ahead), (&mut *cut, marks));
-        }
-        self.listed.clear();
-        for (record, index) in records.iter().zip(0..) {
-            record.count_in(cut);
-            self.listed.push_if(record.opened() != 0, index);
-            if hiding.is_none() {
-                let (first, rows) = (record.group.first, record.mask(ROWS));
-                self.ids
-                    .push_lanes(first, record.mask(KEPT) & record.mask(SMALL));
-                if rows != 0 {
-                    self.runs.push_lanes(first, record.row_counts(), rows);
+        let groups = &self.take_verdicts(records);
+        let groups = groups.get(..records.len()).unwrap_or_default();
+        let Verdicts { small, rows, .. } = self.verdicts;
+        match task.hiding.filter(|hiding| hiding.asks_splats()) {
+            Some(hiding) => {
+                self.take_siblings(task, (records, ahead));
+                dispatch!(self.level, simd => {
+                    self.hide_rows(simd, (hiding, task.tester), groups, marks, cut);
+                    self.hide_nodes(simd, hiding, groups, marks, cut);
+                });
+            }
+            None => {
+                for lane in rows.lanes() {
+                    let run =
+                        StripRun::new(super::node_of(groups, lane), self.counts[lane % LANES]);
+                    cut.strips.push(run);
                 }
             }
         }
-        if hiding.is_none() {
-            self.runs.flush(&mut cut.strips);
-        }
-        self.ids.flush(&mut cut.nodes);
-        let mut end = open.len();
-        open.resize(end + 4 * self.listed.len, Group::default());
-        for &index in self.listed.as_slice() {
-            let Some(record) = records.get(usize::from(index)) else {
-                continue;
-            };
+        push_lanes(&mut cut.nodes, groups, self.verdicts.kept & small);
+        for record in records {
+            record.count_in(cut);
             let (mut mask, mut first) = (record.opened(), record.children);
             let mut inside = u32::from(record.mask(IN_SIDE));
             let mut front = u32::from(record.mask(FACES));
             let inherited = record.group.word & !0xff;
             for shift in [0, 3, 6, 9] {
                 let count = record.counts >> shift & 7;
-                let found = (inside & 1) * INSIDE + (front & 1) * FRONT;
-                if let Some(place) = open.get_mut(end) {
+                if mask & 1 != 0 {
+                    let found = (inside & 1) * INSIDE + (front & 1) * FRONT;
                     let word = count | inherited | found;
-                    *place = Group { first, word };
+                    open.push(Group { first, word });
                 }
                 first = first.wrapping_add(count);
-                end += usize::from(mask & 1);
                 mask >>= 1;
                 inside >>= 1;
                 front >>= 1;
             }
         }
-        open.truncate(end);
     }
 
-    /// Lists what records say is drawn, less what is hidden: rows in the cut, of nodes the ids.
-    fn take_seen_nodes(
-        &mut self,
-        task: &Task<'_>,
-        hiding: &Hiding<'_>,
-        (records, ahead): (&[Record], &[Record]),
-        (cut, marks): (&mut Cut, &mut Marks),
-    ) {
+    /// The batch becomes what records say; their groups.
+    fn take_verdicts(&mut self, records: &[Record]) -> [Group; SIZE] {
+        let mut groups = [Group::default(); SIZE];
+        let mut verdicts = Verdicts::default();
+        for (i, (record, group)) in records.iter().zip(&mut groups).enumerate() {
+            *group = record.group;
+            let at = 4 * i;
+            verdicts.kept.add(at, u32::from(record.mask(KEPT)));
+            verdicts.small.add(at, u32::from(record.mask(SMALL)));
+            let rows = record.mask(ROWS);
+            verdicts.rows.add(at, u32::from(rows));
+            if rows != 0 {
+                for (count, lane) in record.row_counts().into_iter().zip(at..) {
+                    self.counts[lane % LANES] = count;
+                }
+            }
+        }
+        self.verdicts = verdicts;
+        groups
+    }
+
+    /// Loads the nodes that records draw, which are looked at once more.
+    fn take_siblings(&mut self, task: &Task<'_>, (records, ahead): (&[Record], &[Record])) {
         let Task { model, tester, .. } = *task;
         let nodes: &[Node] = &model.tree.nodes;
         let drawn = |record: &Record| record.mask(KEPT) & (record.mask(SMALL) | record.mask(ROWS));
         let mut ahead = ahead.iter();
-        let mut groups = [Group::default(); SIZE];
-        self.likely.clear();
-        self.runs.clear();
         for (i, record) in records.iter().enumerate().take(SIZE) {
             if let Some(next) = ahead.next()
                 && drawn(next) != 0
@@ -299,27 +322,12 @@ impl Batch {
                 prefetch_index(nodes, next.group.first as usize);
                 prefetch_index(nodes, next.group.first as usize + 2);
             }
-            groups[i] = record.group;
-            let rows = record.mask(ROWS);
-            (self.kept[i], self.small[i], self.rows[i]) =
-                (record.mask(KEPT), record.mask(SMALL), rows);
             if drawn(record) != 0 {
-                let (spheres, words, _) = four_nodes(nodes, record.group);
-                self.balls[i] = tester.balls(spheres);
-                self.words[i] = words;
-                self.likely.push_if(rows != 0, i as u8);
-                if rows != 0 {
-                    self.runs
-                        .push_lanes(record.group.first, record.row_counts(), rows);
-                }
+                let (four, _) = four(nodes, record.group);
+                let (spheres, words) = quad::of_nodes(&four);
+                self.siblings.put_four_balls(i, &tester.balls(spheres));
+                self.siblings.put_words(i, words);
             }
-        }
-        let groups = groups.get(..records.len()).unwrap_or_default();
-        self.hide_rows(hiding, tester, marks, cut);
-        self.hide_nodes(hiding, groups, marks, cut);
-        let masks = self.kept.iter().zip(&self.small);
-        for (group, (&kept, &small)) in groups.iter().zip(masks) {
-            self.ids.push_lanes(group.first, kept & small);
         }
     }
 
@@ -328,16 +336,14 @@ impl Batch {
         &mut self,
         task: &Task<'_>,
         (records, ahead): (&[Record], &[Record]),
-        (cut, marks): (&mut Cut, &mut Marks),
+        found: (&mut Cut, &mut Marks),
     ) {
         let Task { model, tester, .. } = *task;
         let leaves: &[Leaf] = &model.tree.leaves;
         let mut ahead = ahead.iter();
-        let mut groups = [Group::default(); SIZE];
+        let groups = &self.take_verdicts(records);
         for (i, record) in records.iter().enumerate().take(SIZE) {
-            record.count_in(cut);
-            groups[i] = record.group;
-            (self.kept[i], self.small[i]) = (record.mask(KEPT), record.mask(SMALL));
+            record.count_in(found.0);
             if task.hiding.is_some() {
                 if let Some(next) = ahead.next()
                     && next.mask(KEPT) != 0
@@ -345,12 +351,37 @@ impl Batch {
                     prefetch_index(leaves, next.group.first as usize);
                     prefetch_index(leaves, next.group.first as usize + 3);
                 }
-                if self.kept[i] != 0 {
-                    self.balls[i] = tester.balls(four_leaves(leaves, record.group).0);
+                if record.mask(KEPT) != 0 {
+                    let (four, _) = four(leaves, record.group);
+                    let balls = tester.balls(quad::of_leaves(&four));
+                    self.siblings.put_four_balls(i, &balls);
                 }
             }
         }
         let groups = groups.get(..records.len()).unwrap_or_default();
-        self.draw_leaves(model, task.hiding, task.hiding, groups, (cut, marks));
+        dispatch!(self.level, simd => {
+            self.draw_leaves(simd, model, (task.hiding, task.hiding), groups, found);
+        });
+    }
+}
+
+/// The answers about the siblings of one group.
+struct Answers {
+    there: u8,
+    in_view: u8,
+    kept: u8,
+    small: u8,
+    rows: u8,
+}
+
+impl Answers {
+    fn of(verdicts: &Verdicts, there: Mask, group: usize) -> Self {
+        Self {
+            there: there.four(group),
+            in_view: verdicts.in_view.four(group),
+            kept: verdicts.kept.four(group),
+            small: verdicts.small.four(group),
+            rows: verdicts.rows.four(group),
+        }
     }
 }

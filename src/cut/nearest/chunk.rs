@@ -1,168 +1,161 @@
 //! Splats that are asked for together, in stages without branches on what is hidden or where it lies: neither can be
 //! foreseen.
 
+use super::super::batch::{LANES, Mask};
 use super::super::centers::to_center;
+use super::super::vector::{Vector, Wide};
 use super::{Hiding, Mark, NOTHING};
+use fearless_simd::prelude::*;
 use glam::Vec4;
 use std::sync::atomic::Ordering;
 
 /// Most of them.
-pub(in crate::cut) const CHUNK: usize = 256;
-/// With room for a store of four at any place.
-const ROOM: usize = CHUNK + 4;
-/// Where this is asked for, it is hidden.
-const ALWAYS: u32 = u32::MAX;
+pub(in crate::cut) const CHUNK: usize = LANES;
 
 /// What is asked of [`super::Nearest`] for some splats.
 #[derive(Debug)]
 pub(in crate::cut) struct Chunk {
-    /// The pixel; what comes after the last one where it is none or may be more than one.
-    first: [u32; ROOM],
-    /// As [`Mark`] has them.
-    distance: [u32; ROOM],
-    asked: [u32; ROOM],
-    /// Marks of those that may be more than one pixel.
-    others: [Mark; ROOM],
+    /// Those that cover one pixel and may cover no other: of squares of a pixel nearly all that cover any.
+    ones: Mask,
+    /// The others that are not hidden so far.
+    others: Mask,
+    /// Of those of one pixel which it is, and what [`Mark`] has.
+    first: [u32; CHUNK],
+    distance: [u32; CHUNK],
+    asked: [u32; CHUNK],
+    /// Marks of the others.
+    marks: [Mark; CHUNK],
 }
 
 impl Default for Chunk {
     fn default() -> Self {
         Self {
-            first: [0; ROOM],
-            distance: [0; ROOM],
-            asked: [0; ROOM],
-            others: [Mark::HIDDEN; ROOM],
+            ones: Mask::default(),
+            others: Mask::default(),
+            first: [0; CHUNK],
+            distance: [0; CHUNK],
+            asked: [0; CHUNK],
+            marks: [Mark::HIDDEN; CHUNK],
         }
     }
 }
 
 impl Chunk {
-    /// Pixels and distances of four splats.
-    #[inline]
-    fn put(&mut self, at: usize, fours: [[u32; 4]; 3]) {
-        let lists = [&mut self.first, &mut self.distance, &mut self.asked];
-        for (list, four) in lists.into_iter().zip(fours) {
-            if let Some(places) = list.get_mut(at..at + 4) {
-                places.copy_from_slice(&four);
-            }
-        }
+    /// Takes all splats out.
+    #[inline(always)]
+    pub(in crate::cut) fn clear(&mut self) {
+        (self.ones, self.others) = (Mask::default(), Mask::default());
     }
 }
 
-/// 1 in the lanes whose bit is set.
-const LANES: [Vec4; 16] = {
-    let mut table = [Vec4::ZERO; 16];
-    let mut mask = 0;
-    while mask < 16 {
-        let [x, y, z, w] = [mask & 1, mask >> 1 & 1, mask >> 2 & 1, mask >> 3];
-        table[mask] = Vec4::new(x as f32, y as f32, z as f32, w as f32);
-        mask += 1;
-    }
-    table
-};
-
 impl Hiding<'_> {
-    /// Finds the pixels of four splats ([`Hiding::along`], their distances and own radii), number `at` and on of a chunk.
+    /// Finds the pixels of splats ([`super::Centers::along`], their distances and own radii), number `at` and on of a chunk.
     /// Those that are not in `lanes` count as hidden; those in `undrawn` hide nothing.
     ///
-    /// Those that cover one pixel of the picture and may cover no other wait for [`ask`](Self::ask): of squares of a pixel
-    /// nearly all. The others are asked for at once.
-    #[inline]
-    pub(in crate::cut) fn place(
+    /// Those of one pixel wait for [`ask`](Self::ask). The others are asked for at once.
+    #[inline(always)]
+    pub(in crate::cut) fn place<S: Simd>(
         &self,
+        simd: S,
         chunk: &mut Chunk,
         at: usize,
-        splats: [Vec4; 4],
-        (lanes, undrawn): (u8, u8),
+        splats: [Wide<S>; 4],
+        (lanes, undrawn): (u32, u32),
     ) {
-        if self.outer_px > 0.5 {
-            let beyond = self.nearest.pixels.len().saturating_sub(1) as u32;
-            chunk.put(at, [[beyond; 4], [NOTHING; 4], [ALWAYS; 4]]);
-            return self.place_others(chunk, at, splats, (lanes, undrawn));
-        }
-        let placed = self.placed(splats);
-        let [(x, sum_x), (y, sum_y)] = [placed.x, placed.y].map(to_center);
-        let is_between = (x * x + y * y).cmpgt(placed.reach * placed.reach)
-            & splats[2].cmpgt(Vec4::splat(self.near));
-        let [x, y] = [x.abs(), y.abs()];
-        // The pixel's own center is that far away, the next one 1 less that.
-        let [width, height] = self.size.map(Vec4::splat);
-        let farther = x.max(y);
-        // What contains no center counts as hidden.
-        let is_nothing = (farther.cmpgt(placed.outer) & placed.known) | is_between;
-        let some = lanes & !is_nothing.bitmask() as u8;
-        let is_one = farther.cmplt((1.0 - placed.outer).min(placed.inner))
-            & placed.known
-            & placed.x.min(placed.y).cmpgt(Vec4::ZERO)
-            & placed.x.cmplt(width)
-            & placed.y.cmplt(height);
-        let ones = is_one.bitmask() as u8 & some;
-        let is_one = LANES[(ones & 15) as usize].cmpgt(Vec4::ZERO);
-        let bits =
-            |v: Vec4, other: Vec4| Vec4::select(is_one, v, other).to_array().map(f32::to_bits);
-        // Below the last row there is one pixel more.
-        let column = bits(sum_x, Vec4::splat(8_388_609.0));
-        let row = bits(sum_y, height + 8_388_609.0);
-        let distance = bits(placed.distance, Vec4::splat(f32::from_bits(NOTHING)));
-        let asked = bits(placed.asked, Vec4::splat(f32::from_bits(ALWAYS)));
-        let width = self.nearest.width;
-        let first = [0, 1, 2, 3].map(|i: usize| {
-            let row = (row[i] & 0x7f_ffff).wrapping_mul(width);
-            row.wrapping_add(column[i] & 0x7f_ffff)
-                .wrapping_sub(width + 1)
-        });
-        chunk.put(at, [first, distance, asked]);
-        if undrawn & ones != 0 {
-            for lane in (0..4).filter(|lane| undrawn >> lane & 1 != 0) {
-                if let Some(distance) = chunk.distance.get_mut(at + lane) {
-                    *distance = NOTHING;
-                }
+        let mut others = lanes;
+        if self.outer_px <= 0.5 {
+            let placed = self.placed(splats);
+            let ((x, sum_x), (y, sum_y)) = (to_center(placed.x), to_center(placed.y));
+            let is_between =
+                (x * x + y * y).gt(placed.reach * placed.reach) & splats[2].gt(x.all(self.near));
+            // The pixel's own center is that far away, the next one 1 less that.
+            let farther = x.abs().max(y.abs());
+            // What contains no center counts as hidden.
+            let is_nothing = (farther.gt(placed.outer) & placed.known) | is_between;
+            let [width, height] = self.size;
+            let is_one = farther.lt((x.all(1.0) - placed.outer).min(placed.inner))
+                & placed.known
+                & placed.x.min(placed.y).gt(x.all(0.0))
+                & placed.x.lt(x.all(width))
+                & placed.y.lt(x.all(height));
+            let some = lanes & !Wide::<S>::bits(is_nothing);
+            let ones = Wide::<S>::bits(is_one) & some;
+            others = some & !ones;
+            let own = at..at + Wide::<S>::LANES;
+            let width = self.nearest.width;
+            let (column, row) = (low_bits(sum_x), low_bits(sum_y));
+            let first = row * S::u32s::splat(simd, width) + column;
+            let first = first - S::u32s::splat(simd, width + 1);
+            first.store_slice(&mut chunk.first[own.clone()]);
+            placed.distance.store_bits(&mut chunk.distance[own.clone()]);
+            placed.asked.store_bits(&mut chunk.asked[own]);
+            chunk.ones.add(at, ones);
+            let mut hide_nothing = ones & undrawn;
+            while hide_nothing != 0 {
+                let lane = at + hide_nothing.trailing_zeros() as usize;
+                chunk.distance[lane % CHUNK] = NOTHING;
+                hide_nothing &= hide_nothing - 1;
             }
         }
-        if some & !ones != 0 {
-            self.place_others(chunk, at, splats, (some & !ones, undrawn));
+        if others != 0 {
+            let mut lists = [[0.0; 16]; 4];
+            let [x, y, z, radius] = splats;
+            let [xs, ys, zs, radii] = &mut lists;
+            let own = 0..Wide::<S>::LANES;
+            x.store(&mut xs[own.clone()]);
+            y.store(&mut ys[own.clone()]);
+            z.store(&mut zs[own.clone()]);
+            radius.store(&mut radii[own]);
+            self.place_others(chunk, at, &lists, (others, undrawn));
         }
     }
 
+    /// Up to 16 of them that may have any number of pixels.
     #[inline(never)]
     fn place_others(
         &self,
         chunk: &mut Chunk,
         at: usize,
-        splats: [Vec4; 4],
-        (lanes, undrawn): (u8, u8),
+        splats: &[[f32; 16]; 4],
+        (lanes, undrawn): (u32, u32),
     ) {
         // Among pixels that are stored without waiting for one another (see `ask`), none covers anything surely.
-        let undrawn = if self.are_pixels { 15 } else { undrawn };
-        let marks = self.ask_squares(&self.placed(splats), lanes, undrawn);
-        for (lane, mark) in marks.into_iter().enumerate() {
-            if lanes >> lane & 1 == 0 {
+        let undrawn = if self.are_pixels { u32::MAX } else { undrawn };
+        for first in (0..16).step_by(4) {
+            let own = |bits: u32| (bits >> first) as u8 & 15;
+            if own(lanes) == 0 {
                 continue;
             }
-            if let Some(place) = chunk.others.get_mut(at + lane) {
-                *place = mark;
-            }
-            if let Some(asked) = chunk.asked.get_mut(at + lane) {
-                *asked = if mark.rows == 0 { ALWAYS } else { 0 };
+            let four = |list: &[f32; 16]| {
+                Vec4::new(
+                    list[first],
+                    list[first + 1],
+                    list[first + 2],
+                    list[first + 3],
+                )
+            };
+            let placed = self.placed(splats.each_ref().map(four));
+            let marks = self.ask_squares(&placed, own(lanes), own(undrawn));
+            for (mark, lane) in marks.into_iter().zip(at + first..) {
+                if mark.rows != 0 {
+                    chunk.marks[lane % CHUNK] = mark;
+                    chunk.others.add(lane, 1);
+                }
             }
         }
     }
 
-    /// Which splats of a chunk, of the first `count`, are not hidden so far, 64 a word. Each of them leaves a mark. All
-    /// leave their depth before any is asked for.
+    /// Which splats of a chunk are not hidden so far. Each of them leaves a mark. All
+    /// leave their depth before any is asked for, but for those that are hidden by then.
     ///
     /// Where splats are pixels, depths are read, compared and stored, which is three times faster than at once, but one may
     /// be stored over by another thread. Then less is hidden than could be, until [`repair`](Self::repair).
-    #[inline]
-    pub(in crate::cut) fn ask(
-        &self,
-        chunk: &Chunk,
-        count: usize,
-        marks: &mut Vec<Mark>,
-    ) -> [u64; CHUNK / 64] {
+    #[inline(always)]
+    pub(in crate::cut) fn ask(&self, chunk: &Chunk, marks: &mut Vec<Mark>) -> Mask {
         let pixels = self.nearest.pixels.as_slice();
-        let own = chunk.first.get(..count.min(CHUNK)).unwrap_or_default();
-        for (&first, &distance) in own.iter().zip(&chunk.distance) {
+        let candidates = self.not_hidden(chunk, chunk.ones);
+        for lane in candidates.lanes() {
+            let (first, distance) = (chunk.first[lane % CHUNK], chunk.distance[lane % CHUNK]);
             let Some(pixel) = pixels.get(first as usize) else {
                 continue;
             };
@@ -173,35 +166,51 @@ impl Hiding<'_> {
                 pixel.fetch_min(distance, Ordering::Relaxed);
             }
         }
-        let mut seen = [0; CHUNK / 64];
-        let words = own.chunks(64).zip(chunk.asked.chunks(64));
-        for ((own, asked), seen) in words.zip(&mut seen) {
-            for (&first, &asked) in own.iter().zip(asked).rev() {
-                let pixel = pixels.get(first as usize);
-                let there = pixel.map_or(0, |pixel| pixel.load(Ordering::Relaxed));
-                *seen = *seen << 1 | u64::from(there >= asked);
-            }
-        }
-        let beyond = pixels.len().saturating_sub(1) as u32;
-        for (&seen, from) in seen.iter().zip((0..).step_by(64)) {
-            let mut rest = seen;
-            while rest != 0 {
-                let at = (from + rest.trailing_zeros() as usize) % CHUNK;
-                rest &= rest - 1;
-                let first = chunk.first[at];
-                marks.push(if first == beyond {
-                    chunk.others[at]
-                } else {
-                    Mark {
-                        first,
-                        columns: 1,
-                        rows: 1,
-                        asked: chunk.asked[at],
-                        distance: chunk.distance[at],
-                    }
-                });
-            }
+        let seen = self.not_hidden(chunk, candidates) | chunk.others;
+        marks.reserve(seen.count() as usize);
+        for lane in seen.lanes() {
+            marks.push(if chunk.others.get(lane, 1) != 0 {
+                chunk.marks[lane % CHUNK]
+            } else {
+                Mark {
+                    first: chunk.first[lane % CHUNK],
+                    columns: 1,
+                    rows: 1,
+                    asked: chunk.asked[lane % CHUNK],
+                    distance: chunk.distance[lane % CHUNK],
+                }
+            });
         }
         seen
     }
+
+    /// Which of some splats of one pixel are not hidden so far.
+    #[inline(always)]
+    fn not_hidden(&self, chunk: &Chunk, lanes: Mask) -> Mask {
+        let pixels = self.nearest.pixels.as_slice();
+        let mut seen = Mask::default();
+        for (word, from) in (0..).zip((0..CHUNK).step_by(64)) {
+            let (mut rest, mut own) = (lanes.words()[word], 0);
+            while rest != 0 {
+                let lane = (from + rest.trailing_zeros() as usize) % CHUNK;
+                let pixel = pixels.get(chunk.first[lane] as usize);
+                let there = pixel.map_or(0, |pixel| pixel.load(Ordering::Relaxed));
+                let lowest = rest & rest.wrapping_neg();
+                own |= if there >= chunk.asked[lane] {
+                    lowest
+                } else {
+                    0
+                };
+                rest ^= lowest;
+            }
+            seen.words_mut()[word] = own;
+        }
+        seen
+    }
+}
+
+/// The whole number that a sum with 2^23 has in its low bits.
+#[inline(always)]
+fn low_bits<S: Simd>(sum: Wide<S>) -> S::u32s {
+    sum.0.bitcast::<S::u32s>() & 0x7f_ffff
 }

@@ -2,8 +2,11 @@ use super::lists::retain;
 use super::*;
 use crate::cut::Settings;
 use crate::cut::quad::{self, Balls};
+use crate::cut::vector::Wide;
 use crate::math::camera::Camera;
 use crate::tree::Model;
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
 use glam::{DVec3, Vec3};
 
 /// Numbers from 0 to 1 that are the same every time.
@@ -52,6 +55,16 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
     ]
 }
 
+fn place<S: Simd>(
+    simd: S,
+    hiding: &Hiding<'_>,
+    chunk: &mut Chunk,
+    (splats, lanes): (&[Vec<f32>; 4], (u32, u32)),
+) {
+    let first = |list: &Vec<f32>| Wide::load(simd, &list[..Wide::<S>::LANES]);
+    hiding.place(simd, chunk, 0, splats.each_ref().map(first), lanes);
+}
+
 /// Which of four nodes are not hidden so far; each leaves a mark.
 fn keep_nodes(hiding: &Hiding<'_>, balls: &Balls, first: u32, marks: &mut Vec<Mark>) -> u64 {
     let mut chunk = Chunk::default();
@@ -62,9 +75,12 @@ fn keep_nodes(hiding: &Hiding<'_>, balls: &Balls, first: u32, marks: &mut Vec<Ma
     } else {
         0.0
     };
-    let splats = [x, y, balls.depth, Vec4::splat(radius)];
-    hiding.place(&mut chunk, 0, splats, (15, hiding.undrawn_nodes(first)));
-    hiding.ask(&chunk, 4, marks)[0]
+    // The four again and again, of which the first are asked for.
+    let [x, y, z] = [x, y, balls.depth].map(|v| [v.to_array(); 4].concat());
+    let lanes = (15, u32::from(hiding.undrawn_nodes(first)));
+    let splats = [x, y, z, vec![radius; 16]];
+    dispatch!(Level::new(), simd => place(simd, hiding, &mut chunk, (&splats, lanes)));
+    hiding.ask(&chunk, marks).words()[0]
 }
 
 /// Brute force over random splats: what is dropped is covered in each of its pixels, and in those that it would have half a
@@ -211,9 +227,9 @@ fn balls_contain_no_other_centers_than_is_said() {
                 center.extend(2.0 * pixel * number())
             });
             let balls_there = tester.balls(quad::columns(balls));
-            let stays = hiding.centers.any(&balls_there);
-            let (some, one) = hiding.centers.of(&balls_there);
-            assert_eq!(some, stays);
+            let stays = !hiding.centers.none(&balls_there);
+            let (none, one) = hiding.centers.of(&balls_there);
+            assert_eq!(none, !stays);
             ones += one.count_ones();
             for (lane, ball) in balls.into_iter().enumerate() {
                 // What is beside the picture may be said to contain anything.

@@ -1,0 +1,300 @@
+//! The siblings of a batch in the lanes of vectors, four of each group.
+
+use super::{Group, SIZE};
+use crate::cut::quad::{Balls, Words};
+use crate::cut::vector::Wide;
+use fearless_simd::prelude::*;
+use glam::Vec4;
+use std::ops::{BitAnd, BitOr, Not};
+
+/// Lanes of a batch.
+pub(in crate::cut) const LANES: usize = 4 * SIZE;
+
+/// Lanes in a word of a mask.
+const WORD: usize = 64;
+
+/// A bit for each lane of a batch.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(in crate::cut) struct Mask([u64; LANES / WORD]);
+
+impl Mask {
+    /// All lanes or none.
+    #[inline(always)]
+    pub(super) fn all(are_set: bool) -> Self {
+        Self([if are_set { u64::MAX } else { 0 }; LANES / WORD])
+    }
+
+    /// The first lanes.
+    #[inline(always)]
+    pub(super) fn first(count: usize) -> Self {
+        let mut mask = Self::default();
+        for (word, from) in mask.0.iter_mut().zip((0..).step_by(WORD)) {
+            let own = count.saturating_sub(from).min(WORD);
+            *word = u64::MAX.checked_shr((WORD - own) as u32).unwrap_or(0);
+        }
+        mask
+    }
+
+    /// The bits of `count` lanes (a power of two, at most 32) from `lane` on, a multiple of it.
+    #[inline(always)]
+    pub(in crate::cut) fn get(&self, lane: usize, count: usize) -> u32 {
+        let bits = self.0[lane / WORD % self.0.len()] >> (lane % WORD);
+        bits as u32 & (u32::MAX >> (32 - count))
+    }
+
+    /// Sets lanes from `lane` on whose bits are set; they must be in the same word.
+    #[inline(always)]
+    pub(in crate::cut) fn add(&mut self, lane: usize, bits: u32) {
+        let len = self.0.len();
+        self.0[lane / WORD % len] |= u64::from(bits) << (lane % WORD);
+    }
+
+    /// Makes `count` lanes from `lane` on those bits, as [`get`](Self::get) gives them.
+    #[inline(always)]
+    pub(super) fn replace(&mut self, lane: usize, count: usize, bits: u32) {
+        let len = self.0.len();
+        let own = u64::from(u32::MAX >> (32 - count)) << (lane % WORD);
+        let word = &mut self.0[lane / WORD % len];
+        *word = *word & !own | u64::from(bits) << (lane % WORD) & own;
+    }
+
+    /// Bit of one lane, 0 or 1.
+    #[inline(always)]
+    pub(super) fn bit(&self, lane: usize) -> u32 {
+        self.get(lane, 1)
+    }
+
+    /// The lanes of a group.
+    #[inline(always)]
+    pub(super) fn four(&self, group: usize) -> u8 {
+        self.get(4 * group, 4) as u8
+    }
+
+    /// How many are set.
+    #[inline(always)]
+    pub(in crate::cut) fn count(&self) -> u32 {
+        let [a, b, c, d] = self.0.map(u64::count_ones);
+        a + b + c + d
+    }
+
+    #[inline(always)]
+    pub(in crate::cut) fn is_empty(&self) -> bool {
+        self.0 == [0; LANES / WORD]
+    }
+
+    /// The lanes that are set, in ascending order.
+    #[inline(always)]
+    pub(in crate::cut) fn lanes(self) -> Lanes {
+        Lanes {
+            words: self.0,
+            index: 0,
+        }
+    }
+
+    /// 64 lanes a word.
+    #[inline(always)]
+    pub(in crate::cut) fn words(&self) -> &[u64; LANES / WORD] {
+        &self.0
+    }
+
+    #[inline(always)]
+    pub(in crate::cut) fn words_mut(&mut self) -> &mut [u64; LANES / WORD] {
+        &mut self.0
+    }
+}
+
+impl BitAnd for Mask {
+    type Output = Self;
+
+    #[inline(always)]
+    fn bitand(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a & e, b & f, c & g, d & h])
+    }
+}
+
+impl BitOr for Mask {
+    type Output = Self;
+
+    #[inline(always)]
+    fn bitor(self, other: Self) -> Self {
+        let ([a, b, c, d], [e, f, g, h]) = (self.0, other.0);
+        Self([a | e, b | f, c | g, d | h])
+    }
+}
+
+impl Not for Mask {
+    type Output = Self;
+
+    #[inline(always)]
+    fn not(self) -> Self {
+        let [a, b, c, d] = self.0;
+        Self([!a, !b, !c, !d])
+    }
+}
+
+/// Lanes of a mask.
+#[derive(Debug, Clone)]
+pub(in crate::cut) struct Lanes {
+    words: [u64; LANES / WORD],
+    index: usize,
+}
+
+impl Iterator for Lanes {
+    type Item = usize;
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        while let Some(word) = self.words.get_mut(self.index) {
+            if *word != 0 {
+                let lane = word.trailing_zeros() as usize;
+                *word &= *word - 1;
+                return Some(WORD * self.index + lane);
+            }
+            self.index += 1;
+        }
+        None
+    }
+}
+
+/// Appends the nodes or leaves in the lanes of a mask.
+#[inline(always)]
+pub(super) fn push_lanes(list: &mut Vec<u32>, groups: &[Group], mask: Mask) {
+    list.reserve(mask.count() as usize);
+    for lane in mask.lanes() {
+        list.push(super::node_of(groups, lane));
+    }
+}
+
+/// Spheres and words of the nodes of a batch, or spheres of leaves; numbers of one kind in a list each. Spheres become balls, see
+/// [`Balls`].
+#[derive(Debug)]
+pub(super) struct Siblings {
+    spheres: [[f32; LANES]; 4],
+    depths: [f32; LANES],
+    first_child: [u32; LANES],
+    words: [[u32; LANES]; 3],
+}
+
+impl Default for Siblings {
+    fn default() -> Self {
+        Self {
+            spheres: [[0.0; LANES]; 4],
+            depths: [0.0; LANES],
+            first_child: [0; LANES],
+            words: [[0; LANES]; 3],
+        }
+    }
+}
+
+/// Stores a group's numbers.
+#[inline(always)]
+fn put<T: Copy>(list: &mut [T; LANES], group: usize, four: [T; 4]) {
+    if let Some(place) = list.get_mut(4 * group..4 * group + 4) {
+        place.copy_from_slice(&four);
+    }
+}
+
+impl Siblings {
+    #[inline(always)]
+    pub(super) fn put_spheres(&mut self, group: usize, [x, y, z, radius]: [Vec4; 4]) {
+        let [xs, ys, zs, radii] = &mut self.spheres;
+        put(xs, group, x.to_array());
+        put(ys, group, y.to_array());
+        put(zs, group, z.to_array());
+        put(radii, group, radius.to_array());
+    }
+
+    #[inline(always)]
+    pub(super) fn put_words(&mut self, group: usize, words: [[u32; 4]; 4]) {
+        let [first_child, axis, sine, shape] = words;
+        put(&mut self.first_child, group, first_child);
+        let [axes, sines, shapes] = &mut self.words;
+        put(axes, group, axis);
+        put(sines, group, sine);
+        put(shapes, group, shape);
+    }
+
+    /// Balls that were found elsewhere.
+    #[inline(always)]
+    pub(super) fn put_four_balls(&mut self, group: usize, balls: &Balls) {
+        let [x, y, z] = balls.center;
+        self.put_spheres(group, [x, y, z, balls.radius]);
+        put(&mut self.depths, group, balls.depth.to_array());
+    }
+
+    #[inline(always)]
+    pub(super) fn put_balls<S: Simd>(&mut self, at: usize, balls: &Balls<Wide<S>>) {
+        let lanes = at..at + Wide::<S>::LANES;
+        let [x, y, z] = balls.center;
+        let [xs, ys, zs, radii] = &mut self.spheres;
+        x.store(&mut xs[lanes.clone()]);
+        y.store(&mut ys[lanes.clone()]);
+        z.store(&mut zs[lanes.clone()]);
+        balls.radius.store(&mut radii[lanes.clone()]);
+        balls.depth.store(&mut self.depths[lanes]);
+    }
+
+    /// The spheres of a vector from lane `at` on, or what they became.
+    #[inline(always)]
+    pub(super) fn spheres<S: Simd>(&self, simd: S, at: usize) -> [Wide<S>; 4] {
+        let lanes = at..at + Wide::<S>::LANES;
+        let [x, y, z, radius] = &self.spheres;
+        [
+            Wide::load(simd, &x[lanes.clone()]),
+            Wide::load(simd, &y[lanes.clone()]),
+            Wide::load(simd, &z[lanes.clone()]),
+            Wide::load(simd, &radius[lanes]),
+        ]
+    }
+
+    #[inline(always)]
+    pub(super) fn balls<S: Simd>(&self, simd: S, at: usize) -> Balls<Wide<S>> {
+        let [x, y, z, radius] = self.spheres(simd, at);
+        Balls {
+            center: [x, y, z],
+            radius,
+            depth: Wide::load(simd, &self.depths[at..at + Wide::<S>::LANES]),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn words<S: Simd>(&self, simd: S, at: usize) -> Words<Wide<S>> {
+        let lanes = at..at + Wide::<S>::LANES;
+        let [axis, sine, shape] = &self.words;
+        Words {
+            axis: Wide::<S>::load_words(simd, &axis[lanes.clone()]),
+            sine: Wide::<S>::load_words(simd, &sine[lanes.clone()]),
+            shape: Wide::<S>::load_words(simd, &shape[lanes]),
+        }
+    }
+
+    /// First child of a node, and how many there are.
+    #[inline(always)]
+    pub(super) fn children(&self, lane: usize) -> (u32, u32) {
+        let lane = lane % LANES;
+        (self.first_child[lane], self.words[2][lane] >> 16 & 0xff)
+    }
+
+    /// The balls of a group.
+    pub(super) fn four_balls(&self, group: usize) -> Balls {
+        let [x, y, z, radius] = self.spheres.each_ref().map(|list| four_of(list, group));
+        Balls {
+            center: [x, y, z].map(Vec4::from_array),
+            radius: Vec4::from_array(radius),
+            depth: Vec4::from_array(four_of(&self.depths, group)),
+        }
+    }
+
+    /// The words of a group.
+    pub(super) fn four_words(&self, group: usize) -> Words {
+        let [axis, sine, shape] = self.words.each_ref().map(|list| four_of(list, group));
+        Words { axis, sine, shape }
+    }
+}
+
+#[inline(always)]
+fn four_of<T: Copy>(list: &[T; LANES], group: usize) -> [T; 4] {
+    let at = 4 * group % LANES;
+    [list[at], list[at + 1], list[at + 2], list[at + 3]]
+}
