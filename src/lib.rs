@@ -66,6 +66,7 @@ pub mod mesh;
 pub mod method;
 pub mod progress;
 pub mod scenes;
+mod threads;
 pub mod tree;
 #[cfg(feature = "viewer")]
 pub mod viewer;

@@ -21,6 +21,8 @@ const fn layer(name: &'static str, may_use: &'static [&'static str]) -> Layer {
 const LAYERS: &[Layer] = &[
     layer("progress", &[]),
     layer("math", &[]),
+    // Threads that frames share.
+    layer("threads", &[]),
     layer("mesh", &["math"]),
     layer("input", &["progress", "math", "mesh"]),
     // `abi` is the bottom of the device's side. It takes `octahedral` for its constructors, nothing else.
@@ -31,8 +33,8 @@ const LAYERS: &[Layer] = &[
     // A model keeps its vertices as the records that shaders read, so that drawing copies nothing.
     layer("tree", &["progress", "math", "mesh", "abi"]),
     // The strips' exact size of a triangle reads those records.
-    layer("cut", &["math", "tree", "abi"]),
-    layer("draw", &["math", "tree", "cut", "abi"]),
+    layer("cut", &["math", "threads", "tree", "abi"]),
+    layer("draw", &["math", "threads", "tree", "cut", "abi"]),
     layer("image", &["math"]),
     // Vulkan knows records and layouts, but neither trees nor meshes.
     layer("gpu", &["abi"]),

@@ -16,12 +16,12 @@ use super::nearest::{Hiding, Marks, Nearest, SUBPIXEL_BITS};
 use super::tester::Tester;
 use super::{Cut, Settings};
 use crate::math::camera::View;
+use crate::threads::{self, share};
 use crate::tree::Model;
 use fearless_simd::Level;
-use std::sync::Mutex;
 
 /// A large cut is divided where a level has at least this many sibling groups to look at (about a tenth of a
-/// millisecond); a thread is started in a fifth of that.
+/// millisecond); another thread is awake in a third of that at most.
 const LARGE: usize = 4096;
 
 /// Parts for each thread: how much of a part is visible is not known before.
@@ -204,8 +204,7 @@ pub struct Selector {
 impl Default for Selector {
     /// As many threads as the machine runs at once, at most 16.
     fn default() -> Self {
-        let threads = std::thread::available_parallelism().map_or(1, std::num::NonZero::get);
-        Self::with_threads(threads.min(16))
+        Self::with_threads(threads::count())
     }
 }
 
@@ -234,7 +233,7 @@ impl Selector {
         self
     }
 
-    /// As [`select`], without allocating once `cut` and `self` have grown (but for starting threads).
+    /// As [`select`], without allocating once `cut` and `self` have grown (but for dividing work).
     pub fn select(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
         let tester = &Tester::new(model, view, settings);
         let tests = Tests {
@@ -319,9 +318,6 @@ impl Selector {
     }
 
     /// Goes down the remaining levels in parts, and joins them level by level.
-    ///
-    /// The threads are of this call and not of the pool that builds trees: while another model is loaded, a
-    /// frame would wait for a place in it.
     fn divide(&mut self, model: &Model, tests: Tests<'_>, levels: usize, cut: &mut Cut) {
         let groups = &self.front.groups;
         let each = groups.len().div_ceil(PARTS * self.threads);
@@ -340,35 +336,6 @@ impl Selector {
         });
         let found = (cut, &self.marks);
         join(parts, &mut self.batches, tests.hiding, levels, found);
-    }
-}
-
-/// Does all of the work, a thread for each of the batches.
-pub(super) fn share<T: Send>(
-    batches: &mut [Batch],
-    work: impl Iterator<Item = T> + Send,
-    run: impl Fn(&mut Batch, T) + Sync,
-) {
-    let work = Mutex::new(work);
-    let all = |batch: &mut Batch| {
-        loop {
-            // A poisoned lock means that another thread panicked, which the scope passes on.
-            let Ok(next) = work.lock().map(|mut work| work.next()) else {
-                return;
-            };
-            let Some(next) = next else { return };
-            run(batch, next);
-        }
-    };
-    if let [first, others @ ..] = batches {
-        std::thread::scope(|scope| {
-            for batch in others {
-                // Where no thread can be started, the others do its work.
-                let thread = std::thread::Builder::new().name("cut".to_owned());
-                let _ = thread.spawn_scoped(scope, || all(batch));
-            }
-            all(first);
-        });
     }
 }
 

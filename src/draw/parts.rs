@@ -1,23 +1,18 @@
 //! Draw lists written by several threads, in the order of one.
 
 use super::splats::Packed;
+use crate::threads;
 use std::ops::Range;
-use std::sync::{LazyLock, Mutex};
+use std::sync::Mutex;
 
 /// Items of a cut that one thread writes at a time.
 pub(super) const PART: usize = 4096;
 
-/// A list of fewer records is written by the calling thread: starting another takes as long as some thousand records.
+/// A list of fewer records is written by the calling thread: waking another takes as long as some thousand records.
 const MANY: usize = 4 * PART;
 
 /// How far ahead of the item that is written the memory of another one is asked for.
 pub(super) const AHEAD: usize = 16;
-
-static THREADS: LazyLock<usize> = LazyLock::new(|| {
-    std::thread::available_parallelism()
-        .map_or(1, std::num::NonZero::get)
-        .min(16)
-});
 
 /// Where the records of one part go.
 #[derive(Debug)]
@@ -70,7 +65,7 @@ pub(super) fn write<I: Send, R: Copy + Send>(
     out: &mut [R],
     write: impl Fn(I, &mut Sink<'_, R>) + Sync,
 ) -> Packed {
-    with_threads(*THREADS, parts, out, write)
+    with_threads(threads::count(), parts, out, write)
 }
 
 /// The same, of parts without quads, whose records stay where the room of each begins; which they are.
@@ -82,7 +77,7 @@ pub(super) fn write_apart<I: Send, R: Copy + Send>(
     out: &mut [R],
     write: impl Fn(I, &mut Sink<'_, R>) + Sync,
 ) -> Vec<Range<usize>> {
-    let written = each_with_threads(*THREADS, parts, out, write);
+    let written = each_with_threads(threads::count(), parts, out, write);
     written.into_iter().map(|part| part.points).collect()
 }
 
@@ -147,10 +142,10 @@ fn each_with_threads<I: Send, R: Copy + Send>(
     let written = Mutex::new(Vec::with_capacity(count));
     // Of few records the calling thread writes all.
     let threads = if end < MANY { 1 } else { threads };
-    share_among(
-        threads.min(count),
+    threads::share(
+        &mut vec![(); threads.min(count).max(1)],
         jobs.into_iter(),
-        |(index, items, out)| {
+        |(), (index, items, out)| {
             let mut sink = Sink {
                 out,
                 points: 0,
@@ -184,27 +179,8 @@ pub(super) fn share<J: Send>(
     jobs: impl Iterator<Item = J> + Send,
     work: impl Fn(J) + Sync,
 ) {
-    share_among(if records < MANY { 1 } else { *THREADS }, jobs, work);
-}
-
-fn share_among<J: Send>(
-    threads: usize,
-    jobs: impl Iterator<Item = J> + Send,
-    work: impl Fn(J) + Sync,
-) {
-    let jobs = Mutex::new(jobs);
-    let all = || {
-        while let Some(job) = jobs.lock().ok().and_then(|mut jobs| jobs.next()) {
-            work(job);
-        }
-    };
-    std::thread::scope(|scope| {
-        for _ in 1..threads {
-            // Where no thread can be started, the others do its work.
-            let _ = std::thread::Builder::new().spawn_scoped(scope, all);
-        }
-        all();
-    });
+    let threads = if records < MANY { 1 } else { threads::count() };
+    threads::share(&mut vec![(); threads], jobs, |(), job| work(job));
 }
 
 #[cfg(test)]
