@@ -55,7 +55,7 @@ use patch::{Patch, in_pieces, mean_color};
 use place::Projection;
 use prefetch_index::prefetch_index;
 use std::ops::Range;
-use taken::{LARGEST_PX, cuts, diameter_px, pieces};
+use taken::{cuts, diameter_px, pieces};
 use triangles::Triangle;
 
 /// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
@@ -240,7 +240,12 @@ pub fn write(
     };
     let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
     let (small, large) = cut.leaves.split_at(first_large.index);
-    let of_large = |leaves: &[u32]| leaves.iter().map(|&l| pieces(model, l, view, &shade)).sum();
+    let of_large = |leaves: &[u32]| {
+        leaves
+            .iter()
+            .map(|&l| pieces(model, l, view, &shade, first_large.halved_px))
+            .sum()
+    };
     let parts = (cut
         .nodes
         .chunks(parts::PART)
@@ -273,8 +278,8 @@ pub fn write(
         match part {
             Part::Nodes(ids) => eye.nodes(model, ids, sink),
             Part::Rows(rows) => eye.rows(model, rows, sink),
-            Part::Leaves(ids) => eye.leaves(model, ids, false, sink),
-            Part::Large(ids) => eye.leaves(model, ids, true, sink),
+            Part::Leaves(ids) => eye.leaves(model, ids, None, sink),
+            Part::Large(ids) => eye.leaves(model, ids, Some(first_large.halved_px), sink),
         }
         // While they are in the cache.
         groups.add(first, sink.written());
@@ -468,12 +473,13 @@ impl Eye<'_> {
         None
     }
 
-    /// Leaves of triangles; those that are not large are drawn with the threshold's size.
+    /// Leaves of triangles. Those that are large are drawn in pieces, if they have at most so many pixels; the others with the
+    /// threshold's size.
     fn leaves(
         &self,
         model: &Model,
         ids: &[u32],
-        is_large: bool,
+        halved_px: Option<f32>,
         sink: &mut Sink<'_, FilteredSplat>,
     ) {
         let (view, shade) = (self.view, &self.shade);
@@ -495,13 +501,13 @@ impl Eye<'_> {
                 prefetch_index(&model.triangles, next as usize);
             }
             let triangle = triangle_of(model, leaf as usize);
-            if !is_large {
+            let Some(halved_px) = halved_px else {
                 group.add(triangle, shade.side_px, false, sink);
                 continue;
-            }
+            };
             let diameter_px = diameter_px(model, leaf, view);
-            let is_own = diameter_px > LARGEST_PX.max(shade.side_px);
-            let cuts = cuts(diameter_px, shade);
+            let is_own = diameter_px > halved_px.max(shade.side_px);
+            let cuts = cuts(diameter_px, shade, halved_px);
             let diameter_px = diameter_px / (1 << cuts) as f32;
             in_pieces(triangle.corners, cuts, &mut |corners| {
                 let piece = Triangle {

@@ -351,6 +351,7 @@ impl Screen {
             is_blended: foreseen.is_blended,
             by_compute: foreseen.by_compute,
             is_free: foreseen.is_free,
+            largest_by_compute_px: foreseen.largest_by_compute_px,
             ..Work::default()
         }
     }

@@ -3,7 +3,7 @@
 use glam::{DVec3, Vec3};
 use surfel::abi::FilteredSplat;
 use surfel::cut::{self, Cut, Selector};
-use surfel::draw::filtered::{Shade, splat_count, splats, take_triangles};
+use surfel::draw::filtered::{Shade, drawn_counts, splat_count, splats, take_triangles};
 use surfel::draw::{ALBEDO, ColorBy};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
@@ -60,7 +60,9 @@ fn packed(model: &Model, view: &View, shade: Shade) -> (Vec<FilteredSplat>, usiz
         ..cut::Settings::default()
     };
     Selector::default().select(model, view, &settings, &mut cut);
+    let foreseen = drawn_counts(model, view, &shade, &cut);
     let large = take_triangles(model, view, &shade, &mut cut);
+    assert_eq!(foreseen, [splat_count(&cut, large), cut.triangles.len()]);
     let mut out = vec![bytemuck::Zeroable::zeroed(); splat_count(&cut, large)];
     let len = splats(model, &cut, large, view, shade, &mut out);
     out.truncate(len);
@@ -139,7 +141,7 @@ fn triangles_are_splats_where_nearly_all_are_small() {
     assert_eq!(triangles, 0);
     let (splats, triangles) = packed(&model(fine.clone()), &facing(2.3), SHADE);
     assert_eq!((splats.len(), triangles), (0, count));
-    // A few large ones beside stay triangles; with more of them all do.
+    // Some large ones beside stay triangles; with more of them all do.
     for (copies, expected) in [(count / 20, count / 20), (count / 5, count + count / 5)] {
         let mut mesh = fine.clone();
         let first = mesh.positions.len() as u32;
@@ -149,5 +151,29 @@ fn triangles_are_splats_where_nearly_all_are_small() {
             .extend(vec![[first, first + 1, first + 2]; copies]);
         let (_, triangles) = packed(&model(mesh), &facing(2.0), SHADE);
         assert_eq!(triangles, expected);
+    }
+}
+
+#[test]
+fn a_few_larger_triangles_are_splats_in_as_many_pieces_as_it_takes() {
+    let fine = grid(40);
+    let count = fine.triangles.len();
+    // Ten pixels wide: 64 pieces of 1.2.
+    for (copies, is_taken) in [(1, true), (count / 64, true), (count / 64 + 1, false)] {
+        let mut mesh = fine.clone();
+        let first = mesh.positions.len() as u32;
+        (mesh.positions).extend([Vec3::ZERO, Vec3::X * 7.0, Vec3::Y * 7.0]);
+        mesh.triangles
+            .extend(vec![[first, first + 1, first + 2]; copies]);
+        let (splats, triangles) = packed(&model(mesh), &facing(1.0), SHADE);
+        let expected = match is_taken {
+            true => (count + 64 * copies, 0),
+            false => (count, copies),
+        };
+        assert_eq!((splats.len(), triangles), expected);
+        let area: f64 = splats.iter().map(|s| f64::from(s.area_px)).sum();
+        let taken = if is_taken { copies } else { 0 };
+        let wanted = 1600.0 + 24.5 * taken as f64;
+        assert!((area / wanted - 1.0).abs() < 2e-3, "{area} {wanted}");
     }
 }

@@ -3,11 +3,10 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
-use surfel::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use surfel::cut::{Cut, Selector};
 use surfel::generate::{Shape, Spec};
 use surfel::math::camera::View;
-use surfel::method::{LARGEST_COMPUTE_SQUARE_PX, Settings, plan};
+use surfel::method::{LARGEST_COMPUTE_BLENDED_PX, LARGEST_COMPUTE_SQUARE_PX, Settings, plan};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 use surfel::viewer::camera::Orbit;
@@ -119,12 +118,15 @@ struct Device {
 }
 
 impl Device {
-    fn draws_by_compute(&self, threshold_px: f32) -> bool {
-        let largest = match self.blended {
-            Some(_) => LARGEST_SMALL_BLENDED_PX,
+    fn largest_by_compute_px(&self) -> f32 {
+        match self.blended {
+            Some(_) => LARGEST_COMPUTE_BLENDED_PX,
             None => LARGEST_COMPUTE_SQUARE_PX,
-        };
-        self.by_compute.is_some() && threshold_px <= largest
+        }
+    }
+
+    fn draws_by_compute(&self, threshold_px: f32) -> bool {
+        self.by_compute.is_some() && threshold_px <= self.largest_by_compute_px()
     }
 
     /// What a frame takes; `at` is how far along the way it is.
@@ -233,6 +235,7 @@ fn drive(
                     pixels: pixels(model, orbit, &view),
                     is_blended: device.blended.is_some(),
                     is_free: by_compute,
+                    largest_by_compute_px: device.largest_by_compute_px(),
                     by_compute,
                     place,
                     ..Work::default()

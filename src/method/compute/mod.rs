@@ -141,26 +141,34 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     }
 }
 
+/// The largest threshold with which splats are drawn by compute, pixels; 0 where there are none.
+pub(crate) fn largest_threshold_px(settings: &Settings) -> f32 {
+    match Drawing::of(settings) {
+        Drawing::Nothing => 0.0,
+        Drawing::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
+        Drawing::Opaque => LARGEST_SQUARE_PX,
+        Drawing::Visibility | Drawing::Fuzzy | Drawing::Filtered => LARGEST_SMALL_BLENDED_PX,
+    }
+}
+
 /// Why opaque splats are not drawn by compute.
 fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
     if !settings.has_headlight() {
         Some("it knows the headlight only, and no colors by level, normal or depth")
+    } else if settings.threshold_px <= largest_threshold_px(settings) {
+        None
     } else if settings.splat == SplatKind::Ellipse {
-        (settings.threshold_px > LARGEST_ELLIPSE_PX).then_some(
-            "ellipses of this size are cheaper to rasterize; use a threshold of at most 10 pixels",
-        )
-    } else if settings.threshold_px > LARGEST_SQUARE_PX {
+        Some("ellipses of this size are cheaper to rasterize; use a threshold of at most 10 pixels")
+    } else {
         Some(
             "squares and discs of this size are cheaper to rasterize; use a threshold of at most 6 pixels",
         )
-    } else {
-        None
     }
 }
 
 /// Why filtered and fuzzy splats are not drawn by compute.
 fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str> {
-    if settings.threshold_px > LARGEST_SMALL_BLENDED_PX {
+    if settings.threshold_px > largest_threshold_px(settings) {
         Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
     } else if settings.shading == Shading::Deferred {
         Some("it sums colors, not normals; leave --shading out")
@@ -177,7 +185,7 @@ fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str
 
 /// Why visibility splats are not drawn by compute.
 fn not_as_visible(settings: &Settings) -> Option<&'static str> {
-    (settings.threshold_px > LARGEST_SMALL_BLENDED_PX).then_some(
+    (settings.threshold_px > largest_threshold_px(settings)).then_some(
         "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
     )
 }
@@ -417,5 +425,38 @@ impl Small {
                 over_areas(draw);
             }
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::method::Blend;
+
+    #[test]
+    fn compute_ends_where_its_splats_are_cheaper_to_rasterize() {
+        let of = |splat, blend| Settings {
+            splat,
+            blend: Some(blend),
+            ..Settings::default()
+        };
+        for (settings, largest) in [
+            (of(SplatKind::Square, Blend::Opaque), 6.0),
+            (of(SplatKind::Disc, Blend::Opaque), 6.0),
+            (of(SplatKind::Ellipse, Blend::Opaque), 10.0),
+            (of(SplatKind::Square, Blend::TwoPass), 16.0),
+            (of(SplatKind::Filtered, Blend::Opaque), 16.0),
+            (of(SplatKind::Visibility, Blend::Opaque), 16.0),
+        ] {
+            assert_eq!(largest_threshold_px(&settings), largest, "{settings:?}");
+        }
+        let pixels = |threshold_px, splat| Settings {
+            threshold_px,
+            ..of(splat, Blend::Opaque)
+        };
+        for (splat, largest) in [(SplatKind::Square, 6.0), (SplatKind::Ellipse, 10.0)] {
+            assert_eq!(not_as_opaque(&pixels(largest, splat)), None);
+            assert!(not_as_opaque(&pixels(largest + 0.01, splat)).is_some());
+        }
     }
 }

@@ -28,7 +28,7 @@ const PROBE_RADIUS_PX: u32 = 6;
 const PROBE_PIXELS: u64 = (2 * PROBE_RADIUS_PX as u64 + 1).pow(2);
 
 /// What a frame would draw.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Foreseen {
     /// How much.
     pub counts: Counts,
@@ -40,6 +40,8 @@ pub struct Foreseen {
     pub by_compute: bool,
     /// Compute can draw them, and nobody insists on either way.
     pub is_free: bool,
+    /// The largest threshold with which it can, pixels.
+    pub largest_by_compute_px: f32,
 }
 
 /// Where a frame goes besides the renderer's own targets.
@@ -168,6 +170,7 @@ impl Renderer {
             pixels: compute::rect::pixels(rect),
             is_blended,
             is_free: by_compute && settings.path == Path::Auto,
+            largest_by_compute_px: compute::largest_threshold_px(settings),
             counts: Counts {
                 nodes_visited: self.cut.stats.visited,
                 splats,

@@ -67,6 +67,8 @@ pub struct Work {
     pub by_compute: bool,
     /// They may be drawn in the other way as well.
     pub is_free: bool,
+    /// The largest threshold with which compute draws such splats, pixels.
+    pub largest_by_compute_px: f32,
     /// Nodes that cuts looked at which were counted for this frame and not drawn.
     pub counted: u64,
     /// Where it is seen from.

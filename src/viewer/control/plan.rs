@@ -2,8 +2,6 @@
 
 use super::model::{Numbers, Place, Rates, Took, Work, apart};
 use super::{COARSEST_PX, Control};
-use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
-use crate::method::LARGEST_COMPUTE_SQUARE_PX;
 
 /// Foreseen to miss the wanted time by less than this, a frame is drawn as the one before. Where it is more, another cut is
 /// counted if that takes less.
@@ -57,14 +55,6 @@ const FINER: f32 = 0.95;
 const LARGEST_STEP: f32 = 2.0;
 /// A frame that takes too long is by this factor worse than one that is too short.
 const SLOWER: f64 = 1.3;
-/// The largest threshold with which compute draws, pixels.
-fn largest_by_compute(work: &Work) -> f32 {
-    if work.is_blended {
-        LARGEST_SMALL_BLENDED_PX
-    } else {
-        LARGEST_COMPUTE_SQUARE_PX
-    }
-}
 
 /// Where the wanted time lies between a threshold that is too coarse and one that is too fine, on a straight line of
 /// logarithms.
@@ -216,7 +206,7 @@ impl Control {
             let rates = self.model.rates(px, work, by_compute)?;
             let (mut low, mut high) = ends;
             if by_compute && self.has_choice {
-                high = high.min(largest_by_compute(work));
+                high = high.min(work.largest_by_compute_px);
                 low = low.min(high);
             }
             let next = self.threshold_for(ms, (work, px), rates, (low, high));
@@ -343,7 +333,7 @@ impl Control {
             is_at_edge: way
                 && work.is_free
                 && (1.0..FAR).contains(&share)
-                && px >= 0.99 * largest_by_compute(work),
+                && px >= 0.99 * work.largest_by_compute_px,
         })
     }
 
