@@ -128,7 +128,7 @@ impl Counts {
     }
 }
 
-/// The working memory of the stages, 35 KiB.
+/// The working memory of the stages, 36 KiB.
 #[derive(Debug)]
 pub(super) struct Batch {
     level: Level,
