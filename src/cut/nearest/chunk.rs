@@ -46,6 +46,19 @@ impl Chunk {
     pub(in crate::cut) fn clear(&mut self) {
         (self.ones, self.others) = (Mask::default(), Mask::default());
     }
+
+    /// What a splat of one pixel leaves.
+    #[inline(always)]
+    fn mark_of_one(&self, lane: u8) -> Mark {
+        let lane = usize::from(lane);
+        Mark {
+            first: self.first[lane],
+            columns: 1,
+            rows: 1,
+            asked: self.asked[lane],
+            distance: self.distance[lane],
+        }
+    }
 }
 
 impl Hiding<'_> {
@@ -152,60 +165,125 @@ impl Hiding<'_> {
     /// be stored over by another thread. Then less is hidden than could be, until [`repair`](Self::repair).
     #[inline(always)]
     pub(in crate::cut) fn ask(&self, chunk: &Chunk, marks: &mut Vec<Mark>) -> Mask {
-        let pixels = self.nearest.pixels.as_slice();
-        let candidates = self.not_hidden(chunk, chunk.ones);
-        for lane in candidates.lanes() {
-            let (first, distance) = (chunk.first[lane % CHUNK], chunk.distance[lane % CHUNK]);
-            let Some(pixel) = pixels.get(first as usize) else {
-                continue;
+        let mut candidates = [Lanes64::NONE; WORDS];
+        for (word, own) in candidates.iter_mut().enumerate() {
+            let ones = Lanes64::of(word, chunk.ones.words()[word]);
+            *own = match self.are_pixels {
+                true => self.leave(chunk, &ones),
+                false => self.leave_at_once(chunk, &ones),
             };
-            let there = pixel.load(Ordering::Relaxed);
-            if self.are_pixels {
-                pixel.store(there.min(distance), Ordering::Relaxed);
-            } else if distance < there {
-                pixel.fetch_min(distance, Ordering::Relaxed);
-            }
         }
-        let seen = self.not_hidden(chunk, candidates) | chunk.others;
-        marks.reserve(seen.count() as usize);
-        for lane in seen.lanes() {
-            marks.push(if chunk.others.get(lane, 1) != 0 {
-                chunk.marks[lane % CHUNK]
+        let mut seen = Mask::default();
+        for (word, own) in candidates.iter().enumerate() {
+            let others = chunk.others.words()[word];
+            let (bits, own) = self.not_hidden(chunk, own);
+            seen.words_mut()[word] = bits | others;
+            if others == 0 {
+                marks.extend(own.iter().map(|&lane| chunk.mark_of_one(lane)));
             } else {
-                Mark {
-                    first: chunk.first[lane % CHUNK],
-                    columns: 1,
-                    rows: 1,
-                    asked: chunk.asked[lane % CHUNK],
-                    distance: chunk.distance[lane % CHUNK],
-                }
-            });
+                let all = Lanes64::of(word, bits | others);
+                marks.extend(all.iter().map(|&lane| match others >> (lane % 64) & 1 {
+                    0 => chunk.mark_of_one(lane),
+                    _ => chunk.marks[usize::from(lane)],
+                }));
+            }
         }
         seen
     }
 
-    /// Which of some splats of one pixel are not hidden so far.
+    /// Leaves the depths of some splats where nothing is nearer; those that were not hidden by what was there.
     #[inline(always)]
-    fn not_hidden(&self, chunk: &Chunk, lanes: Mask) -> Mask {
+    fn leave(&self, chunk: &Chunk, lanes: &Lanes64) -> Lanes64 {
         let pixels = self.nearest.pixels.as_slice();
-        let mut seen = Mask::default();
-        for (word, from) in (0..).zip((0..CHUNK).step_by(64)) {
-            let (mut rest, mut own) = (lanes.words()[word], 0);
-            while rest != 0 {
-                let lane = (from + rest.trailing_zeros() as usize) % CHUNK;
-                let pixel = pixels.get(chunk.first[lane] as usize);
-                let there = pixel.map_or(0, |pixel| pixel.load(Ordering::Relaxed));
-                let lowest = rest & rest.wrapping_neg();
-                own |= if there >= chunk.asked[lane] {
-                    lowest
-                } else {
-                    0
-                };
-                rest ^= lowest;
-            }
-            seen.words_mut()[word] = own;
+        let mut seen = Lanes64::NONE;
+        for &lane in lanes.iter() {
+            let at = usize::from(lane);
+            let Some(pixel) = pixels.get(chunk.first[at] as usize) else {
+                continue;
+            };
+            let there = pixel.load(Ordering::Relaxed);
+            // What hides it is nearer, and stays.
+            pixel.store(there.min(chunk.distance[at]), Ordering::Relaxed);
+            seen.push_if(lane, there >= chunk.asked[at]);
         }
         seen
+    }
+
+    /// The same, so that nothing is stored over.
+    #[inline(always)]
+    fn leave_at_once(&self, chunk: &Chunk, lanes: &Lanes64) -> Lanes64 {
+        let pixels = self.nearest.pixels.as_slice();
+        let mut seen = Lanes64::NONE;
+        for &lane in lanes.iter() {
+            let at = usize::from(lane);
+            let Some(pixel) = pixels.get(chunk.first[at] as usize) else {
+                continue;
+            };
+            let there = pixel.load(Ordering::Relaxed);
+            if chunk.distance[at] < there {
+                pixel.fetch_min(chunk.distance[at], Ordering::Relaxed);
+            }
+            seen.push_if(lane, there >= chunk.asked[at]);
+        }
+        seen
+    }
+
+    /// Which of some splats of one pixel are not hidden so far, as bits and as lanes.
+    #[inline(always)]
+    fn not_hidden(&self, chunk: &Chunk, lanes: &Lanes64) -> (u64, Lanes64) {
+        let pixels = self.nearest.pixels.as_slice();
+        let (mut bits, mut seen) = (0, Lanes64::NONE);
+        for &lane in lanes.iter() {
+            let at = usize::from(lane);
+            let pixel = pixels.get(chunk.first[at] as usize);
+            let there = pixel.map_or(0, |pixel| pixel.load(Ordering::Relaxed));
+            let is_seen = there >= chunk.asked[at];
+            bits |= u64::from(is_seen) << (lane % 64);
+            seen.push_if(lane, is_seen);
+        }
+        (bits, seen)
+    }
+}
+
+/// Words of a mask.
+const WORDS: usize = CHUNK / 64;
+const _: () = assert!(CHUNK == 1 + u8::MAX as usize);
+
+/// Up to 64 lanes of a chunk, one after the other: none waits for the bits of those before.
+#[derive(Clone, Copy)]
+struct Lanes64 {
+    lanes: [u8; 64],
+    len: usize,
+}
+
+impl Lanes64 {
+    const NONE: Self = Self {
+        lanes: [0; 64],
+        len: 0,
+    };
+
+    /// Those of a word of a mask.
+    #[inline(always)]
+    fn of(word: usize, mut bits: u64) -> Self {
+        let mut lanes = Self::NONE;
+        while bits != 0 {
+            let lane = 64 * word as u32 + bits.trailing_zeros();
+            lanes.push_if(lane as u8, true);
+            bits &= bits - 1;
+        }
+        lanes
+    }
+
+    /// Adds a lane, or does nothing that is seen of it.
+    #[inline(always)]
+    fn push_if(&mut self, lane: u8, is_in: bool) {
+        self.lanes[self.len % 64] = lane;
+        self.len += usize::from(is_in);
+    }
+
+    #[inline(always)]
+    fn iter(&self) -> std::slice::Iter<'_, u8> {
+        self.lanes[..self.len.min(64)].iter()
     }
 }
 
