@@ -206,14 +206,10 @@ impl Covered {
         let (ax, ay) = (either(ax, zero), either(ay, zero));
         let (bx, by) = (either(ex, bx), either(ey, by));
         let (cx, cy) = (either(fx, cx), either(fy, cy));
-        let edge = |from: [Numbers<S>; 2], to: [Numbers<S>; 2]| {
-            let (dx, dy) = ((to[0] - from[0]) * sign, (to[1] - from[1]) * sign);
-            let value = dx * (at_y - from[1]) - dy * (at_x - from[0]);
-            [value, dy * -256.0, dx * 256.0]
-        };
-        let [value_a, right_a, down_a] = edge([bx, by], [cx, cy]);
-        let [value_b, right_b, down_b] = edge([cx, cy], [ax, ay]);
-        let [value_c, right_c, down_c] = edge([ax, ay], [bx, by]);
+        let (at, a_to, b_to, c_to) = ([at_x, at_y], [ax, ay], [bx, by], [cx, cy]);
+        let [value_a, right_a, down_a] = edge::<S>(b_to, c_to, at, sign);
+        let [value_b, right_b, down_b] = edge::<S>(c_to, a_to, at, sign);
+        let [value_c, right_c, down_c] = edge::<S>(a_to, b_to, at, sign);
         let lanes = ..Numbers::<S>::LEN;
         covered.store_slice(&mut self.pixels[lanes]);
         columns.store_slice(&mut self.columns[lanes]);
@@ -228,6 +224,20 @@ impl Covered {
             vectors[2].store_slice(&mut rows[2][lanes]);
         }
     }
+}
+
+/// The function of an edge at a place, and what it grows by to the right and down. Not a closure: what that does need not be
+/// compiled for the vectors of the function that it is in.
+#[inline(always)]
+fn edge<S: Simd>(
+    from: [Numbers<S>; 2],
+    to: [Numbers<S>; 2],
+    at: [Numbers<S>; 2],
+    sign: Numbers<S>,
+) -> [Numbers<S>; 3] {
+    let (dx, dy) = ((to[0] - from[0]) * sign, (to[1] - from[1]) * sign);
+    let value = dx * (at[1] - from[1]) - dy * (at[0] - from[0]);
+    [value, dy * -256.0, dx * 256.0]
 }
 
 /// The least values inside of an edge: 1 where a center exactly on it belongs to the neighbor.
