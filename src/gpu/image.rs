@@ -93,16 +93,19 @@ impl Image {
         )
     }
 
-    /// As [`new`](Image::new), of [`Format::Rgba8`], and can be copied to.
-    #[cfg(feature = "viewer")]
-    pub(super) fn texture(
+    /// As [`new`](Image::new), and can be copied to.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn copied_to(
         gpu: &Arc<Gpu>,
         name: &str,
+        format: Format,
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
         let usage = vk::ImageUsageFlags::TRANSFER_DST;
-        Self::with(gpu, name, Format::Rgba8, (width, height), usage)
+        Self::with(gpu, name, format, (width, height), usage)
     }
 
     fn with(

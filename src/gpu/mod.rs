@@ -15,6 +15,7 @@ pub mod bind;
 pub mod buffer;
 pub mod clock;
 pub mod compute;
+mod copy;
 pub mod device;
 pub mod frame;
 pub mod image;

@@ -4,14 +4,12 @@
 //! be read back, shown again under another overlay, and the overlay can be left out at no cost. Textures (the
 //! glyphs of the fonts) are kept on the host as well, so that a device that was opened anew gets them again.
 
-use super::access::Access;
 use super::buffer::{AnyBuffer, Upload};
 use super::frame::{Frame, Load};
 use super::image::{Format, Image};
 use super::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
 use super::{Error, Gpu};
 use crate::abi::shaders;
-use ash::vk;
 use bytemuck::{Pod, Zeroable};
 use egui::TextureId;
 use egui::epaint::{ClippedPrimitive, ImageData, Primitive, textures::TexturesDelta};
@@ -223,9 +221,10 @@ impl Overlay {
                 continue;
             }
             if !texture.fits_image() {
-                texture.image = Some(Image::texture(
+                texture.image = Some(Image::copied_to(
                     &self.gpu,
                     "overlay texture",
+                    Format::Rgba8,
                     texture.width as u32,
                     texture.height as u32,
                 )?);
@@ -420,37 +419,10 @@ fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error>
 
 /// Copies a whole image out of a mapped buffer, as the pass `overlay.texture`.
 fn write(frame: &mut Frame<'_>, from: &Upload, offset: u64, image: &Image) {
-    let mut pass = frame.pass("overlay.texture");
-    let gpu = pass.gpu.clone();
-    let commands = pass.slot.commands;
-    pass.barriers.buffer(from, Access::CopySource);
-    pass.barriers.image(image, Access::CopyTarget, true);
-    let timing = pass.begin();
-    let regions = [vk::BufferImageCopy::default()
-        .buffer_offset(offset)
-        .image_subresource(vk::ImageSubresourceLayers {
-            aspect_mask: image.format.aspect(),
-            mip_level: 0,
-            base_array_layer: 0,
-            layer_count: 1,
-        })
-        .image_extent(vk::Extent3D {
-            width: image.width,
-            height: image.height,
-            depth: 1,
-        })];
-    // SAFETY: both are alive until the frame has finished (their Drop defers), the image is in the copy layout by
-    // the barrier above, and `prepare` made the buffer large enough.
-    unsafe {
-        gpu.device.cmd_copy_buffer_to_image(
-            commands,
-            from.handle(),
-            image.handle,
-            vk::ImageLayout::TRANSFER_DST_OPTIMAL,
-            &regions,
-        );
-    }
-    timing.end(&pass.slot.queries);
+    let whole = [0, 0, image.width, image.height];
+    frame
+        .pass("overlay.texture")
+        .copy_in(whole, &[(from, offset, image)], None);
 }
 
 #[cfg(test)]
