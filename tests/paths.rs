@@ -215,19 +215,25 @@ fn the_host_draws_what_compute_does() {
                     SplatKind::Filtered => ("filtered.clear", own == ["filtered.normalize"]),
                     _ => (
                         "small.clear",
-                        own.contains(&"small.resolve") && !own.contains(&"small.splats"),
+                        own == ["small.copy"]
+                            || own.contains(&"small.resolve") && !own.contains(&"small.splats"),
                     ),
                 };
                 assert!(others.contains(&clear), "{what}: {others:?}");
                 // Where the rasterizer draws, a level may be another one.
                 let is_rastered = own.contains(&"hybrid.triangles");
                 if is_by_host && !is_rastered || splat == SplatKind::Filtered {
-                    assert!(picture == wanted, "{what}");
+                    assert_as_compute(&picture, &wanted, splat, &what);
                 }
                 engine.let_host_draw(true);
                 let (picture, own) = passes(&mut engine, &view, &insisting);
                 engine.let_host_draw(false);
-                assert!(picture == wanted, "{what}, insisting: {own:?}");
+                assert_as_compute(
+                    &picture,
+                    &wanted,
+                    splat,
+                    &format!("{what}, insisting: {own:?}"),
+                );
                 by_host[usize::from(splat != SplatKind::Filtered)] +=
                     usize::from(!own.contains(&clear));
             }
@@ -237,6 +243,30 @@ fn the_host_draws_what_compute_does() {
     for (count, least) in by_host.into_iter().zip([20, 110]) {
         assert_eq!(count >= least, is_software, "{by_host:?}");
     }
+}
+
+/// Filtered splats are the same to the bit. Opaque ones have the same depths and coverage; where a value lies in the middle between
+/// two of 255, the last place of a root decides, which a shader may find otherwise than the host: some of 10,000 pixels.
+fn assert_as_compute(picture: &Image, wanted: &Image, splat: SplatKind, what: &str) {
+    if splat == SplatKind::Filtered {
+        assert!(picture == wanted, "{what}");
+        return;
+    }
+    assert!(picture.depth == wanted.depth, "{what}: depths differ");
+    let pairs = picture.color.iter().zip(&wanted.color);
+    let mut others = 0;
+    for (is, wanted) in pairs.filter(|(is, wanted)| is != wanted) {
+        let off = (0..4).map(|i| is[i].abs_diff(wanted[i]));
+        assert!(
+            off.max() == Some(1) && is[3] == wanted[3],
+            "{what}: {is:?} {wanted:?}"
+        );
+        others += 1;
+    }
+    assert!(
+        10_000 * others <= 5 * picture.color.len(),
+        "{what}: {others} pixels"
+    );
 }
 
 /// How many pixels have another coverage, a color that is off by more than a level, or a depth by more than a thousandth.
@@ -333,8 +363,12 @@ fn opaque_discs_are_the_same_in_every_projection_and_light() {
     }
 }
 
-/// Asserts of the statue, for each fill, threshold and path, whether a frame of these settings has this pass.
-fn assert_ways(settings: impl Fn(f32) -> Settings, pass: &str, wanted: &[(f64, f32, Path, bool)]) {
+/// Asserts of the statue, for each fill, threshold and path, whether a frame of these settings has any of these passes.
+fn assert_ways(
+    settings: impl Fn(f32) -> Settings,
+    any: &[&str],
+    wanted: &[(f64, f32, Path, bool)],
+) {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 60_000);
     let backend = Backend::Device(device.gpu().clone());
@@ -347,7 +381,8 @@ fn assert_ways(settings: impl Fn(f32) -> Settings, pass: &str, wanted: &[(f64, f
         };
         let (_, passes) = passes(&mut engine, &view, &settings);
         let what = format!("{fill}, {threshold_px}, {path:?}: {passes:?}");
-        assert_eq!(passes.contains(&pass), is_wanted, "{what}");
+        let is_there = passes.iter().any(|pass| any.contains(pass));
+        assert_eq!(is_there, is_wanted, "{what}");
     }
 }
 
@@ -356,8 +391,8 @@ fn assert_ways(settings: impl Fn(f32) -> Settings, pass: &str, wanted: &[(f64, f
 fn discs_go_by_compute_where_that_pays() {
     assert_ways(
         discs,
-        // Which compute or the host leaves to it.
-        "small.resolve",
+        // Of compute, and of the host.
+        &["small.resolve", "small.copy"],
         &[
             (1.0, 2.0, Path::Auto, true),
             (1.0, 2.0, Path::Raster, false),

@@ -1,83 +1,36 @@
-//! Small opaque squares and discs by the host, for software devices: what passes small.clear and small.splats leave in
-//! storage.
+//! Small opaque squares and discs by the host, for software devices: what passes small.clear, small.splats and small.resolve
+//! leave in the picture.
 //!
 //! A software device goes through the lanes of each write one by one and locks each pixel that it writes
 //! (`docs/PERFORMANCE.md`, "The floor of rates by compute"). Here the pixels of all splats are found first, many at a time;
-//! then the picture is cut into bands of rows, each the job of one thread, so nothing is locked. What is left is the same to
-//! the bit: the greatest key of a pixel does not depend on any order, and each number is made by the operations of
-//! `shaders/compute/splats.comp`, in their order.
+//! then the picture is cut into bands of rows, each the job of one thread, so nothing is locked. Which splat a pixel shows is the
+//! same: the greatest key of a pixel does not depend on any order, and each number is made by the operations of
+//! `shaders/compute/splats.comp`, in their order. So are colors but for the last place of a root, which decides in few pixels how
+//! a value is rounded to one of 255.
 
 mod band;
+mod bands;
+mod picture;
 mod place;
+mod screen;
 mod seen;
+mod shade;
+
+pub use bands::Places;
+pub use picture::Picture;
+pub use screen::Screen;
+pub use shade::Light;
 
 use super::parts;
-use super::splats::{self, Part, Plan};
-use crate::abi::{FrameConstants, Splat};
+use super::splats::{self, Part, Plan, Writer};
+use crate::abi::Splat;
 use crate::cut::{Cut, Undrawn};
 use crate::math::camera::View;
 use crate::tree::Model;
-use band::Fronts;
-use fearless_simd::{Level, dispatch};
-use place::{Finding, Found, GROUP, Group, Pixels, Round};
-use std::sync::atomic::{AtomicU8, Ordering};
+use bands::{Known, SPLAT_BIT, draw_by};
+use fearless_simd::Level;
 
-/// Rows of a band.
-const BAND_PX: usize = 32;
-
-/// The bit that keys of splats do not have, see `shaders/common/list.glsl`.
-const SPLAT_BIT: u32 = 1 << 31;
-
-/// Where the device draws splats.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Screen {
-    /// From model to view space: the row of z.
-    along: [f32; 4],
-    /// Factor of z in clip space and what is added: of depth and of the last component.
-    depth: [f32; 2],
-    last: [f32; 2],
-    /// From model space to window positions times the last component: rows of x and y, pixels.
-    window: [[f32; 4]; 2],
-    /// From a radius in model units to one in pixels: times both, over the last component.
-    model_scale: f32,
-    focal_px: f32,
-    /// Side or diameter of splats without a radius of their own, pixels.
-    size_px: f32,
-    /// The part of the picture that is drawn in: left, top, and one past right and bottom, pixels.
-    rect_px: [u32; 4],
-}
-
-impl Screen {
-    /// That of a frame; `None` where places do not fit their numbers.
-    pub fn new(frame: &FrameConstants, rect_px: [u32; 4]) -> Option<Self> {
-        let (view, clip) = (&frame.view_from_model, &frame.clip_from_view);
-        let row =
-            |of: &[[f32; 4]; 4], row: usize| [0, 1, 2, 3].map(|column: usize| of[column][row]);
-        let [left, top, right, bottom] = rect_px;
-        let fits = |low: u32, high: u32| low <= high && high - low <= u32::from(u16::MAX);
-        (fits(left, right) && fits(top, bottom)).then(|| Self {
-            along: row(view, 2),
-            depth: [clip[2][2], clip[3][2]],
-            last: [clip[2][3], clip[3][3]],
-            window: [0, 1].map(|i| row(&frame.window_from_model, i)),
-            model_scale: frame.model_scale,
-            focal_px: frame.focal_px,
-            size_px: frame.splat_size_px,
-            rect_px,
-        })
-    }
-
-    fn width(&self) -> usize {
-        (self.rect_px[2] - self.rect_px[0]) as usize
-    }
-
-    /// How many pixels it has.
-    pub fn pixels(&self) -> usize {
-        self.width() * (self.rect_px[3] - self.rect_px[1]) as usize
-    }
-}
-
-/// What splats look like.
+/// The shape of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Look {
     /// Circles that face the viewer instead of squares.
@@ -89,211 +42,123 @@ pub struct Look {
 /// Splats of a draw list, a part of it.
 #[derive(Clone, Copy)]
 pub(super) enum Source<'a> {
-    /// Of a cut of a mesh; none has a radius of its own.
+    /// Of a cut of a mesh; none has a radius of its own. What they look like is not asked for.
     Cut(&'a Model, &'a Undrawn, Part<'a>),
+    /// The same, with what they look like.
+    Surface(&'a Writer<'a>, Part<'a>),
     /// Those that are written already.
     List(&'a [Splat]),
 }
 
-/// Where splats are, and which of them are seen; kept from frame to frame for its memory.
-#[derive(Debug, Default)]
-pub struct Places {
-    pixels: Pixels,
-    rounds: Vec<Round>,
-    groups: Vec<Group>,
-    seen: Vec<AtomicU8>,
-    bands: Vec<Fronts>,
-}
+/// Where a frame is drawn, and how it is lit.
+pub type Frame<'a> = (&'a Screen, &'a Light);
 
-/// Splats of one look, and where they are.
-struct Placed<'a> {
-    /// Number of the first in the list.
-    first: u32,
-    pixels: Found<'a>,
-    /// Of discs, else empty.
-    rounds: &'a [Round],
-    groups: &'a [Group],
-    /// All are squares of a pixel.
-    are_samples: bool,
-}
-
-/// Draws a list, whose last `samples` splats are squares of a pixel and whose others look like `look`. `keys` become what
-/// storage of the rectangle holds after the passes by compute, whatever they held: the first so many, see
-/// [`Screen::pixels`].
+/// Draws a list, whose last `samples` splats are squares of a pixel and whose others look like `look`. The picture
+/// becomes that, whatever it held: its first pixels, see [`Screen::pixels`].
 ///
 /// # Panics
-/// When `keys` are fewer than that, or the list has fewer splats than `samples`.
+/// When the picture has fewer, or the list has fewer splats than `samples`.
 pub fn draw(
     splats: &[Splat],
     (look, samples): (Look, usize),
-    screen: &Screen,
+    frame: Frame<'_>,
     places: &mut Places,
-    keys: &mut [u64],
+    picture: Picture<'_>,
 ) {
     let (own, sampled) = splats.split_at(splats.len() - samples);
     let own = own.chunks(parts::PART);
     let own = own.map(|part| (Source::List(part), part.len())).collect();
-    draw_by(Level::new(), (own, look, sampled), screen, (places, keys));
+    let (list, known) = ((own, look, sampled), Known::Colors);
+    draw_by(Level::new(), list, frame, known, (places, picture));
 }
 
-/// Draws the splats of a cut of a mesh, none of which has a radius of its own, and after them those of `out` from their
-/// number on, which are squares of a pixel: the keys are as of [`draw`]. Then the records of what is seen of the cut are written to
-/// `out`, each at its number in the list that [`splats::pack`] would write; other records stay what they were.
+/// The splats of a cut of a mesh, none of which has a radius of its own.
+#[derive(Clone, Copy)]
+pub struct Splats<'a> {
+    /// The mesh.
+    pub model: &'a Model,
+    /// What of it has no area.
+    pub undrawn: &'a Undrawn,
+    /// The cut.
+    pub cut: &'a Cut,
+    /// What is seen of it.
+    pub view: &'a View,
+    /// How splats would be written.
+    pub plan: &'a Plan,
+    /// Circles that face the viewer instead of squares.
+    pub are_discs: bool,
+    /// Most of them are seen, as what is hidden was left out: then they are shaded while they are looked at, and else
+    /// what is seen once that is known.
+    pub are_seen: bool,
+}
+
+/// Draws the splats of a cut, and after them samples, which are squares of a pixel: the picture is that of [`draw`] with the list
+/// that [`splats::pack`] would write.
 ///
 /// # Panics
-/// When `keys` are fewer than [`Screen::pixels`], or `out` is shorter than [`splats::count`].
+/// When the picture has fewer pixels than [`Screen::pixels`].
 pub fn draw_cut(
-    (model, undrawn): (&Model, &Undrawn),
-    (cut, view, plan): (&Cut, &View, &Plan),
-    (screen, are_discs): (&Screen, bool),
-    (places, keys): (&mut Places, &mut [u64]),
-    out: &mut [Splat],
+    splats: Splats<'_>,
+    samples: &[Splat],
+    frame: Frame<'_>,
+    places: &mut Places,
+    picture: Picture<'_>,
 ) {
+    draw_cut_by(Level::new(), splats, samples, frame, (places, picture));
+}
+
+fn draw_cut_by(
+    level: Level,
+    splats: Splats<'_>,
+    samples: &[Splat],
+    frame: Frame<'_>,
+    (places, mut picture): (&mut Places, Picture<'_>),
+) {
+    let Splats {
+        model,
+        undrawn,
+        cut,
+        view,
+        plan,
+        are_discs,
+        are_seen,
+    } = splats;
     let look = Look {
         are_discs,
         has_one_size: true,
     };
+    let writer = &Writer::new(model, view, plan);
     let parts = splats::parts_of(cut, plan);
+    let source = |part| match are_seen {
+        true => Source::Surface(writer, part),
+        false => Source::Cut(model, undrawn, part),
+    };
     let own = parts.iter();
-    let own = own.map(|&(part, count)| (Source::Cut(model, undrawn, part), count));
-    let (out, sampled) = out.split_at_mut(splats::count(cut, plan));
-    let own = own.collect();
-    draw_by(Level::new(), (own, look, sampled), screen, (places, keys));
-    seen::pack(model, (view, plan), parts, &places.seen, out);
+    let own = own.map(|&(part, count)| (source(part), count)).collect();
+    let known = match are_seen {
+        true => Known::Colors,
+        false => Known::Places,
+    };
+    let list = (own, look, samples);
+    draw_by(level, list, frame, known, (places, picture.again()));
+    if !are_seen {
+        let count = splats::count(cut, plan);
+        let colors = &mut places.pixels.colors_mut()[..count];
+        let seen = &places.seen[..count];
+        seen::shade(level, (writer, frame.1), parts, seen, colors);
+        paint(frame.0, count + samples.len(), places, picture);
+    }
 }
 
-/// The same by vectors of a level.
-fn draw_by(
-    level: Level,
-    (own, look, sampled): (Vec<(Source<'_>, usize)>, Look, &[Splat]),
-    screen: &Screen,
-    (places, keys): (&mut Places, &mut [u64]),
-) {
-    let own_count: usize = own.iter().map(|part| part.1).sum();
-    let count = own_count + sampled.len();
-    let sampled = sampled.chunks(parts::PART);
-    let sampled: Vec<_> = sampled
-        .map(|part| (Source::List(part), part.len()))
-        .collect();
-    let groups_of = |parts: &[(Source<'_>, usize)]| -> usize {
-        parts.iter().map(|part| part.1.div_ceil(GROUP)).sum()
-    };
-    let own_groups = groups_of(&own);
-    let group_count = own_groups + groups_of(&sampled);
-    // What is not written below is not read either.
-    let mut pixels = places.pixels.first(count);
-    places
-        .groups
-        .resize(group_count.max(places.groups.len()), Group::default());
-    if look.are_discs {
-        places
-            .rounds
-            .resize(own_count.max(places.rounds.len()), Round::default());
-    }
-    places
-        .seen
-        .resize_with(own_count.max(places.seen.len()), AtomicU8::default);
-    for seen in &mut places.seen[..own_count] {
-        *seen.get_mut() = 0;
-    }
-    let (mut own_pixels, mut sampled_pixels) = (pixels.split(own_count), pixels);
-    let (own_group, sampled_group) = places.groups[..group_count].split_at_mut(own_groups);
-    let own_rounds = match look.are_discs {
-        true => &mut places.rounds[..own_count],
-        false => &mut [],
-    };
-    let is_one_pixel = !look.are_discs && look.has_one_size && screen.size_px <= 1.0;
-    let of_samples = Look {
-        are_discs: false,
-        has_one_size: true,
-    };
-    place_all(
-        level,
-        screen,
-        (own, look, is_one_pixel),
-        (&mut own_pixels, own_rounds, own_group),
-    );
-    place_all(
-        level,
-        screen,
-        (sampled, of_samples, true),
-        (&mut sampled_pixels, &mut [], sampled_group),
-    );
-    let lists = [
-        Placed {
-            first: 0,
-            pixels: own_pixels.found(),
-            rounds: own_rounds,
-            groups: own_group,
-            are_samples: is_one_pixel,
-        },
-        Placed {
-            first: own_count as u32,
-            pixels: sampled_pixels.found(),
-            rounds: &[],
-            groups: sampled_group,
-            are_samples: true,
-        },
-    ];
-    let seen = &places.seen[..own_count];
-    let width = screen.width();
-    let keys = &mut keys[..screen.pixels()];
-    if width == 0 {
-        return;
-    }
-    let bands = keys.chunks_mut(BAND_PX * width).enumerate();
-    places.bands.resize_with(bands.len(), Fronts::default);
-    let bands = bands.zip(&mut places.bands);
-    parts::share(count, bands, |((number, keys), fronts)| {
-        let first_row = number * BAND_PX;
-        let mut band = fronts.band(width, [first_row, first_row + keys.len() / width]);
-        for list in &lists {
-            dispatch!(level, simd => band.draw(simd, list));
+/// Numbers become colors: those of as many splats.
+fn paint(screen: &Screen, count: usize, places: &Places, picture: Picture<'_>) {
+    let colors = &places.pixels.colors()[..count];
+    parts::share(count, picture.bands(screen), |band| {
+        let shown = band.colors.iter_mut().zip(band.depths);
+        for (color, _) in shown.filter(|(_, depth)| **depth != 0.0) {
+            let number = !*color & !SPLAT_BIT;
+            *color = colors[number as usize] as u32;
         }
-        band.write(keys);
-        mark(keys, seen);
-    });
-}
-
-/// Marks those of the first splats of a list that are the nearest somewhere.
-fn mark(keys: &[u64], seen: &[AtomicU8]) {
-    let mut last = u32::MAX;
-    for &key in keys.iter().filter(|&&key| key != 0) {
-        let number = !(key as u32) & !SPLAT_BIT;
-        if number != last
-            && let Some(seen) = seen.get(number as usize)
-        {
-            seen.store(1, Ordering::Relaxed);
-        }
-        last = number;
-    }
-}
-
-/// Finds where splats are, part by part.
-fn place_all(
-    level: Level,
-    screen: &Screen,
-    (parts, look, is_one_pixel): (Vec<(Source<'_>, usize)>, Look, bool),
-    (pixels, mut rounds, mut groups): (&mut Finding<'_>, &mut [Round], &mut [Group]),
-) {
-    let mut rest = pixels.again();
-    let mut count = 0;
-    let jobs: Vec<_> = parts
-        .into_iter()
-        .map(|(source, size)| {
-            let (round, group);
-            let rounded = if look.are_discs { size } else { 0 };
-            (round, rounds) = std::mem::take(&mut rounds).split_at_mut(rounded);
-            (group, groups) = std::mem::take(&mut groups).split_at_mut(size.div_ceil(GROUP));
-            let first = count as u32;
-            count += size;
-            (source, first, (rest.split(size), round, group))
-        })
-        .collect();
-    parts::share(count, jobs.into_iter(), |(source, first, out)| {
-        dispatch!(level, simd => {
-            place::part(simd, screen, (source, look, is_one_pixel), first, out);
-        });
     });
 }
 
@@ -302,14 +167,17 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
+    use crate::abi::{FrameConstants, constants};
     use crate::cut::{Settings, select};
     use crate::draw::Footprint;
     use crate::generate::{self, Shape, Spec};
     use crate::math::camera::Camera;
+    use crate::math::octahedral;
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
     use bytemuck::Zeroable;
     use glam::{DVec3, Mat4, Vec3};
+    use std::sync::atomic::Ordering;
 
     const SIZE: [u32; 2] = [90, 110];
     const RECT: [u32; 4] = [7, 0, 85, 104];
@@ -383,8 +251,51 @@ mod tests {
         keys
     }
 
+    /// What a picture lies in, with some words more.
+    struct Planes {
+        colors: Vec<u32>,
+        depths: Vec<f32>,
+    }
+
+    /// More words than are asked for.
+    const MORE: usize = 5;
+
+    impl Planes {
+        /// What was there is not looked at.
+        fn of(screen: &Screen) -> Self {
+            let words = screen.pixels() + MORE;
+            Self {
+                colors: vec![u32::MAX; words],
+                depths: vec![-1.0; words],
+            }
+        }
+
+        fn picture(&mut self) -> Picture<'_> {
+            Picture {
+                colors: &mut self.colors,
+                depths: &mut self.depths,
+            }
+        }
+
+        /// Depths and colors in one, but for the words that nothing is written to.
+        fn keys(&self) -> Vec<u64> {
+            let of = |(&color, &depth): (&u32, &f32)| match depth {
+                0.0 => {
+                    assert_eq!(color, BACKGROUND);
+                    0
+                }
+                _ => u64::from(depth.to_bits()) << 32 | u64::from(color),
+            };
+            let (own, more) = self.colors.split_at(self.colors.len() - MORE);
+            let depths = self.depths.split_at(own.len());
+            assert!(more.iter().all(|&color| color == u32::MAX));
+            assert!(depths.1.iter().all(|&depth| depth == -1.0));
+            own.iter().zip(depths.0).map(of).collect()
+        }
+    }
+
     /// Numbers in 0..1, the same in every run.
-    fn numbers(mut state: u64) -> impl FnMut() -> f32 {
+    fn random(mut state: u64) -> impl FnMut() -> f32 {
         move || {
             state = state
                 .wrapping_mul(6_364_136_223_846_793_005)
@@ -395,7 +306,7 @@ mod tests {
 
     /// A crowd around what is seen, with radii of up to `largest` pixels; one in eight is odd.
     fn crowd(count: usize, largest: f32, seed: u64) -> Vec<Splat> {
-        let mut next = numbers(seed);
+        let mut next = random(seed);
         (0..count)
             .map(|i| {
                 let mut splat = Splat {
@@ -430,6 +341,7 @@ mod tests {
     #[test]
     fn keys_are_those_of_plain_loops_at_every_width_of_vectors() {
         let mut places = Places::default();
+        let light = light(true, false);
         let mut covered = 0;
         for (seed, (size_px, largest)) in
             [(1.0, 2.0), (1.3, 1.5), (2.0, 3.0), (3.0, 5.0), (5.7, 6.0)]
@@ -454,15 +366,14 @@ mod tests {
                     let mut first = None;
                     for level in levels() {
                         let what = format!("{size_px}, {count}, {samples}, {look:?}, {level:?}");
-                        // What was there is not looked at.
-                        let mut keys = vec![u64::MAX; screen.pixels() + 5];
+                        let mut planes = Planes::of(&screen);
                         let own = splats.split_at(count - samples);
                         let parts = own.0.chunks(parts::PART);
                         let parts = parts.map(|part| (Source::List(part), part.len())).collect();
                         let list = (parts, look, own.1);
-                        draw_by(level, list, &screen, (&mut places, &mut keys));
-                        assert!(keys[screen.pixels()..].iter().all(|&key| key == u64::MAX));
-                        keys.truncate(screen.pixels());
+                        let (frame, out) = ((&screen, &light), (&mut places, planes.picture()));
+                        draw_by(level, list, frame, Known::Places, out);
+                        let keys = planes.keys();
                         covered += keys.iter().filter(|&&key| key != 0).count();
                         if let Some(wanted) = &wanted {
                             assert!(keys == *wanted, "{what}");
@@ -483,11 +394,56 @@ mod tests {
         assert!(covered > 100_000, "{covered}");
     }
 
-    /// A cut with nodes, rows and leaves, and some that have no area: what is seen in each pixel is the same splat as where all
-    /// are written first, and what is not seen is not written.
+    /// What is behind everything in that of [`light`].
+    const BACKGROUND: u32 = 0xff_80_33;
+
+    /// The headlight where the camera of [`screen`] is, in model space.
+    fn light(is_two_sided: bool, has_colors: bool) -> Light {
+        let mut flags = 0;
+        for (on, flag) in [
+            (is_two_sided, constants::FLAG_TWO_SIDED),
+            (has_colors, constants::FLAG_USE_COLORS),
+        ] {
+            flags |= if on { flag } else { 0 };
+        }
+        Light::new(&FrameConstants {
+            headlight: [0.0, -0.1, 3.0, 1.0],
+            background: [0.2, 0.5, 1.0, 0.0],
+            flags,
+            ..FrameConstants::zeroed()
+        })
+    }
+
+    /// The color of a splat in that light, double precision: values of 255.
+    fn value_of(splat: &Splat, is_two_sided: bool, has_colors: bool) -> [f64; 3] {
+        let to_light = DVec3::new(0.0, -0.1, 3.0) - splat.center.as_dvec3();
+        let fine = (splat.radius.to_bits() as i32).min(0);
+        let left = [fine << 17 >> 17, fine << 2 >> 17].map(|v| f64::from(v) / 16384.0);
+        let [x, y] = [0, 1].map(|i| ((f64::from(splat.normal[i]) + left[i]) / 32767.0).max(-1.0));
+        let z = 1.0 - x.abs() - y.abs();
+        let fold = (-z).max(0.0);
+        let normal = DVec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize();
+        let facing = normal.dot(to_light.normalize());
+        let lambert = match splat.color[3] {
+            0 => 1.0,
+            _ if is_two_sided => facing.abs(),
+            _ => facing.max(0.0),
+        };
+        let own = |i: usize| {
+            if has_colors {
+                f64::from(splat.color[i])
+            } else {
+                255.0
+            }
+        };
+        [0, 1, 2].map(|i| own(i) * 0.8 * lambert.min(1.0))
+    }
+
+    /// A cut with nodes, rows and leaves, and some that have no area: each pixel has the depth of the splat that it shows where all are
+    /// written first, and its color, whether splats are shaded before or after it is known which are seen.
     #[test]
-    fn a_cut_is_drawn_as_its_list_and_what_is_seen_is_written() {
-        let mut numbers = [0; 4];
+    fn a_cut_is_drawn_as_its_list() {
+        let mut numbers = [0; 6];
         for (shape, threshold_px) in [
             (Shape::Statue, 1.7),
             (Shape::Torus, 3.0),
@@ -498,6 +454,8 @@ mod tests {
             for corners in mesh.triangles.iter_mut().step_by(5) {
                 corners[2] = corners[1];
             }
+            let colors = (0u8..=255).cycle().map(|i| [i, 255 - i, i / 3, 255]);
+            mesh.colors = colors.take(mesh.positions.len()).collect();
             let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
             let undrawn = Undrawn::new(&model);
             let eye = DVec3::new(0.0, -0.1, 3.0);
@@ -515,9 +473,16 @@ mod tests {
             for (sum, count) in numbers.iter_mut().zip(lists) {
                 *sum += count;
             }
-            for footprint in [Footprint::Square, Footprint::Circle] {
+            for (are_discs, is_two_sided, has_colors) in [
+                (false, true, true),
+                (true, false, true),
+                (true, true, false),
+            ] {
                 let plan = Plan {
-                    footprint,
+                    footprint: match are_discs {
+                        true => Footprint::Circle,
+                        false => Footprint::Square,
+                    },
                     threshold_px,
                     size: settings.size,
                     draws_large_leaves: false,
@@ -526,55 +491,75 @@ mod tests {
                     cut_view: None,
                     max_point_px: f32::INFINITY,
                 };
-                let are_discs = footprint == Footprint::Circle;
-                let look = Look {
-                    are_discs,
-                    has_one_size: true,
-                };
-                let screen = screen(threshold_px);
-                let (mut places, mut keys) = (Places::default(), vec![0; screen.pixels()]);
+                let (screen, light) = (screen(threshold_px), light(is_two_sided, has_colors));
+                let (mut places, mut planes) = (Places::default(), Planes::of(&screen));
                 let count = splats::count(&cut, &plan);
-                let samples = crowd(40, 1.0, 3);
+                let mut samples = crowd(40, 1.0, 3);
+                let mut next = random(7);
+                for sample in &mut samples {
+                    let direction = Vec3::new(next() - 0.5, next() - 0.5, next() - 0.5);
+                    sample.normal = octahedral::encode(direction);
+                    // What the code leaves out.
+                    sample.radius = f32::from_bits(1 << 31 | (next() * 1e9) as u32);
+                    sample.color = [9, 200, 77, if next() < 0.5 { 0 } else { 255 }];
+                }
                 let mut list = vec![Splat::zeroed(); count];
                 let packed = splats::pack(&model, &cut, &view, &plan, &mut list);
                 list.truncate(packed.points);
                 numbers[3] += count - packed.points;
                 list.extend(&samples);
-                draw(
-                    &list,
-                    (look, samples.len()),
-                    &screen,
-                    &mut places,
-                    &mut keys,
-                );
-                let nothing = Splat {
-                    radius: -77.0,
-                    ..Splat::zeroed()
+                let own = list.split_at(packed.points);
+                let parts = vec![(Source::List(own.0), packed.points)];
+                let look = Look {
+                    are_discs,
+                    has_one_size: true,
                 };
-                let mut out = vec![nothing; count];
-                out.extend(&samples);
-                let mut own_keys = keys.clone();
-                draw_cut(
-                    (&model, &undrawn),
-                    (&cut, &view, &plan),
-                    (&screen, are_discs),
-                    (&mut places, &mut own_keys),
-                    &mut out,
+                let frame = (&screen, &light);
+                let found = (parts, look, own.1);
+                draw_by(
+                    Level::new(),
+                    found,
+                    frame,
+                    Known::Places,
+                    (&mut places, planes.picture()),
                 );
-                let mut seen = vec![false; count];
-                for (key, own) in keys.into_iter().zip(own_keys) {
-                    assert_eq!(key >> 32, own >> 32);
-                    if key != 0 {
-                        let at = |key: u64| (!(key as u32) & !SPLAT_BIT) as usize;
-                        let [wanted, is] = [&list[at(key)], &out[at(own)]];
-                        assert_eq!(bytemuck::bytes_of(wanted), bytemuck::bytes_of(is));
-                        if let Some(seen) = seen.get_mut(at(own)) {
-                            *seen = true;
+                let keys = planes.keys();
+                for are_seen in [false, true] {
+                    let splats = Splats {
+                        model: &model,
+                        undrawn: &undrawn,
+                        cut: &cut,
+                        view: &view,
+                        plan: &plan,
+                        are_discs,
+                        are_seen,
+                    };
+                    let mut first = None;
+                    for level in levels() {
+                        let mut planes = Planes::of(&screen);
+                        let out = (&mut places, planes.picture());
+                        draw_cut_by(level, splats, &samples, frame, out);
+                        let drawn = planes.keys();
+                        for (key, own) in keys.iter().zip(&drawn) {
+                            assert_eq!(key >> 32, own >> 32);
+                            if *key == 0 {
+                                assert_eq!(*own, 0);
+                                continue;
+                            }
+                            let splat = &list[(!(*key as u32) & !SPLAT_BIT) as usize];
+                            let wanted = value_of(splat, is_two_sided, has_colors);
+                            let [r, g, b, coverage] = (*own as u32).to_le_bytes();
+                            assert_eq!(coverage, 255);
+                            for (is, wanted) in [r, g, b].into_iter().zip(wanted) {
+                                // Rounded, from single precision.
+                                let off = (f64::from(is) - wanted).abs();
+                                assert!(off < 0.501, "{is} {wanted}");
+                                numbers[4] += usize::from(is > 0);
+                            }
+                            numbers[5] += usize::from(splat.color[3] == 0);
                         }
+                        assert!(*first.get_or_insert_with(|| drawn.clone()) == drawn);
                     }
-                }
-                for (splat, seen) in out[..count].iter().zip(seen) {
-                    assert_eq!(splat.radius != -77.0, seen);
                 }
             }
         }

@@ -12,7 +12,7 @@ pub(super) const PART: usize = 4096;
 const MANY: usize = 4 * PART;
 
 /// How far ahead of the item that is written the memory of another one is asked for.
-pub(super) const AHEAD: usize = 16;
+pub(super) const AHEAD: usize = 40;
 
 /// Where the records of one part go.
 #[derive(Debug)]

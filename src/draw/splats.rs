@@ -141,6 +141,9 @@ impl Plan {
 
 /// Where splats go.
 pub(super) trait Out {
+    /// Whether it is asked how thick patches are; else their alpha says no more than whether they have a normal.
+    const HAS_THICKNESS: bool = true;
+
     /// The next splat, and the area of surface that it stands for.
     fn point(&mut self, splat: Splat, area: f32);
     /// The next of those that may be too large for a point.
@@ -333,7 +336,7 @@ impl<'a> Writer<'a> {
         }
     }
 
-    fn rows(&self, rows: &[StripRun], out: &mut impl Out) {
+    fn rows<O: Out>(&self, rows: &[StripRun], out: &mut O) {
         let tree = &self.model.tree;
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         for (index, row) in rows.iter().enumerate() {
@@ -347,15 +350,20 @@ impl<'a> Writer<'a> {
             let node = &nodes[id as usize];
             let a = &attributes[id as usize];
             let ball = strip_ball_radius(node, count);
-            let normal = octahedral::decode(a.normal);
             let center_of = strip_center_of(node, count);
             for i in (0..count).filter(|&i| row.is_seen(i)) {
                 let center = center_of(i);
                 let [r, g, b, alpha] = self.plan.color_of(self.model, Some(id), a.color);
                 // The slab lies around the node's center, and its thickness counts in the radii of the ball.
-                let half =
-                    thickness_of(alpha) * a.splat_radius + normal.dot(center - node.center).abs();
-                let alpha = if alpha == 0 { 0 } else { alpha_of(half / ball) };
+                let thickness = || {
+                    let normal = octahedral::decode(a.normal);
+                    let own = thickness_of(alpha) * a.splat_radius;
+                    (own + normal.dot(center - node.center).abs()) / ball
+                };
+                let alpha = match O::HAS_THICKNESS && alpha != 0 {
+                    true => alpha_of(thickness()),
+                    false => alpha,
+                };
                 let splat = Splat {
                     center,
                     radius: self.own(ball),

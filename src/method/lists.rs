@@ -99,6 +99,8 @@ pub(super) struct Key {
     has_triangles: bool,
     /// Those that cover one pixel may become splats.
     may_sample: bool,
+    /// What the host lights opaque splats by, where it may draw them: colors are part of what is packed then.
+    light: Option<opaque::Light>,
 }
 
 /// How the splats of a cut are written.
@@ -140,13 +142,14 @@ impl Packing {
 
 impl Key {
     /// That of a frame whose points have at most `max_point_px` pixels, drawn by compute if it `is_wanted`, on a device that
-    /// `samples` triangles of one pixel; of settings that [`for_view`](super::plan::for_view) gave.
+    /// `samples` triangles of one pixel, where the host may draw opaque splats by a `light`; of settings that [`for_view`](super::plan::for_view) gave.
     pub(super) fn of(
         settings: &Settings,
         model: &Model,
         scene: &Scene,
         view: &View,
         (max_point_px, is_wanted, samples): (f32, bool, bool),
+        light: Option<opaque::Light>,
     ) -> Self {
         Self {
             scene: scene.id(),
@@ -161,6 +164,7 @@ impl Key {
                 && settings.method == Method::Pop
                 && settings.color_by == ColorBy::Shading
                 && !settings.holds_cut(),
+            light,
         }
     }
 
@@ -176,7 +180,7 @@ pub(super) struct Host<'a> {
     /// So many filtered ones.
     pub(super) filtered: &'a dyn Fn(usize) -> Option<Canvas>,
     /// Opaque squares and discs, and what they look like, if compute is to draw them.
-    pub(super) opaque: Option<(opaque::Look, opaque::Screen)>,
+    pub(super) opaque: Option<(opaque::Look, (opaque::Screen, opaque::Light))>,
 }
 
 impl Lists {
@@ -233,20 +237,19 @@ impl Lists {
         });
         let (mut is_drawn, mut undrawn) = (false, 0);
         let (packed, capacity, record_bytes) = match &packing {
-            Packing::Splats(plan) if plan.has_one_size(model) => {
-                let count = splats::count(cut, plan);
+            Packing::Splats(plan) => {
+                let may_sample = may_sample && plan.has_one_size(model);
                 let room = match may_sample {
                     true => samples::room(cut.triangles.len()),
                     false => 0,
                 };
-                let out = records::<Splat>(gpu, &mut self.splats, count + room)?;
-                // Where many are hidden, they are written once it is known which are not.
-                let is_last = host_draws.is_some() && !key.choice.hides();
-                let mut packed = match is_last {
-                    true => Packed {
-                        points: count,
-                        quads: 0,
-                    },
+                let count = splats::count(cut, plan);
+                // What the host looks at in the cut itself is not written.
+                let by_cut = host_draws.is_some() && plan.has_one_size(model);
+                let own = if by_cut { 0 } else { count };
+                let out = records::<Splat>(gpu, &mut self.splats, own + room)?;
+                let mut packed = match by_cut {
+                    true => Packed::default(),
                     false => splats::pack(model, cut, view, plan, &mut out[..count]),
                 };
                 if may_sample {
@@ -258,33 +261,33 @@ impl Lists {
                     self.rest_ids.extend(self.rest.iter().flatten());
                     samples = Some(found);
                 }
-                if let Some((look, screen)) = host_draws.filter(|_| packed.points > 0) {
-                    let out = &mut out[..packed.points];
-                    if is_last {
-                        let scene = (model, scene.undrawn(model));
-                        undrawn = scene.1.count_in(cut);
-                        let screen = (&screen, look.are_discs);
-                        (self.nearest).draw_cut(gpu, scene, (cut, view, plan), screen, out)?;
+                let written = packed.points;
+                if by_cut {
+                    packed.points += count;
+                }
+                if let Some((look, (screen, light))) = host_draws.filter(|_| packed.points > 0) {
+                    let (splats, frame) = (&out[..written], (&screen, &light));
+                    if by_cut {
+                        let all = scene.undrawn(model);
+                        undrawn = all.count_in(cut);
+                        let own = opaque::Splats {
+                            model,
+                            undrawn: all,
+                            cut,
+                            view,
+                            plan,
+                            are_discs: look.are_discs,
+                            are_seen: key.choice.hides(),
+                        };
+                        self.nearest.draw_cut(gpu, (own, splats), frame)?;
                     } else {
-                        let look = (look, samples.unwrap_or(0));
-                        self.nearest.draw(gpu, out, look, &screen)?;
+                        self.nearest.draw(gpu, splats, (look, 0), frame)?;
                     }
                     is_drawn = true;
                 }
                 // Quads end where splats without gaps would.
-                let capacity = count.max(packed.points);
+                let capacity = own.max(written);
                 (packed, capacity, size_of::<Splat>())
-            }
-            Packing::Splats(plan) => {
-                let count = splats::count(cut, plan);
-                let out = records::<Splat>(gpu, &mut self.splats, count)?;
-                let packed = splats::pack(model, cut, view, plan, out);
-                if let Some((look, screen)) = host_draws.filter(|_| packed.points > 0) {
-                    let splats = &out[..packed.points];
-                    self.nearest.draw(gpu, splats, (look, 0), &screen)?;
-                    is_drawn = true;
-                }
-                (packed, count, size_of::<Splat>())
             }
             Packing::Fuzzy(plan, look) if by_compute => {
                 let count = splats::count(cut, plan);

@@ -418,7 +418,7 @@ impl Renderer {
         if settings.occlusion == Occlusion::Auto
             && is_large
             && Drawing::of(&settings) == Drawing::Opaque
-            && self.host_may_draw(&settings)
+            && self.host_may_draw_opaque(&settings)
             && compute::is_wanted(&self.gpu, &settings, &self.targets).unwrap_or(false)
         {
             settings.occlusion = Occlusion::Off;
@@ -465,7 +465,7 @@ impl Renderer {
             small.ensure(pop::compute_variant(settings, model, flags))?;
             small.ensure(compute::Variant::SAMPLES)?;
         }
-        let by_host = by_compute && is_opaque && self.host_may_draw(settings);
+        let by_host = by_compute && is_opaque && self.host_may_draw_opaque(settings);
         let asks = || Choice::of(settings, model, view).needs_undrawn();
         if settings.has_cut() && (by_host || asks()) {
             // Looks at the whole model, once.

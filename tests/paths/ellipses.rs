@@ -144,7 +144,7 @@ fn of_equally_far_ellipses_the_first_is_seen() {
 fn ellipses_go_by_compute_where_that_pays() {
     assert_ways(
         ellipses,
-        "small.splats",
+        &["small.splats"],
         &[
             (1.0, 2.0, Path::Auto, true),
             (1.0, 2.0, Path::Raster, false),

@@ -173,7 +173,7 @@ fn of_equally_far_visibility_splats_the_same_one_is_seen() {
 fn visibility_splats_go_by_compute_where_that_pays() {
     assert_ways(
         visible,
-        "visibility.splats",
+        &["visibility.splats"],
         &[
             (1.0, 2.0, Path::Auto, true),
             (1.0, 2.0, Path::Raster, false),

@@ -1,7 +1,8 @@
 //! A band of rows of the picture: the nearest splat of each of its pixels.
 
+use super::Picture;
+use super::bands::{Placed, SPLAT_BIT};
 use super::place::{Found, Round, both};
-use super::{Placed, SPLAT_BIT};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, i32x4, mask32x4};
 
@@ -69,6 +70,7 @@ impl Band<'_> {
                 first: &list.pixels.first[range.clone()],
                 end: &list.pixels.end[range.clone()],
                 depth: &list.pixels.depth[range.clone()],
+                colors: &list.pixels.colors[range.clone()],
             };
             if list.are_samples {
                 self.samples(pixels, number);
@@ -166,17 +168,32 @@ impl Band<'_> {
         is_nearer.select(number, nearest).store_slice(numbers);
     }
 
-    /// The keys of all pixels, row by row; 0 where nothing is.
-    pub(super) fn write(&self, keys: &mut [u64]) {
-        let rows = self
-            .depth
-            .chunks(self.stride)
-            .zip(self.number.chunks(self.stride));
-        for (keys, (depths, numbers)) in keys.chunks_mut(self.width).zip(rows) {
-            for (key, (&depth, &number)) in keys.iter_mut().zip(depths.iter().zip(numbers)) {
-                let depth = u64::from(depth.to_bits());
-                let own = depth << 32 | u64::from(!(number as u32 | SPLAT_BIT));
-                *key = if depth == 0 { 0 } else { own };
+    /// What the pixels show, row by row: the numbers of splats, or the colors that those of both lists have, and `background` where
+    /// nothing is.
+    pub(super) fn write(
+        &self,
+        (colors, background): (Option<[&[i32]; 2]>, u32),
+        picture: &mut Picture<'_>,
+    ) {
+        let own = self.depth.chunks(self.stride);
+        let own = own.zip(self.number.chunks(self.stride));
+        let rows = picture.colors.chunks_mut(self.width);
+        let rows = rows.zip(picture.depths.chunks_mut(self.width));
+        for ((shown, depths), (own_depths, numbers)) in rows.zip(own) {
+            depths.copy_from_slice(&own_depths[..self.width]);
+            for (shown, (&depth, &number)) in shown.iter_mut().zip(own_depths.iter().zip(numbers)) {
+                if depth == 0.0 {
+                    *shown = background;
+                    continue;
+                }
+                *shown = match colors {
+                    None => !(number as u32 | SPLAT_BIT),
+                    Some([first, second]) => {
+                        let number = number as usize;
+                        let rest = || second[number - first.len()];
+                        first.get(number).copied().unwrap_or_else(rest) as u32
+                    }
+                };
             }
         }
     }

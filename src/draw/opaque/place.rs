@@ -1,19 +1,22 @@
 //! Which pixels splats may cover, a vector of them at a time.
 
-use super::super::splats::Part;
+use super::super::splats::{Out, Part};
+use super::shade::{Light, Surfaces};
 use super::{Look, Screen, Source};
+use crate::abi::Splat;
 use crate::cut::strip_center_of;
 use crate::tree::{Leaf, Node};
 use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
 use glam::Vec3;
 use prefetch_index::prefetch_index;
 
-type Numbers<S> = <S as Simd>::f32s;
+pub(super) type Numbers<S> = <S as Simd>::f32s;
 
 /// Splats whose rows are known together. They lie near each other, in the order of the tree.
 pub(super) const GROUP: usize = 16;
 /// Splats that are looked at together: a whole number of groups and of vectors.
-const BLOCK: usize = 64;
+pub(super) const BLOCK: usize = 64;
 
 /// A circle of a smaller diameter is the square around it, see `shaders/common/form.glsl`.
 const LEAST_ROUND_PX: f32 = std::f32::consts::SQRT_2;
@@ -27,6 +30,8 @@ pub(super) struct Pixels {
     end: Vec<i32>,
     /// Reversed depth, as bits.
     depth: Vec<f32>,
+    /// What they look like, where that is asked for.
+    colors: Vec<i32>,
 }
 
 /// Some of them.
@@ -35,6 +40,7 @@ pub(super) struct Found<'a> {
     pub(super) first: &'a [i32],
     pub(super) end: &'a [i32],
     pub(super) depth: &'a [f32],
+    pub(super) colors: &'a [i32],
 }
 
 /// Some of them, to be found.
@@ -43,6 +49,7 @@ pub(super) struct Finding<'a> {
     first: &'a mut [i32],
     end: &'a mut [i32],
     depth: &'a mut [f32],
+    colors: &'a mut [i32],
 }
 
 impl Pixels {
@@ -52,32 +59,52 @@ impl Pixels {
         self.first.resize(all, 0);
         self.end.resize(all, 0);
         self.depth.resize(all, 0.0);
+        self.colors.resize(all, 0);
         Finding {
             first: &mut self.first[..count],
             end: &mut self.end[..count],
             depth: &mut self.depth[..count],
+            colors: &mut self.colors[..count],
         }
+    }
+
+    /// What those that were found look like, by their number.
+    pub(super) fn colors(&self) -> &[i32] {
+        &self.colors
+    }
+
+    /// The same, to be found.
+    pub(super) fn colors_mut(&mut self) -> &mut [i32] {
+        &mut self.colors
     }
 }
 
 impl<'a> Finding<'a> {
     /// The first so many, which are no longer among them.
     pub(super) fn split(&mut self, count: usize) -> Self {
-        let Self { first, end, depth } = std::mem::take(self);
-        let (first, end, depth) = (
+        let Self {
+            first,
+            end,
+            depth,
+            colors,
+        } = std::mem::take(self);
+        let (first, end, depth, colors) = (
             first.split_at_mut(count),
             end.split_at_mut(count),
             depth.split_at_mut(count),
+            colors.split_at_mut(count),
         );
         *self = Self {
             first: first.1,
             end: end.1,
             depth: depth.1,
+            colors: colors.1,
         };
         Self {
             first: first.0,
             end: end.0,
             depth: depth.0,
+            colors: colors.0,
         }
     }
 
@@ -87,6 +114,7 @@ impl<'a> Finding<'a> {
             first: self.first,
             end: self.end,
             depth: self.depth,
+            colors: self.colors,
         }
     }
 
@@ -95,6 +123,7 @@ impl<'a> Finding<'a> {
             first: self.first,
             end: self.end,
             depth: self.depth,
+            colors: self.colors,
         }
     }
 }
@@ -124,7 +153,7 @@ pub(super) struct Group {
     pub(super) rows: [u16; 2],
 }
 
-type Row = [f32; BLOCK];
+pub(super) type Row = [f32; BLOCK];
 
 /// Numbers of a block, written word by word before any are read as vectors.
 struct Block {
@@ -139,6 +168,7 @@ struct Answers {
     depth: Row,
     form: Row,
     to_first: [Row; 2],
+    colors: [i32; BLOCK],
 }
 
 /// How far ahead of the item that is looked at the memory of another one is asked for.
@@ -147,23 +177,25 @@ const AHEAD: usize = 48;
 /// Where no splat is drawn.
 const NOWHERE: Vec3 = Vec3::NAN;
 
-/// Finds the pixels of splats of one look, and of groups of them the rows; the number of the first of them.
-#[inline(always)]
-pub(super) fn part<S: Simd>(
-    simd: S,
-    screen: &Screen,
+/// Finds the pixels of splats of one look, and of groups of them the rows; the number of the first of them. What they look
+/// like is found as well, unless they are those of nodes alone.
+pub(super) fn part(
+    level: Level,
+    (screen, light): (&Screen, &Light),
     (source, look, is_one_pixel): (Source<'_>, Look, bool),
     first: u32,
-    out: Out<'_>,
+    places: Places<'_>,
 ) {
     let mut placer = Placer {
-        simd,
+        level,
         screen,
+        light: (!matches!(source, Source::Cut(..))).then_some(light),
         look,
         is_one_pixel,
         first,
-        out,
+        places,
         len: 0,
+        surfaces: Surfaces::NOTHING,
         block: Block {
             center: [[0.0; BLOCK]; 3],
             radius: [0.0; BLOCK],
@@ -174,12 +206,20 @@ pub(super) fn part<S: Simd>(
             depth: [0.0; BLOCK],
             form: [0.0; BLOCK],
             to_first: [[0.0; BLOCK]; 2],
+            colors: [0; BLOCK],
         },
     };
     match source {
         Source::List(splats) => {
             for splat in splats {
-                placer.push(splat.center, splat.radius);
+                placer.point(*splat, 0.0);
+            }
+        }
+        Source::Surface(writer, part) => {
+            writer.part(part, &mut placer);
+            // What has no area has no splat.
+            while !placer.is_full() {
+                placer.push(NOWHERE, 0.0);
             }
         }
         Source::Cut(model, undrawn, Part::Nodes(ids)) => {
@@ -220,24 +260,49 @@ pub(super) fn part<S: Simd>(
 }
 
 /// Where pixels, of discs what is round, and groups go.
-pub(super) type Out<'a> = (Finding<'a>, &'a mut [Round], &'a mut [Group]);
+pub(super) type Places<'a> = (Finding<'a>, &'a mut [Round], &'a mut [Group]);
 
 /// Finds where splats are, block by block.
-struct Placer<'a, S> {
-    simd: S,
+struct Placer<'a> {
+    /// Of the processor's vectors. What calls [`Writer`](super::Writer)'s functions is not compiled for any.
+    level: Level,
     screen: &'a Screen,
+    /// None where nobody asks what they look like.
+    light: Option<&'a Light>,
     look: Look,
     is_one_pixel: bool,
     /// Number of the first of the block.
     first: u32,
     /// What is left of it.
-    out: Out<'a>,
+    places: Places<'a>,
     len: usize,
+    surfaces: Surfaces,
     block: Block,
     answers: Answers,
 }
 
-impl<S: Simd> Placer<'_, S> {
+impl Out for Placer<'_> {
+    const HAS_THICKNESS: bool = false;
+
+    #[inline(always)]
+    fn point(&mut self, splat: Splat, _area: f32) {
+        self.surfaces.put(self.len % BLOCK, &splat);
+        self.push(splat.center, splat.radius);
+    }
+
+    #[inline(always)]
+    fn quad(&mut self, splat: Splat, area: f32) {
+        self.point(splat, area);
+    }
+}
+
+impl Placer<'_> {
+    /// Whether all are there.
+    #[inline(always)]
+    fn is_full(&self) -> bool {
+        self.len >= self.places.0.first.len()
+    }
+
     /// A splat without a radius of its own, or in its place one that has no pixels.
     #[inline(always)]
     fn push_if(&mut self, is_drawn: bool, center: Vec3) {
@@ -256,27 +321,45 @@ impl<S: Simd> Placer<'_, S> {
         }
     }
 
-    #[inline(always)]
+    #[inline(never)]
     fn flush(&mut self) {
+        dispatch!(self.level, simd => self.find(simd));
+        self.store();
+    }
+
+    /// Finds all of the block.
+    #[inline(always)]
+    fn find<S: Simd>(&mut self, simd: S) {
         let Self {
-            simd,
             screen,
             look,
             answers,
             ..
         } = self;
         for at in (0..self.len).step_by(Numbers::<S>::LEN) {
+            if let Some(light) = self.light {
+                let (centers, colors) = (&self.block.center, &mut answers.colors);
+                self.surfaces.shade(simd, light, centers, at, colors);
+            }
             if self.is_one_pixel {
-                find::<S, true>(*simd, screen, *look, (&self.block, answers), at);
+                find::<S, true>(simd, screen, *look, (&self.block, answers), at);
             } else {
-                find::<S, false>(*simd, screen, *look, (&self.block, answers), at);
+                find::<S, false>(simd, screen, *look, (&self.block, answers), at);
             }
         }
-        let (mut pixels, rounds, groups) = std::mem::take(&mut self.out);
+    }
+
+    /// What was found of the block goes to its places.
+    fn store(&mut self) {
+        let Self { look, answers, .. } = self;
+        let (mut pixels, rounds, groups) = std::mem::take(&mut self.places);
         let own = pixels.split(self.len);
         own.first.copy_from_slice(&answers.first[..self.len]);
         own.end.copy_from_slice(&answers.end[..self.len]);
         own.depth.copy_from_slice(&answers.depth[..self.len]);
+        if self.light.is_some() {
+            own.colors.copy_from_slice(&answers.colors[..self.len]);
+        }
         let count = if look.are_discs { self.len } else { 0 };
         let (rounds, rest_of_rounds) = rounds.split_at_mut(count);
         for (i, round) in rounds.iter_mut().enumerate() {
@@ -299,10 +382,27 @@ impl<S: Simd> Placer<'_, S> {
                 rows: [low, high].map(|v| (v >> 16) as u16),
             };
         }
-        self.out = (pixels, rest_of_rounds, rest_of_groups);
+        self.places = (pixels, rest_of_rounds, rest_of_groups);
         self.first += self.len as u32;
         self.len = 0;
     }
+}
+
+/// Of centers the reversed depth times the last component of clip space, that component, and whether they are between near and
+/// far plane.
+#[inline(always)]
+pub(super) fn depth_of<S: Simd>(
+    simd: S,
+    screen: &Screen,
+    [x, y, z]: [Numbers<S>; 3],
+) -> (Numbers<S>, Numbers<S>, S::mask32s) {
+    let [a, b, c, d] = screen.along;
+    let in_view = x * a + (y * b + (z * c + d));
+    let depth = in_view * screen.depth[0] + screen.depth[1];
+    let last = in_view * screen.last[0] + screen.last[1];
+    let zero = Numbers::<S>::splat(simd, 0.0);
+    let is_drawn = depth.simd_ge(zero) & depth.simd_le(last) & last.simd_gt(zero);
+    (depth, last, is_drawn)
 }
 
 /// Splats number `at` of a block and on, as many as a vector has. `ONE`: they are squares of a pixel.
@@ -322,25 +422,18 @@ fn find<S: Simd, const ONE: bool>(
     let z = Numbers::<S>::from_slice(simd, &z[lanes.clone()]);
     // From the last column to the first, as shaders do it.
     let times = |row: &[f32; 4]| x * row[0] + (y * row[1] + (z * row[2] + row[3]));
-    let in_view = times(&screen.along);
-    let depth = in_view * screen.depth[0] + screen.depth[1];
-    let last = in_view * screen.last[0] + screen.last[1];
+    let (depth, last, is_drawn) = depth_of(simd, screen, [x, y, z]);
     let window = [
         times(&screen.window[0]) / last,
         times(&screen.window[1]) / last,
     ];
     let zero = number(0.0);
-    let is_drawn = depth.simd_ge(zero) & depth.simd_le(last) & last.simd_gt(zero);
     (depth / last).store_slice(&mut found.depth[lanes.clone()]);
     let [left, top, right, bottom] = screen.rect_px.map(|v| v as f32);
     let sides = [[left, right], [top, bottom]];
     if ONE {
-        let of = |window: Numbers<S>, [low, high]: [f32; 2]| {
-            let place = (window - 1.0 / 512.0).ceil() - 1.0 - low;
-            (place, place.simd_ge(0.0) & place.simd_lt(high - low))
-        };
-        let (column, is_in_x) = of(window[0], sides[0]);
-        let (row, is_in_y) = of(window[1], sides[1]);
+        let (column, is_in_x) = pixel_of::<S>(window[0], sides[0]);
+        let (row, is_in_y) = pixel_of::<S>(window[1], sides[1]);
         let is_in = is_drawn & is_in_x & is_in_y;
         let ends = [[column, column + 1.0], [row, row + 1.0]];
         store(simd, is_in, ends, found, lanes);
@@ -390,8 +483,17 @@ fn find<S: Simd, const ONE: bool>(
     }
     let [[first_x, end_x], [first_y, end_y]] = ends;
     is_in &= first_x.simd_lt(end_x) & first_y.simd_lt(end_y);
-    let from = |i: usize| ends[i].map(|end: Numbers<S>| end - sides[i][0]);
-    store(simd, is_in, [from(0), from(1)], found, lanes);
+    let x = [first_x - sides[0][0], end_x - sides[0][0]];
+    let y = [first_y - sides[1][0], end_y - sides[1][0]];
+    store(simd, is_in, [x, y], found, lanes);
+}
+
+/// Which pixel a square of a pixel covers, from a low side on, and whether it is below a high one. A function: what a closure
+/// does need not be compiled for the vectors of the one that it is in.
+#[inline(always)]
+fn pixel_of<S: Simd>(window: Numbers<S>, [low, high]: [f32; 2]) -> (Numbers<S>, S::mask32s) {
+    let place = (window - 1.0 / 512.0).ceil() - 1.0 - low;
+    (place, place.simd_ge(0.0) & place.simd_lt(high - low))
 }
 
 /// Stores first and end of columns and rows, or of what is not in something that ends before it begins.

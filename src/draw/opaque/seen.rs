@@ -1,86 +1,136 @@
-//! The records of those splats of a cut that are seen.
+//! What those splats of a cut that are seen look like.
 
 use super::super::parts;
-use super::super::splats::{Out, Part, Plan, Writer};
+use super::super::splats::{Out, Part, Writer};
+use super::place::{BLOCK, Row};
+use super::shade::{Light, Surfaces};
 use crate::abi::Splat;
 use crate::cut::StripRun;
-use crate::math::camera::View;
-use crate::tree::Model;
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch};
 use std::sync::atomic::{AtomicU8, Ordering};
-
-/// Records go to the places that are marked, one after the other.
-struct Sink<'a> {
-    places: std::slice::IterMut<'a, Splat>,
-    seen: std::slice::Iter<'a, AtomicU8>,
-}
 
 fn is_marked(seen: &AtomicU8) -> bool {
     seen.load(Ordering::Relaxed) != 0
 }
 
-impl Out for Sink<'_> {
-    #[inline]
+/// Shades splats block by block; their colors go to places of a list.
+struct Shader<'a, P> {
+    level: Level,
+    light: &'a Light,
+    places: P,
+    colors: &'a mut [i32],
+    len: usize,
+    /// Of a block.
+    own_places: [usize; BLOCK],
+    centers: [Row; 3],
+    surfaces: Surfaces,
+}
+
+impl<P: Iterator<Item = usize>> Out for Shader<'_, P> {
+    const HAS_THICKNESS: bool = false;
+
+    #[inline(always)]
     fn point(&mut self, splat: Splat, _area: f32) {
-        for (place, seen) in self.places.by_ref().zip(self.seen.by_ref()) {
-            if is_marked(seen) {
-                *place = splat;
-                return;
-            }
+        let Some(place) = self.places.next() else {
+            return;
+        };
+        let at = self.len % BLOCK;
+        self.own_places[at] = place;
+        let [x, y, z] = &mut self.centers;
+        (x[at], y[at], z[at]) = (splat.center.x, splat.center.y, splat.center.z);
+        self.surfaces.put(at, &splat);
+        self.len += 1;
+        if self.len == BLOCK {
+            self.flush();
         }
     }
 
+    #[inline(always)]
     fn quad(&mut self, splat: Splat, area: f32) {
         self.point(splat, area);
     }
 }
 
-/// Writes the records of the splats of all parts that are marked, each to its own place. All that are marked have an area.
-pub(super) fn pack(
-    model: &Model,
-    (view, plan): (&View, &Plan),
+impl<P> Shader<'_, P> {
+    #[inline(never)]
+    fn flush(&mut self) {
+        let mut colors = [0; BLOCK];
+        dispatch!(self.level, simd => self.shade(simd, &mut colors));
+        for (&place, color) in self.own_places.iter().zip(colors).take(self.len) {
+            self.colors[place] = color;
+        }
+        self.len = 0;
+    }
+
+    #[inline(always)]
+    fn shade<S: Simd>(&self, simd: S, colors: &mut [i32; BLOCK]) {
+        for at in (0..self.len).step_by(<S::f32s as SimdBase<S>>::LEN) {
+            (self.surfaces).shade(simd, self.light, &self.centers, at, colors);
+        }
+    }
+}
+
+/// Finds the colors of the splats of all parts that are marked, each to its own place. All that are marked have an area.
+pub(super) fn shade(
+    level: Level,
+    (writer, light): (&Writer<'_>, &Light),
     parts: Vec<(Part<'_>, usize)>,
     mut seen: &[AtomicU8],
-    mut out: &mut [Splat],
+    mut colors: &mut [i32],
 ) {
-    let writer = Writer::new(model, view, plan);
-    let all = out.len();
+    let all = seen.len();
     let jobs: Vec<_> = parts
         .into_iter()
         .map(|(part, count)| {
             let (own, own_seen);
-            (own, out) = std::mem::take(&mut out).split_at_mut(count);
+            (own, colors) = std::mem::take(&mut colors).split_at_mut(count);
             (own_seen, seen) = seen.split_at(count);
             (part, own_seen, own)
         })
         .collect();
-    parts::share(all, jobs.into_iter(), |(part, seen, out)| {
-        let mut sink = Sink {
-            places: out.iter_mut(),
-            seen: seen.iter(),
+    parts::share(all, jobs.into_iter(), |(part, seen, colors)| {
+        let places = seen.iter().enumerate();
+        let places = places.filter(|(_, seen)| is_marked(seen));
+        let mut shader = Shader {
+            level,
+            light,
+            places: places.map(|(place, _)| place),
+            colors,
+            len: 0,
+            own_places: [0; BLOCK],
+            centers: [[0.0; BLOCK]; 3],
+            surfaces: Surfaces::NOTHING,
         };
-        let marked = |ids: &[u32]| -> Vec<u32> {
-            let ids = ids.iter().zip(seen).filter(|(_, seen)| is_marked(seen));
-            ids.map(|(&id, _)| id).collect()
-        };
-        match part {
-            Part::Nodes(ids) => writer.part(Part::Nodes(&marked(ids)), &mut sink),
-            Part::Leaves(ids) => writer.part(Part::Leaves(&marked(ids)), &mut sink),
-            Part::Large(ids) => writer.part(Part::Large(&marked(ids)), &mut sink),
-            Part::Rows(rows) => {
-                let mut seen = seen.iter();
-                let of_row = |row: &StripRun| {
-                    let drawn = (0..row.count).filter(|&i| row.is_seen(i));
-                    let marked = drawn.zip(seen.by_ref()).filter(|(_, seen)| is_marked(seen));
-                    let seen = marked.fold(0, |mask, (i, _)| mask | 1 << i);
-                    StripRun { seen, ..*row }
-                };
-                let rows: Vec<_> = rows
-                    .iter()
-                    .map(of_row)
-                    .filter(|row| row.seen != 0)
-                    .collect();
-                writer.part(Part::Rows(&rows), &mut sink);
-            }
-        }
+        write(writer, part, seen, &mut shader);
+        shader.flush();
     });
+}
+
+/// Writes those of a part that are marked.
+fn write(writer: &Writer<'_>, part: Part<'_>, seen: &[AtomicU8], out: &mut impl Out) {
+    let marked = |ids: &[u32]| -> Vec<u32> {
+        let ids = ids.iter().zip(seen).filter(|(_, seen)| is_marked(seen));
+        ids.map(|(&id, _)| id).collect()
+    };
+    match part {
+        Part::Nodes(ids) => writer.part(Part::Nodes(&marked(ids)), out),
+        Part::Leaves(ids) => writer.part(Part::Leaves(&marked(ids)), out),
+        Part::Large(ids) => writer.part(Part::Large(&marked(ids)), out),
+        Part::Rows(rows) => {
+            let mut seen = seen.iter();
+            let of_row = |row: &StripRun| {
+                let drawn = (0..row.count).filter(|&i| row.is_seen(i));
+                let marked = drawn.zip(seen.by_ref()).filter(|(_, seen)| is_marked(seen));
+                let seen = marked.fold(0, |mask, (i, _)| mask | 1 << i);
+                StripRun { seen, ..*row }
+            };
+            let rows: Vec<_> = rows
+                .iter()
+                .map(of_row)
+                .filter(|row| row.seen != 0)
+                .collect();
+            writer.part(Part::Rows(&rows), out);
+        }
+    }
 }

@@ -1,24 +1,20 @@
 //! What the host drew of a frame's opaque splats, in mapped memory.
 
 use crate::abi::Splat;
-use crate::cut::{Cut, Undrawn};
-use crate::draw::opaque::{self, Look, Places, Screen};
-use crate::draw::splats::Plan;
+use crate::draw::opaque::{self, Look, Picture, Places, Screen};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::Upload;
 use crate::gpu::{Error, Gpu};
-use crate::math::camera::View;
 use crate::method::lists::records;
-use crate::tree::Model;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// The nearest of each pixel, as compute leaves it. Empty until something is drawn.
+/// Depth and color of each pixel, see [`Picture`]. Empty until something is drawn.
 #[derive(Debug)]
 pub(crate) struct Drawn {
-    keys: Upload,
+    words: Upload,
     places: Places,
-    bytes: u64,
+    pixels: usize,
     ms: f64,
 }
 
@@ -27,11 +23,11 @@ impl Drawn {
     /// When memory runs out.
     pub(crate) fn new(gpu: &Arc<Gpu>, slot: usize) -> Result<Self, Error> {
         // Most devices never need it.
-        let name = format!("nearest small splats of frame {slot}");
+        let name = format!("splats by the host of frame {slot}");
         Ok(Self {
-            keys: Upload::new(gpu, &name, 8)?,
+            words: Upload::new(gpu, &name, 8)?,
             places: Places::default(),
-            bytes: 0,
+            pixels: 0,
             ms: 0.0,
         })
     }
@@ -45,53 +41,52 @@ impl Drawn {
         gpu: &Arc<Gpu>,
         splats: &[Splat],
         look: (Look, usize),
-        screen: &Screen,
+        frame: opaque::Frame<'_>,
     ) -> Result<(), Error> {
-        let start = Instant::now();
-        let pixels = screen.pixels();
-        let keys = records::<u64>(gpu, &mut self.keys, pixels)?;
-        opaque::draw(splats, look, screen, &mut self.places, keys);
-        self.bytes = 8 * pixels as u64;
-        self.ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(())
+        self.draw_by(gpu, frame.0, |places, picture| {
+            opaque::draw(splats, look, frame, places, picture);
+        })
     }
 
-    /// Draws the splats of a cut and the samples after them, and writes the records of what is seen: see
-    /// [`opaque::draw_cut`]. Nothing may be reading what was there.
+    /// Draws the splats of a cut and the samples after them: see [`opaque::draw_cut`]. Nothing may be reading what was there.
     ///
     /// # Errors
     /// When memory runs out.
     pub(crate) fn draw_cut(
         &mut self,
         gpu: &Arc<Gpu>,
-        (model, undrawn): (&Model, &Undrawn),
-        (cut, view, plan): (&Cut, &View, &Plan),
-        (screen, are_discs): (&Screen, bool),
-        out: &mut [Splat],
+        (splats, samples): (opaque::Splats<'_>, &[Splat]),
+        frame: opaque::Frame<'_>,
+    ) -> Result<(), Error> {
+        self.draw_by(gpu, frame.0, |places, picture| {
+            opaque::draw_cut(splats, samples, frame, places, picture);
+        })
+    }
+
+    fn draw_by(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        screen: &Screen,
+        draw: impl FnOnce(&mut Places, Picture<'_>),
     ) -> Result<(), Error> {
         let start = Instant::now();
-        let pixels = screen.pixels();
-        let keys = records::<u64>(gpu, &mut self.keys, pixels)?;
-        opaque::draw_cut(
-            (model, undrawn),
-            (cut, view, plan),
-            (screen, are_discs),
-            (&mut self.places, keys),
-            out,
-        );
-        self.bytes = 8 * pixels as u64;
+        self.pixels = screen.pixels();
+        let words = records::<u32>(gpu, &mut self.words, 2 * self.pixels)?;
+        let (colors, depths) = words.split_at_mut(self.pixels);
+        let depths = bytemuck::cast_slice_mut(depths);
+        draw(&mut self.places, Picture { colors, depths });
         self.ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }
 
-    /// The nearest of each pixel of the rectangle.
+    /// Colors of the pixels of the rectangle, then their depths.
     pub(crate) fn storage(&self) -> Slice<'_> {
-        Slice::new(&self.keys, 0, self.bytes)
+        Slice::new(&self.words, 0, self.bytes())
     }
 
-    /// The buffer that it lies in.
-    pub(crate) fn buffer(&self) -> &Upload {
-        &self.keys
+    /// The buffer that they lie in, and where the depths begin, bytes.
+    pub(crate) fn buffer(&self) -> (&Upload, u64) {
+        (&self.words, self.bytes() / 2)
     }
 
     /// How long it took, milliseconds.
@@ -101,11 +96,11 @@ impl Drawn {
 
     /// Bytes of all that was drawn.
     pub(crate) fn bytes(&self) -> u64 {
-        self.bytes
+        8 * self.pixels as u64
     }
 
     /// Makes it visible to the device.
     pub(crate) fn flush(&mut self) {
-        self.keys.flush(0..self.bytes);
+        self.words.flush(0..self.bytes());
     }
 }

@@ -3,13 +3,13 @@
 use super::super::hybrid::Run;
 use super::super::scene::Scene;
 use super::super::targets::Context;
-use super::Variant;
 use super::drawn::Drawn;
+use super::{Variant, rect};
 use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Upload};
-use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::frame::{Draw, Frame, Uniform};
 
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
@@ -41,6 +41,14 @@ impl List<'_> {
     /// Whether nothing is drawn.
     pub(crate) fn is_empty(&self) -> bool {
         self.runs.is_empty() && self.splat_count == 0
+    }
+
+    /// Draws a triangle over all parts of the picture in which anything can be.
+    pub(super) fn cover(&self, draw: &mut Draw<'_>) {
+        for &area in self.areas {
+            draw.scissor(rect::area(area));
+            draw.draw(0, 3);
+        }
     }
 }
 

@@ -18,14 +18,14 @@ pub(crate) use list::List;
 use super::plan::Drawing;
 use super::scene::Scene;
 use super::targets::{Context, Targets};
-use super::{Method, Path, Settings, Shading, SplatKind};
+use super::{COLOR, Method, Path, Settings, Shading, SplatKind};
 use crate::abi::constants::{self, LARGEST_SMALL_BLENDED_PX};
 use crate::abi::shaders;
 use crate::draw::Footprint;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::device::Kind;
-use crate::gpu::frame::{Draw, Frame, Uniform};
+use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use list::Items;
@@ -83,6 +83,8 @@ pub(crate) struct Small {
     triangles: Pipeline,
     resolve_splats: Pipeline,
     resolve_triangles: Pipeline,
+    /// Of what the host draws, if it may.
+    resolve_drawn: Option<Pipeline>,
     keys: Buffer,
     max_binding: u64,
 }
@@ -91,6 +93,11 @@ pub(crate) struct Small {
 fn key_bytes(targets: &Targets) -> u64 {
     let color = targets.color();
     8 * u64::from(color.width) * u64::from(color.height)
+}
+
+/// Whether the host may draw instead of compute: a software device, and values of a byte. Others are those of samples in a pixel.
+pub(crate) fn host_draws(gpu: &Gpu, targets: &Targets) -> bool {
+    gpu.info().kind == Kind::Cpu && targets.normal().is_none() && targets.color.format == COLOR
 }
 
 /// Whether `settings` want small primitives drawn by compute, and this device can.
@@ -220,14 +227,15 @@ impl Small {
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(gpu: &Arc<Gpu>, targets: &Targets) -> Result<Self, Error> {
-        let resolve = |name, fragment| {
+        let normals = [targets.normal().is_some()];
+        let resolve = |name, fragment, constants| {
             Pipeline::new(
                 gpu,
                 &Description {
                     name,
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
                     fragment: Some(fragment),
-                    constants: &[targets.normal().is_some()],
+                    constants,
                     record: Record::NOTHING,
                     topology: Topology::Triangles,
                     colors: targets.formats(),
@@ -235,6 +243,10 @@ impl Small {
                     is_additive: false,
                 },
             )
+        };
+        let drawn = || {
+            let fragment = &shaders::COMPUTE_RESOLVE_DRAWN_FRAG;
+            resolve("small.resolve drawn", fragment, &[])
         };
         Ok(Self {
             gpu: gpu.clone(),
@@ -248,11 +260,14 @@ impl Small {
             resolve_splats: resolve(
                 "small.resolve splats",
                 &shaders::COMPUTE_RESOLVE_SPLATS_FRAG,
+                &normals,
             )?,
             resolve_triangles: resolve(
                 "small.resolve triangles",
                 &shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG,
+                &normals,
             )?,
+            resolve_drawn: host_draws(gpu, targets).then(drawn).transpose()?,
             keys: Buffer::new(
                 gpu,
                 "nearest small primitives",
@@ -293,7 +308,8 @@ impl Small {
         Ok(())
     }
 
-    /// Passes small.clear, small.triangles, small.splats and small.resolve; of a list that the host has drawn the last alone.
+    /// Passes small.clear, small.triangles, small.splats and small.resolve; of a list that the host has drawn the last alone, or
+    /// small.copy where nothing else was drawn.
     /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
     ///
     /// # Errors
@@ -309,19 +325,24 @@ impl Small {
         if list.is_empty() {
             return Ok(());
         }
-        let items = list.bound(frame, context, self.max_binding)?;
-        if let Some(drawn) = list.drawn {
-            let keys = (drawn.buffer() as _, drawn.storage());
-            self.resolve(
-                frame,
-                targets,
-                &list,
-                (&items, keys),
-                (context, is_first),
-                constants,
-            );
+        if let (Some(drawn), true) = (list.drawn, is_first) {
+            let (buffer, depths) = drawn.buffer();
+            targets.copy_in(frame.pass("small.copy"), context, (buffer, 0, depths));
             return Ok(());
         }
+        if let (Some(drawn), Some(pipeline)) = (list.drawn, &self.resolve_drawn) {
+            let uniform = frame.uniform(&list::constants(context))?;
+            let pass = targets.attach_after(frame.pass("small.resolve"), context, is_first);
+            let picture = [0.0, 0.0, context.width as f32, context.height as f32];
+            let pass = pass.fragment_storage(drawn.buffer().0);
+            pass.draw(picture, |draw| {
+                draw.cull_back_faces(false, false);
+                draw.bind_storage(pipeline, &[constants, uniform], &[], &[drawn.storage()]);
+                list.cover(draw);
+            });
+            return Ok(());
+        }
+        let items = list.bound(frame, context, self.max_binding)?;
         let Items {
             splats, triangles, ..
         } = &items;
@@ -400,12 +421,6 @@ impl Small {
         let picture = [0.0, 0.0, context.width as f32, context.height as f32];
         pass.draw(picture, |draw| {
             draw.cull_back_faces(false, false);
-            let over_areas = |draw: &mut Draw<'_>| {
-                for &area in list.areas {
-                    draw.scissor(rect::area(area));
-                    draw.draw(0, 3);
-                }
-            };
             for &((part, uniform, _), vertices) in &items.triangles {
                 draw.bind_storage(
                     &self.resolve_triangles,
@@ -413,7 +428,7 @@ impl Small {
                     &[],
                     &[part, vertices, keys],
                 );
-                over_areas(draw);
+                list.cover(draw);
             }
             for &(part, uniform, _) in &items.all {
                 draw.bind_storage(
@@ -422,7 +437,7 @@ impl Small {
                     &[],
                     &[part, keys],
                 );
-                over_areas(draw);
+                list.cover(draw);
             }
         });
     }

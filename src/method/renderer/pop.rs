@@ -83,12 +83,16 @@ impl Renderer {
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
         let samples = gpu.info().kind == Kind::Cpu && self.targets.normal().is_none();
+        let constants = frame_constants(view, settings, &context);
+        let light = (by_compute && self.host_may_draw_opaque(settings))
+            .then(|| opaque::Light::new(&constants));
         let key = Key::of(
             settings,
             model,
             scene,
             view,
             (max_point, is_wanted, samples),
+            light,
         );
         let slot = self.frames.next_slot();
         let cut = Stage::Cut.begin();
@@ -130,12 +134,11 @@ impl Renderer {
                 let asked = Asked { splats, ..asked };
                 canvas.filter(|_| asked.blended(0, false) != Share::Nothing)
             };
-            let constants = frame_constants(view, settings, &context);
             let look = opaque_look(settings, model);
-            let opaque = (by_compute && self.host_may_draw(settings))
-                .then(|| opaque::Screen::new(&constants, context.rect_px))
-                .flatten();
-            let opaque = opaque.map(|screen| (look, screen));
+            let opaque = light.and_then(|light| {
+                let screen = opaque::Screen::new(&constants, context.rect_px)?;
+                Some((look, (screen, light)))
+            });
             let triangles = self.cut.triangles.len();
             let cut = &mut self.cut;
             let lists = &mut self.lists[slot];
@@ -178,7 +181,6 @@ impl Renderer {
             asked.blended(held.triangles + packed.quads, has_large)
         });
         let mut frame = self.frames.begin()?;
-        let constants = frame_constants(view, settings, &context);
         let flags = constants.flags;
         let constants = frame.uniform(&constants)?;
         let areas = if ways.is_small {
@@ -327,6 +329,11 @@ impl Renderer {
                 Path::Compute => self.host_may_draw,
                 Path::Raster => false,
             }
+    }
+
+    /// The same of opaque splats.
+    pub(super) fn host_may_draw_opaque(&self, settings: &Settings) -> bool {
+        self.host_may_draw(settings) && compute::host_draws(&self.gpu, &self.targets)
     }
 
     /// Where the host draws filtered splats, if it may.
