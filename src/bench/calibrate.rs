@@ -200,7 +200,7 @@ pub fn split(times: &FrameTimes) -> Split {
     for pass in &times.passes {
         *match pass.name.rsplit('.').next().unwrap_or_default() {
             "triangles" if times.counts.triangles > 0 => &mut split.triangles_ms,
-            "triangles" | "clear" | "resolve" | "normalize" | "pull" | "push" | "fill"
+            "triangles" | "clear" | "copy" | "resolve" | "normalize" | "pull" | "push" | "fill"
             | "gaussian" | "density" => &mut split.pixels_ms,
             _ => &mut split.splats_ms,
         } += pass.ms;

@@ -29,9 +29,10 @@ fn passes_over_the_picture_are_told_from_those_over_primitives() {
         ("small.triangles", 4.0),
         ("small.splats", 8.0),
         ("small.resolve", 16.0),
+        ("small.copy", 32.0),
     ];
-    assert_eq!(parts(7, &passes), [8.0, 5.0, 18.0]);
-    assert_eq!(parts(0, &passes), [8.0, 0.0, 23.0]);
+    assert_eq!(parts(7, &passes), [8.0, 5.0, 50.0]);
+    assert_eq!(parts(0, &passes), [8.0, 0.0, 55.0]);
     let fuzzy = [("fuzzy.depth", 1.0), ("fuzzy.normalize", 2.0)];
     assert_eq!(parts(5, &fuzzy), [1.0, 0.0, 2.0]);
     assert_eq!(parts(0, &[]), [3.0, 0.0, 0.0]);
