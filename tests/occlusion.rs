@@ -82,12 +82,16 @@ impl<'m> Pair<'m> {
         // What is smaller than a pixel and contains no center is left out in any case.
         assert!(off.hidden == 0 || settings.threshold_px <= 1.0, "{what}");
         assert!(on.splats <= off.splats, "{what}");
-        // What is left out is counted; some of it would have been left out for having no area.
-        assert!(
-            on.splats + on.hidden >= off.splats + off.hidden,
-            "{what}: {counts:?}"
-        );
-        assert_eq!(on.triangles, off.triangles, "{what}");
+        assert!(on.triangles <= off.triangles, "{what}");
+        // Of splats of a pixel nodes are dropped with what is below them. Else what is left out is counted; some of it would
+        // have been left out for having no area.
+        if settings.threshold_px > 1.0 {
+            assert!(
+                on.splats + on.hidden >= off.splats + off.hidden,
+                "{what}: {counts:?}"
+            );
+            assert_eq!(on.triangles, off.triangles, "{what}");
+        }
         counts
     }
 }
@@ -471,7 +475,8 @@ fn nothing_is_left_behind_a_plate_that_fills_the_view() {
 /// However many threads there are, and whatever was drawn before.
 #[test]
 fn what_is_left_depends_on_nothing_but_the_view() {
-    let model = generated(Shape::Statue, 400_000);
+    // Several layers a pixel, so that nodes are hidden as a whole.
+    let model = generated(Shape::Statue, 2_000_000);
     let undrawn = Undrawn::new(&model);
     let cut_of = |selector: &mut Selector, azimuth: f64, side_px: f32| {
         let view = orbit(&model, (300, 300), azimuth, 20.0, 1.0);
@@ -499,15 +504,25 @@ fn what_is_left_depends_on_nothing_but_the_view() {
             let rows: u32 = cut.strips.iter().map(|run| run.splats()).sum();
             (cut.nodes.len() + cut.leaves.len()) as u64 + u64::from(rows)
         };
-        assert_eq!(
-            count(&cut) + cut.stats.hidden,
-            count(&all) + all.stats.hidden
-        );
-        assert_eq!(cut.stats.visited, all.stats.visited);
-        assert_eq!(
-            cut.triangles.len() as u64 + cut.stats.between,
-            all.triangles.len() as u64 + all.stats.between
-        );
+        if side_px > 1.0 {
+            assert_eq!(cut.stats.behind, 0);
+            assert_eq!(
+                count(&cut) + cut.stats.hidden,
+                count(&all) + all.stats.hidden
+            );
+            assert_eq!(cut.stats.visited, all.stats.visited);
+            assert_eq!(
+                cut.triangles.len() as u64 + cut.stats.between,
+                all.triangles.len() as u64 + all.stats.between
+            );
+        } else {
+            // The surface is rough, so nodes behind others are dropped, and nothing below them is looked at.
+            assert!(cut.stats.behind > 100, "{:?}", cut.stats);
+            assert!(cut.stats.visited < all.stats.visited);
+            assert!(count(&cut) + cut.stats.hidden < count(&all) + all.stats.hidden);
+        }
+        let mut nodes = all.nodes.iter();
+        assert!(cut.nodes.iter().all(|id| nodes.any(|other| other == id)));
         let mut all = all.triangles.iter();
         assert!(cut.triangles.iter().all(|id| all.any(|other| other == id)));
         assert!(cut.nodes.is_sorted() && cut.leaves.is_sorted());
@@ -522,7 +537,13 @@ fn what_is_left_depends_on_nothing_but_the_view() {
             for azimuth in [40.0, 41.0, 220.0, 40.0] {
                 let cut = cut_of(&mut selector, azimuth, side_px);
                 if azimuth == 40.0 {
-                    assert_eq!(cut, expected, "{threads} threads");
+                    assert_eq!(cut.nodes, expected.nodes, "{threads} threads");
+                    assert_eq!(cut.strips, expected.strips, "{threads} threads");
+                    assert_eq!(cut.leaves, expected.leaves, "{threads} threads");
+                    // How many nodes are found to be behind others, and with them triangles, depends on how threads get on.
+                    if side_px > 1.0 {
+                        assert_eq!(cut, expected, "{threads} threads");
+                    }
                 }
             }
         }

@@ -6,6 +6,7 @@
 //! after the batch are prefetched meanwhile, since the processor has only so many requests on
 //! their way.
 
+mod ahead;
 mod hide;
 mod kept;
 mod lanes;
@@ -19,6 +20,7 @@ use super::tester::{Tester, inherit};
 use super::vector::Wide;
 use super::{Cut, StripRun};
 use crate::tree::{Leaf, Model, Node};
+use ahead::Ahead;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use lanes::{Siblings, push_lanes};
@@ -112,12 +114,13 @@ struct Verdicts {
     within: Mask,
 }
 
-/// How many siblings were looked at, and how many were dropped.
+/// How many siblings were looked at, and how many were dropped for what.
 #[derive(Debug, Clone, Copy, Default)]
 struct Counts {
     visited: u32,
     outside: u32,
     away: u32,
+    behind: u32,
 }
 
 impl Counts {
@@ -125,6 +128,7 @@ impl Counts {
         cut.stats.visited += u64::from(self.visited);
         cut.stats.outside += u64::from(self.outside);
         cut.stats.facing_away += u64::from(self.away);
+        cut.stats.behind += u64::from(self.behind);
     }
 }
 
@@ -185,20 +189,22 @@ impl Batch {
         (cut, marks): (&mut Cut, &mut Marks),
         open: &mut Vec<Group>,
     ) {
-        // Four nodes lie on two lines (see `tree::Records`). Only so many requests may be on their way at once, and one more
-        // waits for its place; so they are made a few at a time wherever there is work between them.
-        let (now, later) = ahead.split_at(ahead.len().min(SIZE / 2));
-        self.load_nodes(nodes, groups, now);
+        let ahead = &mut Ahead::new(nodes, ahead);
+        let hides = hiding.filter(|hiding| hiding.asks_splats());
         let exact = hiding.filter(|hiding| hiding.is_exact());
-        let later = later.get(..later.len().min(SIZE / 2)).unwrap_or_default();
-        let counts = self.test_nodes(simd, tester, groups, exact, (nodes, later));
+        // What hides is half of the work.
+        let (loading, testing) = if hides.is_some() { (1, 2) } else { (2, 3) };
+        self.load_nodes(nodes, groups, (ahead, loading));
+        let counts = self.test_nodes(simd, tester, groups, exact, (ahead, testing));
         counts.add_to(cut);
-        match hiding.filter(|hiding| hiding.asks_splats()) {
+        match hides {
             Some(hiding) => {
-                self.hide_rows(simd, (hiding, tester), groups, marks, cut);
-                self.hide_nodes(simd, hiding, groups, marks, cut);
+                self.hide_rows(simd, (hiding, tester), groups, (marks, cut), ahead);
+                self.hide_nodes(simd, hiding, groups, (marks, cut), ahead);
+                ahead.ask_rest();
             }
             None => {
+                ahead.ask_rest();
                 for lane in self.verdicts.rows.lanes() {
                     let run = StripRun::new(node_of(groups, lane), self.counts[lane % LANES]);
                     cut.strips.push(run);
@@ -208,15 +214,18 @@ impl Batch {
         self.emit_nodes(groups, cut, open);
     }
 
-    /// Nodes become lanes; those of `ahead` are asked for.
+    /// Nodes become lanes; so many of those ahead are asked for before each eight groups.
     #[inline(always)]
-    fn load_nodes(&mut self, nodes: &[Node], groups: &[Group], ahead: &[Group]) {
-        let mut ahead = ahead.iter();
+    fn load_nodes(
+        &mut self,
+        nodes: &[Node],
+        groups: &[Group],
+        (ahead, each): (&mut Ahead<'_>, usize),
+    ) {
         let siblings = &mut self.siblings;
         self.verdicts = Verdicts::begin(groups, |index, group| {
-            if let Some(next) = ahead.next() {
-                prefetch_index(nodes, next.first as usize);
-                prefetch_index(nodes, next.first as usize + 2);
+            if index % 8 == 0 {
+                ahead.ask(each);
             }
             let (four, count) = four(nodes, group);
             let (spheres, words) = quad::of_nodes(&four);
@@ -229,7 +238,8 @@ impl Batch {
     /// All tests of the nodes that were loaded; where splats are samples, also whether they contain the center of a pixel: of
     /// a surface whose triangles are far smaller than pixels a level of the tree has four times the nodes of the one above,
     /// and no more of them that contain a center. So large nodes between centers are dropped, with all that is below
-    /// them. What contains one center is small: all below it that is drawn would be that pixel.
+    /// them. What contains one center is small: all below it that is drawn would be that pixel. And what lies behind
+    /// splats that were found before is dropped with all below it.
     #[inline(always)]
     fn test_nodes<S: Simd>(
         &mut self,
@@ -237,20 +247,16 @@ impl Batch {
         tester: &Tester,
         groups: &[Group],
         exact: Option<&Hiding<'_>>,
-        (nodes, ahead): (&[Node], &[Group]),
+        (ahead, each): (&mut Ahead<'_>, usize),
     ) -> Counts {
         let mut verdicts = self.verdicts;
         let mut counts = Counts {
             visited: verdicts.kept.count(),
             ..Counts::default()
         };
-        let mut ahead = ahead.iter();
         let width = Wide::<S>::LANES;
         for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
-            for next in ahead.by_ref().take(width / 8 + 1) {
-                prefetch_index(nodes, next.first as usize);
-                prefetch_index(nodes, next.first as usize + 2);
-            }
+            ahead.ask_each(at, each);
             let balls = tester.balls(self.siblings.spheres(simd, at));
             self.siblings.put_balls(at, &balls);
             let mut kept = verdicts.kept.get(at, width);
@@ -282,6 +288,11 @@ impl Batch {
                     let (none, one) = hiding.centers.of(&balls);
                     kept &= !(none & asked);
                     small |= one & asked;
+                }
+                if hiding.drops_nodes() {
+                    let behind = hiding.are_behind(&balls, kept & !small);
+                    counts.behind += behind.count_ones();
+                    kept &= !behind;
                 }
             }
             let large = kept & !small;

@@ -131,10 +131,14 @@ pub struct Stats {
     /// Of those, dropped because facing away.
     pub facing_away: u64,
     /// Splats that were left out because nearer ones cover all of their pixels, or because they are a pixel at most and
-    /// contain no center ([`Selector::select_seen`]).
+    /// contain no center ([`Selector::select_seen`]); where splats are pixels, triangles that are hidden too.
     pub hidden: u64,
     /// Triangles that were left out because they lie between the centers of pixels (there).
     pub between: u64,
+    /// Nodes that were dropped with all below them, as nearer splats cover all of their pixels (there, where splats are
+    /// pixels). How many, and how many are visited and hidden below others, depends on how threads get on; what is left
+    /// does not.
+    pub behind: u64,
 }
 
 impl Stats {
@@ -145,6 +149,7 @@ impl Stats {
         self.facing_away += more.facing_away;
         self.hidden += more.hidden;
         self.between += more.between;
+        self.behind += more.behind;
     }
 }
 

@@ -12,6 +12,7 @@
 //! none. What is left does not depend on the order in which splats are found: the nearest of a pixel is never dropped, and
 //! all are asked again once all are found.
 
+mod behind;
 mod chunk;
 mod lists;
 
@@ -129,6 +130,8 @@ pub(super) struct Hiding<'a> {
     outer_px: f32,
     /// Splats are pixels. Some of them may be two, and surely cover neither.
     are_pixels: bool,
+    /// Nodes are looked for that lie behind others, and parts of the cut done from front to back.
+    drops_nodes: bool,
 }
 
 /// Splats in the picture.
@@ -199,6 +202,8 @@ impl<'a> Hiding<'a> {
             inner_px,
             outer_px,
             are_pixels,
+            // Where rears are dropped what is left is mostly seen.
+            drops_nodes: are_pixels && footprints.hides && tester.keeps_rears,
         }
     }
 
@@ -299,6 +304,12 @@ impl<'a> Hiding<'a> {
     #[inline(always)]
     pub(super) fn is_exact(&self) -> bool {
         self.are_pixels
+    }
+
+    /// Whether nodes are looked for that lie behind others ([`are_behind`](Self::are_behind)).
+    #[inline(always)]
+    pub(super) fn drops_nodes(&self) -> bool {
+        self.drops_nodes
     }
 
     /// The marks of squares of any size and place. What is not hidden so far leaves its depth in what it surely covers, but

@@ -27,6 +27,10 @@ const LARGE: usize = 4096;
 /// Parts for each thread: how much of a part is visible is not known before.
 pub(super) const PARTS: usize = 8;
 
+/// Where nodes are looked for that lie behind others, at least this many parts, the nearest ones first: the smaller a part, the
+/// more is drawn before it.
+const PARTS_IN_ORDER: usize = 64;
+
 /// Sibling groups of one level, and the next one's.
 #[derive(Debug, Default)]
 pub(super) struct Front {
@@ -301,12 +305,14 @@ impl Selector {
             tree.level_count()
         };
         let mut level = 0;
-        while level < levels && (self.threads == 1 || self.front.groups.len() < self.large) {
+        let is_ordered = tests.hiding.is_some_and(Hiding::drops_nodes);
+        let is_divided = self.threads > 1 || is_ordered;
+        while level < levels && !(is_divided && self.front.groups.len() >= self.large) {
             let found = (&mut *cut, &mut self.marks);
             self.front.descend(model, tests, batch, found);
             level += 1;
         }
-        if self.threads > 1 && self.front.groups.len() >= self.large {
+        if is_divided && self.front.groups.len() >= self.large {
             self.divide(model, tests, levels - level, cut);
             return;
         }
@@ -320,7 +326,9 @@ impl Selector {
     /// Goes down the remaining levels in parts, and joins them level by level.
     fn divide(&mut self, model: &Model, tests: Tests<'_>, levels: usize, cut: &mut Cut) {
         let groups = &self.front.groups;
-        let each = groups.len().div_ceil(PARTS * self.threads);
+        let is_ordered = tests.hiding.is_some_and(Hiding::drops_nodes);
+        let least = if is_ordered { PARTS_IN_ORDER } else { 0 };
+        let each = groups.len().div_ceil((PARTS * self.threads).max(least));
         let count = groups.len().div_ceil(each);
         if self.parts.len() < count {
             self.parts.resize_with(count, Below::default);
@@ -328,15 +336,30 @@ impl Selector {
         let Some(parts) = self.parts.get_mut(..count) else {
             return;
         };
-        let work = parts.iter_mut().zip(groups.chunks(each));
-        share(&mut self.batches, work, |batch, (part, groups)| {
-            part.front.groups.clear();
-            part.front.groups.extend_from_slice(groups);
-            part.run(model, tests, batch, levels);
-        });
+        let mut work: Vec<_> = parts.iter_mut().zip(groups.chunks(each)).collect();
+        if is_ordered && levels > 0 {
+            work.sort_by_cached_key(|(_, groups)| nearest(model, tests.tester, groups));
+        }
+        share(
+            &mut self.batches,
+            work.into_iter(),
+            |batch, (part, groups)| {
+                part.front.groups.clear();
+                part.front.groups.extend_from_slice(groups);
+                part.run(model, tests, batch, levels);
+            },
+        );
         let found = (cut, &self.marks);
         join(parts, &mut self.batches, tests.hiding, levels, found);
     }
+}
+
+/// How near some groups of nodes are, as bits, which order like distances: by every fourth, as they lie together.
+fn nearest(model: &Model, tester: &Tester, groups: &[Group]) -> u32 {
+    let firsts = groups.iter().step_by(4).map(|group| group.first());
+    let nodes = firsts.filter_map(|first| model.tree.nodes.get(first as usize));
+    let distances = nodes.map(|node| tester.ball(node.center, node.radius).depth.x);
+    distances.fold(f32::INFINITY, f32::min).max(0.0).to_bits()
 }
 
 /// Replaces `cut` by what `view` needs of `model`: every list in ascending order.

@@ -10,6 +10,7 @@
 //! Every comparison errs to the safe side by the rounding of single precision, and is written so that a
 //! NaN keeps the node and descends.
 
+use super::facing::is_rough;
 use super::quad::{self, Balls};
 use super::vector::Vector;
 use super::{Settings, SizeMetric};
@@ -77,6 +78,8 @@ pub struct Tester {
     pub(super) lowest_nodes: u32,
     pub(super) low_nodes: u32,
     pub(super) low_leaves: u32,
+    /// Whether normal cones drop little of what is behind others: nothing where rears are drawn too, and on rough surfaces.
+    pub(super) keeps_rears: bool,
 }
 
 /// First node of the level above the lowest one, first one of the lowest, and how many leaves are below one of the former on
@@ -161,6 +164,7 @@ impl Tester {
             low_nodes,
             lowest_nodes,
             low_leaves,
+            keeps_rears: !settings.cull_back || is_rough(&model.tree),
             start: cull(settings.cull_frustum, inherit::INSIDE)
                 | cull(settings.cull_back, inherit::FRONT),
         }

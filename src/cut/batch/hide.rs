@@ -1,5 +1,6 @@
 //! What nearer splats hide of a batch.
 
+use super::ahead::Ahead;
 use super::{Batch, Group, LANES, Mask, node_of};
 use crate::cut::nearest::{CHUNK, Chunk, Hiding, Marks};
 use crate::cut::strip::half_rows;
@@ -52,8 +53,8 @@ impl Batch {
         simd: S,
         hiding: &Hiding<'_>,
         groups: &[Group],
-        marks: &mut Marks,
-        cut: &mut Cut,
+        (marks, cut): (&mut Marks, &mut Cut),
+        ahead: &mut Ahead<'_>,
     ) {
         let asked = self.verdicts.kept & self.verdicts.small;
         let undrawn = of_groups(groups, hiding.has_undrawn_nodes(), |first| {
@@ -64,6 +65,7 @@ impl Batch {
             hiding,
             (asked, undrawn, hiding.is_exact()),
             &mut marks.nodes,
+            ahead,
         );
         cut.stats.hidden += u64::from(asked.count() - seen.count());
         self.verdicts.kept = self.verdicts.kept & (seen | !asked);
@@ -78,6 +80,7 @@ impl Batch {
         hiding: &Hiding<'_>,
         (asked, undrawn, have_sizes): (Mask, Mask, bool),
         marks: &mut Vec<crate::cut::nearest::Mark>,
+        ahead: &mut Ahead<'_>,
     ) -> Mask {
         if asked.is_empty() {
             return asked;
@@ -85,6 +88,7 @@ impl Batch {
         self.chunk.clear();
         let width = Wide::<S>::LANES;
         for at in (0..LANES).step_by(width) {
+            ahead.ask_each(at, 1);
             let lanes = asked.get(at, width);
             if lanes == 0 {
                 continue;
@@ -160,7 +164,8 @@ impl Batch {
         for (kind, have_sizes, is_asked, marks) in kinds {
             if is_asked {
                 let asked = self.verdicts.kept & kind;
-                let seen = self.ask(simd, hiding, (asked, undrawn, have_sizes), marks);
+                let ahead = &mut Ahead::none();
+                let seen = self.ask(simd, hiding, (asked, undrawn, have_sizes), marks, ahead);
                 cut.stats.hidden += u64::from(asked.count() - seen.count());
                 self.verdicts.kept = self.verdicts.kept & (seen | !asked);
             }
@@ -174,12 +179,13 @@ impl Batch {
         simd: S,
         (hiding, tester): (&Hiding<'_>, &Tester),
         groups: &[Group],
-        marks: &mut Marks,
-        cut: &mut Cut,
+        (marks, cut): (&mut Marks, &mut Cut),
+        ahead: &mut Ahead<'_>,
     ) {
         let rows = self.verdicts.rows;
         let width = Wide::<S>::LANES;
         for at in (0..4 * groups.len()).step_by(width) {
+            ahead.ask_each(at, 1);
             if rows.get(at, width) == 0 {
                 continue;
             }

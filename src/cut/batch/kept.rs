@@ -1,5 +1,6 @@
 //! What was found out about a group of siblings, kept from frame to frame.
 
+use super::ahead::Ahead;
 use super::lanes::push_lanes;
 use super::{Batch, Counts, FRONT, Group, INSIDE, LANES, Mask, SIZE, Verdicts, four};
 use crate::cut::motion::Reading;
@@ -70,6 +71,7 @@ impl Record {
             visited: self.group.count(),
             outside: self.mask(OUTSIDE).count_ones(),
             away: self.mask(AWAY).count_ones(),
+            behind: 0,
         };
         counts.add_to(cut);
     }
@@ -122,11 +124,12 @@ impl Batch {
     ) {
         let Task { model, tester, .. } = *task;
         let nodes: &[Node] = &model.tree.nodes;
-        self.load_nodes(nodes, groups, &[]);
+        let ahead = &mut Ahead::none();
+        self.load_nodes(nodes, groups, (ahead, 0));
         let there = self.verdicts.kept;
         // What is counted here is counted again with the answers.
         dispatch!(self.level, simd => {
-            self.test_nodes(simd, tester, groups, None, (nodes, &[]));
+            self.test_nodes(simd, tester, groups, None, (ahead, 0));
         });
         let verdicts = self.verdicts;
         for (i, &group) in groups.iter().enumerate().take(SIZE) {
@@ -254,8 +257,9 @@ impl Batch {
             Some(hiding) => {
                 self.take_siblings(task, (records, ahead));
                 dispatch!(self.level, simd => {
-                    self.hide_rows(simd, (hiding, task.tester), groups, marks, cut);
-                    self.hide_nodes(simd, hiding, groups, marks, cut);
+                    let ahead = &mut Ahead::none();
+                    self.hide_rows(simd, (hiding, task.tester), groups, (marks, cut), ahead);
+                    self.hide_nodes(simd, hiding, groups, (marks, cut), ahead);
                 });
             }
             None => {

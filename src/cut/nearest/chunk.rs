@@ -289,6 +289,6 @@ impl Lanes64 {
 
 /// The whole number that a sum with 2^23 has in its low bits.
 #[inline(always)]
-fn low_bits<S: Simd>(sum: Wide<S>) -> S::u32s {
+pub(super) fn low_bits<S: Simd>(sum: Wide<S>) -> S::u32s {
     sum.0.bitcast::<S::u32s>() & 0x7f_ffff
 }

@@ -156,6 +156,102 @@ fn what_is_dropped_is_covered() {
     }
 }
 
+fn are_behind<S: Simd>(simd: S, hiding: &Hiding<'_>, balls: &Balls) -> u32 {
+    // The four again and again.
+    let lane = |v: Vec4| Wide::load(simd, &[v.to_array(); 4].concat()[..Wide::<S>::LANES]);
+    let [x, y, z] = balls.center.map(lane);
+    let balls = Balls {
+        center: [x, y, z],
+        radius: lane(balls.radius),
+        depth: lane(balls.depth),
+    };
+    hiding.are_behind(&balls, 15)
+}
+
+/// Brute force over random balls of some pixels behind and among random splats: of those that are dropped every splat of a pixel
+/// that lies in the ball has only pixels that hold something nearer, though a device may place it half a step of window
+/// positions elsewhere.
+#[test]
+fn all_in_a_node_that_is_dropped_is_hidden() {
+    let model = Model::default();
+    let mut number = numbers();
+    for mut view in views() {
+        // Of balls that are large as angles nothing is known.
+        (view.width, view.height) = (400, 300);
+        let tester = Tester::new(&model, &view, &Settings::default());
+        let mut nearest = Nearest::default();
+        assert!(nearest.clear(view.width, view.height));
+        let undrawn = Undrawn::default();
+        let footprints = Footprints {
+            side_px: 1.0,
+            hides: true,
+            are_discs: false,
+            large_leaves: false,
+            is_cloud: false,
+        };
+        let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
+        let half_step = 0.5 / 256.0;
+        // A rough front, with holes beside it.
+        let mut marks = Vec::new();
+        for _ in 0..20_000 {
+            let four = [0; 4].map(|_| {
+                let [x, y, z] = [number(), number(), number()].map(|v| 2.0 * v - 1.0);
+                let across = view.backward.any_orthonormal_pair();
+                view.backward * (0.3 + 0.02 * z) + (across.0 * x + across.1 * y) * 0.15
+            });
+            let balls = tester.balls(quad::columns(four.map(|p| p.extend(0.0))));
+            keep_nodes(&hiding, &balls, 0, &mut marks);
+        }
+        let depth_of = |x: f64, y: f64| {
+            let pixel = y as usize * view.width as usize + x as usize;
+            f32::from_bits(nearest.pixels[pixel].load(Ordering::Relaxed))
+        };
+        let pixel = 1.0 / view.focal_px();
+        let [mut dropped, mut kept, mut looked_at] = [0; 3];
+        for _ in 0..4000 {
+            let balls: [Vec4; 4] = std::array::from_fn(|_| {
+                let center = (Vec3::new(number(), number(), number()) * 2.0 - 1.0) * 0.25;
+                center.extend(pixel * (3.0 + 12.0 * number() * number()))
+            });
+            let there = tester.balls(quad::columns(balls));
+            let behind = dispatch!(Level::new(), simd => are_behind(simd, &hiding, &there));
+            for (lane, ball) in balls.into_iter().enumerate() {
+                if behind >> lane & 1 == 0 {
+                    kept += 1;
+                    continue;
+                }
+                dropped += 1;
+                for _ in 0..200 {
+                    let way = Vec3::new(number() - 0.5, number() - 0.5, number() - 0.5);
+                    let point = ball.truncate() + way.normalize_or_zero() * ball.w;
+                    let [x, y, z] = seen_at(&view, point);
+                    let distance = (z - f64::from(view.near)) / f64::from(view.model_scale);
+                    let more = 0.5 + half_step;
+                    let columns = (x - more - 0.5).ceil()..=(x + more - 0.5).floor();
+                    let rows = (y - more - 0.5).ceil()..=(y + more - 0.5).floor();
+                    let within = |v: f64, size: u32| v >= 0.0 && v < f64::from(size);
+                    for (i, j) in [
+                        (*columns.start(), *rows.start()),
+                        (*columns.start(), *rows.end()),
+                        (*columns.end(), *rows.start()),
+                        (*columns.end(), *rows.end()),
+                    ] {
+                        if within(i, view.width) && within(j, view.height) {
+                            looked_at += 1;
+                            let nearer = f64::from(depth_of(i, j) / tester.unit);
+                            assert!(nearer < distance, "{ball:?} at {i} {j}: {nearer}");
+                        }
+                    }
+                }
+            }
+        }
+        assert!(
+            dropped > 100 && kept > 1000 && looked_at > 10_000,
+            "{dropped}, {kept}, {looked_at}"
+        );
+    }
+}
+
 /// What another thread has stored over is there again before anything is asked for the last time.
 #[test]
 fn depths_that_were_stored_over_come_back() {
