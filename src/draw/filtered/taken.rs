@@ -16,9 +16,6 @@ pub(super) const LARGEST_PX: f32 = 4.0 * PIECE_PX;
 const PIECE_PX: f32 = 1.5;
 /// The share of a cut's triangles that must be small for that. A pixel of both kinds is less exact than one of either.
 const LEAST_SMALL: f32 = 0.9;
-/// Pieces of triangles that are taken for each other splat, where the triangles are small. With so many the host still draws in the
-/// time of the device, which has a third of the splats, but the triangles too.
-const MOST_TAKEN: usize = 4;
 /// An edge that is halved more often would be wider than any picture.
 const MOST_CUTS: u32 = 15;
 
@@ -71,8 +68,7 @@ pub(super) fn diameter_px(model: &Model, leaf: u32, view: &View) -> f32 {
 }
 
 /// Which triangles of a cut are drawn as splats, of which there are `own` without them: all of them where `splats_only` says
-/// so; else those that are small, if nearly all are; and what is left as well, if that is no more splats than the others, or of
-/// small triangles a few times as many.
+/// so; else those that are small, if nearly all are; and what is left as well, if that is no more splats than the others.
 fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Taken {
     let count = |&leaf: &u32| {
         let px = diameter_px(model, leaf, view);
@@ -116,10 +112,8 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
     };
     let rest = within + beyond - some.splats;
     // Few triangles make a device draw all of what the host draws alone in half the time, and are no better than splats among
-    // splats of their size. Where most are no larger than what is taken anyway, that is so of more of them.
-    let are_small = 2 * large <= all;
-    let most = if are_small { MOST_TAKEN } else { 1 };
-    if rest <= most * (own + some.splats) {
+    // splats of their size.
+    if rest <= own + some.splats {
         return Taken {
             largest_px: f32::INFINITY,
             halved_px: f32::INFINITY,
