@@ -251,8 +251,8 @@ impl Selector {
     /// at most, those whose ball contains no center, with all that is below such nodes; and, where [`Footprints::hides`] says so,
     /// splats of which each pixel is covered by a nearer one of the same cut. Of triangles and of splats of more than a
     /// pixel, what is dropped would show in no pixel, however the device rounds. With splats of exactly a pixel a larger node
-    /// whose ball surely contains one center alone is one splat as well: its radius is less than a pixel. What is left does
-    /// not depend on threads.
+    /// whose ball surely contains one center alone is one splat as well: its radius is less than a pixel. Which splats
+    /// are left does not depend on threads; with splats of a pixel, which hidden triangles are and [`Stats`](super::Stats) may.
     ///
     /// For opaque squares and discs and one sample a pixel, with the threshold as their size, where the size metric is
     /// [`Exact`](super::SizeMetric::Exact); `undrawn` is that of the model. In a picture of 65,536 pixels or more to a side nothing is dropped.
