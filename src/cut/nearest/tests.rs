@@ -20,6 +20,17 @@ fn numbers() -> impl FnMut() -> f32 {
     }
 }
 
+/// Squares of triangles that hide one another.
+fn squares(side_px: f32) -> Footprints {
+    Footprints {
+        side_px,
+        hides: true,
+        are_discs: false,
+        large_leaves: false,
+        is_cloud: false,
+    }
+}
+
 /// Views of the unit ball, which an empty model counts as.
 fn views() -> Vec<View> {
     let mut views: Vec<View> = [1.0, 3.0]
@@ -97,13 +108,7 @@ fn what_is_dropped_is_covered() {
         let mut nearest = Nearest::default();
         assert!(nearest.clear(view.width, view.height));
         let undrawn = Undrawn::default();
-        let footprints = Footprints {
-            side_px,
-            hides: true,
-            are_discs: false,
-            large_leaves: false,
-            is_cloud: false,
-        };
+        let footprints = squares(side_px);
         let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), bits);
         // Four layers within the picture, and a little beside it.
         let points: Vec<Vec3> = (0..6000)
@@ -182,13 +187,7 @@ fn all_in_a_node_that_is_dropped_is_hidden() {
         let mut nearest = Nearest::default();
         assert!(nearest.clear(view.width, view.height));
         let undrawn = Undrawn::default();
-        let footprints = Footprints {
-            side_px: 1.0,
-            hides: true,
-            are_discs: false,
-            large_leaves: false,
-            is_cloud: false,
-        };
+        let footprints = squares(1.0);
         let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
         let half_step = 0.5 / 256.0;
         // A rough front, with holes beside it.
@@ -259,13 +258,7 @@ fn depths_that_were_stored_over_come_back() {
     let view = views()[0];
     let tester = Tester::new(&model, &view, &Settings::default());
     let undrawn = Undrawn::default();
-    let footprints = Footprints {
-        side_px: 1.0,
-        hides: true,
-        are_discs: false,
-        large_leaves: false,
-        is_cloud: false,
-    };
+    let footprints = squares(1.0);
     let mut nearest = Nearest::default();
     assert!(nearest.clear(view.width, view.height));
     let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
@@ -307,13 +300,7 @@ fn balls_contain_no_other_centers_than_is_said() {
         let mut nearest = Nearest::default();
         assert!(nearest.clear(view.width, view.height));
         let undrawn = Undrawn::default();
-        let footprints = Footprints {
-            side_px: 1.0,
-            hides: true,
-            are_discs: false,
-            large_leaves: false,
-            is_cloud: false,
-        };
+        let footprints = squares(1.0);
         let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
         let pixel = 1.0 / view.focal_px();
         let [mut dropped, mut kept, mut ones] = [0; 3];
@@ -395,13 +382,7 @@ fn nothing_is_dropped_where_nothing_is_covered() {
         nodes: vec![u64::MAX],
         leaves: Vec::new(),
     };
-    let footprints = Footprints {
-        side_px: 2.0,
-        hides: true,
-        are_discs: false,
-        large_leaves: false,
-        is_cloud: false,
-    };
+    let footprints = squares(2.0);
     let mut nearest = Nearest::default();
     assert!(nearest.clear(view.width, view.height));
     let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
