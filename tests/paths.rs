@@ -139,15 +139,19 @@ fn colored_cloud() -> Model {
     built(mesh)
 }
 
-/// The picture, its depths, and the passes that drew it.
-fn passes(engine: &mut Engine<'_>, view: &View, settings: &Settings) -> (Image, Vec<&'static str>) {
+/// The picture, its depths, the passes that drew it, and how many triangles are in it.
+fn passes(
+    engine: &mut Engine<'_>,
+    view: &View,
+    settings: &Settings,
+) -> (Image, Vec<&'static str>, u64) {
     let times = engine.draw(view, settings).unwrap();
     let passes = times.passes.iter().map(|pass| pass.name).collect();
-    (engine.read(view).unwrap(), passes)
+    (engine.read(view).unwrap(), passes, times.counts.triangles)
 }
 
 /// Filtered splats, squares and discs: of nodes, rows and triangles, in grays, colors and the light of a lamp, culled or not, of a cloud; and
-/// beside triangles, where the device draws all.
+/// beside triangles, which the host draws in the headlight.
 #[test]
 fn the_host_draws_what_compute_does() {
     let Some(device) = Device::open() else { return };
@@ -163,6 +167,7 @@ fn the_host_draws_what_compute_does() {
     ];
     let size = (240, 200);
     let mut by_host = [0; 2];
+    let mut beside_triangles = 0;
     let backend = Backend::Device(device.gpu().clone());
     let outputs = Outputs {
         depth: true,
@@ -207,9 +212,14 @@ fn the_host_draws_what_compute_does() {
                     path: Path::Compute,
                     ..settings
                 };
-                let (picture, own) = passes(&mut engine, &view, &settings);
-                let (wanted, others) = passes(&mut engine, &view, &insisting);
+                let (picture, own, triangles) = passes(&mut engine, &view, &settings);
+                let (wanted, others, _) = passes(&mut engine, &view, &insisting);
                 let what = format!("{name}, {view_name}, {splat:?}, {threshold_px}: {own:?}");
+                let same = match splat {
+                    SplatKind::Filtered if triangles == 0 => Same::Bits,
+                    SplatKind::Filtered if others.contains(&"filtered.front") => Same::Rasterized,
+                    _ => Same::Shades,
+                };
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
                 let (clear, is_by_host) = match splat {
                     SplatKind::Filtered => ("filtered.clear", own == ["filtered.normalize"]),
@@ -223,50 +233,74 @@ fn the_host_draws_what_compute_does() {
                 // Where the rasterizer draws, a level may be another one.
                 let is_rastered = own.contains(&"hybrid.triangles");
                 if is_by_host && !is_rastered || splat == SplatKind::Filtered {
-                    assert_as_compute(&picture, &wanted, splat, &what);
+                    assert_as_compute(&picture, &wanted, same, &what);
                 }
                 engine.let_host_draw(true);
-                let (picture, own) = passes(&mut engine, &view, &insisting);
+                let (picture, own, _) = passes(&mut engine, &view, &insisting);
                 engine.let_host_draw(false);
                 assert_as_compute(
                     &picture,
                     &wanted,
-                    splat,
+                    same,
                     &format!("{what}, insisting: {own:?}"),
+                );
+                beside_triangles += u32::from(
+                    splat == SplatKind::Filtered && triangles > 0 && !own.contains(&clear),
                 );
                 by_host[usize::from(splat != SplatKind::Filtered)] +=
                     usize::from(!own.contains(&clear));
             }
         }
     }
-    println!("{by_host:?} pictures by the host");
-    for (count, least) in by_host.into_iter().zip([20, 110]) {
+    println!("{by_host:?} pictures by the host, {beside_triangles} beside triangles");
+    assert_eq!(beside_triangles >= 15, is_software);
+    for (count, least) in by_host.into_iter().zip([40, 110]) {
         assert_eq!(count >= least, is_software, "{by_host:?}");
     }
 }
 
-/// Filtered splats are the same to the bit. Opaque ones have the same depths and coverage; where a value lies in the middle between
-/// two of 255, the last place of a root decides, which a shader may find otherwise than the host: some of 10,000 pixels.
-fn assert_as_compute(picture: &Image, wanted: &Image, splat: SplatKind, what: &str) {
-    if splat == SplatKind::Filtered {
+/// How much of two pictures is the same.
+#[derive(Clone, Copy, PartialEq)]
+enum Same {
+    /// Every bit.
+    Bits,
+    /// Depths and coverage; where a value lies in the middle between two of 255, the last place of a root decides, which a
+    /// shader may find otherwise than the host: some of 10,000 pixels.
+    Shades,
+    /// Nearly all: the rasterizer's depth of a large triangle is that of a place some of its steps of 1/256 pixel away, which on
+    /// what is seen edge-on is a thousandth in one of 1000 pixels; and so it hides other splats: another color in one of 10,000.
+    Rasterized,
+}
+
+fn assert_as_compute(picture: &Image, wanted: &Image, same: Same, what: &str) {
+    if same == Same::Bits {
         assert!(picture == wanted, "{what}");
         return;
     }
-    assert!(picture.depth == wanted.depth, "{what}: depths differ");
-    let pairs = picture.color.iter().zip(&wanted.color);
-    let mut others = 0;
-    for (is, wanted) in pairs.filter(|(is, wanted)| is != wanted) {
-        let off = (0..4).map(|i| is[i].abs_diff(wanted[i]));
-        assert!(
-            off.max() == Some(1) && is[3] == wanted[3],
-            "{what}: {is:?} {wanted:?}"
-        );
-        others += 1;
-    }
+    let depths = picture.depth.iter().zip(&wanted.depth);
+    let apart = match same {
+        Same::Rasterized => depths
+            .filter(|(a, b)| a != b && (*a - *b).abs() > 1e-3 * *b)
+            .count(),
+        _ => 10_000 * depths.filter(|(a, b)| a != b).count(),
+    };
     assert!(
-        10_000 * others <= 5 * picture.color.len(),
-        "{what}: {others} pixels"
+        1000 * apart <= picture.depth.len(),
+        "{what}: {apart} depths"
     );
+    let pairs = picture.color.iter().zip(&wanted.color);
+    let mut others = [0; 2];
+    for (is, wanted) in pairs.filter(|(is, wanted)| is != wanted) {
+        let off = (0..4).map(|i| is[i].abs_diff(wanted[i])).max();
+        let is_far = off != Some(1) || is[3] != wanted[3];
+        others[usize::from(is_far)] += 1;
+    }
+    let most = match same {
+        Same::Rasterized => [usize::MAX, picture.color.len() / 10_000],
+        _ => [5 * picture.color.len() / 10_000, 0],
+    };
+    let is_as_wanted = others[0] <= most[0] && others[1] <= most[1];
+    assert!(is_as_wanted, "{what}: {others:?} pixels");
 }
 
 /// How many pixels have another coverage, a color that is off by more than a level, or a depth by more than a thousandth.
@@ -379,7 +413,7 @@ fn assert_ways(
             path,
             ..settings(threshold_px)
         };
-        let (_, passes) = passes(&mut engine, &view, &settings);
+        let (_, passes, _) = passes(&mut engine, &view, &settings);
         let what = format!("{fill}, {threshold_px}, {path:?}: {passes:?}");
         let is_there = passes.iter().any(|pass| any.contains(pass));
         assert_eq!(is_there, is_wanted, "{what}");

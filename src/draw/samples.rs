@@ -20,6 +20,7 @@ use crate::draw::parts::{self, Sink};
 use crate::tree::Model;
 use cover::Covered;
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
+use glam::Vec3;
 use prefetch_index::prefetch_index;
 use surface::Queue;
 
@@ -64,6 +65,43 @@ impl Screen {
             dropped_sign: dropped_sign as f32,
         }
     }
+
+    /// Where a corner is, in the steps of [`Covered::ask`]; none before the near or behind the far plane.
+    #[inline]
+    pub(super) fn place(&self, position: Vec3) -> Option<Placed> {
+        let Vec3 { x, y, z } = position;
+        let [x, y, z] = (self.view).map(|row| x * row[0] + (y * row[1] + (z * row[2] + row[3])));
+        let [to_x, to_y, to_z, to_w] = self.along.map(|row| z * row[0] + row[1]);
+        let (x, y) = (x * self.across[0] + to_x, y * self.across[1] + to_y);
+        let step = |v: f32, axis: usize| {
+            ((v / to_w * 0.5 + 0.5) * self.viewport_px[axis] - self.guard_px) * 256.0
+        };
+        (to_w > 0.0 && to_z >= 0.0 && to_z <= to_w).then(|| Placed {
+            steps: [step(x, 0), step(y, 1)],
+            depth: to_z / to_w,
+            inverse_w: 1.0 / to_w,
+        })
+    }
+
+    /// The part of the picture that is drawn: left, top, and one past right and bottom, pixels.
+    pub(super) fn rect_px(&self) -> [u32; 4] {
+        self.rect_px.map(|edge| edge as u32)
+    }
+
+    /// Whether triangles whose signed area (clockwise is positive) has this sign are not drawn.
+    pub(super) fn is_dropped(&self, sign: i64) -> bool {
+        sign as f32 == self.dropped_sign
+    }
+}
+
+/// Where the device places a corner.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Placed {
+    /// Window position, steps of 1/256 pixel, before it is rounded to whole ones.
+    pub(super) steps: [f32; 2],
+    /// Reversed depth.
+    pub(super) depth: f32,
+    pub(super) inverse_w: f32,
 }
 
 /// Triangles whose corners are farther than this many steps apart are left to the device: products of whole numbers stay
@@ -231,7 +269,7 @@ mod tests {
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
     use bytemuck::Zeroable;
-    use glam::{DVec3, Vec3};
+    use glam::DVec3;
 
     /// Every way that this processor has.
     fn levels() -> Vec<Level> {

@@ -9,7 +9,7 @@ use super::{Method, Path, Settings, compute, filtered as filtered_splats};
 use crate::abi::{FilteredSplat, FuzzySplat, Splat, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::draw::ColorBy;
-use crate::draw::filtered::host::Canvas;
+use crate::draw::filtered::host::{self, Canvas};
 use crate::draw::opaque;
 use crate::draw::samples::{self, Screen};
 use crate::draw::splats::{self, Packed};
@@ -35,6 +35,8 @@ pub(super) struct Lists {
     rest_ids: Vec<u32>,
     /// What the host draws itself: filtered splats.
     pub(super) drawn: filtered_splats::drawn::Drawn,
+    /// The triangles among them.
+    faces: host::Triangles,
     /// And opaque ones.
     pub(super) nearest: compute::drawn::Drawn,
     /// None before the first frame, and after one that failed.
@@ -177,8 +179,8 @@ impl Key {
 /// Where the host draws splats, if it is to.
 #[derive(Clone, Copy)]
 pub(super) struct Host<'a> {
-    /// So many filtered ones.
-    pub(super) filtered: &'a dyn Fn(usize) -> Option<Canvas>,
+    /// So many filtered ones and triangles, and in which light.
+    pub(super) filtered: &'a dyn Fn([usize; 2]) -> Option<(Canvas, Option<host::Light>)>,
     /// Opaque squares and discs, and what they look like, if compute is to draw them.
     pub(super) opaque: Option<(opaque::Look, (opaque::Screen, opaque::Light))>,
 }
@@ -197,6 +199,7 @@ impl Lists {
             rest: samples::Rest::new(),
             rest_ids: Vec::new(),
             drawn: filtered_splats::drawn::Drawn::new(gpu, slot)?,
+            faces: host::Triangles::default(),
             nearest: compute::drawn::Drawn::new(gpu, slot)?,
             held: None,
         })
@@ -218,17 +221,17 @@ impl Lists {
         (model, scene): (&Model, &Scene),
         cut: &mut Cut,
         (key, packing): (Key, Packing),
-        (ways, screen, host): (Ways, &Screen, Host<'_>),
+        (ways, screen, by_host): (Ways, &Screen, Host<'_>),
     ) -> Result<(), Error> {
         self.held = None;
         let view = &key.view;
         let mut samples = None;
         let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
         let mut placed = None;
-        let mut written = None;
+        let mut is_filtered = false;
         // Small triangles are the device's, and the keys with them, unless they become samples.
         let may_sample = key.may_sample && ways.takes_triangles && ways.is_small;
-        let host_draws = host.opaque.filter(|_| {
+        let host_draws = by_host.opaque.filter(|_| {
             let has_triangles = ways.takes_triangles && !cut.triangles.is_empty();
             let has_one_size = |plan: &splats::Plan| plan.has_one_size(model);
             let may_sample =
@@ -307,7 +310,13 @@ impl Lists {
                 let out = records(gpu, &mut self.splats, most)?;
                 let splats = filtered::write(model, cut, large, view, *shade, out);
                 let count = splats.count();
-                written = Some(splats);
+                is_filtered = true;
+                let triangles: &[u32] = match key.has_triangles {
+                    true => &cut.triangles,
+                    false => &[],
+                };
+                let canvas = (by_host.filtered)([count, triangles.len()]);
+                is_drawn = self.draw(gpu, (&splats, model, triangles), canvas)?;
                 let packed = Packed {
                     points: count,
                     quads: 0,
@@ -323,6 +332,8 @@ impl Lists {
         let rest = std::mem::take(&mut self.rest_ids);
         let triangles: &[u32] = match samples {
             Some(_) => &rest,
+            // They are drawn.
+            None if is_filtered && is_drawn => &[],
             None if key.has_triangles => &cut.triangles,
             None => &[],
         };
@@ -333,9 +344,6 @@ impl Lists {
         }
         pack_triangles(model, scene, triangles, self, is_small);
         self.rest_ids = rest;
-        if let Some(splats) = written {
-            is_drawn = self.draw(gpu, &splats, (host.filtered)(packed.points))?;
-        }
         self.held = Some(Held {
             packed,
             samples: samples.unwrap_or(0),
@@ -357,30 +365,33 @@ impl Lists {
         Ok(())
     }
 
-    /// Draws the filtered splats that were written, unless nothing says where, some are too large, or there are triangles, which
-    /// hide splats and are the device's; whether it has. What the device is to draw it gets without gaps.
+    /// Draws the filtered splats that were written and these triangles, unless nothing says where, some splats are too large, or
+    /// some triangles are the device's to clip; whether it has. What the device is to draw it gets without gaps.
     ///
     /// # Errors
     /// When memory runs out.
     fn draw(
         &mut self,
         gpu: &Arc<Gpu>,
-        written: &filtered::Written,
-        canvas: Option<Canvas>,
+        (written, model, triangles): (&filtered::Written, &Model, &[u32]),
+        canvas: Option<(Canvas, Option<host::Light>)>,
     ) -> Result<bool, Error> {
         let splats: &mut [FilteredSplat] = whole_records(self.splats.bytes_mut());
-        let is_alone = self.runs.is_empty() && self.small_runs.is_empty();
-        match canvas.filter(|_| is_alone && written.groups.are_small()) {
-            Some(canvas) => {
-                let list = (&*splats, &written.groups);
-                self.drawn.draw(gpu, list, canvas)?;
-                Ok(true)
-            }
-            None => {
-                written.close_gaps(splats);
-                Ok(false)
-            }
-        }
+        let canvas = canvas.filter(|(_, light)| {
+            written.groups.are_small() && self.faces.set(model, triangles, *light)
+        });
+        let Some((canvas, _)) = canvas else {
+            written.close_gaps(splats);
+            return Ok(false);
+        };
+        let list = host::List {
+            splats: &*splats,
+            groups: &written.groups,
+            vertices: &model.vertices,
+            triangles: &self.faces,
+        };
+        self.drawn.draw(gpu, list, canvas)?;
+        Ok(true)
     }
 
     /// How long the host drew, milliseconds, and how many bytes.

@@ -54,7 +54,7 @@ fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
         };
         let backend = Backend::Device(device.gpu().clone());
         let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
-        let (picture, passes) = passes(&mut engine, &view, &insisting);
+        let (picture, passes, _) = passes(&mut engine, &view, &insisting);
         let mirror = Engine::new(&Backend::Mirror, model, size, outputs)
             .unwrap()
             .render(&view, &settings)

@@ -48,7 +48,7 @@ fn visibility_splats_are_the_same_at_every_size() {
                 path: Path::Compute,
                 ..settings
             };
-            let (_, passes) = passes(&mut engine, &view, &insisting);
+            let (_, passes, _) = passes(&mut engine, &view, &insisting);
             println!("{what}: {passes:?}");
             let is_rastered = passes.contains(&"visibility.depth");
             assert!(passes.contains(&"visibility.resolve"), "{what}: {passes:?}");

@@ -1,4 +1,4 @@
-//! Small filtered splats by the host, for software devices: what passes filtered.depth and filtered.blend leave in storage.
+//! Small filtered splats and the triangles beside them by the host, for software devices: what passes filtered.depth and filtered.blend leave in storage.
 //!
 //! A software device is the host itself, in a roundabout way: it goes through the lanes of each write one by one, locks
 //! what two threads might write, and reads each record twice. Here the picture is cut into bands of rows, each the job of
@@ -12,9 +12,12 @@ mod block;
 mod depth;
 #[cfg(test)]
 mod tests;
+mod triangles;
 
-use crate::abi::FilteredSplat;
+pub use triangles::{Light, Triangles};
+
 use crate::abi::constants::{FILTERED_TILE_PX, LARGEST_SMALL_BLENDED_PX};
+use crate::abi::{FilteredSplat, Vertex};
 use crate::draw::parts;
 use block::Blocks;
 use fearless_simd::{Level, Simd, dispatch};
@@ -108,38 +111,53 @@ impl Groups {
     }
 }
 
-/// Draws the splats of a list that are in `groups`, all of which are no larger than [`LARGEST_SMALL_BLENDED_PX`]. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the first so
-/// many words, see [`Canvas::pixels`] and [`Canvas::words`]. `tiles` become the
-/// centers of the squares of [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit
-/// in them.
+/// What is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct List<'a> {
+    /// With gaps.
+    pub splats: &'a [FilteredSplat],
+    /// Of these splats, those that are drawn, all no larger than [`LARGEST_SMALL_BLENDED_PX`].
+    pub groups: &'a Groups,
+    /// Corners of triangles.
+    pub vertices: &'a [Vertex],
+    /// Of a model with these vertices.
+    pub triangles: &'a Triangles,
+}
+
+/// Draws a list. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the
+/// first so many words, see [`Canvas::pixels`] and [`Canvas::words`]. `tiles` become the centers of the squares of
+/// [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit in them.
 ///
 /// # Panics
-/// When `front` or `sums` is shorter than that, `groups` are of another list, or some splats are too large.
+/// When `front` or `sums` is shorter than that, `groups` are of another list, or some splats are too large; when triangles were
+/// set up for another part of the picture.
 pub fn draw(
-    (splats, groups): (&[FilteredSplat], &Groups),
+    list: List<'_>,
     canvas: Canvas,
     front: &mut [u32],
     sums: &mut [u64],
     tiles: &mut Vec<[f32; 2]>,
 ) {
-    draw_by(Level::new(), (splats, groups), canvas, (front, sums), tiles);
+    draw_by(Level::new(), list, canvas, (front, sums), tiles);
 }
 
 /// The same by vectors of a level.
 fn draw_by(
     level: Level,
-    (splats, groups): (&[FilteredSplat], &Groups),
+    list: List<'_>,
     canvas: Canvas,
     (front, sums): (&mut [u32], &mut [u64]),
     tiles: &mut Vec<[f32; 2]>,
 ) {
-    assert!(groups.are_small(), "large splats are the rasterizer's");
+    assert!(list.groups.are_small(), "large splats are the rasterizer's");
+    assert!(list.triangles.are_of(&canvas), "they are of another part");
     let mut bands = bands(canvas, front, sums);
-    parts::share(splats.len(), bands.iter_mut(), |band| {
+    let many = list.splats.len() + list.triangles.count();
+    parts::share(many, bands.iter_mut(), |band| {
         dispatch!(level, simd => if canvas.is_gray {
-            draw_band::<_, true>(simd, splats, &groups.groups, &canvas, band)
+            draw_band::<_, true>(simd, &list, &canvas, band)
         } else {
-            draw_band::<_, false>(simd, splats, &groups.groups, &canvas, band)
+            draw_band::<_, false>(simd, &list, &canvas, band)
         });
     });
     tiles.clear();
@@ -185,18 +203,18 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
 #[inline(always)]
 fn draw_band<S: Simd, const GRAY: bool>(
     simd: S,
-    splats: &[FilteredSplat],
-    groups: &[Group],
+    list: &List<'_>,
     canvas: &Canvas,
     band: &mut Band<'_>,
 ) {
     band.front.fill(0);
     band.sums.fill(0);
+    list.triangles.leave_depths(canvas, band);
     let [first, end] = band.rows;
     let is_near =
         |group: &&Group| u32::from(group.rows[0]) < end && u32::from(group.rows[1]) > first;
-    let near: Vec<&[FilteredSplat]> = (groups.iter().filter(is_near))
-        .map(|group| &splats[group.first as usize..][..usize::from(group.count)])
+    let near: Vec<&[FilteredSplat]> = (list.groups.groups.iter().filter(is_near))
+        .map(|group| &list.splats[group.first as usize..][..usize::from(group.count)])
         .collect();
     let mut blocks = Blocks::of(&near);
     while let Some(block) = blocks.next() {
@@ -206,6 +224,7 @@ fn draw_band<S: Simd, const GRAY: bool>(
     while let Some(block) = blocks.next() {
         blend::draw::<S, GRAY>(simd, &block, canvas, band);
     }
+    list.triangles.blend(list.vertices, canvas, band);
     find_tiles::<GRAY>(canvas, band);
 }
 

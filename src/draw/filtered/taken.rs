@@ -111,8 +111,7 @@ fn taken(model: &Model, view: &View, shade: &Shade, cut: &Cut, own: usize) -> Ta
         }
     };
     let rest = within + beyond - some.splats;
-    // Few triangles make a device draw all of what the host draws alone in half the time, and are no better than splats among
-    // splats of their size.
+    // A few among splats are less exact than splats of their size.
     if rest <= own + some.splats {
         return Taken {
             largest_px: f32::INFINITY,

@@ -1,7 +1,6 @@
 //! What the host drew of a frame's filtered splats, in mapped memory.
 
-use crate::abi::FilteredSplat;
-use crate::draw::filtered::host::{self, Canvas, Groups};
+use crate::draw::filtered::host::{self, Canvas};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::Upload;
 use crate::gpu::{Error, Gpu};
@@ -37,21 +36,21 @@ impl Drawn {
         })
     }
 
-    /// Draws splats, all of which are small. Nothing may be reading what was there.
+    /// Draws a list, whose splats are all small. Nothing may be reading what was there.
     ///
     /// # Errors
     /// When memory runs out.
     pub(crate) fn draw(
         &mut self,
         gpu: &Arc<Gpu>,
-        splats: (&[FilteredSplat], &Groups),
+        list: host::List<'_>,
         canvas: Canvas,
     ) -> Result<(), Error> {
         let start = Instant::now();
         let (pixels, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
         let front = records::<u32>(gpu, &mut self.front, pixels)?;
         let sums = records::<u64>(gpu, &mut self.sums, words)?;
-        host::draw(splats, canvas, front, sums, &mut self.found);
+        host::draw(list, canvas, front, sums, &mut self.found);
         let tiles = records::<[f32; 2]>(gpu, &mut self.tiles, self.found.len())?;
         tiles[..self.found.len()].copy_from_slice(&self.found);
         self.ms = start.elapsed().as_secs_f64() * 1e3;

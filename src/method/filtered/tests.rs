@@ -6,7 +6,7 @@ use super::{Filtered, List, Variant};
 use crate::abi::FilteredSplat;
 use crate::draw::FilteredList;
 use crate::draw::filtered::FilteredPatch;
-use crate::draw::filtered::host::{Canvas, Groups};
+use crate::draw::filtered::host::{self, Canvas, Groups};
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::frame::Frames;
 use crate::gpu::{Gpu, Options};
@@ -132,7 +132,13 @@ fn picture(
             is_gray: by_compute == Some(true),
         };
         let groups = Groups::of(splats);
-        host.draw(gpu, (splats, &groups), canvas).unwrap();
+        let list = host::List {
+            splats,
+            groups: &groups,
+            vertices: &[],
+            triangles: &host::Triangles::default(),
+        };
+        host.draw(gpu, list, canvas).unwrap();
         host.flush();
     }
     let mut frames = Frames::new(gpu, 1, false).unwrap();

@@ -3,7 +3,7 @@
 use super::{Counts, End, FrameTimes, Renderer, margin_px};
 use crate::abi::FrameConstants;
 use crate::draw::ColorBy;
-use crate::draw::filtered::host::Canvas;
+use crate::draw::filtered::host::{Canvas, Light};
 use crate::draw::opaque;
 use crate::draw::samples::Screen;
 use crate::draw::splats::Packed;
@@ -130,9 +130,17 @@ impl Renderer {
             let packing = Packing::of(settings, model, (max_point, is_wanted));
             let asked = self.asked(settings, &context);
             let canvas = self.canvas(settings, context.rect_px);
-            let canvas = |splats: usize| {
-                let asked = Asked { splats, ..asked };
-                canvas.filter(|_| asked.blended(0, false) != Share::Nothing)
+            let screen = screen(&constants, &context);
+            let filtered = |[splats, triangles]: [usize; 2]| {
+                let asked = Asked {
+                    splats,
+                    triangles,
+                    ..asked
+                };
+                // Few as they are, triangles cost the host no more than a software rasterizer.
+                let pays = triangles > 0 || asked.blended(0, false) != Share::Nothing;
+                let canvas = canvas.filter(|_| pays)?;
+                Some((canvas, Light::new(&constants, screen)))
             };
             let look = opaque_look(settings, model);
             let opaque = light.and_then(|light| {
@@ -143,10 +151,10 @@ impl Renderer {
             let cut = &mut self.cut;
             let lists = &mut self.lists[slot];
             let host = Host {
-                filtered: &canvas,
+                filtered: &filtered,
                 opaque,
             };
-            let how = (ways, &screen(&constants, &context), host);
+            let how = (ways, &screen, host);
             lists.pack(&gpu, (model, scene), cut, (key, packing), how)?;
             if self.cut.triangles.len() != triangles {
                 self.chosen = None;

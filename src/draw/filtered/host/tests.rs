@@ -152,7 +152,13 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     others.add(first.len() + 1, second);
     groups.append(others);
     let storage = (&mut front[..], &mut sums[..]);
-    draw_by(level, (&list, &groups), canvas, storage, &mut tiles);
+    let list = List {
+        splats: &list,
+        groups: &groups,
+        vertices: &[],
+        triangles: &Triangles::default(),
+    };
+    draw_by(level, list, canvas, storage, &mut tiles);
     assert_eq!(front.split_off(canvas.pixels()), [7; 9]);
     assert_eq!(sums.split_off(canvas.pixels() * canvas.words()), [7; 9]);
     (front, sums, tiles)
