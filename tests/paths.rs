@@ -16,7 +16,8 @@ use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
+use surfel::method::renderer::{Outputs, Renderer};
+use surfel::method::scene::Scene;
 use surfel::method::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
 use surfel::tree::Model;
 
@@ -257,6 +258,67 @@ fn the_host_draws_what_compute_does() {
     for (count, least) in by_host.into_iter().zip([40, 110]) {
         assert_eq!(count >= least, is_software, "{by_host:?}");
     }
+}
+
+/// What the host draws alone brings no depth to the target where none is asked for. What lies under the cursor is the same,
+/// whoever drew the last frame; beside the model and outside of the picture there is nothing.
+#[test]
+fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
+    let Some(device) = Device::open() else { return };
+    let is_software = device.gpu().info().kind == Kind::Cpu;
+    let model = generated(Shape::Statue, 60_000);
+    let size = (240, 200);
+    let outputs = |depth| Outputs {
+        depth,
+        normal: false,
+        values: false,
+    };
+    let renderer = |depth| Renderer::new(device.gpu(), size.0, size.1, outputs(depth), true);
+    let [mut with, mut without] = [true, false].map(|depth| renderer(depth).unwrap());
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let (mut found, mut copies) = ([0, 0], 0);
+    let square = Settings {
+        threshold_px: 1.5,
+        ..Settings::default()
+    };
+    let by_rasterizer = Settings {
+        path: Path::Raster,
+        ..square
+    };
+    let triangles = Settings {
+        method: Method::Triangles,
+        ..square
+    };
+    for fill in [0.3, 1.0, 1.6] {
+        for (settings, azimuth) in [
+            (square, 30.0),
+            (by_rasterizer, 60.0),
+            (square, 90.0),
+            (triangles, 120.0),
+            (square, 150.0),
+            (square, 150.0),
+        ] {
+            let view = orbit(&model, size, azimuth, 20.0, fill);
+            let [a, b] = [&mut with, &mut without].map(|renderer| {
+                let times = renderer.draw(&model, &mut scene, &view, &settings).unwrap();
+                let passes: Vec<_> = times.passes.iter().map(|pass| pass.name).collect();
+                copies += usize::from(passes == ["small.copy"]);
+                let places = (0..14).flat_map(|y| (0..16).map(move |x| (16 * x, 16 * y)));
+                let near = |(x, y)| renderer.distance_near(&view, x, y).unwrap();
+                places.map(near).collect::<Vec<_>>()
+            });
+            assert_eq!(a, b, "{settings:?}, {fill}");
+            for near in a {
+                found[usize::from(near.is_some())] += 1;
+            }
+        }
+    }
+    assert!(found[0] > 500 && found[1] > 500, "{found:?}");
+    assert_eq!(
+        copies >= 8,
+        is_software,
+        "{copies} frames by the host alone"
+    );
 }
 
 /// How much of two pictures is the same.

@@ -112,6 +112,8 @@ pub struct Renderer {
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
     probe: Option<Readback>,
+    /// The slot whose lists have the depths of the last frame, of a part of the picture, where they are not in the target.
+    depth_of: Option<(usize, [u32; 4])>,
     keeps_lists: bool,
     /// What the present cut was chosen for, and in which scene; none where packing changed it.
     chosen: Option<(u64, Choice)>,
@@ -183,6 +185,7 @@ impl Renderer {
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
+            depth_of: None,
             keeps_lists: false,
             chosen: None,
             visited: 0,
@@ -392,6 +395,7 @@ impl Renderer {
         let settings = &self.for_frame(settings, model, view);
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
+        self.depth_of = None;
         let start = Instant::now();
         let is_counted = settings.color_by == ColorBy::Overdraw;
         let counted = is_counted.then(|| self.frames.next_slot());

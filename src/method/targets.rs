@@ -75,22 +75,26 @@ impl Targets {
         })
     }
 
-    /// Records a pass that copies color and depth of the rectangle of a frame, each from the byte of a buffer on; what is
-    /// beside it becomes empty. There is no target of normals, and the device is a software one.
+    /// Records a pass that copies color, and depth if it has a place, of the rectangle of a frame, each from the byte of a buffer
+    /// on; what is beside it becomes empty. There is no target of normals, and the device is a software one.
     pub(crate) fn copy_in(
         &self,
         pass: Pass<'_>,
         context: &Context,
-        (buffer, color, depth): (&dyn AnyBuffer, u64, u64),
+        (buffer, color, depth): (&dyn AnyBuffer, u64, Option<u64>),
     ) {
         let [r, g, b] = context.background;
         let is_whole = context.rect_px == [0, 0, self.color.width, self.color.height];
         let values = [[r, g, b, 0.0], [0.0; 4]];
-        pass.copy_in(
-            context.rect_px,
-            &[(buffer, color, &self.color), (buffer, depth, &self.depth)],
-            (!is_whole).then_some(&values),
-        );
+        let color = (buffer, color, &self.color);
+        let clear = (!is_whole).then_some(&values[..]);
+        match depth {
+            Some(depth) => {
+                let copies = [color, (buffer, depth, &self.depth)];
+                pass.copy_in(context.rect_px, &copies, clear);
+            }
+            None => pass.copy_in(context.rect_px, &[color], clear),
+        }
     }
 
     /// Attaches all targets; `load` decides from the clear value.

@@ -89,6 +89,12 @@ impl Drawn {
         (&self.words, self.bytes() / 2)
     }
 
+    /// The reversed depths, row by row of the rectangle.
+    pub(crate) fn depths(&mut self) -> &[f32] {
+        let bytes = self.bytes() as usize;
+        bytemuck::cast_slice(&self.words.bytes_mut()[bytes / 2..bytes])
+    }
+
     /// How long it took, milliseconds.
     pub(crate) fn ms(&self) -> f64 {
         self.ms

@@ -327,6 +327,7 @@ impl Small {
         }
         if let (Some(drawn), true) = (list.drawn, is_first) {
             let (buffer, depths) = drawn.buffer();
+            let depths = list.needs_depth.then_some(depths);
             targets.copy_in(frame.pass("small.copy"), context, (buffer, 0, depths));
             return Ok(());
         }

@@ -206,6 +206,7 @@ impl Renderer {
             variant: compute_variant(settings, model, flags),
             areas: &areas,
             drawn: (held.is_drawn && drawing == Drawing::Opaque).then_some(&lists.nearest),
+            needs_depth: self.outputs.depth || packed.quads > 0,
         };
         let small_triangles = Triangles {
             scene,
@@ -240,6 +241,10 @@ impl Renderer {
                         &context,
                         constants,
                     );
+                }
+                let is_copied = has_small && held.is_drawn && !has_triangles;
+                if is_copied && !small_list.needs_depth {
+                    self.depth_of = Some((slot, context.rect_px));
                 }
                 if let Some(small) = small {
                     let context = (&context, !has_triangles);

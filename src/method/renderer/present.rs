@@ -101,6 +101,7 @@ impl Renderer {
                 (self.targets.color.format, self.outputs.normal),
             )?;
             self.readback = None;
+            self.depth_of = None;
             self.small = None;
             (self.filtered, self.spare_filtered) = (None, Vec::new());
             self.visibility = None;
@@ -308,6 +309,31 @@ impl Renderer {
         let right = (x + PROBE_RADIUS_PX + 1).min(width);
         let bottom = (y + PROBE_RADIUS_PX + 1).min(height);
         let part = [left, top, right - left, bottom - top];
+        let depth = match self.depth_of {
+            Some(of) => self.depths_by_host(of, part),
+            None => self.read_depths(part)?,
+        };
+        let found = nearest_covered(&depth, part[2], part[3], (x - left, y - top));
+        Ok(found.map(|depth| view.distance_of_depth(depth)))
+    }
+
+    /// Reversed depths of a part of the picture, left, top, width and height, of which the host drew the pixels of a rectangle.
+    fn depths_by_host(&mut self, (slot, rect_px): (usize, [u32; 4]), part: [u32; 4]) -> Vec<f32> {
+        let depths = self.lists[slot].nearest.depths();
+        let [left, top, right, bottom] = rect_px;
+        let [first_x, first_y, width, height] = part;
+        let rows = (first_y..first_y + height).flat_map(|y| {
+            (first_x..first_x + width).map(move |x| {
+                let is_in = (left..right).contains(&x) && (top..bottom).contains(&y);
+                is_in.then(|| (y - top) as usize * (right - left) as usize + (x - left) as usize)
+            })
+        });
+        rows.map(|at| at.and_then(|at| depths.get(at)).map_or(0.0, |&depth| depth))
+            .collect()
+    }
+
+    /// The same from the target.
+    fn read_depths(&mut self, part: [u32; 4]) -> Result<Vec<f32>, Error> {
         let mut probe = match self.probe.take() {
             Some(probe) => probe,
             None => Readback::new(
@@ -320,10 +346,9 @@ impl Renderer {
         frame.read_back_part("probe.depth", &self.targets.depth, part, &probe);
         let ticket = frame.submit()?;
         self.frames.finish(ticket)?;
-        let depth: Vec<f32> = bytemuck::pod_collect_to_vec(probe.bytes());
+        let depth = bytemuck::pod_collect_to_vec(probe.bytes());
         self.probe = Some(probe);
-        let found = nearest_covered(&depth, part[2], part[3], (x - left, y - top));
-        Ok(found.map(|depth| view.distance_of_depth(depth)))
+        Ok(depth)
     }
 }
 
