@@ -16,8 +16,7 @@ use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{Outputs, Renderer};
-use surfel::method::scene::Scene;
+use surfel::method::renderer::Outputs;
 use surfel::method::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
 use surfel::tree::Model;
 
@@ -263,7 +262,11 @@ fn the_host_draws_what_compute_does() {
 /// What the host draws alone brings no depth to the target where none is asked for. What lies under the cursor is the same,
 /// whoever drew the last frame; beside the model and outside of the picture there is nothing.
 #[test]
+#[cfg(feature = "viewer")]
 fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
+    use surfel::method::renderer::Renderer;
+    use surfel::method::scene::Scene;
+
     let Some(device) = Device::open() else { return };
     let is_software = device.gpu().info().kind == Kind::Cpu;
     let model = generated(Shape::Statue, 60_000);

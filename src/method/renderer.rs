@@ -113,6 +113,7 @@ pub struct Renderer {
     #[cfg(feature = "viewer")]
     probe: Option<Readback>,
     /// The slot whose lists have the depths of the last frame, of a part of the picture, where they are not in the target.
+    #[cfg(feature = "viewer")]
     depth_of: Option<(usize, [u32; 4])>,
     keeps_lists: bool,
     /// What the present cut was chosen for, and in which scene; none where packing changed it.
@@ -185,6 +186,7 @@ impl Renderer {
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
+            #[cfg(feature = "viewer")]
             depth_of: None,
             keeps_lists: false,
             chosen: None,
@@ -395,7 +397,10 @@ impl Renderer {
         let settings = &self.for_frame(settings, model, view);
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
-        self.depth_of = None;
+        #[cfg(feature = "viewer")]
+        {
+            self.depth_of = None;
+        }
         let start = Instant::now();
         let is_counted = settings.color_by == ColorBy::Overdraw;
         let counted = is_counted.then(|| self.frames.next_slot());

@@ -90,6 +90,7 @@ impl Drawn {
     }
 
     /// The reversed depths, row by row of the rectangle.
+    #[cfg(feature = "viewer")]
     pub(crate) fn depths(&mut self) -> &[f32] {
         let bytes = self.bytes() as usize;
         bytemuck::cast_slice(&self.words.bytes_mut()[bytes / 2..bytes])

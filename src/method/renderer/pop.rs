@@ -242,8 +242,8 @@ impl Renderer {
                         constants,
                     );
                 }
-                let is_copied = has_small && held.is_drawn && !has_triangles;
-                if is_copied && !small_list.needs_depth {
+                #[cfg(feature = "viewer")]
+                if has_small && held.is_drawn && !has_triangles && !small_list.needs_depth {
                     self.depth_of = Some((slot, context.rect_px));
                 }
                 if let Some(small) = small {
