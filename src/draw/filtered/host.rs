@@ -1,11 +1,13 @@
-//! Small filtered splats and the triangles beside them by the host, for software devices: what passes filtered.depth and filtered.blend leave in storage.
+//! Small filtered splats and the triangles beside them by the host, for software devices: what passes filtered.depth and
+//! filtered.blend leave in storage.
 //!
 //! A software device is the host itself, in a roundabout way: it goes through the lanes of each write one by one, locks
 //! what two threads might write, and reads each record twice. Here the picture is cut into bands of rows, each the job of
 //! one thread from beginning to end, so nothing is locked: a band is emptied, then the nearest pushed depth of each pixel is
 //! found, then deposits are added where that does not hide them. What is left is the same to the bit as what the shaders
 //! leave (`shaders/filtered/depth.comp`, `shaders/filtered/blend.comp`), which have the rules: a pixel's maximum and sums
-//! of whole numbers do not depend on any order, and each number is made by the same operations.
+//! of whole numbers do not depend on any order, and each number is made by the same operations. Of triangles ([`Triangles`]) the
+//! last place of a shade may be another one.
 
 mod blend;
 mod block;

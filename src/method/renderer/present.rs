@@ -293,7 +293,7 @@ impl Renderer {
 
     /// View-space distance along the view direction of what the last frame, drawn with `view`, shows at
     /// pixel (`x`, `y`), or at the nearest covered pixel within 6 pixels; `None` where there is nothing, and
-    /// outside of the picture. Waits for the device; not for every frame.
+    /// outside of the picture. May wait for the device; not for every frame.
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
