@@ -63,32 +63,51 @@ impl Nearest {
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Mark {
     first: u32,
-    columns: u16,
-    rows: u16,
     /// The splat's, as [`Nearest`] has it, less the error of both sides.
     asked: u32,
-    /// The splat's, where it may have been stored over by another thread ([`Hiding::repair`]); else [`NOTHING`].
+    /// Of one pixel the splat's, where it may have been stored over by another thread ([`Hiding::repair`]), else [`NOTHING`]. Of
+    /// others, which cover none surely, how many there are: see [`Mark::of`].
     distance: u32,
 }
 
 impl Mark {
+    /// No distance has it: they are not negative.
+    const IS_COUNT: u32 = 1 << 31;
     /// Hidden for good: it has no pixels.
     const HIDDEN: Self = Self {
         first: 0,
-        columns: 0,
-        rows: 0,
         asked: 0,
-        distance: NOTHING,
+        distance: Self::IS_COUNT,
     };
     /// Never hidden.
     const SEEN: Self = Self {
         first: 0,
-        columns: 1,
-        rows: 1,
         asked: 0,
         distance: NOTHING,
     };
+
+    /// That of some columns and rows, at most [`MOST_PIXELS`] pixels.
+    fn of(first: u32, [columns, rows]: [u32; 2], asked: u32) -> Self {
+        match columns * rows {
+            0 => Self::HIDDEN,
+            1..=MOST_PIXELS => Self {
+                first,
+                asked,
+                distance: Self::IS_COUNT | columns << 16 | rows,
+            },
+            _ => Self::SEEN,
+        }
+    }
+
+    /// Columns and rows.
+    fn size(self) -> [u32; 2] {
+        match self.distance & Self::IS_COUNT {
+            0 => [1, 1],
+            _ => [self.distance >> 16 & 0x7fff, self.distance & 0xffff],
+        }
+    }
 }
+const _: () = assert!(MOST_PIXELS < 1 << 15);
 
 /// Marks beside the lists of a cut.
 #[derive(Debug, Default)]
@@ -344,17 +363,8 @@ impl<'a> Hiding<'a> {
             let columns = right[lane].saturating_sub(left[lane]);
             let rows = bottom[lane].saturating_sub(top[lane]);
             // Beside the picture, it has no pixels and is hidden.
-            let mark = if columns * rows > MOST_PIXELS {
-                Mark::SEEN
-            } else {
-                Mark {
-                    first: top[lane] * self.nearest.width + left[lane],
-                    columns: columns as u16,
-                    rows: rows as u16,
-                    asked: asked[lane],
-                    distance: NOTHING,
-                }
-            };
+            let first = top[lane] * self.nearest.width + left[lane];
+            let mark = Mark::of(first, [columns, rows], asked[lane]);
             if self.is_hidden(mark) {
                 continue;
             }
@@ -368,18 +378,24 @@ impl<'a> Hiding<'a> {
         marks
     }
 
+    /// Whether all pixels of a mark have something nearer.
     #[inline(always)]
     fn is_hidden(&self, mark: Mark) -> bool {
-        let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.asked;
-        let mut first = mark.first as usize;
-        if (mark.columns, mark.rows) == (1, 1) {
-            return self.nearest.pixels.get(first).is_some_and(is_nearer);
+        if mark.distance & Mark::IS_COUNT != 0 {
+            return self.are_all_nearer(mark);
         }
-        for _ in 0..mark.rows {
-            let row = self
-                .nearest
-                .pixels
-                .get(first..first + mark.columns as usize);
+        let pixel = self.nearest.pixels.get(mark.first as usize);
+        pixel.map_or(NOTHING, |pixel| pixel.load(Ordering::Relaxed)) < mark.asked
+    }
+
+    /// The same of any number of pixels.
+    #[inline(never)]
+    fn are_all_nearer(&self, mark: Mark) -> bool {
+        let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.asked;
+        let [columns, rows] = mark.size().map(|count| count as usize);
+        let mut first = mark.first as usize;
+        for _ in 0..rows {
+            let row = self.nearest.pixels.get(first..first + columns);
             if !row.is_some_and(|row| row.iter().all(is_nearer)) {
                 return false;
             }

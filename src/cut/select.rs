@@ -20,9 +20,9 @@ use crate::threads::{self, share};
 use crate::tree::Model;
 use fearless_simd::Level;
 
-/// A large cut is divided where a level has at least this many sibling groups to look at (about a tenth of a
-/// millisecond); another thread is awake in a third of that at most.
-const LARGE: usize = 4096;
+/// A large cut is divided where a level has at least this many sibling groups to look at (some 30 microseconds, as long as
+/// another thread takes to wake up): far more are below them.
+const LARGE: usize = 1536;
 
 /// Parts for each thread: how much of a part is visible is not known before.
 pub(super) const PARTS: usize = 8;

@@ -53,8 +53,6 @@ impl Chunk {
         let lane = usize::from(lane);
         Mark {
             first: self.first[lane],
-            columns: 1,
-            rows: 1,
             asked: self.asked[lane],
             distance: self.distance[lane],
         }
@@ -150,7 +148,7 @@ impl Hiding<'_> {
             let placed = self.placed(splats.each_ref().map(four));
             let marks = self.ask_squares(&placed, own(lanes), own(undrawn));
             for (mark, lane) in marks.into_iter().zip(at + first..) {
-                if mark.rows != 0 {
+                if mark.size() != [0, 0] {
                     chunk.marks[lane % CHUNK] = mark;
                     chunk.others.add(lane, 1);
                 }
