@@ -225,7 +225,7 @@ fn the_host_draws_what_compute_does() {
                     SplatKind::Filtered => ("filtered.clear", own == ["filtered.normalize"]),
                     _ => (
                         "small.clear",
-                        own == ["small.copy"]
+                        own.is_empty()
                             || own.contains(&"small.resolve") && !own.contains(&"small.splats"),
                     ),
                 };
@@ -259,8 +259,8 @@ fn the_host_draws_what_compute_does() {
     }
 }
 
-/// What the host draws alone brings no depth to the target where none is asked for. What lies under the cursor is the same,
-/// whoever drew the last frame; beside the model and outside of the picture there is nothing.
+/// What the host draws alone brings nothing to the targets. What lies under the cursor is the same, whoever drew the last frame;
+/// beside the model and outside of the picture there is nothing.
 #[test]
 #[cfg(feature = "viewer")]
 fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
@@ -271,15 +271,15 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
     let is_software = device.gpu().info().kind == Kind::Cpu;
     let model = generated(Shape::Statue, 60_000);
     let size = (240, 200);
-    let outputs = |depth| Outputs {
-        depth,
+    let outputs = Outputs {
+        depth: false,
         normal: false,
         values: false,
     };
-    let renderer = |depth| Renderer::new(device.gpu(), size.0, size.1, outputs(depth), true);
-    let [mut with, mut without] = [true, false].map(|depth| renderer(depth).unwrap());
+    let renderer = |()| Renderer::new(device.gpu(), size.0, size.1, outputs, true).unwrap();
+    let mut renderers = [(), ()].map(renderer);
     let mut scene = Scene::new(device.gpu(), &model).unwrap();
-    let (mut found, mut copies) = ([0, 0], 0);
+    let (mut found, mut by_host) = ([0, 0], [0, 0]);
     let square = Settings {
         threshold_px: 1.5,
         ..Settings::default()
@@ -292,6 +292,13 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
         method: Method::Triangles,
         ..square
     };
+    let by_compute = |settings: Settings| Settings {
+        path: match settings {
+            _ if settings == square => Path::Compute,
+            _ => settings.path,
+        },
+        ..settings
+    };
     for fill in [0.3, 1.0, 1.6] {
         for (settings, azimuth) in [
             (square, 30.0),
@@ -302,26 +309,33 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
             (square, 150.0),
         ] {
             let view = orbit(&model, size, azimuth, 20.0, fill);
-            let [a, b] = [&mut with, &mut without].map(|renderer| {
+            // By whoever draws, and by compute.
+            let paths = [settings.path, by_compute(settings).path];
+            let [a, b] = [0, 1].map(|which| {
+                let (renderer, path) = (&mut renderers[which], paths[which]);
+                let settings = Settings { path, ..settings };
                 let times = renderer.draw(&model, &mut scene, &view, &settings).unwrap();
-                let passes: Vec<_> = times.passes.iter().map(|pass| pass.name).collect();
-                copies += usize::from(passes == ["small.copy"]);
+                by_host[which] += usize::from(times.passes.is_empty());
                 let places = (0..14).flat_map(|y| (0..16).map(move |x| (16 * x, 16 * y)));
                 let near = |(x, y)| renderer.distance_near(&view, x, y).unwrap();
                 places.map(near).collect::<Vec<_>>()
             });
-            assert_eq!(a, b, "{settings:?}, {fill}");
+            for (a, b) in a.iter().zip(&b) {
+                // Where triangles meet in a pixel either may win: samples of them are not the device's triangles.
+                let is_same = match (a, b) {
+                    (Some(a), Some(b)) => (a - b).abs() < 1e-3 * b,
+                    _ => a == b,
+                };
+                assert!(is_same, "{a:?}, {b:?}: {settings:?}, {fill}");
+            }
             for near in a {
                 found[usize::from(near.is_some())] += 1;
             }
         }
     }
     assert!(found[0] > 500 && found[1] > 500, "{found:?}");
-    assert_eq!(
-        copies >= 8,
-        is_software,
-        "{copies} frames by the host alone"
-    );
+    assert_eq!(by_host[0] >= 4, is_software, "{by_host:?}");
+    assert_eq!(by_host[1], 0, "{by_host:?}");
 }
 
 /// How much of two pictures is the same.
@@ -480,7 +494,8 @@ fn assert_ways(
         };
         let (_, passes, _) = passes(&mut engine, &view, &settings);
         let what = format!("{fill}, {threshold_px}, {path:?}: {passes:?}");
-        let is_there = passes.iter().any(|pass| any.contains(pass));
+        // Without any the host drew all.
+        let is_there = passes.is_empty() || passes.iter().any(|pass| any.contains(pass));
         assert_eq!(is_there, is_wanted, "{what}");
     }
 }
@@ -490,8 +505,7 @@ fn assert_ways(
 fn discs_go_by_compute_where_that_pays() {
     assert_ways(
         discs,
-        // Of compute, and of the host.
-        &["small.resolve", "small.copy"],
+        &["small.resolve"],
         &[
             (1.0, 2.0, Path::Auto, true),
             (1.0, 2.0, Path::Raster, false),

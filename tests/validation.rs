@@ -5,7 +5,7 @@ mod common;
 
 use common::Device;
 use surfel::gpu::buffer::{Buffer, Readback, Usage};
-use surfel::gpu::frame::{Frames, Load};
+use surfel::gpu::frame::{Frames, Load, Measure};
 use surfel::gpu::image::{Format, Image};
 use surfel::gpu::{Error, Gpu, Options};
 
@@ -38,6 +38,82 @@ fn a_clean_pass_leaves_no_message_and_the_cleared_value() {
             .chunks_exact(4)
             .all(|p| p == [255, 128, 64, 255])
     );
+    assert_eq!(device.take_messages(), []);
+}
+
+#[test]
+fn what_the_host_writes_into_an_image_is_what_is_copied_out() {
+    for pretend_noncoherent in [false, true] {
+        let options = Options {
+            pretend_noncoherent,
+            ..Options::default()
+        };
+        let Some(device) = Device::open_with(options) else {
+            return;
+        };
+        let gpu = device.gpu();
+        let most = gpu.info().max_mapped_side;
+        // A row of it may have gaps behind it.
+        let (width, height) = (37, 21);
+        let Some(mut image) = Image::mapped(gpu, "by the host", width, height).unwrap() else {
+            assert!(most < width, "the device has such images: {most}");
+            return;
+        };
+        if let Some(above) = most.checked_add(1) {
+            assert!(Image::mapped(gpu, "too wide", above, 1).unwrap().is_none());
+        }
+        let mut readback = Readback::new(gpu, "readback", image.bytes()).unwrap();
+        let mut frames = Frames::new(gpu, 2, true).unwrap();
+        for round in 0..4 {
+            let value = |x: u32, y: u32| round << 24 | y << 12 | x;
+            let mut wanted = vec![0; (width * height) as usize];
+            // Nothing is written in the first round, and the image is empty.
+            if round > 0 {
+                let (words, pitch) = image.words_mut();
+                for (y, row) in words.chunks_mut(pitch).enumerate() {
+                    for (x, word) in row[..width as usize].iter_mut().enumerate() {
+                        *word = value(x as u32, y as u32);
+                        wanted[y * width as usize + x] = *word;
+                    }
+                }
+                image.flush();
+            }
+            let mut frame = frames.begin().unwrap();
+            frame.read_back("test.read", &image, &readback);
+            let ticket = frame.submit().unwrap();
+            frames.finish(ticket).unwrap();
+            let read: &[u32] = bytemuck::cast_slice(readback.bytes());
+            assert!(read == wanted, "round {round}");
+        }
+        assert_eq!(device.take_messages(), []);
+    }
+}
+
+#[test]
+fn a_frame_without_passes_takes_the_device_no_time() {
+    let Some(device) = Device::open() else { return };
+    let image = Image::new(device.gpu(), "target", Format::Rgba8, SIDE, SIDE).unwrap();
+    let readback = Readback::new(device.gpu(), "readback", image.bytes()).unwrap();
+    let mut frames = Frames::new(device.gpu(), 2, true).unwrap();
+    frames
+        .measure(Measure {
+            passes: true,
+            frame: true,
+            counters: true,
+        })
+        .unwrap();
+    for round in 0..5 {
+        let frame = frames.begin().unwrap();
+        let ticket = frame.submit().unwrap();
+        let finished = frames.finish(ticket).unwrap();
+        let has_clock = device.gpu().info().timestamp_period_ns > 0.0;
+        assert_eq!(finished.device.frame_ms, has_clock.then_some(0.0));
+        assert_eq!((finished.passes, finished.submitted), (Vec::new(), None));
+        // What comes after is as ever.
+        if round % 2 == 1 {
+            clear_and_read(&mut frames, &image, &readback, [0.0, 0.0, 16.0, 16.0]);
+        }
+    }
     assert_eq!(device.take_messages(), []);
 }
 

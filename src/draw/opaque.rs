@@ -153,8 +153,10 @@ fn draw_cut_by(
 /// Numbers become colors: those of as many splats.
 fn paint(screen: &Screen, count: usize, places: &Places, picture: Picture<'_>) {
     let colors = &places.pixels.colors()[..count];
-    parts::share(count, picture.bands(screen), |band| {
-        let shown = band.colors.iter_mut().zip(band.depths);
+    let width = screen.width().max(1);
+    parts::share(count, picture.bands(screen), |mut band| {
+        let rows = band.rows(width);
+        let shown = rows.flat_map(|(colors, depths)| colors.iter_mut().zip(depths));
         for (color, _) in shown.filter(|(_, depth)| **depth != 0.0) {
             let number = !*color & !SPLAT_BIT;
             *color = colors[number as usize] as u32;
@@ -255,24 +257,30 @@ mod tests {
     struct Planes {
         colors: Vec<u32>,
         depths: Vec<f32>,
+        width: usize,
+        pitch: usize,
     }
 
-    /// More words than are asked for.
+    /// More words than are asked for, behind each row of colors and behind all.
     const MORE: usize = 5;
 
     impl Planes {
         /// What was there is not looked at.
         fn of(screen: &Screen) -> Self {
-            let words = screen.pixels() + MORE;
+            let (width, pixels) = (screen.width(), screen.pixels());
+            let pitch = width + MORE;
             Self {
-                colors: vec![u32::MAX; words],
-                depths: vec![-1.0; words],
+                colors: vec![u32::MAX; pixels / width * pitch],
+                depths: vec![-1.0; pixels + MORE],
+                width,
+                pitch,
             }
         }
 
         fn picture(&mut self) -> Picture<'_> {
             Picture {
                 colors: &mut self.colors,
+                pitch: self.pitch,
                 depths: &mut self.depths,
             }
         }
@@ -286,11 +294,13 @@ mod tests {
                 }
                 _ => u64::from(depth.to_bits()) << 32 | u64::from(color),
             };
-            let (own, more) = self.colors.split_at(self.colors.len() - MORE);
-            let depths = self.depths.split_at(own.len());
-            assert!(more.iter().all(|&color| color == u32::MAX));
-            assert!(depths.1.iter().all(|&depth| depth == -1.0));
-            own.iter().zip(depths.0).map(of).collect()
+            let rows = self.colors.chunks(self.pitch);
+            let (own, more): (Vec<_>, Vec<_>) = rows.map(|row| row.split_at(self.width)).unzip();
+            let (depths, rest) = self.depths.split_at(self.depths.len() - MORE);
+            assert!(more.iter().flat_map(|m| m.iter()).all(|&c| c == u32::MAX));
+            assert!(rest.iter().all(|&depth| depth == -1.0));
+            let own = own.iter().flat_map(|row| row.iter());
+            own.zip(depths).map(of).collect()
         }
     }
 

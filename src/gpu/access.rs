@@ -199,6 +199,8 @@ pub struct Barrier {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct State {
     layout: vk::ImageLayout,
+    /// The host writes the image.
+    is_mapped: bool,
     /// Stages and accesses of the last write (or layout change).
     written_by: (vk::PipelineStageFlags2, vk::AccessFlags2),
     /// Who has been made to see the last write, or has read since.
@@ -209,6 +211,7 @@ impl Default for State {
     fn default() -> Self {
         Self {
             layout: vk::ImageLayout::UNDEFINED,
+            is_mapped: false,
             written_by: (vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE),
             seen_by: (vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE),
         }
@@ -226,11 +229,28 @@ impl State {
         }
     }
 
+    /// The state of an image in mapped memory: from its first use on it is in the one layout in which the host may write it again.
+    pub fn mapped() -> Self {
+        Self {
+            layout: vk::ImageLayout::PREINITIALIZED,
+            is_mapped: true,
+            ..Self::default()
+        }
+    }
+
+    /// The layout that an access needs the image in.
+    pub fn layout_of(&self, access: Access) -> vk::ImageLayout {
+        match access.scope().layout {
+            _ if self.is_mapped => vk::ImageLayout::GENERAL,
+            layout => layout,
+        }
+    }
+
     /// The barrier needed before `next`, if any, and the state after it. `discard` says that the contents of
     /// an image need not survive (it is cleared or overwritten whole).
     pub fn transition(&mut self, next: Access, is_image: bool, discard: bool) -> Option<Barrier> {
-        let scope = next.scope();
-        let changes_layout = is_image && scope.layout != self.layout;
+        let (scope, layout) = (next.scope(), self.layout_of(next));
+        let changes_layout = is_image && layout != self.layout;
         let untouched = self.written_by.0.is_empty() && self.seen_by.0.is_empty();
         if untouched && !changes_layout {
             self.note(scope, false);
@@ -255,10 +275,10 @@ impl State {
             } else {
                 self.layout
             },
-            new_layout: if is_image { scope.layout } else { self.layout },
+            new_layout: if is_image { layout } else { self.layout },
         };
         if is_image {
-            self.layout = scope.layout;
+            self.layout = layout;
         }
         self.note(scope, changes_layout);
         Some(barrier)
@@ -382,6 +402,28 @@ mod tests {
                 .src_stages
                 .contains(S::VERTEX_ATTRIBUTE_INPUT | S::INDEX_INPUT)
         );
+    }
+
+    #[test]
+    fn an_image_that_the_host_writes_stays_where_it_may() {
+        let mut state = State::mapped();
+        let first = state
+            .transition(Access::BlitSource, true, false)
+            .expect("layout");
+        assert_eq!(
+            (first.old_layout, first.new_layout),
+            (L::PREINITIALIZED, L::GENERAL)
+        );
+        for access in [Access::Sampled, Access::CopySource, Access::BlitSource] {
+            if let Some(barrier) = state.transition(access, true, false) {
+                assert_eq!(
+                    (barrier.old_layout, barrier.new_layout),
+                    (L::GENERAL, L::GENERAL)
+                );
+                assert!(barrier.src_access.is_empty(), "nothing on the device wrote");
+            }
+            assert_eq!(state.layout(), L::GENERAL);
+        }
     }
 
     #[test]

@@ -149,8 +149,9 @@ pub(super) fn bind(
                 let Some(image) = images.next() else {
                     panic!("{}: nothing for image binding {binding}", site.name)
                 };
+                let layout = image.layout_of(Access::Sampled);
                 assert!(
-                    lock(&image.state).layout() == Access::Sampled.scope().layout,
+                    lock(&image.state).layout() == layout,
                     "pass {} did not declare image {}",
                     site.name,
                     image.name()
@@ -158,7 +159,7 @@ pub(super) fn bind(
                 infos[0] = infos[0]
                     .sampler(site.gpu.sampler)
                     .image_view(image.view)
-                    .image_layout(Access::Sampled.scope().layout);
+                    .image_layout(layout);
                 write
                     .descriptor_type(vk::DescriptorType::COMBINED_IMAGE_SAMPLER)
                     .image_info(&infos)

@@ -165,6 +165,7 @@ mod tests {
             has_sample_counts: true,
             max_point_size_px: 1.0,
             max_image_side: 1,
+            max_mapped_side: 1,
             max_storage_range: 1,
             max_allocation: 1,
             max_buffer: 1,

@@ -2,13 +2,13 @@
 
 use super::access::Access;
 use super::buffer::AnyBuffer;
-use super::image::{Format, Image, range};
+use super::image::Image;
 use super::pass::Pass;
 use ash::vk;
 
 impl Pass<'_> {
     /// Records a pass that copies rectangles `[left, top, right, bottom]` into images made by [`Image::copied_to`], row by row
-    /// from the byte of a buffer. What is beside them keeps its pixels, unless `clear` has a value for each image.
+    /// from the byte of a buffer. What is beside them keeps its pixels.
     ///
     /// # Panics
     /// When a rectangle reaches out of its image, or a buffer has fewer pixels.
@@ -16,7 +16,6 @@ impl Pass<'_> {
         mut self,
         [left, top, right, bottom]: [u32; 4],
         copies: &[(&dyn AnyBuffer, u64, &Image)],
-        clear: Option<&[[f32; 4]]>,
     ) {
         let (width, height) = (right.saturating_sub(left), bottom.saturating_sub(top));
         for &(buffer, offset, image) in copies {
@@ -34,54 +33,16 @@ impl Pass<'_> {
                 buffer.name()
             );
             self.barriers.buffer(buffer, Access::CopySource);
-            let (access, is_new) = match clear {
-                Some(_) => (Access::Fill, true),
-                None => (
-                    Access::CopyTarget,
-                    (width, height) == (image.width, image.height),
-                ),
-            };
-            self.barriers.image(image, access, is_new);
+            let is_whole = (width, height) == (image.width, image.height);
+            self.barriers.image(image, Access::CopyTarget, is_whole);
         }
         let timing = self.begin();
-        if let Some(values) = clear {
-            for (&(_, _, image), &value) in copies.iter().zip(values) {
-                self.clear(image, value);
-                self.barriers.image(image, Access::CopyTarget, false);
-            }
-            self.barriers.record(&self.gpu, self.slot.commands);
-        }
         if width > 0 && height > 0 {
             for &(buffer, offset, image) in copies {
                 self.copy_one((buffer, offset), image, [left, top, width, height]);
             }
         }
         timing.end(&self.slot.queries);
-    }
-
-    fn clear(&self, image: &Image, value: [f32; 4]) {
-        let (device, commands) = (&self.gpu.device, self.slot.commands);
-        let (layout, ranges) = (vk::ImageLayout::TRANSFER_DST_OPTIMAL, [range(image.format)]);
-        // SAFETY: outside of a rendering scope; the image is alive until the frame has finished (its Drop defers), can be copied
-        // to, and is in the layout of copies by the barrier before.
-        unsafe {
-            if image.format == Format::Depth32 {
-                let value = vk::ClearDepthStencilValue {
-                    depth: value[0],
-                    stencil: 0,
-                };
-                device.cmd_clear_depth_stencil_image(
-                    commands,
-                    image.handle,
-                    layout,
-                    &value,
-                    &ranges,
-                );
-            } else {
-                let value = vk::ClearColorValue { float32: value };
-                device.cmd_clear_color_image(commands, image.handle, layout, &value, &ranges);
-            }
-        }
     }
 
     fn copy_one(

@@ -50,6 +50,8 @@ pub struct DeviceInfo {
     pub max_point_size_px: f32,
     /// Largest picture side, pixels.
     pub max_image_side: u32,
+    /// The same of pictures that the host writes in mapped memory; 0: there are none.
+    pub max_mapped_side: u32,
     /// Largest range of a storage buffer binding, bytes.
     pub max_storage_range: u64,
     /// Largest single allocation, bytes.
@@ -262,6 +264,31 @@ fn text(chars: Result<&CStr, std::ffi::FromBytesUntilNulError>) -> String {
         .unwrap_or_default()
 }
 
+/// The largest side of an image as [`Image::mapped`](super::image::Image::mapped) makes it.
+fn max_mapped_side(instance: &ash::Instance, physical: vk::PhysicalDevice) -> u32 {
+    use super::image::{MAPPED_FORMAT, MAPPED_USAGE};
+    use vk::FormatFeatureFlags as F;
+    let format = MAPPED_FORMAT.vk();
+    // SAFETY: the physical device belongs to the instance.
+    let (can, most) = unsafe {
+        let found = instance.get_physical_device_format_properties(physical, format);
+        let most = instance.get_physical_device_image_format_properties(
+            physical,
+            format,
+            vk::ImageType::TYPE_2D,
+            vk::ImageTiling::LINEAR,
+            MAPPED_USAGE,
+            vk::ImageCreateFlags::empty(),
+        );
+        (found.linear_tiling_features, most)
+    };
+    let wanted = F::SAMPLED_IMAGE | F::BLIT_SRC | F::TRANSFER_SRC;
+    match most {
+        Ok(most) if can.contains(wanted) => most.max_extent.width.min(most.max_extent.height),
+        _ => 0,
+    }
+}
+
 fn inspect(
     entry: &ash::Entry,
     instance: &ash::Instance,
@@ -372,6 +399,7 @@ fn inspect(
             .max_image_dimension2_d
             .min(p.limits.max_framebuffer_width)
             .min(p.limits.max_framebuffer_height),
+        max_mapped_side: max_mapped_side(instance, physical),
         max_storage_range: u64::from(p.limits.max_storage_buffer_range),
         max_allocation: maintenance3.max_memory_allocation_size,
         max_buffer: if is_recent {

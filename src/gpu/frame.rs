@@ -192,6 +192,14 @@ impl Frames {
         Ok(())
     }
 
+    /// Waits until a submitted frame has finished.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn wait_for(&self, ticket: Ticket) -> Result<(), Error> {
+        self.gpu.wait_for(ticket.value)
+    }
+
     /// Starts recording the next frame, after waiting for its slot.
     ///
     /// # Errors
@@ -222,6 +230,7 @@ impl Frames {
         slot.queries.begin(&self.gpu, slot.commands, self.measure);
         Ok(Frame {
             uniform_bytes: 0,
+            is_empty: true,
             index,
             frames: self,
         })
@@ -276,6 +285,8 @@ pub struct Frame<'a> {
     frames: &'a mut Frames,
     index: usize,
     uniform_bytes: u64,
+    /// Nothing was recorded.
+    is_empty: bool,
 }
 
 impl Frame<'_> {
@@ -313,6 +324,7 @@ impl Frame<'_> {
     where
         Self: 'f,
     {
+        self.is_empty = false;
         Pass::new(
             &self.frames.gpu,
             &mut self.frames.slots[self.index],
@@ -398,7 +410,7 @@ impl Frame<'_> {
             gpu.device.cmd_copy_image_to_buffer(
                 commands,
                 image.handle,
-                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                image.layout_of(Access::CopySource),
                 into.handle(),
                 &regions,
             );
@@ -479,7 +491,7 @@ impl Frame<'_> {
             gpu.device.cmd_blit_image(
                 commands,
                 image.handle,
-                vk::ImageLayout::TRANSFER_SRC_OPTIMAL,
+                image.layout_of(Access::BlitSource),
                 onto.image,
                 vk::ImageLayout::TRANSFER_DST_OPTIMAL,
                 &regions,
@@ -509,7 +521,7 @@ impl Frame<'_> {
         self.submit_with(Some((onto.free, stages)), Some(onto.drawn))
     }
 
-    /// Ends the recording and submits the frame.
+    /// Ends the recording and submits the frame. Without a pass there is nothing to submit: such a frame has finished at once.
     ///
     /// # Errors
     /// When the device is lost or a Vulkan call fails.
@@ -524,13 +536,19 @@ impl Frame<'_> {
     ) -> Result<Ticket, Error> {
         let slot = &mut self.frames.slots[self.index];
         slot.uniform_bytes = self.uniform_bytes;
+        let is_idle = self.is_empty && waits.is_none() && signals.is_none();
+        if is_idle {
+            slot.queries.forget();
+        }
         slot.queries.end(&self.frames.gpu, slot.commands);
         self.frames.gpu.end_label(slot.commands);
         // SAFETY: recording was begun and no rendering scope is open.
         unsafe { self.frames.gpu.device.end_command_buffer(slot.commands) }
             .map_err(Error::vulkan("vkEndCommandBuffer", "a frame"))?;
-        slot.submit_time = Some(Instant::now());
-        slot.submitted = self.frames.gpu.submit(slot.commands, waits, signals)?;
+        if !is_idle {
+            slot.submit_time = Some(Instant::now());
+            slot.submitted = self.frames.gpu.submit(slot.commands, waits, signals)?;
+        }
         let ticket = Ticket {
             slot: self.index,
             value: slot.submitted,
@@ -549,7 +567,8 @@ pub(super) fn copy_once(
     bytes: u64,
 ) -> Result<(), Error> {
     let mut frames = Frames::new(gpu, 1, false)?;
-    let frame = frames.begin()?;
+    let mut frame = frames.begin()?;
+    frame.is_empty = false;
     let commands = frame.frames.slots[frame.index].commands;
     frame.frames.barriers.buffer(from, Access::CopySource);
     frame.frames.barriers.buffer(to, Access::CopyTarget);

@@ -1,7 +1,7 @@
 //! Images that passes draw into, sample and copy.
 
-use super::access::State;
-use super::{Error, Gpu, Remains};
+use super::access::{Access, State};
+use super::{Error, Gpu, Remains, lock};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
@@ -69,7 +69,33 @@ pub struct Image {
     pub height: u32,
     name: String,
     pub(super) state: Mutex<State>,
+    rows: Option<Rows>,
 }
+
+/// Where the rows of an image lie that the host writes.
+#[derive(Debug)]
+struct Rows {
+    /// The first byte in the image's memory, and bytes from row to row: multiples of 4.
+    first: usize,
+    pitch: usize,
+    shadow: Option<Vec<u8>>,
+}
+
+/// What memory an image lies in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// That of the device.
+    Device,
+    /// Mapped, row by row.
+    Mapped,
+}
+
+/// What a mapped image is for.
+pub(super) const MAPPED_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_raw(
+    vk::ImageUsageFlags::SAMPLED.as_raw() | vk::ImageUsageFlags::TRANSFER_SRC.as_raw(),
+);
+/// Its format.
+pub(super) const MAPPED_FORMAT: Format = Format::Rgba8;
 
 impl Image {
     /// Makes an image that can be a target, sampled and copied from. Its contents are undefined until a pass
@@ -84,13 +110,8 @@ impl Image {
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
-        Self::with(
-            gpu,
-            name,
-            format,
-            (width, height),
-            vk::ImageUsageFlags::empty(),
-        )
+        let usage = target(format);
+        Self::with(gpu, name, format, (width, height), (usage, Place::Device))
     }
 
     /// As [`new`](Image::new), and can be copied to.
@@ -104,8 +125,85 @@ impl Image {
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
-        let usage = vk::ImageUsageFlags::TRANSFER_DST;
-        Self::with(gpu, name, format, (width, height), usage)
+        let usage = target(format) | vk::ImageUsageFlags::TRANSFER_DST;
+        Self::with(gpu, name, format, (width, height), (usage, Place::Device))
+    }
+
+    /// Makes a picture of eight bits a channel that the host writes, in memory that is mapped for its whole life; it can be sampled
+    /// and copied from. Black, and empty, at first. `None` where the device has no such images of this size.
+    ///
+    /// Words written through [`words_mut`](Image::words_mut) reach the device only after [`flush`](Image::flush), and must not
+    /// change while a submission reads them.
+    ///
+    /// # Errors
+    /// When a side is 0, or memory cannot be had.
+    pub fn mapped(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        width: u32,
+        height: u32,
+    ) -> Result<Option<Self>, Error> {
+        if width.max(height) > gpu.info.max_mapped_side {
+            return Ok(None);
+        }
+        let usage = (MAPPED_USAGE, Place::Mapped);
+        let mut image = Self::with(gpu, name, MAPPED_FORMAT, (width, height), usage)?;
+        let plane = vk::ImageSubresource {
+            aspect_mask: MAPPED_FORMAT.aspect(),
+            mip_level: 0,
+            array_layer: 0,
+        };
+        // SAFETY: the image is alive, has linear tiling, and has this one level and layer.
+        let layout = unsafe { gpu.device.get_image_subresource_layout(image.handle, plane) };
+        let (first, pitch) = (layout.offset as usize, layout.row_pitch as usize);
+        let word = size_of::<u32>();
+        let bytes = pitch * (height as usize - 1) + width as usize * word;
+        let memory = image.memory.as_mut();
+        let mapped = memory.and_then(|memory| memory.mapped_slice_mut());
+        let rows = mapped.and_then(|mapped| mapped.get_mut(first..first + bytes));
+        match rows {
+            // Vulkan does not clear memory; nothing uninitialized is ever read through a slice.
+            Some(rows) if first.is_multiple_of(word) && pitch.is_multiple_of(word) => rows.fill(0),
+            _ => return Ok(None),
+        }
+        image.rows = Some(Rows {
+            first,
+            pitch,
+            shadow: gpu.pretend_noncoherent.then(|| vec![0; bytes]),
+        });
+        image.state = Mutex::new(State::mapped());
+        Ok(Some(image))
+    }
+
+    /// The pixels of an image that the host writes, red in the lowest byte, and how many words lie from row to row; nothing of others.
+    pub fn words_mut(&mut self) -> (&mut [u32], usize) {
+        let Some(rows) = &mut self.rows else {
+            return (&mut [], 0);
+        };
+        let length = rows.pitch * (self.height as usize - 1) + 4 * self.width as usize;
+        let mapped = self.memory.as_mut().and_then(|m| m.mapped_slice_mut());
+        let bytes = match (&mut rows.shadow, mapped) {
+            (Some(shadow), _) => shadow,
+            (None, Some(mapped)) => &mut mapped[rows.first..rows.first + length],
+            (None, None) => return (&mut [], 0),
+        };
+        (bytemuck::cast_slice_mut(bytes), rows.pitch / 4)
+    }
+
+    /// Makes the words visible to submissions that come after.
+    pub fn flush(&mut self) {
+        let memory = self.memory.as_mut();
+        if let Some(rows) = &self.rows
+            && let Some(shadow) = &rows.shadow
+            && let Some(mapped) = memory.and_then(|m| m.mapped_slice_mut())
+        {
+            mapped[rows.first..rows.first + shadow.len()].copy_from_slice(shadow);
+        }
+    }
+
+    /// The layout that an access finds it in.
+    pub(super) fn layout_of(&self, access: Access) -> vk::ImageLayout {
+        lock(&self.state).layout_of(access)
     }
 
     fn with(
@@ -113,7 +211,7 @@ impl Image {
         name: &str,
         format: Format,
         (width, height): (u32, u32),
-        usage: vk::ImageUsageFlags,
+        (usage, place): (vk::ImageUsageFlags, Place),
     ) -> Result<Self, Error> {
         let limit = gpu.info.max_image_side;
         for side in [width, height] {
@@ -125,10 +223,7 @@ impl Image {
                 });
             }
         }
-        let target = match format {
-            Format::Depth32 => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
-            _ => vk::ImageUsageFlags::COLOR_ATTACHMENT,
-        };
+        let is_mapped = place == Place::Mapped;
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(format.vk())
@@ -140,13 +235,17 @@ impl Image {
             .mip_levels(1)
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
-            .tiling(vk::ImageTiling::OPTIMAL)
-            .usage(
-                target | usage | vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC,
-            )
-            .initial_layout(vk::ImageLayout::UNDEFINED);
+            .tiling(match place {
+                Place::Device => vk::ImageTiling::OPTIMAL,
+                Place::Mapped => vk::ImageTiling::LINEAR,
+            })
+            .usage(usage)
+            .initial_layout(match place {
+                Place::Device => vk::ImageLayout::UNDEFINED,
+                Place::Mapped => vk::ImageLayout::PREINITIALIZED,
+            });
         // SAFETY: the device is alive; sides are within the limits; these formats and usages are mandatory in
-        // Vulkan 1.3.
+        // Vulkan 1.3, and the device was asked about the one of mapped images.
         let handle = unsafe { gpu.device.create_image(&info, None) }
             .map_err(Error::vulkan("vkCreateImage", name))?;
         let mut image = Self {
@@ -159,10 +258,15 @@ impl Image {
             height,
             name: name.to_owned(),
             state: Mutex::default(),
+            rows: None,
         };
         // SAFETY: the image was just created from this device.
         let requirements = unsafe { gpu.device.get_image_memory_requirements(handle) };
-        let memory = gpu.allocate(name, requirements, MemoryLocation::GpuOnly, false)?;
+        let location = match place {
+            Place::Device => MemoryLocation::GpuOnly,
+            Place::Mapped => MemoryLocation::CpuToGpu,
+        };
+        let memory = gpu.allocate(name, requirements, location, is_mapped)?;
         // SAFETY: memory and offset come from the allocator for these requirements; bound once.
         let bound = unsafe {
             gpu.device
@@ -192,6 +296,15 @@ impl Image {
     pub fn bytes(&self) -> u64 {
         self.format.pixel_bytes() * u64::from(self.width) * u64::from(self.height)
     }
+}
+
+/// What a target is for: to be drawn into, sampled and copied from.
+fn target(format: Format) -> vk::ImageUsageFlags {
+    let drawn = match format {
+        Format::Depth32 => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+        _ => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+    };
+    drawn | vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC
 }
 
 /// The one level and layer of an image.

@@ -422,7 +422,7 @@ fn write(frame: &mut Frame<'_>, from: &Upload, offset: u64, image: &Image) {
     let whole = [0, 0, image.width, image.height];
     frame
         .pass("overlay.texture")
-        .copy_in(whole, &[(from, offset, image)], None);
+        .copy_in(whole, &[(from, offset, image)]);
 }
 
 #[cfg(test)]

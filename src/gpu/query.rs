@@ -100,6 +100,8 @@ pub(super) struct Queries {
     pub(super) measure: Measure,
     timed: Vec<&'static str>,
     counted: Vec<PassCounters>,
+    /// The frame is not submitted: nothing is written.
+    is_idle: bool,
 }
 
 fn pool(
@@ -148,6 +150,7 @@ impl Queries {
         self.measure = measure;
         self.timed.clear();
         self.counted.clear();
+        self.is_idle = false;
         let reset = |pool: vk::QueryPool, count: u32| {
             if pool != vk::QueryPool::null() {
                 // SAFETY: no submission uses the pool any more; the feature hostQueryReset is enabled.
@@ -171,6 +174,11 @@ impl Queries {
         if self.measure.frame {
             self.stamp(gpu, commands, FRAME_QUERY + 1);
         }
+    }
+
+    /// The frame, which has no pass, is not submitted: it takes the device no time.
+    pub(super) fn forget(&mut self) {
+        self.is_idle = true;
     }
 
     /// The first of the two timestamp queries of the next pass, if it is timed.
@@ -246,6 +254,10 @@ impl Queries {
         let mut ticks = [0u64; 2 * MAX_PASSES as usize];
         let ticks = &mut ticks[..2 * self.timed.len()];
         let mut frame = [0u64; 2];
+        if self.is_idle {
+            report.device.frame_ms = self.measure.frame.then_some(0.0);
+            return Ok(report);
+        }
         if !ticks.is_empty() {
             results(gpu, self.timestamps, 0, ticks)?;
         }

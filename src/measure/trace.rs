@@ -151,6 +151,8 @@ impl Profile {
             return;
         };
         let first = match &sample.anchor {
+            // The host drew it all.
+            _ if sample.times.starts.submission.is_none() => None,
             Some(anchor) => anchor.instant_of(device.first_tick, info),
             None => sample.times.starts.submission,
         };

@@ -1,6 +1,7 @@
 //! Draw lists in mapped memory: one set for each frame in flight, grown when a frame needs more, and kept as long as
 //! frames ask for the same.
 
+use super::compute::drawn::Onto;
 use super::compute::twin::Share;
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
@@ -63,6 +64,8 @@ pub(super) struct Held {
     pub(super) ways: Ways,
     /// The host has drawn the splats.
     pub(super) is_drawn: bool,
+    /// They are all there is, and the picture is [`compute::drawn::Drawn::image`].
+    pub(super) is_shown: bool,
     /// Of the cut.
     pub(super) stats: Stats,
 }
@@ -238,7 +241,7 @@ impl Lists {
                 may_sample && matches!(&packing, Packing::Splats(plan) if has_one_size(plan));
             ways.is_small && (may_sample || !has_triangles)
         });
-        let (mut is_drawn, mut undrawn) = (false, 0);
+        let (mut is_drawn, mut is_shown, mut undrawn) = (false, false, 0);
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan) => {
                 let may_sample = may_sample && plan.has_one_size(model);
@@ -269,7 +272,15 @@ impl Lists {
                     packed.points += count;
                 }
                 if let Some((look, (screen, light))) = host_draws.filter(|_| packed.points > 0) {
-                    let (splats, frame) = (&out[..written], (&screen, &light));
+                    let has_triangles = match samples {
+                        Some(_) => !self.rest_ids.is_empty(),
+                        None => key.has_triangles && !cut.triangles.is_empty(),
+                    };
+                    let onto = match has_triangles || packed.quads > 0 {
+                        true => Onto::Storage,
+                        false => Onto::Image(view.width, view.height),
+                    };
+                    let (splats, frame) = (&out[..written], ((&screen, &light), onto));
                     if by_cut {
                         let all = scene.undrawn(model);
                         undrawn = all.count_in(cut);
@@ -282,9 +293,9 @@ impl Lists {
                             are_discs: look.are_discs,
                             are_seen: key.choice.hides(),
                         };
-                        self.nearest.draw_cut(gpu, (own, splats), frame)?;
+                        is_shown = self.nearest.draw_cut(gpu, (own, splats), frame)?;
                     } else {
-                        self.nearest.draw(gpu, splats, (look, 0), frame)?;
+                        is_shown = self.nearest.draw(gpu, splats, (look, 0), frame)?;
                     }
                     is_drawn = true;
                 }
@@ -359,6 +370,7 @@ impl Lists {
             },
             ways,
             is_drawn,
+            is_shown,
             stats: cut.stats,
             key,
         });

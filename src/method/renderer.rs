@@ -112,9 +112,10 @@ pub struct Renderer {
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
     probe: Option<Readback>,
-    /// The slot whose lists have the depths of the last frame, of a part of the picture, where they are not in the target.
-    #[cfg(feature = "viewer")]
-    depth_of: Option<(usize, [u32; 4])>,
+    /// The slot whose lists have the picture of the last frame, and depths of a part of it, where they are not in the targets.
+    by_host: Option<(usize, [u32; 4])>,
+    /// The frame that showed such a picture again, from another slot.
+    shown_again: Option<Ticket>,
     keeps_lists: bool,
     /// What the present cut was chosen for, and in which scene; none where packing changed it.
     chosen: Option<(u64, Choice)>,
@@ -186,8 +187,8 @@ impl Renderer {
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
-            #[cfg(feature = "viewer")]
-            depth_of: None,
+            by_host: None,
+            shown_again: None,
             keeps_lists: false,
             chosen: None,
             visited: 0,
@@ -397,10 +398,7 @@ impl Renderer {
         let settings = &self.for_frame(settings, model, view);
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
-        #[cfg(feature = "viewer")]
-        {
-            self.depth_of = None;
-        }
+        self.by_host = None;
         let start = Instant::now();
         let is_counted = settings.color_by == ColorBy::Overdraw;
         let counted = is_counted.then(|| self.frames.next_slot());

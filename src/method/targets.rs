@@ -2,8 +2,6 @@
 
 use super::{NORMAL, triangles};
 use crate::draw::Lighting;
-use crate::gpu::buffer::AnyBuffer;
-use crate::gpu::device::Kind;
 use crate::gpu::frame::{Load, Pass};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::{Error, Gpu};
@@ -25,14 +23,9 @@ impl Targets {
         height: u32,
         (color, normals): (Format, bool),
     ) -> Result<Self, Error> {
-        // What the host draws is copied there.
-        let make = match gpu.info().kind {
-            Kind::Cpu => Target::copied_to,
-            _ => Target::new,
-        };
         Ok(Self {
-            color: make(gpu, "color", color, width, height)?,
-            depth: make(gpu, "depth", Format::Depth32, width, height)?,
+            color: Target::new(gpu, "color", color, width, height)?,
+            depth: Target::new(gpu, "depth", Format::Depth32, width, height)?,
             normal: normals
                 .then(|| Target::new(gpu, "normal", NORMAL, width, height))
                 .transpose()?,
@@ -73,28 +66,6 @@ impl Targets {
             true => Load::Clear(value),
             false => Load::Keep,
         })
-    }
-
-    /// Records a pass that copies color, and depth if it has a place, of the rectangle of a frame, each from the byte of a buffer
-    /// on; what is beside it becomes empty. There is no target of normals, and the device is a software one.
-    pub(crate) fn copy_in(
-        &self,
-        pass: Pass<'_>,
-        context: &Context,
-        (buffer, color, depth): (&dyn AnyBuffer, u64, Option<u64>),
-    ) {
-        let [r, g, b] = context.background;
-        let is_whole = context.rect_px == [0, 0, self.color.width, self.color.height];
-        let values = [[r, g, b, 0.0], [0.0; 4]];
-        let color = (buffer, color, &self.color);
-        let clear = (!is_whole).then_some(&values[..]);
-        match depth {
-            Some(depth) => {
-                let copies = [color, (buffer, depth, &self.depth)];
-                pass.copy_in(context.rect_px, &copies, clear);
-            }
-            None => pass.copy_in(context.rect_px, &[color], clear),
-        }
     }
 
     /// Attaches all targets; `load` decides from the clear value.

@@ -114,9 +114,15 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
         "draw_list_bytes",
     ]
     .map(|n| count(stats, n));
-    match method {
-        "triangles" => assert_eq!((visited, splats, triangles, points), (0, 0, 1_000_000, 0)),
-        "points" => assert_eq!((visited, splats, triangles, points), (0, 0, 0, 501_501)),
+    let is_by_host = match method {
+        "triangles" => {
+            assert_eq!((visited, splats, triangles, points), (0, 0, 1_000_000, 0));
+            false
+        }
+        "points" => {
+            assert_eq!((visited, splats, triangles, points), (0, 0, 0, 501_501));
+            false
+        }
         _ => {
             // Far fewer than there are, and not none: a sphere of about 90 pixels.
             assert!((500..100_000).contains(&splats), "{splats}");
@@ -131,11 +137,13 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
                 own == 24 * splats || (is_device && by_host && own > 0),
                 "bytes of the draw lists: {own}"
             );
+            by_host && own != 24 * splats
         }
-    }
+    };
     if is_device {
         let passes = stats["passes"].as_array().unwrap();
-        assert!(!passes.is_empty() || stats["device"]["timestamp_period_ns"] == 0.0);
+        let has_clock = stats["device"]["timestamp_period_ns"] != 0.0;
+        assert!(!passes.is_empty() || is_by_host || !has_clock);
         for pass in passes {
             assert!(pass["name"].as_str().unwrap().contains('.'), "{pass}");
             spread(&pass["gpu_ms"]);

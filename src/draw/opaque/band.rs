@@ -177,9 +177,7 @@ impl Band<'_> {
     ) {
         let own = self.depth.chunks(self.stride);
         let own = own.zip(self.number.chunks(self.stride));
-        let rows = picture.colors.chunks_mut(self.width);
-        let rows = rows.zip(picture.depths.chunks_mut(self.width));
-        for ((shown, depths), (own_depths, numbers)) in rows.zip(own) {
+        for ((shown, depths), (own_depths, numbers)) in picture.rows(self.width).zip(own) {
             depths.copy_from_slice(&own_depths[..self.width]);
             for (shown, (&depth, &number)) in shown.iter_mut().zip(own_depths.iter().zip(numbers)) {
                 if depth == 0.0 {

@@ -144,15 +144,15 @@ pub(super) fn draw_by(
         }
         band.write((colors, light.background), &mut picture);
         if colors.is_none() {
-            mark(&picture, seen);
+            mark(&picture, width, seen);
         }
     });
 }
 
 /// Marks those of the first splats of a list that are the nearest somewhere.
-fn mark(picture: &Picture<'_>, seen: &[AtomicU8]) {
+fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
     let mut last = u32::MAX;
-    for &color in picture.shown() {
+    for &color in picture.shown(width) {
         let number = !color & !SPLAT_BIT;
         if number != last
             && let Some(seen) = seen.get(number as usize)

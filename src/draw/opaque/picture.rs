@@ -3,12 +3,15 @@
 use super::bands::BAND_PX;
 use super::screen::Screen;
 
-/// What is shown, row by row of the rectangle.
+/// What is shown in the rectangle of a screen.
 #[derive(Debug)]
 pub struct Picture<'a> {
-    /// Red in the lowest byte, coverage in the highest: all or nothing.
+    /// Red in the lowest byte, coverage in the highest: all or nothing. From the first pixel of the rectangle on, perhaps in a
+    /// larger picture.
     pub colors: &'a mut [u32],
-    /// Reversed; 0 where nothing is.
+    /// From a row of colors to the next, pixels.
+    pub pitch: usize,
+    /// Reversed; 0 where nothing is. Row by row.
     pub depths: &'a mut [f32],
 }
 
@@ -17,22 +20,40 @@ impl Picture<'_> {
     pub(super) fn again(&mut self) -> Picture<'_> {
         Picture {
             colors: self.colors,
+            pitch: self.pitch,
             depths: self.depths,
         }
     }
 
     /// Bands of rows.
     pub(super) fn bands(self, screen: &Screen) -> impl ExactSizeIterator<Item = Self> {
-        let pixels = screen.pixels();
-        let band = (BAND_PX * screen.width()).max(1);
-        let colors = self.colors[..pixels].chunks_mut(band);
-        let bands = colors.zip(self.depths[..pixels].chunks_mut(band));
-        bands.map(|(colors, depths)| Picture { colors, depths })
+        let (pixels, width, pitch) = (screen.pixels(), screen.width(), self.pitch);
+        let behind = match pixels {
+            0 => 0,
+            _ => pixels / width * pitch - (pitch - width),
+        };
+        let chunk = |row: usize| (BAND_PX * row).max(1);
+        let colors = self.colors[..behind].chunks_mut(chunk(pitch));
+        let bands = colors.zip(self.depths[..pixels].chunks_mut(chunk(width)));
+        bands.map(move |(colors, depths)| Picture {
+            colors,
+            pitch,
+            depths,
+        })
+    }
+
+    /// Colors and depths of the rows of `width` pixels, at least one.
+    pub(super) fn rows(&mut self, width: usize) -> impl Iterator<Item = (&mut [u32], &mut [f32])> {
+        let colors = self.colors.chunks_mut(self.pitch);
+        let colors = colors.map(move |row| &mut row[..width]);
+        colors.zip(self.depths.chunks_mut(width))
     }
 
     /// What the pixels show that show anything.
-    pub(super) fn shown(&self) -> impl Iterator<Item = &u32> {
-        let all = self.colors.iter().zip(&*self.depths);
+    pub(super) fn shown(&self, width: usize) -> impl Iterator<Item = &u32> {
+        let rows = self.colors.chunks(self.pitch);
+        let rows = rows.zip(self.depths.chunks(width));
+        let all = rows.flat_map(|(colors, depths)| colors.iter().zip(depths));
         all.filter(|(_, depth)| **depth != 0.0)
             .map(|(color, _)| color)
     }

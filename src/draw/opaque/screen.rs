@@ -41,11 +41,17 @@ impl Screen {
         })
     }
 
-    pub(super) fn width(&self) -> usize {
+    /// The part of the picture that is drawn in: left, top, and one past right and bottom, pixels.
+    pub fn rect_px(&self) -> [u32; 4] {
+        self.rect_px
+    }
+
+    /// Pixels of a row of it.
+    pub fn width(&self) -> usize {
         (self.rect_px[2] - self.rect_px[0]) as usize
     }
 
-    /// How many pixels it has.
+    /// How many pixels all of it has.
     pub fn pixels(&self) -> usize {
         self.width() * (self.rect_px[3] - self.rect_px[1]) as usize
     }

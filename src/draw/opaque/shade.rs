@@ -49,6 +49,11 @@ impl Light {
                 .fold(0, |word, byte| word << 8 | byte),
         }
     }
+
+    /// What pixels show where nothing is, as [`Picture`](super::Picture) has colors.
+    pub fn background(&self) -> u32 {
+        self.background
+    }
 }
 
 /// What the surfaces of a block of splats are like: normals and colors as [`Splat`] has them.

@@ -27,8 +27,6 @@ pub(crate) struct List<'a> {
     pub(crate) areas: &'a [[u32; 4]],
     /// What the host has drawn of it: all, and there are no triangles.
     pub(crate) drawn: Option<&'a Drawn>,
-    /// Something reads the depth target after it. Else what the host has drawn alone need not be copied there.
-    pub(crate) needs_depth: bool,
 }
 
 /// Triangles of a scene: their corner indices, page by page.

@@ -308,8 +308,7 @@ impl Small {
         Ok(())
     }
 
-    /// Passes small.clear, small.triangles, small.splats and small.resolve; of a list that the host has drawn the last alone, or
-    /// small.copy where nothing else was drawn.
+    /// Passes small.clear, small.triangles, small.splats and small.resolve; of a list that the host has drawn the last alone.
     /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
     ///
     /// # Errors
@@ -325,17 +324,11 @@ impl Small {
         if list.is_empty() {
             return Ok(());
         }
-        if let (Some(drawn), true) = (list.drawn, is_first) {
-            let (buffer, depths) = drawn.buffer();
-            let depths = list.needs_depth.then_some(depths);
-            targets.copy_in(frame.pass("small.copy"), context, (buffer, 0, depths));
-            return Ok(());
-        }
         if let (Some(drawn), Some(pipeline)) = (list.drawn, &self.resolve_drawn) {
             let uniform = frame.uniform(&list::constants(context))?;
             let pass = targets.attach_after(frame.pass("small.resolve"), context, is_first);
             let picture = [0.0, 0.0, context.width as f32, context.height as f32];
-            let pass = pass.fragment_storage(drawn.buffer().0);
+            let pass = pass.fragment_storage(drawn.buffer());
             pass.draw(picture, |draw| {
                 draw.cull_back_faces(false, false);
                 draw.bind_storage(pipeline, &[constants, uniform], &[], &[drawn.storage()]);

@@ -112,6 +112,9 @@ impl Renderer {
         let packing = Stage::Pack.begin();
         if times.kept != Kept::Lists {
             self.frames.wait_for_next()?;
+            if let Some(ticket) = self.shown_again.take() {
+                self.frames.wait_for(ticket)?;
+            }
             let asked = Asked {
                 size_px: choice::size_px(settings, (model, view), &self.cut),
                 ..self.asked(settings, &context)
@@ -206,7 +209,6 @@ impl Renderer {
             variant: compute_variant(settings, model, flags),
             areas: &areas,
             drawn: (held.is_drawn && drawing == Drawing::Opaque).then_some(&lists.nearest),
-            needs_depth: self.outputs.depth || packed.quads > 0,
         };
         let small_triangles = Triangles {
             scene,
@@ -215,12 +217,14 @@ impl Renderer {
         };
         let variant = Splats::variant_of(settings, flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
+        self.by_host = held.is_shown.then_some((slot, context.rect_px));
         match (
             Drawing::of(settings),
             &self.triangles,
             opaque,
             &self.filtered,
         ) {
+            (Drawing::Opaque, ..) if held.is_shown => {}
             (Drawing::Opaque, Some((_, pipeline)), Some(splats), _) => {
                 let small = self.small.as_ref().filter(|_| ways.is_small);
                 let mut packed_left = packed;
@@ -241,10 +245,6 @@ impl Renderer {
                         &context,
                         constants,
                     );
-                }
-                #[cfg(feature = "viewer")]
-                if has_small && held.is_drawn && !has_triangles && !small_list.needs_depth {
-                    self.depth_of = Some((slot, context.rect_px));
                 }
                 if let Some(small) = small {
                     let context = (&context, !has_triangles);
@@ -310,7 +310,8 @@ impl Renderer {
             };
             counter.record(&mut frame, &self.targets, list, &context, constants);
         }
-        let ticket = end(frame, &self.targets.color)?;
+        let picture = lists.nearest.image().filter(|_| held.is_shown);
+        let ticket = end(frame, picture.unwrap_or(&self.targets.color))?;
         submit.end(&mut times);
         if held.is_drawn && times.kept != Kept::Lists {
             times.host_ms = host_ms;

@@ -14,6 +14,7 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::method::compute;
 use crate::method::compute::choice::{self, Asked};
+use crate::method::compute::drawn::Drawn;
 use crate::method::compute::twin::Share;
 use crate::method::plan::{Choice, Drawing, filtered_shade};
 use crate::method::scene::Scene;
@@ -101,7 +102,7 @@ impl Renderer {
                 (self.targets.color.format, self.outputs.normal),
             )?;
             self.readback = None;
-            self.depth_of = None;
+            self.by_host = None;
             self.small = None;
             (self.filtered, self.spare_filtered) = (None, Vec::new());
             self.visibility = None;
@@ -214,7 +215,12 @@ impl Renderer {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
         let frame = self.frames.begin()?;
-        let ticket = shown.end(frame, &self.targets.color)?;
+        let by_host = self.by_host.map(|(slot, _)| &self.lists[slot].nearest);
+        let by_host = by_host.and_then(Drawn::image);
+        let ticket = shown.end(frame, by_host.unwrap_or(&self.targets.color))?;
+        if by_host.is_some() {
+            self.shown_again = Some(ticket);
+        }
         Ok(Submitted {
             ticket,
             times: FrameTimes::default(),
@@ -245,6 +251,7 @@ impl Renderer {
     ) -> Result<Submitted, Error> {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
+        self.by_host = None;
         let context = Context {
             rect_px: [0, 0, self.targets.color.width, self.targets.color.height],
             width: self.targets.color.width,
@@ -275,9 +282,10 @@ impl Renderer {
     /// # Errors
     /// When memory runs out or the device is lost.
     pub fn read_shown(&mut self, overlay: Option<&Overlay>) -> Result<Image, Error> {
-        let shown = overlay
-            .and_then(Overlay::shown)
-            .unwrap_or(&self.targets.color);
+        let by_host = self.by_host.map(|(slot, _)| &self.lists[slot].nearest);
+        let shown = overlay.and_then(Overlay::shown);
+        let shown = shown.or_else(|| by_host.and_then(Drawn::image));
+        let shown = shown.unwrap_or(&self.targets.color);
         let mut pixels = Readback::new(&self.gpu, "readback of the window", shown.bytes())?;
         let mut frame = self.frames.begin()?;
         frame.read_back("readback.window", shown, &pixels);
@@ -309,7 +317,7 @@ impl Renderer {
         let right = (x + PROBE_RADIUS_PX + 1).min(width);
         let bottom = (y + PROBE_RADIUS_PX + 1).min(height);
         let part = [left, top, right - left, bottom - top];
-        let depth = match self.depth_of {
+        let depth = match self.by_host {
             Some(of) => self.depths_by_host(of, part),
             None => self.read_depths(part)?,
         };
@@ -317,22 +325,7 @@ impl Renderer {
         Ok(found.map(|depth| view.distance_of_depth(depth)))
     }
 
-    /// Reversed depths of a part of the picture, left, top, width and height, of which the host drew the pixels of a rectangle.
-    fn depths_by_host(&mut self, (slot, rect_px): (usize, [u32; 4]), part: [u32; 4]) -> Vec<f32> {
-        let depths = self.lists[slot].nearest.depths();
-        let [left, top, right, bottom] = rect_px;
-        let [first_x, first_y, width, height] = part;
-        let rows = (first_y..first_y + height).flat_map(|y| {
-            (first_x..first_x + width).map(move |x| {
-                let is_in = (left..right).contains(&x) && (top..bottom).contains(&y);
-                is_in.then(|| (y - top) as usize * (right - left) as usize + (x - left) as usize)
-            })
-        });
-        rows.map(|at| at.and_then(|at| depths.get(at)).map_or(0.0, |&depth| depth))
-            .collect()
-    }
-
-    /// The same from the target.
+    /// Reversed depths of a part of the picture, left, top, width and height, from the target.
     fn read_depths(&mut self, part: [u32; 4]) -> Result<Vec<f32>, Error> {
         let mut probe = match self.probe.take() {
             Some(probe) => probe,
