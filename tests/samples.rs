@@ -31,9 +31,9 @@ fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> (Im
     (engine.read(view).unwrap(), times.counts, has_triangles)
 }
 
-/// The same pixels as of the rasterizer, colors within one level and depths within a twentieth of a footprint but where two
-/// surfaces tie or an edge runs through a pixel center (0.01 percent of the pixels, and one; of depths ten times that, since
-/// a rasterizer interpolates that of a tiny triangle from where the picture begins).
+/// The same pixels as of the rasterizer, colors within one level but in two pixels, where surfaces tie, and depths within a
+/// twentieth of a footprint but in 0.1 percent of the pixels, and one, since a rasterizer interpolates that of a tiny triangle from
+/// where the picture begins.
 fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, what: &str) {
     let [(raster, of_raster, _), (compute, of_compute, has_triangles)] =
         [Path::Raster, Path::Compute]
@@ -50,10 +50,7 @@ fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, 
     let d = compare(&raster, &compute, 1.5).unwrap();
     let pixels = f64::from(view.width * view.height);
     assert!(d.object.pixels > 500, "{what}: an empty picture");
-    assert!(
-        d.whole.past_level as f64 <= 1.0 + pixels * 1e-4,
-        "{what}: {d:?}"
-    );
+    assert!(d.whole.past_level <= 2, "{what}: {d:?}");
     let tolerance = 0.05 * view.far / view.focal_px();
     let [mut coverage, mut depths] = [0, 0];
     for (a, b) in raster.depth.iter().zip(&compute.depth) {
@@ -61,7 +58,7 @@ fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, 
         depths += usize::from(a.is_finite() && b.is_finite() && (a - b).abs() > tolerance);
     }
     assert!(
-        coverage <= 1,
+        coverage == 0,
         "{what}: {coverage} pixels are covered by one only"
     );
     assert!(
@@ -104,6 +101,22 @@ fn samples_are_the_pixels_of_the_rasterizer() {
                 }
             }
         }
+    }
+}
+
+/// Many centers lie beside the needle that covers them, by less than its corners are moved by.
+#[test]
+fn samples_of_needles_leave_no_holes() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Torus, 1_000_000);
+    for (azimuth, fill) in [(20.0, 1.0), (80.0, 0.6)] {
+        let view = orbit(&model, (300, 300), azimuth, 20.0, fill);
+        let settings = Settings {
+            threshold_px: 0.0,
+            ..Settings::default()
+        };
+        let what = format!("{azimuth}, {fill}");
+        assert_same(&device, &model, &view, settings, &what);
     }
 }
 

@@ -10,7 +10,7 @@
 //! of a matrix times a vector, positions in steps of 1/256 pixel, edges in whole numbers. A software device does the same
 //! operations, so neighbors of which one is drawn here and one there neither overlap nor leave a gap. On others the last
 //! place of a quotient may differ; they get triangles. What is seen at a pixel's center is that of the triangle as it is, without
-//! steps.
+//! steps, unless the center lies beside that by what corners are moved by.
 
 mod cover;
 mod surface;
@@ -236,10 +236,14 @@ fn part<S: Simd>(
                         let value = covered.values[i][lane]
                             + column * covered.to_right[i][lane]
                             + row * covered.down[i][lane];
-                        // A center may lie beside the triangle by what its corners are moved by.
-                        (value * covered.inverse_w[i][lane]).max(0.0)
+                        value * covered.inverse_w[i][lane]
                     };
-                    queue.push(corners, [weight(0), weight(1), weight(2)]);
+                    let mut weights = [weight(0), weight(1), weight(2)];
+                    if weights[0].min(weights[1]).min(weights[2]) < 0.0 {
+                        let positions = corners.map(|corner| corner.position);
+                        weights = cover::in_steps(screen, positions, [column, row]);
+                    }
+                    queue.push(corners, weights);
                 }
             }
         }
@@ -343,17 +347,21 @@ mod tests {
         assert!(numbers[0] > 10_000 && numbers[1] > 3_000, "{numbers:?}");
     }
 
-    /// Triangles of some 40 to 250 steps, thick enough: a step is a hundredth of them.
-    #[test]
-    fn weights_are_those_of_triangles_as_they_are() {
-        let screen = screen(2.0, 400);
-        let mut state = 7u64;
-        let mut next = || {
+    /// Numbers in 0..1, the same in every run.
+    fn random(mut state: u64) -> impl FnMut() -> f64 {
+        move || {
             state = state
                 .wrapping_mul(6_364_136_223_846_793_005)
                 .wrapping_add(1);
             f64::from((state >> 40) as u32) / f64::from(1 << 24)
-        };
+        }
+    }
+
+    /// Triangles of some 40 to 250 steps, thick enough: a step is a hundredth of them.
+    #[test]
+    fn weights_are_those_of_triangles_as_they_are() {
+        let screen = screen(2.0, 400);
+        let mut next = random(7);
         let in_window = |p: &[f64; 3]| {
             let times = |row: &[f32; 4]| {
                 (0..3).map(|i| f64::from(row[i]) * p[i]).sum::<f64>() + f64::from(row[3])
@@ -435,6 +443,45 @@ mod tests {
             }
         }
         assert!(compared > 1000, "{compared}");
+    }
+
+    /// Needles in every direction, of which corners are moved by more than they are thick: what stands for a pixel lies at its
+    /// center, by the steps that corners are moved by, and no pixel is left out.
+    #[test]
+    fn what_stands_for_a_pixel_is_at_its_center() {
+        let screen = screen(2.0, 400);
+        let mut next = random(11);
+        let mut mesh = Model::default();
+        for _ in 0..60_000 {
+            let middle = [0, 1, 2].map(|_| 0.8 * next() - 0.4);
+            let along = [0, 1, 2].map(|_| 0.03 * (next() - 0.5));
+            let first = mesh.vertices.len() as u32;
+            for part in [-1.0, next() - 0.5, 1.0] {
+                let at = |axis: usize| {
+                    let thin = 2e-4 * (next() - 0.5);
+                    (middle[axis] + part * along[axis] + thin) as f32
+                };
+                let [x, y, z] = [0, 1, 2].map(at);
+                mesh.vertices.push(Vertex {
+                    position: Vec3::new(x, y, z),
+                    normal: [0, 0],
+                    color: [255; 4],
+                });
+            }
+            mesh.triangles.push([first, first + 1, first + 2]);
+        }
+        let ids: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
+        let mut out = vec![Splat::zeroed(); room(ids.len())];
+        let count = pack(&mesh, &ids, &screen, &mut Rest::new(), &mut out);
+        assert!(count > 500, "{count}");
+        for splat in &out[..count] {
+            let placed = screen.place(splat.center).unwrap();
+            for step in placed.steps {
+                let off = (step - 128.0).rem_euclid(256.0);
+                // Half a step by rounding, and what single precision adds.
+                assert!(off.min(256.0 - off) < 0.75, "{off} {splat:?}");
+            }
+        }
     }
 
     /// Interpolated in double precision, as the shader of triangles does it.

@@ -2,6 +2,7 @@
 
 use super::{MOST_PIXELS, MOST_STEPS, Positions, Screen};
 use fearless_simd::prelude::*;
+use glam::Vec3;
 
 type Numbers<S> = <S as Simd>::f32s;
 
@@ -224,6 +225,35 @@ impl Covered {
             vectors[2].store_slice(&mut rows[2][lanes]);
         }
     }
+}
+
+/// Weights of the corners of a triangle at a pixel that it covers by steps, of which its center lies beside the triangle as it is: by
+/// steps none is negative, so that what they give lies as near to the center as corners are moved. Cut off at 0, weights of a
+/// needle would be those of a place that is a part of its length away. The pixel: column and row from the first of the triangle.
+#[cold]
+#[inline(never)]
+pub(super) fn in_steps(screen: &Screen, corners: [Vec3; 3], pixel: [f32; 2]) -> [f32; 3] {
+    let [Some(a), Some(b), Some(c)] = corners.map(|corner| screen.place(corner)) else {
+        // What is asked for lies within the view volume.
+        return [1.0; 3];
+    };
+    let steps = [a, b, c].map(|corner| corner.steps.map(f32::round_ties_even));
+    let [left, top, ..] = screen.rect_px;
+    let center = |axis: usize, least: f32| {
+        let low = steps.iter().map(|at| at[axis]).fold(f32::MAX, f32::min);
+        let first = ((low - 128.0) / 256.0).ceil().max(least);
+        (first + pixel[axis]) * 256.0 + 128.0
+    };
+    let at = [center(0, left), center(1, top)];
+    let [a_to, b_to, c_to] = steps;
+    let edge = |from: [f32; 2], to: [f32; 2]| {
+        (to[0] - from[0]) * (at[1] - from[1]) - (to[1] - from[1]) * (at[0] - from[0])
+    };
+    [
+        edge(b_to, c_to).abs() * a.inverse_w,
+        edge(c_to, a_to).abs() * b.inverse_w,
+        edge(a_to, b_to).abs() * c.inverse_w,
+    ]
 }
 
 /// The function of an edge at a place, and what it grows by to the right and down. Not a closure: what that does need not be
