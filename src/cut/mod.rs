@@ -30,6 +30,8 @@ pub use strip::{
 };
 pub use tester::Tester;
 
+use fearless_simd::{Level, Simd, dispatch};
+
 /// What the cut may drop and how small a node must be to be drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
@@ -112,6 +114,20 @@ impl StripRun {
     #[inline]
     pub fn splats(&self) -> u32 {
         self.seen.count_ones()
+    }
+
+    /// The same of many rows.
+    pub fn splats_of(rows: &[Self]) -> usize {
+        #[inline(always)]
+        fn sum<S: Simd>(_: S, rows: &[StripRun]) -> usize {
+            let mut sum = 0;
+            for row in rows {
+                sum += row.splats() as usize;
+            }
+            sum
+        }
+        // Bits are counted by the processor where it can: else each row takes as long as a dozen sums.
+        dispatch!(Level::new(), simd => sum(simd, rows))
     }
 
     /// Whether splat `index` is drawn.

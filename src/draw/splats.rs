@@ -163,7 +163,7 @@ impl<R: Record> Out for Sink<'_, R> {
 
 /// Number of records that [`pack`] needs room for.
 pub fn count(cut: &Cut, plan: &Plan) -> usize {
-    let strips: usize = cut.strips.iter().map(|s| s.splats() as usize).sum();
+    let strips = StripRun::splats_of(&cut.strips);
     let large = if plan.draws_large_leaves {
         cut.triangles.len()
     } else {
@@ -201,14 +201,13 @@ pub(super) fn parts_of<'a>(cut: &'a Cut, plan: &Plan) -> Vec<(Part<'a>, usize)> 
     } else {
         &[]
     };
-    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.splats() as usize).sum();
     (cut.nodes
         .chunks(parts::PART)
         .map(|p| (Part::Nodes(p), p.len())))
     .chain(
         cut.strips
             .chunks(parts::PART)
-            .map(|p| (Part::Rows(p), of_rows(p))),
+            .map(|p| (Part::Rows(p), StripRun::splats_of(p))),
     )
     .chain(
         cut.leaves

@@ -3,7 +3,7 @@
 
 use super::twin::Share;
 use super::{pays, rect};
-use crate::cut::Cut;
+use crate::cut::{Cut, StripRun};
 use crate::draw::Footprint;
 use crate::draw::splats::pixels_of_unit;
 use crate::math::camera::View;
@@ -56,10 +56,10 @@ pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: 
         sum += side.clamp(1.0, most).powi(2);
         count += 1.0;
     }
-    let of_strips: u64 = cut.strips.iter().map(|s| u64::from(s.splats())).sum();
+    let of_strips = StripRun::splats_of(&cut.strips);
     let (leaves, others) = (
         cut.leaves.len() as f32,
-        (cut.nodes.len() as u64 + of_strips) as f32,
+        (cut.nodes.len() + of_strips) as f32,
     );
     ((leaves * (sum / count) + others * usual.powi(2)) / (leaves + others)).sqrt()
 }

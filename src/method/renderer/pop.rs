@@ -115,11 +115,12 @@ impl Renderer {
             if let Some(ticket) = self.shown_again.take() {
                 self.frames.wait_for(ticket)?;
             }
-            let asked = Asked {
+            let asked = self.asked(settings, &context);
+            let sized = Asked {
                 size_px: choice::size_px(settings, (model, view), &self.cut),
-                ..self.asked(settings, &context)
+                ..asked
             };
-            let ways = self.ways(&asked, scene, (is_wanted, has_large));
+            let ways = self.ways(&sized, scene, (is_wanted, has_large));
             // Where the rasterizer draws, what is cheaper as a quad is one. Of visibility splats it draws quads alone beside compute.
             let max_point = match &self.costs {
                 _ if ways.is_small && drawing == Drawing::Visibility => {
@@ -131,7 +132,6 @@ impl Renderer {
                 _ => max_point,
             };
             let packing = Packing::of(settings, model, (max_point, is_wanted));
-            let asked = self.asked(settings, &context);
             let canvas = self.canvas(settings, context.rect_px);
             let screen = screen(&constants, &context);
             let filtered = |[splats, triangles]: [usize; 2]| {
@@ -194,7 +194,7 @@ impl Renderer {
         let mut frame = self.frames.begin()?;
         let flags = constants.flags;
         let constants = frame.uniform(&constants)?;
-        let areas = if ways.is_small {
+        let areas = if ways.is_small && !held.is_shown {
             compute::rect::areas(model, view, context.rect_px, margin_px(largest))
         } else {
             Vec::new()

@@ -2,6 +2,7 @@
 //! other, new sizes, and the depth under the cursor.
 
 use super::{Counts, FrameTimes, Renderer, Submitted};
+use crate::cut::StripRun;
 use crate::draw::Lighting;
 use crate::draw::filtered::drawn_counts;
 use crate::gpu::Error;
@@ -133,8 +134,8 @@ impl Renderer {
             let [splats, triangles] = drawn_counts(model, view, &shade, &self.cut);
             (splats as u64, triangles as u64)
         } else {
-            let strips: u64 = self.cut.strips.iter().map(|s| u64::from(s.splats())).sum();
-            let splats = (self.cut.nodes.len() + self.cut.leaves.len()) as u64 + strips;
+            let strips = StripRun::splats_of(&self.cut.strips);
+            let splats = (self.cut.nodes.len() + self.cut.leaves.len() + strips) as u64;
             (splats, self.cut.triangles.len() as u64)
         };
         let foreseen = self.foreseen.get_or_insert_default();
