@@ -228,10 +228,24 @@ pub fn strip_ball_radius(node: &Node, count: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cut::Settings;
+    use crate::cut::{Settings, StripRun};
     use crate::math::camera::Camera;
     use crate::tree::{Cone, Model, Strip};
     use glam::DVec3;
+
+    /// However the processor counts bits.
+    #[test]
+    fn splats_of_rows_are_those_of_each() {
+        let mut rows: Vec<_> = (2..=MAX_COUNT).map(|n| StripRun::new(n, n)).collect();
+        for (i, row) in rows.iter_mut().enumerate() {
+            row.seen &= 0xa5c3_96f1u32.rotate_left(i as u32);
+        }
+        for end in 0..=rows.len() {
+            let each = rows[..end].iter().map(|row| row.splats() as usize);
+            assert_eq!(StripRun::splats_of(&rows[..end]), each.sum::<usize>());
+        }
+        assert!(StripRun::splats_of(&rows) > rows.len());
+    }
 
     /// Four rows at once end where each ends by itself, whatever their directions.
     #[test]
