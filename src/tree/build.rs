@@ -132,7 +132,7 @@ pub fn build(
     progress.stage("building nodes", count as u64);
     let node_count = shape.node_count();
     let mut nodes = Records::of_tree(node_count);
-    let mut attributes = Records::<NodeAttributes>::zeroed(node_count);
+    let mut attributes = Records::<NodeAttributes>::of_tree(node_count);
     let source = Source {
         shape: &shape,
         level_starts: &level_starts,

@@ -223,7 +223,7 @@ fn read_from(file: &mut dyn Read, length: u64, path: &Path) -> Result<Model, Err
         triangles: reader.section::<[u32; 3]>()?,
         tree: Tree {
             nodes: reader.section_in(Records::of_tree)?,
-            attributes: reader.section_in(Records::<NodeAttributes>::zeroed)?,
+            attributes: reader.section_in(Records::<NodeAttributes>::of_tree)?,
             parents: reader.section::<u32>()?,
             first_leaf: reader.section::<u32>()?,
             level_starts: reader.section::<u32>()?,

@@ -1,6 +1,5 @@
 //! The memory of large arrays: on few pages, and of nodes such that four siblings lie on two cache lines.
 
-use super::Node;
 use bytemuck::{Pod, Zeroable};
 use memmap2::MmapMut;
 use std::fmt;
@@ -73,14 +72,13 @@ impl<T: Pod> Records<T> {
     fn bytes(&self) -> std::ops::Range<usize> {
         self.skip..self.skip + self.len * size_of::<T>()
     }
-}
 
-impl Records<Node> {
-    /// As many nodes, all zero.
+    /// As many records of nodes, all zero.
     ///
     /// Over most leaf counts (all but those 4 to 5 times a power of two) a tree has only groups of four siblings below the
     /// root's children, and the lowest level, three quarters of all, is a power of two. It begins at a multiple of 128
-    /// bytes, and so do all groups: a group is two lines to wait for instead of three.
+    /// bytes, and so do all groups: a group of nodes of 32 bytes is two lines to wait for instead of three, and of
+    /// attributes of 16 bytes one instead of two.
     pub fn of_tree(len: usize) -> Self {
         // Of the lowest level; an empty tree has none.
         let lowest = len.checked_ilog2().map_or(0, |log| len - (1 << log));
@@ -169,16 +167,23 @@ impl<T: Pod + fmt::Debug> fmt::Debug for Records<T> {
 mod tests {
     use super::*;
     use crate::tree::shape::Shape;
+    use crate::tree::{Node, NodeAttributes};
 
-    /// Where levels are powers of two the groups below the root's children begin on a line, and none is on a third.
+    /// Where levels are powers of two the groups below the root's children begin on a line, and none is on one more than it
+    /// has to be.
     #[test]
-    fn siblings_lie_on_two_lines() {
-        assert!(Records::of_tree(0).is_empty());
+    fn siblings_lie_on_few_lines() {
+        lie_on_lines::<Node>();
+        lie_on_lines::<NodeAttributes>();
+    }
+
+    fn lie_on_lines<T: Pod + PartialEq>() {
+        assert!(Records::<T>::of_tree(0).is_empty());
         for leaves in [2, 4, 6, 12, 100, 1000, 96_966, 871_414] {
             let shape = Shape::new(leaves);
-            let nodes = Records::of_tree(shape.node_count());
+            let nodes = Records::<T>::of_tree(shape.node_count());
             assert_eq!(nodes.len(), shape.node_count());
-            assert!(nodes.iter().all(|node| *node == Node::zeroed()));
+            assert!(nodes.iter().all(|node| *node == T::zeroed()));
             assert_eq!(
                 matches!(nodes.memory, Memory::Pages(_)),
                 size_of_val(&*nodes) >= Memory::MANY
@@ -194,8 +199,8 @@ mod tests {
                             assert_eq!(start, 1, "{leaves}: only the root has fewer than four");
                             continue;
                         }
-                        let address = siblings.as_ptr().addr();
-                        assert!(start == 1 || address % 128 == 0, "{leaves} leaves");
+                        let (address, bytes) = (siblings.as_ptr().addr(), 4 * size_of::<T>());
+                        assert!(start == 1 || address % bytes == 0, "{leaves} leaves");
                     }
                 }
                 start += level.child_starts.last().map_or(0, |&end| end as usize);

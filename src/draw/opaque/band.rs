@@ -1,16 +1,16 @@
-//! A band of rows of the picture: the nearest splat of each of its pixels.
+//! A band of rows of the picture: what the nearest splat of each of its pixels shows.
 
 use super::Picture;
 use super::bands::{Placed, SPLAT_BIT};
-use super::place::{Found, Round, both};
+use super::place::{Found, GROUP, Round, both};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, i32x4, mask32x4};
 
-/// Depth and number of the nearest of each pixel of a band, kept for its memory.
+/// Depth of the nearest of each pixel of a band, and what it shows, kept for its memory.
 #[derive(Debug, Default)]
 pub(super) struct Fronts {
     depth: Vec<f32>,
-    number: Vec<i32>,
+    shown: Vec<i32>,
 }
 
 /// So many pixels of a row are written at a time; there is room for as many beyond its end.
@@ -19,7 +19,7 @@ const STEP: usize = 4;
 /// A band that is drawn in.
 pub(super) struct Band<'a> {
     depth: &'a mut [f32],
-    number: &'a mut [i32],
+    shown: &'a mut [i32],
     width: usize,
     /// From a row to the next.
     stride: usize,
@@ -33,11 +33,11 @@ impl Fronts {
         let stride = width + STEP;
         let words = stride * (rows[1] - rows[0]);
         self.depth.resize(words, 0.0);
-        self.number.resize(words, 0);
+        self.shown.resize(words, 0);
         self.depth.fill(0.0);
         Band {
             depth: &mut self.depth,
-            number: &mut self.number,
+            shown: &mut self.shown,
             width,
             stride,
             rows,
@@ -55,9 +55,10 @@ const LANES: [[i32; 4]; 5] = [
 ];
 
 impl Band<'_> {
-    /// Draws what of a list is in the band. Lists come in the order of their numbers, so of equal depths the first stays.
+    /// Draws what of a list is in the band. Lists come in the order of their numbers, so of equal depths the first stays. Shown are
+    /// the colors of splats, or where these are not known what compute has in its keys, of the number in the list.
     #[inline(always)]
-    pub(super) fn draw<S: Simd>(&mut self, simd: S, list: &Placed<'_>) {
+    pub(super) fn draw<S: Simd>(&mut self, simd: S, list: &Placed<'_>, has_colors: bool) {
         let [first_row, end_row] = self.rows;
         for group in list.groups {
             let [first, end] = group.rows.map(usize::from);
@@ -66,52 +67,60 @@ impl Band<'_> {
             }
             let range = group.first as usize..group.first as usize + usize::from(group.count);
             let number = list.first + group.first;
+            let numbers: [i32; GROUP];
             let pixels = Found {
                 first: &list.pixels.first[range.clone()],
                 end: &list.pixels.end[range.clone()],
                 depth: &list.pixels.depth[range.clone()],
-                colors: &list.pixels.colors[range.clone()],
+                shown: match has_colors {
+                    true => &list.pixels.shown[range.clone()],
+                    false => {
+                        numbers = keys_from(number);
+                        &numbers[..range.len()]
+                    }
+                },
             };
             if list.are_samples {
-                self.samples(pixels, number);
+                self.samples(pixels);
             } else if list.rounds.is_empty() {
-                self.squares(simd, pixels, number);
+                self.squares(simd, pixels);
             } else {
-                self.discs(simd, pixels, &list.rounds[range], number);
+                self.discs(simd, pixels, &list.rounds[range]);
             }
         }
     }
 
     /// Squares of a pixel.
     #[inline(always)]
-    fn samples(&mut self, pixels: Found<'_>, number: u32) {
+    fn samples(&mut self, pixels: Found<'_>) {
         let [first_row, end_row] = self.rows;
-        for ((&first, &depth), number) in pixels.first.iter().zip(pixels.depth).zip(number..) {
+        let own = pixels.first.iter().zip(pixels.depth);
+        for ((&first, &depth), &shown) in own.zip(pixels.shown) {
             let [x, y] = both(first);
             if (first_row..end_row).contains(&y) {
                 let at = (y - first_row) * self.stride + x;
-                let (front, nearest) = (&mut self.depth[at], &mut self.number[at]);
+                let (front, nearest) = (&mut self.depth[at], &mut self.shown[at]);
                 let is_nearer = depth > *front;
-                *nearest = if is_nearer { number as i32 } else { *nearest };
+                *nearest = if is_nearer { shown } else { *nearest };
                 *front = if is_nearer { depth } else { *front };
             }
         }
     }
 
     #[inline(always)]
-    fn squares<S: Simd>(&mut self, simd: S, pixels: Found<'_>, number: u32) {
+    fn squares<S: Simd>(&mut self, simd: S, pixels: Found<'_>) {
         let [first_row, end_row] = self.rows;
         let own = pixels.first.iter().zip(pixels.end).zip(pixels.depth);
-        for (((&first, &end), &depth), number) in own.zip(number..) {
+        for (((&first, &end), &depth), &shown) in own.zip(pixels.shown) {
             let ([left, top], [right, bottom]) = (both(first), both(end));
             let depth = f32x4::splat(simd, depth);
-            let number = i32x4::splat(simd, number as i32);
+            let shown = i32x4::splat(simd, shown);
             for y in top.max(first_row)..bottom.min(end_row) {
                 let mut at = (y - first_row) * self.stride + left;
                 let mut rest = right - left;
                 while rest > 0 {
                     let is_in = i32x4::from_slice(simd, &LANES[rest.min(STEP)]).simd_lt(0);
-                    self.leave(simd, at, is_in, depth, number);
+                    self.leave(simd, at, is_in, depth, shown);
                     at += STEP;
                     rest = rest.saturating_sub(STEP);
                 }
@@ -120,13 +129,13 @@ impl Band<'_> {
     }
 
     #[inline(always)]
-    fn discs<S: Simd>(&mut self, simd: S, pixels: Found<'_>, rounds: &[Round], number: u32) {
+    fn discs<S: Simd>(&mut self, simd: S, pixels: Found<'_>, rounds: &[Round]) {
         let [first_row, end_row] = self.rows;
         let own = pixels.first.iter().zip(pixels.end).zip(pixels.depth);
-        for ((((&first, &end), &depth), round), number) in own.zip(rounds).zip(number..) {
+        for ((((&first, &end), &depth), round), &shown) in own.zip(rounds).zip(pixels.shown) {
             let ([left, top], [right, bottom]) = (both(first), both(end));
             let depth = f32x4::splat(simd, depth);
-            let number = i32x4::splat(simd, number as i32);
+            let shown = i32x4::splat(simd, shown);
             let Round { form, to_first } = *round;
             for y in top.max(first_row)..bottom.min(end_row) {
                 let from_y = to_first[1] + (y - top) as f32;
@@ -138,7 +147,7 @@ impl Band<'_> {
                     let from_x = x + to_first[0];
                     let is_round = (from_x * form * from_x + of_y).simd_le(1.0);
                     let is_in = i32x4::from_slice(simd, &LANES[rest.min(STEP)]).simd_lt(0);
-                    self.leave(simd, at, is_in & is_round, depth, number);
+                    self.leave(simd, at, is_in & is_round, depth, shown);
                     at += STEP;
                     x += STEP as f32;
                     rest = rest.saturating_sub(STEP);
@@ -147,7 +156,7 @@ impl Band<'_> {
         }
     }
 
-    /// Leaves depth and number in those of four pixels where nothing is as near.
+    /// Leaves depth and what is shown in those of four pixels where nothing is as near.
     #[inline(always)]
     fn leave<S: Simd>(
         &mut self,
@@ -155,44 +164,39 @@ impl Band<'_> {
         at: usize,
         is_in: mask32x4<S>,
         depth: f32x4<S>,
-        number: i32x4<S>,
+        shown: i32x4<S>,
     ) {
         let fronts = &mut self.depth[at..at + STEP];
-        let numbers = &mut self.number[at..at + STEP];
+        let all_shown = &mut self.shown[at..at + STEP];
         let (front, nearest) = (
             f32x4::from_slice(simd, fronts),
-            i32x4::from_slice(simd, numbers),
+            i32x4::from_slice(simd, all_shown),
         );
         let is_nearer = is_in & depth.simd_gt(front);
         is_nearer.select(depth, front).store_slice(fronts);
-        is_nearer.select(number, nearest).store_slice(numbers);
+        is_nearer.select(shown, nearest).store_slice(all_shown);
     }
 
-    /// What the pixels show, row by row: the numbers of splats, or the colors that those of both lists have, and `background` where
-    /// nothing is.
-    pub(super) fn write(
-        &self,
-        (colors, background): (Option<[&[i32]; 2]>, u32),
-        picture: &mut Picture<'_>,
-    ) {
+    /// What the pixels show, row by row, and `background` where nothing is.
+    #[inline(always)]
+    pub(super) fn write<S: Simd>(&self, _: S, background: u32, picture: &mut Picture<'_>) {
         let own = self.depth.chunks(self.stride);
-        let own = own.zip(self.number.chunks(self.stride));
-        for ((shown, depths), (own_depths, numbers)) in picture.rows(self.width).zip(own) {
+        let own = own.zip(self.shown.chunks(self.stride));
+        for ((shown, depths), (own_depths, own_shown)) in picture.rows(self.width).zip(own) {
             depths.copy_from_slice(&own_depths[..self.width]);
-            for (shown, (&depth, &number)) in shown.iter_mut().zip(own_depths.iter().zip(numbers)) {
-                if depth == 0.0 {
-                    *shown = background;
-                    continue;
-                }
-                *shown = match colors {
-                    None => !(number as u32 | SPLAT_BIT),
-                    Some([first, second]) => {
-                        let number = number as usize;
-                        let rest = || second[number - first.len()];
-                        first.get(number).copied().unwrap_or_else(rest) as u32
-                    }
-                };
+            for (shown, (&depth, &own)) in shown.iter_mut().zip(own_depths.iter().zip(own_shown)) {
+                *shown = if depth == 0.0 { background } else { own as u32 };
             }
         }
     }
+}
+
+/// What compute has in its keys, of a number and those after it.
+#[inline(always)]
+fn keys_from(number: u32) -> [i32; GROUP] {
+    let mut keys = [0; GROUP];
+    for (key, number) in keys.iter_mut().zip(number..) {
+        *key = !(number | SPLAT_BIT) as i32;
+    }
+    keys
 }

@@ -131,19 +131,18 @@ pub(super) fn draw_by(
     let bands = picture.bands(screen);
     places.bands.resize_with(bands.len(), Fronts::default);
     let bands = bands.enumerate().zip(&mut places.bands);
-    let colors = match known {
-        Known::Places => None,
-        Known::Colors => Some(lists.each_ref().map(|list| list.pixels.colors)),
-    };
+    let has_colors = matches!(known, Known::Colors);
     parts::share(count, bands, |((number, mut picture), fronts)| {
         let first_row = number * BAND_PX;
         let rows = picture.depths.len() / width;
         let mut band = fronts.band(width, [first_row, first_row + rows]);
-        for list in &lists {
-            dispatch!(level, simd => band.draw(simd, list));
-        }
-        band.write((colors, light.background), &mut picture);
-        if colors.is_none() {
+        dispatch!(level, simd => {
+            for list in &lists {
+                band.draw(simd, list, has_colors);
+            }
+            band.write(simd, light.background, &mut picture);
+        });
+        if !has_colors {
             mark(&picture, width, seen);
         }
     });

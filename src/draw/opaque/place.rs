@@ -40,7 +40,8 @@ pub(super) struct Found<'a> {
     pub(super) first: &'a [i32],
     pub(super) end: &'a [i32],
     pub(super) depth: &'a [f32],
-    pub(super) colors: &'a [i32],
+    /// What their pixels show.
+    pub(super) shown: &'a [i32],
 }
 
 /// Some of them, to be found.
@@ -123,7 +124,7 @@ impl<'a> Finding<'a> {
             first: self.first,
             end: self.end,
             depth: self.depth,
-            colors: self.colors,
+            shown: self.colors,
         }
     }
 }
