@@ -353,10 +353,16 @@ mod tests {
         let mut places = Places::default();
         let light = light(true, false);
         let mut covered = 0;
-        for (seed, (size_px, largest)) in
-            [(1.0, 2.0), (1.3, 1.5), (2.0, 3.0), (3.0, 5.0), (5.7, 6.0)]
-                .into_iter()
-                .enumerate()
+        for (seed, (size_px, largest)) in [
+            (1.0, 2.0),
+            (1.3, 1.5),
+            (2.0, 3.0),
+            (3.0, 5.0),
+            (5.7, 6.0),
+            (24.3, 70.0),
+        ]
+        .into_iter()
+        .enumerate()
         {
             for (count, samples) in [(0, 0), (1, 0), (1, 1), (900, 0), (20_000, 7_001)] {
                 let splats = crowd(count, largest, 5 + seed as u64);

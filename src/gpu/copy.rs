@@ -49,26 +49,9 @@ impl Pass<'_> {
         &self,
         (buffer, offset): (&dyn AnyBuffer, u64),
         image: &Image,
-        [x, y, width, height]: [u32; 4],
+        rectangle: [u32; 4],
     ) {
-        let regions = [vk::BufferImageCopy::default()
-            .buffer_offset(offset)
-            .image_subresource(vk::ImageSubresourceLayers {
-                aspect_mask: image.format.aspect(),
-                mip_level: 0,
-                base_array_layer: 0,
-                layer_count: 1,
-            })
-            .image_offset(vk::Offset3D {
-                x: x as i32,
-                y: y as i32,
-                z: 0,
-            })
-            .image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            })];
+        let regions = [region(image, offset, rectangle)];
         // SAFETY: both are alive until the frame has finished (their Drop defers), the image is in the layout of copies by the
         // barrier before, rectangle and bytes lie in them, and offsets are multiples of a pixel's four bytes.
         unsafe {
@@ -81,4 +64,30 @@ impl Pass<'_> {
             );
         }
     }
+}
+
+/// A rectangle of an image (its first pixel, width and height), beside the bytes of a buffer from `offset` on, row by row.
+pub(super) fn region(
+    image: &Image,
+    offset: u64,
+    [x, y, width, height]: [u32; 4],
+) -> vk::BufferImageCopy {
+    vk::BufferImageCopy::default()
+        .buffer_offset(offset)
+        .image_subresource(vk::ImageSubresourceLayers {
+            aspect_mask: image.format.aspect(),
+            mip_level: 0,
+            base_array_layer: 0,
+            layer_count: 1,
+        })
+        .image_offset(vk::Offset3D {
+            x: x as i32,
+            y: y as i32,
+            z: 0,
+        })
+        .image_extent(vk::Extent3D {
+            width,
+            height,
+            depth: 1,
+        })
 }

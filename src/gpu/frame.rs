@@ -8,7 +8,7 @@ pub use super::pass::{Draw, Load, Pass};
 use super::profile::PassTime;
 use super::query::Queries;
 pub use super::query::{DeviceTimes, Measure, PassCounters, PipelineStatistics};
-use super::{Error, Gpu, Remains};
+use super::{Error, Gpu, Remains, copy};
 #[cfg(feature = "viewer")]
 use super::{access::State, image::Format, surface::Acquired};
 use ash::vk;
@@ -349,10 +349,10 @@ impl Frame<'_> {
         &mut self,
         name: &'static str,
         image: &Image,
-        [x, y, width, height]: [u32; 4],
+        rectangle: [u32; 4],
         into: &Readback,
     ) {
-        self.copy_part(name, image, [x, y, width, height], into);
+        self.copy_part(name, image, rectangle, into);
         let gpu = self.frames.gpu.clone();
         self.frames.barriers.buffer(into, Access::HostRead);
         self.frames
@@ -369,9 +369,10 @@ impl Frame<'_> {
         &mut self,
         name: &'static str,
         image: &Image,
-        [x, y, width, height]: [u32; 4],
+        rectangle: [u32; 4],
         into: &dyn AnyBuffer,
     ) {
+        let [x, y, width, height] = rectangle;
         assert!(
             x + width <= image.width && y + height <= image.height,
             "{name}: outside of the image"
@@ -387,23 +388,7 @@ impl Frame<'_> {
         pass.barriers.image(image, Access::CopySource, false);
         pass.barriers.buffer(into, Access::CopyTarget);
         let timing = pass.begin();
-        let regions = [vk::BufferImageCopy::default()
-            .image_subresource(vk::ImageSubresourceLayers {
-                aspect_mask: image.format.aspect(),
-                mip_level: 0,
-                base_array_layer: 0,
-                layer_count: 1,
-            })
-            .image_offset(vk::Offset3D {
-                x: x as i32,
-                y: y as i32,
-                z: 0,
-            })
-            .image_extent(vk::Extent3D {
-                width,
-                height,
-                depth: 1,
-            })];
+        let regions = [copy::region(image, 0, rectangle)];
         // SAFETY: both are alive until the frame has finished (their Drop defers), the image is in the copy
         // layout by the barrier above, and the buffer is large enough.
         unsafe {

@@ -254,7 +254,7 @@ impl Renderer {
     }
 
     /// What the cut asks for in a picture.
-    fn asked<'a>(&self, settings: &'a Settings, context: &Context) -> Asked<'a> {
+    fn asked<'a>(&self, settings: &'a Settings, model: &Model, context: &Context) -> Asked<'a> {
         let cut = &self.cut;
         // Which plan does not matter to how many there are but for large leaves.
         let splats = draw::splats::count(cut, &splat_plan(settings, f32::INFINITY));
@@ -267,6 +267,7 @@ impl Renderer {
             triangles: if is_whole { 0 } else { cut.triangles.len() },
             rect_px: context.rect_px,
             size: (context.width, context.height),
+            by_host: self.host_px(settings, model).is_some(),
         }
     }
 
@@ -426,7 +427,7 @@ impl Renderer {
             && is_large
             && Drawing::of(&settings) == Drawing::Opaque
             && self.host_may_draw_opaque(&settings)
-            && compute::is_wanted(&self.gpu, &settings, &self.targets).unwrap_or(false)
+            && self.is_wanted(&settings, model).unwrap_or(false)
         {
             settings.occlusion = Occlusion::Off;
         }
@@ -460,7 +461,7 @@ impl Renderer {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
         }
-        let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let by_compute = self.is_wanted(settings, model)?;
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
         let is_gray =
             settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);

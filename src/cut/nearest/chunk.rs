@@ -167,8 +167,8 @@ impl Hiding<'_> {
         for (word, own) in candidates.iter_mut().enumerate() {
             let ones = Lanes64::of(word, chunk.ones.words()[word]);
             *own = match self.are_pixels {
-                true => self.leave(chunk, &ones),
-                false => self.leave_at_once(chunk, &ones),
+                true => self.leave::<false>(chunk, &ones),
+                false => self.leave::<true>(chunk, &ones),
             };
         }
         let mut seen = Mask::default();
@@ -189,9 +189,10 @@ impl Hiding<'_> {
         seen
     }
 
-    /// Leaves the depths of some splats where nothing is nearer; those that were not hidden by what was there.
+    /// Leaves the depths of some splats where nothing is nearer; those that were not hidden by what was there. `AT_ONCE`: so that
+    /// nothing is stored over.
     #[inline(always)]
-    fn leave(&self, chunk: &Chunk, lanes: &Lanes64) -> Lanes64 {
+    fn leave<const AT_ONCE: bool>(&self, chunk: &Chunk, lanes: &Lanes64) -> Lanes64 {
         let pixels = self.nearest.pixels.as_slice();
         let mut seen = Lanes64::NONE;
         for &lane in lanes.iter() {
@@ -199,27 +200,12 @@ impl Hiding<'_> {
             let Some(pixel) = pixels.get(chunk.first[at] as usize) else {
                 continue;
             };
-            let there = pixel.load(Ordering::Relaxed);
+            let (there, own) = (pixel.load(Ordering::Relaxed), chunk.distance[at]);
             // What hides it is nearer, and stays.
-            pixel.store(there.min(chunk.distance[at]), Ordering::Relaxed);
-            seen.push_if(lane, there >= chunk.asked[at]);
-        }
-        seen
-    }
-
-    /// The same, so that nothing is stored over.
-    #[inline(always)]
-    fn leave_at_once(&self, chunk: &Chunk, lanes: &Lanes64) -> Lanes64 {
-        let pixels = self.nearest.pixels.as_slice();
-        let mut seen = Lanes64::NONE;
-        for &lane in lanes.iter() {
-            let at = usize::from(lane);
-            let Some(pixel) = pixels.get(chunk.first[at] as usize) else {
-                continue;
-            };
-            let there = pixel.load(Ordering::Relaxed);
-            if chunk.distance[at] < there {
-                pixel.fetch_min(chunk.distance[at], Ordering::Relaxed);
+            if !AT_ONCE {
+                pixel.store(there.min(own), Ordering::Relaxed);
+            } else if own < there {
+                pixel.fetch_min(own, Ordering::Relaxed);
             }
             seen.push_if(lane, there >= chunk.asked[at]);
         }

@@ -2,7 +2,7 @@
 
 use super::Picture;
 use super::bands::{Placed, SPLAT_BIT};
-use super::place::{Found, GROUP, Round, both};
+use super::place::{Found, GROUP, Numbers, Round, both};
 use fearless_simd::prelude::*;
 use fearless_simd::{f32x4, i32x4, mask32x4};
 
@@ -13,8 +13,11 @@ pub(super) struct Fronts {
     shown: Vec<i32>,
 }
 
-/// So many pixels of a row are written at a time; there is room for as many beyond its end.
+/// So many pixels of a row are written at a time.
 const STEP: usize = 4;
+
+/// As many at most, of wide squares. There is room for as many beyond a row's end.
+const WIDE: usize = 16;
 
 /// A band that is drawn in.
 pub(super) struct Band<'a> {
@@ -30,7 +33,7 @@ pub(super) struct Band<'a> {
 impl Fronts {
     /// An empty band of these rows, of so many pixels each.
     pub(super) fn band(&mut self, width: usize, rows: [usize; 2]) -> Band<'_> {
-        let stride = width + STEP;
+        let stride = width + WIDE;
         let words = stride * (rows[1] - rows[0]);
         self.depth.resize(words, 0.0);
         self.shown.resize(words, 0);
@@ -52,6 +55,11 @@ const LANES: [[i32; 4]; 5] = [
     [-1, -1, 0, 0],
     [-1, -1, -1, 0],
     [-1, -1, -1, -1],
+];
+
+/// Numbers of lanes.
+const LANE: [f32; WIDE] = [
+    0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0,
 ];
 
 impl Band<'_> {
@@ -113,6 +121,11 @@ impl Band<'_> {
         let own = pixels.first.iter().zip(pixels.end).zip(pixels.depth);
         for (((&first, &end), &depth), &shown) in own.zip(pixels.shown) {
             let ([left, top], [right, bottom]) = (both(first), both(end));
+            if right > left + STEP {
+                let corners = ([left, top], [right, bottom]);
+                self.wide(simd, corners, None, (depth, shown));
+                continue;
+            }
             let depth = f32x4::splat(simd, depth);
             let shown = i32x4::splat(simd, shown);
             for y in top.max(first_row)..bottom.min(end_row) {
@@ -128,12 +141,55 @@ impl Band<'_> {
         }
     }
 
+    /// A square, or what is round of it, of more than a few columns, by vectors as wide as there are.
+    #[inline(always)]
+    fn wide<S: Simd>(
+        &mut self,
+        simd: S,
+        ([left, top], [right, bottom]): ([usize; 2], [usize; 2]),
+        round: Option<&Round>,
+        (depth, shown): (f32, i32),
+    ) {
+        let [first_row, end_row] = self.rows;
+        let step = Numbers::<S>::LEN;
+        let depth = Numbers::<S>::splat(simd, depth);
+        let shown = S::i32s::splat(simd, shown);
+        let end = Numbers::<S>::splat(simd, (right - left) as f32);
+        let lanes = Numbers::<S>::from_slice(simd, &LANE[..step]);
+        for y in top.max(first_row)..bottom.min(end_row) {
+            let mut at = (y - first_row) * self.stride + left;
+            let mut x = lanes;
+            for _ in (left..right).step_by(step) {
+                let fronts = &mut self.depth[at..at + step];
+                let all_shown = &mut self.shown[at..at + step];
+                let front = Numbers::<S>::from_slice(simd, fronts);
+                let nearest = S::i32s::from_slice(simd, all_shown);
+                let mut is_nearer = x.simd_lt(end) & depth.simd_gt(front);
+                if let Some(&Round { form, to_first }) = round {
+                    let from_y = to_first[1] + (y - top) as f32;
+                    let from_x = x + to_first[0];
+                    let squared = from_x * form * from_x + form * from_y * from_y;
+                    is_nearer &= squared.simd_le(1.0);
+                }
+                is_nearer.select(depth, front).store_slice(fronts);
+                is_nearer.select(shown, nearest).store_slice(all_shown);
+                at += step;
+                x += step as f32;
+            }
+        }
+    }
+
     #[inline(always)]
     fn discs<S: Simd>(&mut self, simd: S, pixels: Found<'_>, rounds: &[Round]) {
         let [first_row, end_row] = self.rows;
         let own = pixels.first.iter().zip(pixels.end).zip(pixels.depth);
         for ((((&first, &end), &depth), round), &shown) in own.zip(rounds).zip(pixels.shown) {
             let ([left, top], [right, bottom]) = (both(first), both(end));
+            if right > left + STEP {
+                let corners = ([left, top], [right, bottom]);
+                self.wide(simd, corners, Some(round), (depth, shown));
+                continue;
+            }
             let depth = f32x4::splat(simd, depth);
             let shown = i32x4::splat(simd, shown);
             let Round { form, to_first } = *round;

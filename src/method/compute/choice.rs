@@ -29,6 +29,8 @@ pub(crate) struct Asked<'a> {
     pub(crate) rect_px: [u32; 4],
     /// Width and height of the picture.
     pub(crate) size: (u32, u32),
+    /// The host draws opaque splats in the place of compute.
+    pub(crate) by_host: bool,
 }
 
 /// Leaves that are looked at for the size of all.
@@ -46,7 +48,7 @@ pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: 
     if !has_own || step == 0 {
         return usual;
     }
-    let most = super::largest_point_px(settings);
+    let most = super::largest_point_px(settings, None);
     let (mut sum, mut count) = (0.0, 0.0);
     for &leaf in cut.leaves.iter().step_by(step) {
         let sphere = &model.tree.leaves[leaf as usize];
@@ -116,8 +118,12 @@ impl Asked<'_> {
                     true => Path::Compute,
                     false => Path::Raster,
                 };
-                // Each ellipse saves a software device 130 ns and more, a square 60 to 80.
-                let least = if are_ellipses { 0.0625 } else { 0.125 };
+                // Each ellipse saves a software device 130 ns and more, a square 60 to 80. The host needs no pass over the picture.
+                let least = match (self.by_host, are_ellipses) {
+                    (true, _) => 0.0,
+                    (false, true) => 0.0625,
+                    (false, false) => 0.125,
+                };
                 let paths = Paths {
                     triangles: path(self.triangles, 1.0),
                     splats: path(self.splats, least),
@@ -283,6 +289,7 @@ mod tests {
                 triangles: 0,
                 rect_px: [0, 0, 500, 200],
                 size: (500, 500),
+                by_host: false,
             };
             asked.opaque().splats
         };

@@ -100,11 +100,17 @@ pub(crate) fn host_draws(gpu: &Gpu, targets: &Targets) -> bool {
     gpu.info().kind == Kind::Cpu && targets.normal().is_none() && targets.color.format == COLOR
 }
 
-/// Whether `settings` want small primitives drawn by compute, and this device can.
+/// Whether `settings` want small primitives drawn by compute, and this device can. `host_px`: the largest opaque splat that the host
+/// draws in its place, pixels, where it draws all of them.
 ///
 /// # Errors
 /// When they insist on it and it cannot be; the reason is in the error.
-pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Result<bool, Error> {
+pub(crate) fn is_wanted(
+    gpu: &Gpu,
+    settings: &Settings,
+    targets: &Targets,
+    host_px: Option<f32>,
+) -> Result<bool, Error> {
     if settings.path == Path::Raster {
         return Ok(false);
     }
@@ -112,7 +118,7 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     let color = targets.color();
     let (why, bytes) = match Drawing::of(settings) {
         Drawing::Opaque if settings.method == Method::Pop => {
-            (not_as_opaque(settings), key_bytes(targets))
+            (not_as_opaque(settings, host_px), key_bytes(targets))
         }
         Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
             let bytes = twin::storage_bytes((color.width, color.height));
@@ -148,21 +154,21 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     }
 }
 
-/// The largest threshold with which splats are drawn by compute, pixels; 0 where there are none.
-pub(crate) fn largest_threshold_px(settings: &Settings) -> f32 {
+/// The largest threshold with which splats are drawn by compute, pixels, or by the host in its place; 0 where there are none.
+pub(crate) fn largest_threshold_px(settings: &Settings, host_px: Option<f32>) -> f32 {
     match Drawing::of(settings) {
         Drawing::Nothing => 0.0,
         Drawing::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
-        Drawing::Opaque => LARGEST_SQUARE_PX,
+        Drawing::Opaque => host_px.unwrap_or(LARGEST_SQUARE_PX),
         Drawing::Visibility | Drawing::Fuzzy | Drawing::Filtered => LARGEST_SMALL_BLENDED_PX,
     }
 }
 
 /// Why opaque splats are not drawn by compute.
-fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
+fn not_as_opaque(settings: &Settings, host_px: Option<f32>) -> Option<&'static str> {
     if !settings.has_headlight() {
         Some("it knows the headlight only, and no colors by level, normal or depth")
-    } else if settings.threshold_px <= largest_threshold_px(settings) {
+    } else if settings.threshold_px <= largest_threshold_px(settings, host_px) {
         None
     } else if settings.splat == SplatKind::Ellipse {
         Some("ellipses of this size are cheaper to rasterize; use a threshold of at most 10 pixels")
@@ -175,7 +181,7 @@ fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
 
 /// Why filtered and fuzzy splats are not drawn by compute.
 fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str> {
-    if settings.threshold_px > largest_threshold_px(settings) {
+    if settings.threshold_px > largest_threshold_px(settings, None) {
         Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
     } else if settings.shading == Shading::Deferred {
         Some("it sums colors, not normals; leave --shading out")
@@ -192,17 +198,18 @@ fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str
 
 /// Why visibility splats are not drawn by compute.
 fn not_as_visible(settings: &Settings) -> Option<&'static str> {
-    (settings.threshold_px > largest_threshold_px(settings)).then_some(
+    (settings.threshold_px > largest_threshold_px(settings, None)).then_some(
         "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
     )
 }
 
 /// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: round ones with their slack, and
 /// in the plane of the surface a diameter beyond the center to each side.
-pub(crate) fn largest_point_px(settings: &Settings) -> f32 {
+pub(crate) fn largest_point_px(settings: &Settings, host_px: Option<f32>) -> f32 {
+    let facing_px = host_px.unwrap_or(LARGEST_SQUARE_PX);
     match settings.footprint() {
-        Footprint::Square => LARGEST_SQUARE_PX,
-        Footprint::Circle => LARGEST_SQUARE_PX + crate::draw::splats::SLACK_PX,
+        Footprint::Square => facing_px,
+        Footprint::Circle => facing_px + crate::draw::splats::SLACK_PX,
         Footprint::Oriented => 2.0 * LARGEST_ELLIPSE_PX + crate::draw::splats::SLACK_PX,
     }
 }
@@ -457,15 +464,25 @@ mod tests {
             (of(SplatKind::Filtered, Blend::Opaque), 16.0),
             (of(SplatKind::Visibility, Blend::Opaque), 16.0),
         ] {
-            assert_eq!(largest_threshold_px(&settings), largest, "{settings:?}");
+            assert_eq!(
+                largest_threshold_px(&settings, None),
+                largest,
+                "{settings:?}"
+            );
         }
         let pixels = |threshold_px, splat| Settings {
             threshold_px,
             ..of(splat, Blend::Opaque)
         };
         for (splat, largest) in [(SplatKind::Square, 6.0), (SplatKind::Ellipse, 10.0)] {
-            assert_eq!(not_as_opaque(&pixels(largest, splat)), None);
-            assert!(not_as_opaque(&pixels(largest + 0.01, splat)).is_some());
+            assert_eq!(not_as_opaque(&pixels(largest, splat), None), None);
+            assert!(not_as_opaque(&pixels(largest + 0.01, splat), None).is_some());
         }
+        // The host has no set-up of a primitive, and no atomics that a rasterizer could be faster than.
+        let (wide, host_px) = (pixels(20.0, SplatKind::Disc), Some(20.0));
+        assert_eq!(not_as_opaque(&wide, host_px), None);
+        assert!(not_as_opaque(&wide, None).is_some());
+        assert!(largest_point_px(&wide, host_px) > 20.0);
+        assert!(not_as_opaque(&pixels(20.5, SplatKind::Disc), host_px).is_some());
     }
 }

@@ -6,7 +6,7 @@ use crate::draw::ColorBy;
 use crate::draw::filtered::host::{Canvas, Light};
 use crate::draw::opaque;
 use crate::draw::samples::Screen;
-use crate::draw::splats::Packed;
+use crate::draw::splats::{Packed, SLACK_PX};
 use crate::gpu::Error;
 use crate::gpu::device::Kind;
 use crate::gpu::frame::Ticket;
@@ -62,10 +62,10 @@ impl Renderer {
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
         let drawing = Drawing::of(settings);
-        let is_wanted = compute::is_wanted(&self.gpu, settings, &self.targets)?;
+        let is_wanted = self.is_wanted(settings, model)?;
         let by_compute = drawing == Drawing::Opaque && is_wanted;
         let max_point = if by_compute {
-            compute::largest_point_px(settings)
+            compute::largest_point_px(settings, self.host_px(settings, model))
         } else {
             self.gpu.info().max_point_size_px
         };
@@ -115,7 +115,7 @@ impl Renderer {
             if let Some(ticket) = self.shown_again.take() {
                 self.frames.wait_for(ticket)?;
             }
-            let asked = self.asked(settings, &context);
+            let asked = self.asked(settings, model, &context);
             let sized = Asked {
                 size_px: choice::size_px(settings, (model, view), &self.cut),
                 ..asked
@@ -187,7 +187,7 @@ impl Renderer {
             let asked = Asked {
                 splats: packed.points,
                 triangles: held.triangles,
-                ..self.asked(settings, &context)
+                ..self.asked(settings, model, &context)
             };
             asked.blended(held.triangles + packed.quads, has_large)
         });
@@ -348,6 +348,25 @@ impl Renderer {
     /// The same of opaque splats.
     pub(super) fn host_may_draw_opaque(&self, settings: &Settings) -> bool {
         self.host_may_draw(settings) && compute::host_draws(&self.gpu, &self.targets)
+    }
+
+    /// The largest opaque splat that the host draws in the place of compute, pixels, where it draws all of them, whatever triangles there
+    /// are: as large as a point may be.
+    pub(super) fn host_px(&self, settings: &Settings, model: &Model) -> Option<f32> {
+        // Else small triangles are compute's, and splats with them.
+        let is_sure = model.triangles.is_empty()
+            || settings.color_by == ColorBy::Shading
+                && splat_plan(settings, f32::INFINITY).has_one_size(model);
+        let draws = is_sure
+            && Drawing::of(settings) == Drawing::Opaque
+            && self.host_may_draw_opaque(settings);
+        draws.then(|| self.gpu.info().max_point_size_px - SLACK_PX)
+    }
+
+    /// Whether compute is to draw, or the host in its place: see [`compute::is_wanted`].
+    pub(super) fn is_wanted(&self, settings: &Settings, model: &Model) -> Result<bool, Error> {
+        let host_px = self.host_px(settings, model);
+        compute::is_wanted(&self.gpu, settings, &self.targets, host_px)
     }
 
     /// Where the host draws filtered splats, if it may.

@@ -143,7 +143,8 @@ impl Renderer {
         foreseen.is_new |= is_new;
         let is_whole = settings.method == Method::Splats;
         let splats = if is_whole { splats + large } else { splats };
-        let by_compute = compute::is_wanted(&self.gpu, settings, &self.targets).unwrap_or(false);
+        let host_px = self.host_px(settings, model);
+        let by_compute = self.is_wanted(settings, model).unwrap_or(false);
         let rect = compute::rect::rect_px(model, view, settings.threshold_px + 3.0);
         let triangles = if is_whole { 0 } else { large };
         let asked = Asked {
@@ -154,6 +155,7 @@ impl Renderer {
             triangles: triangles as usize,
             rect_px: rect,
             size: (self.targets.color.width, self.targets.color.height),
+            by_host: host_px.is_some(),
         };
         let has_large = is_whole || model.triangles.is_empty();
         let is_blended = matches!(Drawing::of(settings), Drawing::Fuzzy | Drawing::Filtered);
@@ -173,7 +175,7 @@ impl Renderer {
             pixels: compute::rect::pixels(rect),
             is_blended,
             is_free: by_compute && settings.path == Path::Auto,
-            largest_by_compute_px: compute::largest_threshold_px(settings),
+            largest_by_compute_px: compute::largest_threshold_px(settings, host_px),
             counts: Counts {
                 nodes_visited: self.cut.stats.visited,
                 splats,

@@ -1,0 +1,82 @@
+//! Large squares and discs: a rasterizer draws them, and in the place of a software device the host.
+
+use super::common::{self, Device, generated, orbit};
+use super::{built, colored, passes};
+use surfel::generate::Shape;
+use surfel::gpu::device::Kind;
+use surfel::image::compare;
+use surfel::method::engine::{Backend, Engine};
+use surfel::method::renderer::Outputs;
+use surfel::method::{Culling, Path, Settings, SplatKind};
+
+/// The same coverage, and colors within one level in all but 0.01 percent of the pixels, and two: depths that are the same but for their
+/// last place decide between splats, and samples of triangles between the rasterizer's.
+#[test]
+fn large_splats_are_the_same_by_the_host() {
+    let Some(device) = Device::open() else { return };
+    let is_software = device.gpu().info().kind == Kind::Cpu;
+    let mut cloud = colored();
+    cloud.triangles.clear();
+    let models = [
+        ("statue", generated(Shape::Statue, 60_000)),
+        ("few", generated(Shape::Torus, 2_000)),
+        ("colored", built(colored())),
+        ("cloud", built(cloud)),
+    ];
+    let size = (240, 200);
+    let backend = Backend::Device(device.gpu().clone());
+    let outputs = Outputs {
+        depth: true,
+        normal: false,
+        values: false,
+    };
+    let (mut rasterized, mut alone, mut beside) = (0, 0, 0);
+    for (name, model) in &models {
+        let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
+        let mut part = orbit(model, size, 30.0, 20.0, 1.6);
+        part.offset = [0.9, -0.7];
+        for view in [
+            orbit(model, size, 80.0, -10.0, 0.9),
+            part,
+            common::orthographic(model, size),
+        ] {
+            for threshold_px in [6.5, 12.0, 25.3, 70.0] {
+                for (splat, culling) in [
+                    (SplatKind::Square, Culling::Auto),
+                    (SplatKind::Disc, Culling::Off),
+                ] {
+                    let settings = Settings {
+                        splat,
+                        threshold_px,
+                        culling,
+                        background: [0.1, 0.2, 0.3],
+                        ..Settings::default()
+                    };
+                    let by_raster = Settings {
+                        path: Path::Raster,
+                        ..settings
+                    };
+                    let (wanted, others, _) = passes(&mut engine, &view, &by_raster);
+                    let (picture, own, _) = passes(&mut engine, &view, &settings);
+                    let what = format!("{name}, {splat:?}, {threshold_px}: {own:?}");
+                    rasterized += u32::from(others.contains(&"hybrid.splats"));
+                    alone += u32::from(own.is_empty());
+                    beside += u32::from(own.contains(&"small.resolve"));
+                    let d = compare(&wanted, &picture, 1.5).unwrap();
+                    let allowed = 2.0 + f64::from(size.0 * size.1) * 1e-4;
+                    assert!(d.object.pixels > 100, "{what}: empty");
+                    assert!(d.whole.past_level as f64 <= allowed, "{what}: {d:?}");
+                    let pairs = || wanted.depth.iter().zip(&picture.depth);
+                    let differ = pairs().filter(|(a, b)| a.is_finite() != b.is_finite());
+                    assert!(differ.count() as f64 <= allowed, "{what}: coverage");
+                    let apart = pairs().filter(|(a, b)| (*a - *b).abs() > 1e-3 * a.abs());
+                    assert!(apart.count() as f64 <= allowed, "{what}: depths");
+                }
+            }
+        }
+    }
+    println!("{alone} pictures by the host alone, {beside} beside triangles");
+    assert!(rasterized >= 60, "{rasterized}");
+    assert_eq!(alone >= 40, is_software, "{alone}");
+    assert_eq!(beside >= 10, is_software, "{beside}");
+}
