@@ -235,7 +235,8 @@ impl Lists {
         // Small triangles are the device's, and the keys with them, unless they become samples.
         let may_sample = key.may_sample && ways.takes_triangles && ways.is_small;
         let host_draws = by_host.opaque.filter(|_| {
-            let has_triangles = ways.takes_triangles && !cut.triangles.is_empty();
+            let has_triangles =
+                key.has_triangles && ways.takes_triangles && !cut.triangles.is_empty();
             let has_one_size = |plan: &splats::Plan| plan.has_one_size(model);
             let may_sample =
                 may_sample && matches!(&packing, Packing::Splats(plan) if has_one_size(plan));

@@ -93,6 +93,13 @@ impl Asked<'_> {
     /// The paths of opaque splats and small triangles, in a frame that may be drawn by compute.
     pub(crate) fn opaque(&self) -> Paths {
         let settings = self.settings;
+        if self.by_host && self.triangles == 0 {
+            // Nothing is set up, no pass goes over the picture, and nothing is submitted and waited for.
+            return Paths {
+                triangles: Path::Raster,
+                splats: Path::Compute,
+            };
+        }
         // Where hidden squares are left out by themselves, about one for each pixel of the box is left, at larger sizes fewer.
         let pixels = rect::pixels(self.rect_px) as f64;
         let left = pixels / f64::from(settings.threshold_px.max(1.0));
@@ -118,12 +125,8 @@ impl Asked<'_> {
                     true => Path::Compute,
                     false => Path::Raster,
                 };
-                // Each ellipse saves a software device 130 ns and more, a square 60 to 80. The host needs no pass over the picture.
-                let least = match (self.by_host, are_ellipses) {
-                    (true, _) => 0.0,
-                    (false, true) => 0.0625,
-                    (false, false) => 0.125,
-                };
+                // Each ellipse saves a software device 130 ns and more, a square 60 to 80.
+                let least = if are_ellipses { 0.0625 } else { 0.125 };
                 let paths = Paths {
                     triangles: path(self.triangles, 1.0),
                     splats: path(self.splats, least),
@@ -303,6 +306,24 @@ mod tests {
             ..ways
         });
         assert_eq!(path(SplatKind::Ellipse, cheap), Path::Raster);
+        // Whatever was measured, the host has no passes.
+        let splats = |triangles, by_host| {
+            let settings = Settings::default();
+            let asked = Asked {
+                settings: &settings,
+                costs: Some(cheap),
+                splats: 10,
+                size_px: 1.0,
+                triangles,
+                rect_px: [0, 0, 500, 200],
+                size: (500, 500),
+                by_host,
+            };
+            asked.opaque().splats
+        };
+        assert_eq!(splats(0, true), Path::Compute);
+        assert_eq!(splats(0, false), Path::Raster);
+        assert_eq!(splats(5, true), Path::Raster);
     }
 
     #[test]

@@ -117,7 +117,7 @@ pub(crate) fn is_wanted(
     let info = gpu.info();
     let color = targets.color();
     let (why, bytes) = match Drawing::of(settings) {
-        Drawing::Opaque if settings.method == Method::Pop => {
+        Drawing::Opaque if settings.method == Method::Pop || host_px.is_some() => {
             (not_as_opaque(settings, host_px), key_bytes(targets))
         }
         Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {

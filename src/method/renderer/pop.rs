@@ -354,10 +354,13 @@ impl Renderer {
     /// are: as large as a point may be.
     pub(super) fn host_px(&self, settings: &Settings, model: &Model) -> Option<f32> {
         // Else small triangles are compute's, and splats with them.
-        let is_sure = model.triangles.is_empty()
+        let is_sure = settings.method == Method::Splats
+            || model.triangles.is_empty()
             || settings.color_by == ColorBy::Shading
                 && splat_plan(settings, f32::INFINITY).has_one_size(model);
+        let color = self.targets.color();
         let draws = is_sure
+            && color.width.max(color.height) <= u32::from(u16::MAX)
             && Drawing::of(settings) == Drawing::Opaque
             && self.host_may_draw_opaque(settings);
         draws.then(|| self.gpu.info().max_point_size_px - SLACK_PX)
