@@ -1,4 +1,4 @@
-//! Small opaque squares and discs by the host, for software devices: what passes small.clear, small.splats and small.resolve
+//! Opaque squares and discs by the host, for software devices: what passes small.clear, small.splats and small.resolve, or of large ones the rasterizer,
 //! leave in the picture.
 //!
 //! A software device goes through the lanes of each write one by one and locks each pixel that it writes
