@@ -427,7 +427,7 @@ impl Renderer {
             && is_large
             && Drawing::of(&settings) == Drawing::Opaque
             && self.host_may_draw_opaque(&settings)
-            && self.is_wanted(&settings, model).unwrap_or(false)
+            && self.wants_compute(&settings, model).unwrap_or(false)
         {
             settings.occlusion = Occlusion::Off;
         }
@@ -461,7 +461,7 @@ impl Renderer {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
         }
-        let by_compute = self.is_wanted(settings, model)?;
+        let by_compute = self.wants_compute(settings, model)?;
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
         let is_gray =
             settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);

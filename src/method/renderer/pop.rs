@@ -62,7 +62,7 @@ impl Renderer {
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
         let drawing = Drawing::of(settings);
-        let is_wanted = self.is_wanted(settings, model)?;
+        let is_wanted = self.wants_compute(settings, model)?;
         let by_compute = drawing == Drawing::Opaque && is_wanted;
         let max_point = if by_compute {
             compute::largest_point_px(settings, self.host_px(settings, model))
@@ -367,7 +367,7 @@ impl Renderer {
     }
 
     /// Whether compute is to draw, or the host in its place: see [`compute::is_wanted`].
-    pub(super) fn is_wanted(&self, settings: &Settings, model: &Model) -> Result<bool, Error> {
+    pub(super) fn wants_compute(&self, settings: &Settings, model: &Model) -> Result<bool, Error> {
         let host_px = self.host_px(settings, model);
         compute::is_wanted(&self.gpu, settings, &self.targets, host_px)
     }

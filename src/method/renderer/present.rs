@@ -144,7 +144,7 @@ impl Renderer {
         let is_whole = settings.method == Method::Splats;
         let splats = if is_whole { splats + large } else { splats };
         let host_px = self.host_px(settings, model);
-        let by_compute = self.is_wanted(settings, model).unwrap_or(false);
+        let by_compute = self.wants_compute(settings, model).unwrap_or(false);
         let rect = compute::rect::rect_px(model, view, settings.threshold_px + 3.0);
         let triangles = if is_whole { 0 } else { large };
         let asked = Asked {
