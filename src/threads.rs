@@ -4,12 +4,18 @@
 //! eight times. These threads wait instead, and are awake while a frame asks for them again and again. They are not those
 //! that build trees: while another model is loaded, a frame would wait for a place among them.
 
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::{ThreadPool, ThreadPoolBuilder, Yield};
 use std::num::NonZero;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{LazyLock, Mutex};
+use std::time::{Duration, Instant};
 
 /// Most threads that work for one frame.
 const MOST: usize = 16;
+
+/// How long a thread stays awake when there is nothing to do: a little longer than what a frame does alone between two works that
+/// are shared.
+const AWAKE: Duration = Duration::from_micros(150);
 
 /// How many threads work for a frame: as many as the machine runs at once, at most 16.
 pub(crate) fn count() -> usize {
@@ -49,13 +55,34 @@ pub(crate) fn share<W: Send, T: Send>(
         }
     };
     match OTHERS.as_ref().filter(|_| !others.is_empty()) {
-        Some(pool) => pool.in_place_scope(|scope| {
-            for other in others {
-                scope.spawn(|_| all(other));
-            }
-            all(first);
-        }),
+        Some(pool) => {
+            let at_work = AtomicUsize::new(others.len());
+            pool.in_place_scope(|scope| {
+                for other in others {
+                    scope.spawn(|_| {
+                        all(other);
+                        pool.spawn(stay_awake);
+                        at_work.fetch_sub(1, Ordering::Relaxed);
+                    });
+                }
+                all(first);
+                // The scope waits for them, asleep. After a panic this number stays.
+                let start = Instant::now();
+                while at_work.load(Ordering::Relaxed) > 0 && start.elapsed() < AWAKE {
+                    std::thread::yield_now();
+                }
+            });
+        }
         None => all(first),
+    }
+}
+
+/// Waits for work without falling asleep, and does it. Others that want to run have the processor first.
+fn stay_awake() {
+    let start = Instant::now();
+    // What was done has asked for the next wait: this one ends, lest each lie within the one before.
+    while rayon::yield_now() != Some(Yield::Executed) && start.elapsed() < AWAKE {
+        std::thread::yield_now();
     }
 }
 
@@ -89,6 +116,16 @@ mod tests {
                 });
             }
         });
+    }
+
+    /// One work after the other without an end: waits end when they have found work, and do not lie within one another.
+    #[test]
+    fn frames_may_go_on_for_ever() {
+        let mut sums = [0u64; 3];
+        for _ in 0..30_000 {
+            share(&mut sums, 0..4, |sum, number| *sum += number);
+        }
+        assert_eq!(sums.iter().sum::<u64>(), 30_000 * 6);
     }
 
     #[test]

@@ -23,7 +23,7 @@ use crate::tree::{Leaf, Model, Node};
 use ahead::Ahead;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
-use lanes::{Siblings, push_lanes};
+use lanes::Siblings;
 use prefetch_index::prefetch_index;
 
 /// Siblings that are to be looked at: the first one, how many they are (1 to 4) and what they inherit.
@@ -132,7 +132,7 @@ impl Counts {
     }
 }
 
-/// The working memory of the stages, 36 KiB.
+/// The working memory of the stages, 40 KiB.
 #[derive(Debug)]
 pub(super) struct Batch {
     level: Level,
@@ -206,12 +206,12 @@ impl Batch {
             None => {
                 ahead.ask_rest();
                 for lane in self.verdicts.rows.lanes() {
-                    let run = StripRun::new(node_of(groups, lane), self.counts[lane % LANES]);
+                    let run = StripRun::new(self.siblings.number(lane), self.counts[lane % LANES]);
                     cut.strips.push(run);
                 }
             }
         }
-        self.emit_nodes(groups, cut, open);
+        self.emit_nodes(simd, cut, open);
     }
 
     /// Nodes become lanes; so many of those ahead are asked for before each eight groups.
@@ -231,6 +231,7 @@ impl Batch {
             let (spheres, words) = quad::of_nodes(&four);
             siblings.put_spheres(index, spheres);
             siblings.put_words(index, words);
+            siblings.put_group(index, group);
             count
         });
     }
@@ -317,7 +318,7 @@ impl Batch {
     }
 
     #[inline(always)]
-    fn emit_nodes(&mut self, groups: &[Group], cut: &mut Cut, open: &mut Vec<Group>) {
+    fn emit_nodes<S: Simd>(&mut self, simd: S, cut: &mut Cut, open: &mut Vec<Group>) {
         let Verdicts {
             kept,
             small,
@@ -326,18 +327,9 @@ impl Batch {
             rows,
             ..
         } = self.verdicts;
-        push_lanes(&mut cut.nodes, groups, kept & small);
-        let opened = kept & !small & !rows;
-        open.reserve(opened.count() as usize);
-        for lane in opened.lanes() {
-            let Some(group) = groups.get(lane / 4) else {
-                continue;
-            };
-            let (first, count) = self.siblings.children(lane);
-            let found = inside.bit(lane) * INSIDE + front.bit(lane) * FRONT;
-            let word = count | group.word & !0xff | found;
-            open.push(Group { first, word });
-        }
+        let siblings = &mut self.siblings;
+        siblings.push(simd, &mut cut.nodes, kept & small);
+        siblings.push_children(simd, open, kept & !small & !rows, (inside, front));
     }
 
     /// The same for groups of leaves, all of which are drawn or dropped.
@@ -373,7 +365,7 @@ impl Batch {
         if let Some(hiding) = before {
             self.drop_between(simd, hiding, groups.len(), cut);
         }
-        self.drop_away((model, tester), groups).add_to(cut);
+        self.drop_away(model, tester).add_to(cut);
         self.draw_leaves(simd, model, (after, hiding), groups, (cut, marks));
     }
 
@@ -396,8 +388,9 @@ impl Batch {
             self.hide_leaves(simd, hiding, groups, always, (cut, marks));
         }
         let Verdicts { kept, small, .. } = self.verdicts;
-        push_lanes(&mut cut.leaves, groups, kept & (small | always));
-        push_lanes(&mut cut.triangles, groups, kept & !(small | always));
+        let (splats, triangles) = (kept & (small | always), kept & !(small | always));
+        self.siblings.push(simd, &mut cut.leaves, splats);
+        self.siblings.push(simd, &mut cut.triangles, triangles);
     }
 
     /// Leaves become lanes; those of `ahead` are asked for.
@@ -412,6 +405,7 @@ impl Batch {
             }
             let (four, count) = four(leaves, group);
             siblings.put_spheres(index, quad::of_leaves(&four));
+            siblings.put_group(index, group);
             count
         });
     }
@@ -443,11 +437,11 @@ impl Batch {
 
     /// Drops the leaves that face away.
     #[inline(always)]
-    fn drop_away(&mut self, (model, tester): (&Model, &Tester), groups: &[Group]) -> Counts {
+    fn drop_away(&mut self, model: &Model, tester: &Tester) -> Counts {
         let asked = self.verdicts.kept & !self.verdicts.faces;
         self.faces.clear();
         for lane in asked.lanes() {
-            self.faces.push((node_of(groups, lane), lane as u32));
+            self.faces.push((self.siblings.number(lane), lane as u32));
         }
         let mut away = Mask::default();
         if model.triangles.is_empty() {
@@ -518,10 +512,3 @@ impl Verdicts {
 
 /// Whose lanes are a word of a mask.
 const GROUPS_OF_WORD: usize = 16;
-
-/// The node or leaf in a lane.
-#[inline(always)]
-fn node_of(groups: &[Group], lane: usize) -> u32 {
-    let first = groups.get(lane / 4).map_or(0, |group| group.first);
-    first.wrapping_add(lane as u32 % 4)
-}

@@ -188,7 +188,7 @@ impl Below {
 /// A large cut (some ten thousand nodes) is divided among threads. Every list has the same ids in the same
 /// order whatever their number.
 ///
-/// Memory: about 8 bytes for each node that is opened on a level and 36 KiB a thread; with several threads the
+/// Memory: about 8 bytes for each node that is opened on a level and 40 KiB a thread; with several threads the
 /// lists of the cut once more.
 #[derive(Debug)]
 pub struct Selector {

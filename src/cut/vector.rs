@@ -128,6 +128,9 @@ impl Vector for Vec4 {
     }
 }
 
+/// Most lanes of [`Wide`].
+pub(super) const WIDEST: usize = 16;
+
 /// As many numbers as the vectors of a level of the processor have.
 #[derive(Clone, Copy)]
 pub(super) struct Wide<S: Simd>(pub(super) S::f32s);
@@ -148,6 +151,14 @@ impl<S: Simd> Wide<S> {
     #[inline(always)]
     pub(super) fn store(self, numbers: &mut [f32]) {
         self.0.store_slice(numbers);
+    }
+
+    /// Stores the words of some lanes close together, from a place on where there is room for those of all.
+    #[inline(always)]
+    pub(super) fn pack(words: S::u32s, lanes: S::mask32s, list: &mut [u32], at: usize) {
+        if let Some(place) = list.get_mut(at..at + Self::LANES) {
+            words.compress(lanes).store_slice(place);
+        }
     }
 
     /// Stores whole numbers of at least 0.

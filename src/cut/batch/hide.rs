@@ -1,7 +1,7 @@
 //! What nearer splats hide of a batch.
 
 use super::ahead::Ahead;
-use super::{Batch, Group, LANES, Mask, node_of};
+use super::{Batch, Group, LANES, Mask};
 use crate::cut::nearest::{CHUNK, Chunk, Hiding, Marks};
 use crate::cut::strip::half_rows;
 use crate::cut::tester::Tester;
@@ -100,7 +100,7 @@ impl Batch {
             let lanes = (lanes, undrawn.get(at, width));
             hiding.place(simd, &mut self.chunk, at, splats, lanes);
         }
-        hiding.ask(&self.chunk, marks)
+        hiding.ask(simd, &mut self.chunk, marks)
     }
 
     /// Drops triangles between the centers of pixels, and small ones where splats are samples.
@@ -201,7 +201,7 @@ impl Batch {
         }
         let mut count = 0;
         for lane in rows.lanes() {
-            let run = StripRun::new(node_of(groups, lane), self.counts[lane % LANES]);
+            let run = StripRun::new(self.siblings.number(lane), self.counts[lane % LANES]);
             if count + MAX_STRIP_COUNT as usize > CHUNK {
                 self.keep_rows(simd, hiding, count, marks, cut);
                 count = 0;
@@ -251,7 +251,15 @@ impl Batch {
             let lanes = (all.get(at, width), undrawn);
             hiding.place(simd, &mut self.chunk, at, splats, lanes);
         }
-        keep_runs(hiding, &self.chunk, &self.split.runs, count, marks, cut);
+        keep_runs(
+            simd,
+            hiding,
+            &mut self.chunk,
+            &self.split.runs,
+            count,
+            marks,
+            cut,
+        );
         self.split.runs.clear();
     }
 }
@@ -302,15 +310,16 @@ fn of_groups(groups: &[Group], may_be: bool, of: impl Fn(u32) -> u8) -> Mask {
 
 /// Appends what is seen of rows whose splats are in the chunk.
 #[inline(always)]
-fn keep_runs(
+fn keep_runs<S: Simd>(
+    simd: S,
     hiding: &Hiding<'_>,
-    chunk: &Chunk,
+    chunk: &mut Chunk,
     runs: &[StripRun],
     splats: usize,
     marks: &mut Marks,
     cut: &mut Cut,
 ) {
-    let seen = hiding.ask(chunk, &mut marks.strips);
+    let seen = hiding.ask(simd, chunk, &mut marks.strips);
     cut.stats.hidden += splats as u64 - u64::from(seen.count());
     let seen = seen.words();
     let (mut at, mut end) = (0, cut.strips.len());

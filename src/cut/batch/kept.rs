@@ -1,7 +1,6 @@
 //! What was found out about a group of siblings, kept from frame to frame.
 
 use super::ahead::Ahead;
-use super::lanes::push_lanes;
 use super::{Batch, Counts, FRONT, Group, INSIDE, LANES, Mask, SIZE, Verdicts, four};
 use crate::cut::motion::Reading;
 use crate::cut::nearest::{Hiding, Marks};
@@ -202,7 +201,7 @@ impl Batch {
             self.test_leaves(simd, tester, groups);
         });
         self.verdicts.in_view = self.verdicts.kept;
-        self.drop_away((model, tester), groups);
+        self.drop_away(model, tester);
         let verdicts = self.verdicts;
         for (i, &group) in groups.iter().enumerate().take(SIZE) {
             let balls = &self.siblings.four_balls(i);
@@ -264,13 +263,13 @@ impl Batch {
             }
             None => {
                 for lane in rows.lanes() {
-                    let run =
-                        StripRun::new(super::node_of(groups, lane), self.counts[lane % LANES]);
+                    let run = StripRun::new(self.siblings.number(lane), self.counts[lane % LANES]);
                     cut.strips.push(run);
                 }
             }
         }
-        push_lanes(&mut cut.nodes, groups, self.verdicts.kept & small);
+        let drawn = self.verdicts.kept & small;
+        dispatch!(self.level, simd => self.siblings.push(simd, &mut cut.nodes, drawn));
         for record in records {
             record.count_in(cut);
             let (mut mask, mut first) = (record.opened(), record.children);
@@ -298,6 +297,7 @@ impl Batch {
         let mut verdicts = Verdicts::default();
         for (i, (record, group)) in records.iter().zip(&mut groups).enumerate() {
             *group = record.group;
+            self.siblings.put_group(i, record.group);
             let at = 4 * i;
             verdicts.kept.add(at, u32::from(record.mask(KEPT)));
             verdicts.small.add(at, u32::from(record.mask(SMALL)));

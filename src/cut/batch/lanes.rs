@@ -1,8 +1,8 @@
 //! The siblings of a batch in the lanes of vectors, four of each group.
 
-use super::{Group, SIZE};
+use super::{FRONT, Group, INSIDE, SIZE};
 use crate::cut::quad::{Balls, Words};
-use crate::cut::vector::Wide;
+use crate::cut::vector::{WIDEST, Wide};
 use fearless_simd::prelude::*;
 use glam::Vec4;
 use std::ops::{BitAnd, BitOr, Not};
@@ -56,12 +56,6 @@ impl Mask {
         let own = u64::from(u32::MAX >> (32 - count)) << (lane % WORD);
         let word = &mut self.0[lane / WORD % len];
         *word = *word & !own | u64::from(bits) << (lane % WORD) & own;
-    }
-
-    /// Bit of one lane, 0 or 1.
-    #[inline(always)]
-    pub(super) fn bit(&self, lane: usize) -> u32 {
-        self.get(lane, 1)
     }
 
     /// The lanes of a group.
@@ -157,14 +151,8 @@ impl Iterator for Lanes {
     }
 }
 
-/// Appends the nodes or leaves in the lanes of a mask.
-#[inline(always)]
-pub(super) fn push_lanes(list: &mut Vec<u32>, groups: &[Group], mask: Mask) {
-    list.reserve(mask.count() as usize);
-    for lane in mask.lanes() {
-        list.push(super::node_of(groups, lane));
-    }
-}
+/// Room for a list of lanes, and for a whole vector from the last one on.
+const ROOM: usize = LANES + WIDEST;
 
 /// Spheres and words of the nodes of a batch, or spheres of leaves; numbers of one kind in a list each. Spheres become balls, see
 /// [`Balls`].
@@ -174,6 +162,12 @@ pub(super) struct Siblings {
     depths: [f32; LANES],
     first_child: [u32; LANES],
     words: [[u32; LANES]; 3],
+    /// Numbers of the nodes or leaves.
+    numbers: [u32; LANES],
+    /// What they inherit, as groups have it.
+    inherited: [u32; LANES],
+    /// Some of them, close together.
+    packed: [[u32; ROOM]; 2],
 }
 
 impl Default for Siblings {
@@ -183,6 +177,9 @@ impl Default for Siblings {
             depths: [0.0; LANES],
             first_child: [0; LANES],
             words: [[0; LANES]; 3],
+            numbers: [0; LANES],
+            inherited: [0; LANES],
+            packed: [[0; ROOM]; 2],
         }
     }
 }
@@ -196,6 +193,81 @@ fn put<T: Copy>(list: &mut [T; LANES], group: usize, four: [T; 4]) {
 }
 
 impl Siblings {
+    /// Which group it is.
+    #[inline(always)]
+    pub(super) fn put_group(&mut self, index: usize, group: Group) {
+        let numbers = [0, 1, 2, 3].map(|i| group.first.wrapping_add(i));
+        put(&mut self.numbers, index, numbers);
+        put(&mut self.inherited, index, [group.word & !0xff; 4]);
+    }
+
+    /// The node or leaf in a lane.
+    #[inline(always)]
+    pub(super) fn number(&self, lane: usize) -> u32 {
+        self.numbers[lane % LANES]
+    }
+
+    /// Appends the nodes or leaves in the lanes of a mask.
+    #[inline(always)]
+    pub(super) fn push<S: Simd>(&mut self, simd: S, list: &mut Vec<u32>, mask: Mask) {
+        if mask.is_empty() {
+            return;
+        }
+        let ([own, _], mut len) = (&mut self.packed, 0);
+        let width = Wide::<S>::LANES;
+        for at in (0..LANES).step_by(width) {
+            let lanes = mask.get(at, width);
+            let numbers = Wide::<S>::load_words(simd, &self.numbers[at..at + width]);
+            let mask = S::mask32s::from_bitmask(simd, lanes.into());
+            Wide::<S>::pack(numbers, mask, own, len);
+            len += lanes.count_ones() as usize;
+        }
+        list.extend_from_slice(own.get(..len).unwrap_or_default());
+    }
+
+    /// Appends the children of the nodes in the lanes of a mask, which inherit what was found of these: that they are wholly inside the
+    /// view volume, and face the viewer.
+    #[inline(always)]
+    pub(super) fn push_children<S: Simd>(
+        &mut self,
+        simd: S,
+        open: &mut Vec<Group>,
+        mask: Mask,
+        (inside, front): (Mask, Mask),
+    ) {
+        let Self {
+            first_child,
+            words,
+            inherited,
+            packed,
+            ..
+        } = self;
+        let ([first, found_words], mut len) = (packed, 0);
+        let width = Wide::<S>::LANES;
+        for at in (0..LANES).step_by(width) {
+            let lanes = mask.get(at, width);
+            if lanes == 0 {
+                continue;
+            }
+            let own = at..at + width;
+            let load = |list: &[u32; LANES]| Wide::<S>::load_words(simd, &list[own.clone()]);
+            let lanes_of = |bits: u32| S::mask32s::from_bitmask(simd, bits.into());
+            let word_if = |mask: &Mask, word: u32| {
+                let word = S::u32s::splat(simd, word);
+                lanes_of(mask.get(at, width)).select(word, S::u32s::splat(simd, 0))
+            };
+            let count = load(&words[2]) >> 16 & S::u32s::splat(simd, 0xff);
+            let found = word_if(&inside, INSIDE) | word_if(&front, FRONT);
+            let word = count | load(inherited) | found;
+            let opened = lanes_of(lanes);
+            Wide::<S>::pack(load(first_child), opened, first, len);
+            Wide::<S>::pack(word, opened, found_words, len);
+            len += lanes.count_ones() as usize;
+        }
+        let groups = first.iter().zip(found_words.iter()).take(len);
+        open.extend(groups.map(|(&first, &word)| Group { first, word }));
+    }
+
     #[inline(always)]
     pub(super) fn put_spheres(&mut self, group: usize, [x, y, z, radius]: [Vec4; 4]) {
         let [xs, ys, zs, radii] = &mut self.spheres;

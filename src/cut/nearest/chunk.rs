@@ -3,38 +3,56 @@
 
 use super::super::batch::{LANES, Mask};
 use super::super::centers::to_center;
-use super::super::vector::{Vector, Wide};
+use super::super::vector::{Vector, WIDEST, Wide};
 use super::{Hiding, Mark, NOTHING};
 use fearless_simd::prelude::*;
 use glam::Vec4;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Most of them.
 pub(in crate::cut) const CHUNK: usize = LANES;
 
+/// Room for the splats of a chunk, and for a whole vector from the last one on.
+const ROOM: usize = CHUNK + WIDEST;
+
 /// What is asked of [`super::Nearest`] for some splats.
 #[derive(Debug)]
 pub(in crate::cut) struct Chunk {
-    /// Those that cover one pixel and may cover no other: of squares of a pixel nearly all that cover any.
-    ones: Mask,
+    ones: Ones,
     /// The others that are not hidden so far.
     others: Mask,
-    /// Of those of one pixel which it is, and what [`Mark`] has.
-    first: [u32; CHUNK],
-    distance: [u32; CHUNK],
-    asked: [u32; CHUNK],
-    /// Marks of the others.
+    /// Their marks.
     marks: [Mark; CHUNK],
+}
+
+/// Splats that cover one pixel and may cover no other: of squares of a pixel nearly all that cover any. They lie close together,
+/// numbers of one kind in a list each.
+#[derive(Debug)]
+struct Ones {
+    len: usize,
+    /// Lanes of the chunk, ascending.
+    lane: [u32; ROOM],
+    /// Which pixel it is, and what [`Mark`] has.
+    first: [u32; ROOM],
+    distance: [u32; ROOM],
+    asked: [u32; ROOM],
+    /// What is nearest there.
+    there: [u32; ROOM],
 }
 
 impl Default for Chunk {
     fn default() -> Self {
+        let list = [0; ROOM];
         Self {
-            ones: Mask::default(),
+            ones: Ones {
+                len: 0,
+                lane: list,
+                first: list,
+                distance: list,
+                asked: list,
+                there: list,
+            },
             others: Mask::default(),
-            first: [0; CHUNK],
-            distance: [0; CHUNK],
-            asked: [0; CHUNK],
             marks: [Mark::HIDDEN; CHUNK],
         }
     }
@@ -44,18 +62,100 @@ impl Chunk {
     /// Takes all splats out.
     #[inline(always)]
     pub(in crate::cut) fn clear(&mut self) {
-        (self.ones, self.others) = (Mask::default(), Mask::default());
+        self.ones.len = 0;
+        self.others = Mask::default();
+    }
+}
+
+impl Ones {
+    /// Adds those of some lanes of a vector: lane, pixel, distance and what is asked.
+    #[inline(always)]
+    fn add<S: Simd>(&mut self, simd: S, lanes: u32, numbers: [S::u32s; 4]) {
+        let mask = S::mask32s::from_bitmask(simd, lanes.into());
+        let Self {
+            len,
+            lane,
+            first,
+            distance,
+            asked,
+            ..
+        } = self;
+        for (list, numbers) in [lane, first, distance, asked].into_iter().zip(numbers) {
+            Wide::<S>::pack(numbers, mask, list, *len);
+        }
+        *len += lanes.count_ones() as usize;
     }
 
-    /// What a splat of one pixel leaves.
+    /// Looks at what is nearest at each pixel; leaves those that it does not hide.
     #[inline(always)]
-    fn mark_of_one(&self, lane: u8) -> Mark {
-        let lane = usize::from(lane);
-        Mark {
-            first: self.first[lane],
-            asked: self.asked[lane],
-            distance: self.distance[lane],
+    fn keep_seen<S: Simd>(&mut self, simd: S, pixels: &[AtomicU32]) {
+        let Self {
+            len,
+            lane,
+            first,
+            distance,
+            asked,
+            there,
+        } = self;
+        // In a loop of its own: no read waits for an answer.
+        for (there, &first) in there.iter_mut().zip(first.iter()).take(*len) {
+            let pixel = pixels.get(first as usize);
+            *there = pixel.map_or(0, |pixel| pixel.load(Ordering::Relaxed));
         }
+        let all = *len;
+        *len = 0;
+        let width = Wide::<S>::LANES;
+        for at in (0..all).step_by(width) {
+            let own = at..at + width;
+            let load = |list: &[u32; ROOM]| {
+                list.get(own.clone())
+                    .map(|own| Wide::<S>::load_words(simd, own))
+            };
+            let (Some(nearest), Some(least)) = (load(there), load(asked)) else {
+                break;
+            };
+            let there = u32::MAX >> (32 - (all - at).min(width));
+            let seen = nearest.simd_ge(least).to_bitmask() as u32 & there;
+            let mask = S::mask32s::from_bitmask(simd, seen.into());
+            // To places that were read already.
+            for list in [&mut *lane, first, distance, asked] {
+                if let Some(numbers) = load(list) {
+                    Wide::<S>::pack(numbers, mask, list, *len);
+                }
+            }
+            *len += seen.count_ones() as usize;
+        }
+    }
+
+    /// Leaves their depths where nothing is nearer. `AT_ONCE`: so that nothing is stored over.
+    #[inline(always)]
+    fn leave<const AT_ONCE: bool>(&self, pixels: &[AtomicU32]) {
+        for (&first, &own) in self.first.iter().zip(&self.distance).take(self.len) {
+            let Some(pixel) = pixels.get(first as usize) else {
+                continue;
+            };
+            let there = pixel.load(Ordering::Relaxed);
+            if !AT_ONCE {
+                pixel.store(there.min(own), Ordering::Relaxed);
+            } else if own < there {
+                pixel.fetch_min(own, Ordering::Relaxed);
+            }
+        }
+    }
+
+    /// What each leaves, with its lane.
+    #[inline(always)]
+    fn marks(&self) -> impl Iterator<Item = (u32, Mark)> {
+        let numbers = self.first.iter().zip(&self.asked).zip(&self.distance);
+        let numbers = self.lane.iter().zip(numbers).take(self.len);
+        numbers.map(|(&lane, ((&first, &asked), &distance))| {
+            let mark = Mark {
+                first,
+                asked,
+                distance,
+            };
+            (lane, mark)
+        })
     }
 }
 
@@ -92,21 +192,17 @@ impl Hiding<'_> {
             let some = lanes & !Wide::<S>::bits(is_nothing);
             let ones = Wide::<S>::bits(is_one) & some;
             others = some & !ones;
-            let own = at..at + Wide::<S>::LANES;
             let width = self.nearest.width;
             let (column, row) = (low_bits(sum_x), low_bits(sum_y));
             let first = row * S::u32s::splat(simd, width) + column;
             let first = first - S::u32s::splat(simd, width + 1);
-            first.store_slice(&mut chunk.first[own.clone()]);
-            placed.distance.store_bits(&mut chunk.distance[own.clone()]);
-            placed.asked.store_bits(&mut chunk.asked[own]);
-            chunk.ones.add(at, ones);
-            let mut hide_nothing = ones & undrawn;
-            while hide_nothing != 0 {
-                let lane = at + hide_nothing.trailing_zeros() as usize;
-                chunk.distance[lane % CHUNK] = NOTHING;
-                hide_nothing &= hide_nothing - 1;
-            }
+            let hide_nothing = S::mask32s::from_bitmask(simd, undrawn.into());
+            let nothing = S::u32s::splat(simd, NOTHING);
+            let distance = hide_nothing.select(nothing, placed.distance.0.bitcast::<S::u32s>());
+            let asked = placed.asked.0.bitcast::<S::u32s>();
+            let lane = Wide::<S>::load_words(simd, &LANE[..Wide::<S>::LANES]);
+            let lane = lane + S::u32s::splat(simd, at as u32);
+            chunk.ones.add(simd, ones, [lane, first, distance, asked]);
         }
         if others != 0 {
             let mut lists = [[0.0; 16]; 4];
@@ -162,114 +258,46 @@ impl Hiding<'_> {
     /// Where splats are pixels, depths are read, compared and stored, which is three times faster than at once, but one may
     /// be stored over by another thread. Then less is hidden than could be, until [`repair`](Self::repair).
     #[inline(always)]
-    pub(in crate::cut) fn ask(&self, chunk: &Chunk, marks: &mut Vec<Mark>) -> Mask {
-        let mut candidates = [Lanes64::NONE; WORDS];
-        for (word, own) in candidates.iter_mut().enumerate() {
-            let ones = Lanes64::of(word, chunk.ones.words()[word]);
-            *own = match self.are_pixels {
-                true => self.leave::<false>(chunk, &ones),
-                false => self.leave::<true>(chunk, &ones),
-            };
+    pub(in crate::cut) fn ask<S: Simd>(
+        &self,
+        simd: S,
+        chunk: &mut Chunk,
+        marks: &mut Vec<Mark>,
+    ) -> Mask {
+        let pixels = self.nearest.pixels.as_slice();
+        let Chunk { ones, others, .. } = chunk;
+        ones.keep_seen(simd, pixels);
+        match self.are_pixels {
+            true => ones.leave::<false>(pixels),
+            false => ones.leave::<true>(pixels),
         }
-        let mut seen = Mask::default();
-        for (word, own) in candidates.iter().enumerate() {
-            let others = chunk.others.words()[word];
-            let (bits, own) = self.not_hidden(chunk, own);
-            seen.words_mut()[word] = bits | others;
-            if others == 0 {
-                marks.extend(own.iter().map(|&lane| chunk.mark_of_one(lane)));
-            } else {
-                let all = Lanes64::of(word, bits | others);
-                marks.extend(all.iter().map(|&lane| match others >> (lane % 64) & 1 {
-                    0 => chunk.mark_of_one(lane),
-                    _ => chunk.marks[usize::from(lane)],
-                }));
+        ones.keep_seen(simd, pixels);
+        let mut seen = *others;
+        for &lane in ones.lane.iter().take(ones.len) {
+            seen.add(lane as usize % CHUNK, 1);
+        }
+        if others.is_empty() {
+            marks.extend(ones.marks().map(|(_, mark)| mark));
+        } else {
+            for (lane, mark) in ones.marks() {
+                chunk.marks[lane as usize % CHUNK] = mark;
             }
+            marks.extend(seen.lanes().map(|lane| chunk.marks[lane]));
         }
         seen
     }
-
-    /// Leaves the depths of some splats where nothing is nearer; those that were not hidden by what was there. `AT_ONCE`: so that
-    /// nothing is stored over.
-    #[inline(always)]
-    fn leave<const AT_ONCE: bool>(&self, chunk: &Chunk, lanes: &Lanes64) -> Lanes64 {
-        let pixels = self.nearest.pixels.as_slice();
-        let mut seen = Lanes64::NONE;
-        for &lane in lanes.iter() {
-            let at = usize::from(lane);
-            let Some(pixel) = pixels.get(chunk.first[at] as usize) else {
-                continue;
-            };
-            let (there, own) = (pixel.load(Ordering::Relaxed), chunk.distance[at]);
-            // What hides it is nearer, and stays.
-            if !AT_ONCE {
-                pixel.store(there.min(own), Ordering::Relaxed);
-            } else if own < there {
-                pixel.fetch_min(own, Ordering::Relaxed);
-            }
-            seen.push_if(lane, there >= chunk.asked[at]);
-        }
-        seen
-    }
-
-    /// Which of some splats of one pixel are not hidden so far, as bits and as lanes.
-    #[inline(always)]
-    fn not_hidden(&self, chunk: &Chunk, lanes: &Lanes64) -> (u64, Lanes64) {
-        let pixels = self.nearest.pixels.as_slice();
-        let (mut bits, mut seen) = (0, Lanes64::NONE);
-        for &lane in lanes.iter() {
-            let at = usize::from(lane);
-            let pixel = pixels.get(chunk.first[at] as usize);
-            let there = pixel.map_or(0, |pixel| pixel.load(Ordering::Relaxed));
-            let is_seen = there >= chunk.asked[at];
-            bits |= u64::from(is_seen) << (lane % 64);
-            seen.push_if(lane, is_seen);
-        }
-        (bits, seen)
-    }
 }
 
-/// Words of a mask.
-const WORDS: usize = CHUNK / 64;
-const _: () = assert!(CHUNK == 1 + u8::MAX as usize);
-
-/// Up to 64 lanes of a chunk, one after the other: none waits for the bits of those before.
-#[derive(Clone, Copy)]
-struct Lanes64 {
-    lanes: [u8; 64],
-    len: usize,
-}
-
-impl Lanes64 {
-    const NONE: Self = Self {
-        lanes: [0; 64],
-        len: 0,
-    };
-
-    /// Those of a word of a mask.
-    #[inline(always)]
-    fn of(word: usize, mut bits: u64) -> Self {
-        let mut lanes = Self::NONE;
-        while bits != 0 {
-            let lane = 64 * word as u32 + bits.trailing_zeros();
-            lanes.push_if(lane as u8, true);
-            bits &= bits - 1;
-        }
-        lanes
+/// Numbers of lanes.
+const LANE: [u32; WIDEST] = {
+    let mut lane = [0; WIDEST];
+    let mut i = 0;
+    while i < lane.len() {
+        lane[i] = i as u32;
+        i += 1;
     }
-
-    /// Adds a lane, or does nothing that is seen of it.
-    #[inline(always)]
-    fn push_if(&mut self, lane: u8, is_in: bool) {
-        self.lanes[self.len % 64] = lane;
-        self.len += usize::from(is_in);
-    }
-
-    #[inline(always)]
-    fn iter(&self) -> std::slice::Iter<'_, u8> {
-        self.lanes[..self.len.min(64)].iter()
-    }
-}
+    lane
+};
 
 /// The whole number that a sum with 2^23 has in its low bits.
 #[inline(always)]

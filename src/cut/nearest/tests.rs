@@ -91,7 +91,7 @@ fn keep_nodes(hiding: &Hiding<'_>, balls: &Balls, first: u32, marks: &mut Vec<Ma
     let lanes = (15, u32::from(hiding.undrawn_nodes(first)));
     let splats = [x, y, z, vec![radius; 16]];
     dispatch!(Level::new(), simd => place(simd, hiding, &mut chunk, (&splats, lanes)));
-    hiding.ask(&chunk, marks).words()[0]
+    dispatch!(Level::new(), simd => hiding.ask(simd, &mut chunk, marks)).words()[0]
 }
 
 /// Brute force over random splats: what is dropped is covered in each of its pixels, and in those that it would have half a
