@@ -162,12 +162,12 @@ fn of_panels(a: &Panel, b: &Panel) -> Agreement {
 mod tests {
     use super::super::row::tests::row;
     use super::super::summary::summarize;
-    use super::super::{Choice, Row};
+    use super::super::{Choice, Row, Ways};
     use super::*;
 
     /// Panels of choices with these times and errors.
     fn panels(points: &[(f64, f64)]) -> Vec<Panel> {
-        let choices = Choice::few(false, true);
+        let choices = Choice::few(false, Ways::ALL);
         let rows: Vec<Row> = (points.iter().zip(choices))
             .map(|(&(ms, flip), choice)| {
                 let mut r = row("m", choice, 1.0, 0);
@@ -205,7 +205,7 @@ mod tests {
         points[3].0 = 30.0 * 1.5;
         let found = against_first(&points);
         let names: Vec<&str> = found.off.iter().map(|r| r.name.as_str()).collect();
-        let all = Choice::few(false, true);
+        let all = Choice::few(false, Ways::ALL);
         assert_eq!(names, [all[3].name(), all[2].name()]);
         assert!((found.off[0].factor() - 1.5).abs() < 1e-9 && !found.is_kept());
         // When triangles were slow all others look fast.

@@ -349,6 +349,7 @@ pub fn fill_of(model: &Model, view: &View) -> f64 {
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 #[cfg(test)]
 mod tests {
+    use super::super::Ways;
     use super::*;
     use crate::generate::{Shape, Spec};
     use crate::math::camera::Camera;
@@ -367,7 +368,7 @@ mod tests {
 
     /// Three choices at two distances.
     fn calibration() -> Calibration {
-        let few = Choice::few(false, false);
+        let few = Choice::few(false, Ways::NONE);
         let entry = |i: usize, fill: f64, frame_ms: f64, flip: f64, held: [f64; 2]| {
             let [method, splat, path] = few[i].words();
             Entry {
@@ -398,7 +399,7 @@ mod tests {
     #[test]
     fn the_cheapest_that_is_good_enough_is_chosen() {
         let c = calibration();
-        let few = Choice::few(false, false);
+        let few = Choice::few(false, Ways::NONE);
         let choose = |max_error, frame_ms, fill| {
             c.choose(
                 &Bounds {

@@ -9,7 +9,8 @@ pub struct Choice {
     pub method: Method,
     /// What its splats look like; of no account for triangles.
     pub splat: SplatKind,
-    /// By rasterizer or by compute, never left to the program: twins are two lines of the chart.
+    /// By rasterizer or by compute, which are two lines of the chart. Left to the program is a third one where it then draws by neither:
+    /// on software devices by the host ([`SplatKind::host_draws`]).
     pub path: Path,
     /// Threshold, pixels. 0 for triangles, which have none.
     pub threshold_px: f32,
@@ -35,6 +36,27 @@ pub const KINDS: [SplatKind; 6] = [
     SplatKind::Visibility,
     SplatKind::Filtered,
 ];
+
+/// What a device can draw by besides its rasterizer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Ways {
+    /// Compute shaders.
+    pub compute: bool,
+    /// The host.
+    pub host: bool,
+}
+
+#[cfg(test)]
+impl Ways {
+    pub(super) const NONE: Self = Self {
+        compute: false,
+        host: false,
+    };
+    pub(super) const ALL: Self = Self {
+        compute: true,
+        host: true,
+    };
+}
 
 /// The name that a value has in files.
 fn word(value: &impl serde::Serialize) -> String {
@@ -71,9 +93,20 @@ impl Choice {
         }
     }
 
+    /// The same by all ways there are, this one first.
+    fn by(self, ways: Ways) -> impl Iterator<Item = Self> {
+        let compute = (ways.compute && self.has_twin()).then_some(Path::Compute);
+        let host = (ways.host && self.splat.host_draws()).then_some(Path::Auto);
+        let paths = [Some(self.path), compute, host];
+        paths
+            .into_iter()
+            .flatten()
+            .map(move |path| Self { path, ..self })
+    }
+
     /// Everything at the given thresholds that makes sense for a mesh, or for a cloud: triangles, points (up to 3 pixels),
-    /// splats and pop with every kind of splat, and compute twins where `has_compute`.
-    pub fn all(thresholds: &[f32], is_cloud: bool, has_compute: bool) -> Vec<Self> {
+    /// splats and pop with every kind of splat, by all ways there are.
+    pub fn all(thresholds: &[f32], is_cloud: bool, ways: Ways) -> Vec<Self> {
         let mut all = Vec::new();
         if !is_cloud {
             all.push(TRIANGLES);
@@ -92,22 +125,15 @@ impl Choice {
             }
             for splat in KINDS {
                 for &threshold in thresholds {
-                    let raster = Self::new(method, splat, threshold);
-                    all.push(raster);
-                    if has_compute && raster.has_twin() {
-                        all.push(Self {
-                            path: Path::Compute,
-                            ..raster
-                        });
-                    }
+                    all.extend(Self::new(method, splat, threshold).by(ways));
                 }
             }
         }
         all
     }
 
-    /// Two dozen of them, for a first look.
-    pub fn few(is_cloud: bool, has_compute: bool) -> Vec<Self> {
+    /// Some dozens of them, for a first look.
+    pub fn few(is_cloud: bool, ways: Ways) -> Vec<Self> {
         use SplatKind::{Disc, Ellipse, Filtered, Gauss, Square, Visibility};
         let method = if is_cloud {
             Method::Splats
@@ -129,17 +155,9 @@ impl Choice {
         ] {
             for &threshold in thresholds {
                 let raster = Self::new(method, splat, threshold);
-                let has_twin = has_compute && raster.has_twin();
                 // The slowest of all; its twin has the same picture.
-                if !(has_twin && threshold < 1.0) {
-                    few.push(raster);
-                }
-                if has_twin {
-                    few.push(Self {
-                        path: Path::Compute,
-                        ..raster
-                    });
-                }
+                let is_left_out = ways.compute && raster.has_twin() && threshold < 1.0;
+                few.extend(raster.by(ways).skip(usize::from(is_left_out)));
             }
         }
         few
@@ -162,12 +180,12 @@ impl Choice {
         if self.method == Method::Triangles {
             return method;
         }
-        let twin = if self.path == Path::Compute {
-            ", compute"
-        } else {
-            ""
+        let path = match self.path {
+            Path::Raster => "",
+            Path::Compute => ", compute",
+            Path::Auto => ", auto",
         };
-        format!("{method} {}{twin}", word(&self.splat))
+        format!("{method} {}{path}", word(&self.splat))
     }
 
     /// Name of the point, such as `pop square, compute, 2 px`.
@@ -194,7 +212,7 @@ impl Choice {
         .into_iter()
         .find(|m| word(m) == method)?;
         let splat = KINDS.into_iter().find(|s| word(s) == splat)?;
-        let path = [Path::Raster, Path::Compute]
+        let path = [Path::Raster, Path::Compute, Path::Auto]
             .into_iter()
             .find(|p| word(p) == path)?;
         // Written so that NaN is refused.
@@ -227,10 +245,10 @@ mod tests {
     #[test]
     fn names_are_unique_and_words_lead_back() {
         for choices in [
-            Choice::all(&THRESHOLDS, false, true),
-            Choice::all(&THRESHOLDS, true, false),
-            Choice::few(false, true),
-            Choice::few(true, false),
+            Choice::all(&THRESHOLDS, false, Ways::ALL),
+            Choice::all(&THRESHOLDS, true, Ways::NONE),
+            Choice::few(false, Ways::ALL),
+            Choice::few(true, Ways::NONE),
         ] {
             let mut names: Vec<String> = choices.iter().map(Choice::name).collect();
             names.sort();
@@ -244,34 +262,34 @@ mod tests {
                 );
             }
         }
-        assert!(Choice::of_words("pop", "square", "auto", 1.0).is_none());
+        assert!(Choice::of_words("pop", "square", "host", 1.0).is_none());
         assert!(Choice::of_words("pop", "square", "raster", f32::NAN).is_none());
     }
 
     #[test]
-    fn clouds_have_no_triangles_and_twins_need_compute() {
-        let cloud = Choice::all(&THRESHOLDS, true, false);
+    fn clouds_have_no_triangles_and_twins_need_what_draws_them() {
+        let cloud = Choice::all(&THRESHOLDS, true, Ways::NONE);
         assert!(
             cloud
                 .iter()
                 .all(|c| matches!(c.method, Method::Points | Method::Splats)
                     && c.path == Path::Raster)
         );
-        let twins = |has: bool| {
-            Choice::all(&THRESHOLDS, false, has)
-                .iter()
-                .filter(|c| c.path == Path::Compute)
-                .count()
+        let count = |ways: Ways, path: Path| {
+            let all = Choice::all(&THRESHOLDS, false, ways).into_iter();
+            all.filter(|c| c.path == path).count()
         };
+        for path in [Path::Compute, Path::Auto] {
+            assert_eq!(count(Ways::NONE, path), 0);
+        }
         // Squares and discs up to 6 pixels, ellipses up to 10; Gaussians, visibility and filtered splats of all eleven sizes, in
         // splats and in pop.
-        assert_eq!((twins(false), twins(true)), (0, 2 * 8 + 9 + 6 * 11));
-        let lines = |is_cloud| {
-            let few = Choice::few(is_cloud, true).into_iter();
-            let mut lines: Vec<String> = few
-                .filter(|c| c.path == Path::Compute)
-                .map(|c| c.line())
-                .collect();
+        assert_eq!(count(Ways::ALL, Path::Compute), 2 * 8 + 9 + 6 * 11);
+        // Squares, discs and filtered splats.
+        assert_eq!(count(Ways::ALL, Path::Auto), 2 * 3 * 11);
+        let lines = |is_cloud, path| {
+            let few = Choice::few(is_cloud, Ways::ALL).into_iter();
+            let mut lines: Vec<String> = few.filter(|c| c.path == path).map(|c| c.line()).collect();
             lines.dedup();
             lines
         };
@@ -283,12 +301,16 @@ mod tests {
             "pop visibility, compute",
             "pop filtered, compute",
         ];
-        assert_eq!(lines(false), of_pop);
+        assert_eq!(lines(false, Path::Compute), of_pop);
+        let by_host = ["pop square, auto", "pop disc, auto", "pop filtered, auto"];
+        assert_eq!(lines(false, Path::Auto), by_host);
         let of_cloud = [
             "splats gauss, compute",
             "splats visibility, compute",
             "splats filtered, compute",
         ];
-        assert_eq!(lines(true), of_cloud);
+        assert_eq!(lines(true, Path::Compute), of_cloud);
+        let by_host = by_host.map(|line| line.replace("pop", "splats"));
+        assert_eq!(lines(true, Path::Auto), by_host);
     }
 }

@@ -18,7 +18,7 @@ mod row;
 pub mod run;
 pub mod summary;
 
-pub use choice::Choice;
+pub use choice::{Choice, Ways};
 pub use frontier::frontier;
 pub use row::{Row, read_rows, write_rows};
 pub use run::Plan;

@@ -183,14 +183,14 @@ pub fn html(
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
-    use super::super::Choice;
     use super::super::row::tests::row;
     use super::super::summary::summarize;
+    use super::super::{Choice, Ways};
     use super::*;
 
     #[test]
     fn the_page_is_whole_and_alone() {
-        let rows: Vec<_> = Choice::few(false, false)
+        let rows: Vec<_> = Choice::few(false, Ways::NONE)
             .into_iter()
             .map(|c| row("</script><b>&", c, 1.0, 0))
             .collect();

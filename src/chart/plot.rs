@@ -117,17 +117,12 @@ fn color(choice: &Choice) -> &'static str {
     }
 }
 
-/// The marker of a point: its shape tells the method, hollow ones are compute twins.
+/// The marker of a point: its shape tells the method, hollow ones are compute twins, those with a dark rim are left to the program.
 fn marker(choice: &Choice, x: f64, y: f64, r: f64) -> String {
-    let (fill, stroke) = if choice.path == Path::Compute {
-        ("#ffffff", color(choice))
-    } else {
-        (color(choice), "#ffffff")
-    };
-    let width = if choice.path == Path::Compute {
-        1.8
-    } else {
-        0.8
+    let (fill, stroke, width) = match choice.path {
+        Path::Raster => (color(choice), "#ffffff", 0.8),
+        Path::Compute => ("#ffffff", color(choice), 1.8),
+        Path::Auto => (color(choice), INK, 1.4),
     };
     let style = format!("fill=\"{fill}\" stroke=\"{stroke}\" stroke-width=\"{width}\"");
     match choice.method {
@@ -172,7 +167,7 @@ fn short(choice: &Choice) -> String {
     let line = line.strip_prefix("pop ").unwrap_or(&line);
     format!(
         "{} {}",
-        line.replace(", compute", " (c)"),
+        line.replace(", compute", " (c)").replace(", auto", " (a)"),
         choice.threshold_px
     )
 }
@@ -291,19 +286,20 @@ pub fn svg(title: &str, subtitle: &str, panels: &[Panel], metric: &Metric) -> St
 const FRONTIER: &str = "fill=\"none\" stroke=\"#f0e442\" stroke-width=\"9\" stroke-linecap=\"round\" \
                         stroke-linejoin=\"round\" stroke-opacity=\"0.75\"";
 
-/// A line of a choice's color; dashed for compute, thin and dotted for splats.
+/// A line of a choice's color; dashed for compute, thick for what is left to the program, dotted for splats.
 fn stroke(choice: &Choice, points: &[[f64; 2]]) -> String {
     let dash = match (choice.path, choice.method) {
         (Path::Compute, _) => " stroke-dasharray=\"7 4\"",
         (_, Method::Splats) => " stroke-dasharray=\"2 3\"",
         _ => "",
     };
+    let width = if choice.path == Path::Auto { 2.6 } else { 1.5 };
     let points: Vec<String> = points
         .iter()
         .map(|[x, y]| format!("{x:.1},{y:.1}"))
         .collect();
     format!(
-        "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"1.5\"{dash}/>",
+        "<polyline points=\"{}\" fill=\"none\" stroke=\"{}\" stroke-width=\"{width}\"{dash}/>",
         points.join(" "),
         color(choice)
     )
@@ -522,13 +518,14 @@ pub fn pixels(svg: &str, scale: f32) -> Result<Image, Error> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    use super::super::Ways;
     use super::super::row::tests::row;
     use super::super::summary::summarize;
     use super::*;
 
     fn panels() -> Vec<Panel> {
         let mut rows = Vec::new();
-        for (i, choice) in Choice::all(&[1.0, 2.0, 4.0], false, true)
+        for (i, choice) in Choice::all(&[1.0, 2.0, 4.0], false, Ways::ALL)
             .into_iter()
             .enumerate()
         {

@@ -170,6 +170,7 @@ pub fn read_rows(path: &Path) -> Result<Vec<Row>, Error> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 pub(super) mod tests {
+    use super::super::Ways;
     use super::*;
 
     /// A row of figures that differ from each other.
@@ -240,7 +241,7 @@ pub(super) mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.csv");
         assert_eq!(read_rows(&path).unwrap(), Vec::new());
-        let rows: Vec<Row> = Choice::few(false, true)
+        let rows: Vec<Row> = Choice::few(false, Ways::ALL)
             .into_iter()
             .enumerate()
             .map(|(i, c)| row("m, \"n\"", c, [1.0, 0.125][i % 2], i as u32))

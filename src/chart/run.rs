@@ -2,8 +2,9 @@
 
 use super::choice::TRIANGLES;
 use super::errors::{Errors, Reference, TILE_PX};
-use super::{Choice, Error, Row};
+use super::{Choice, Error, Row, Ways};
 use crate::gpu;
+use crate::gpu::device::Kind;
 use crate::image::{Accumulator, Image, stratified};
 use crate::math::camera::{Camera, View};
 use crate::measure::{Distribution, frames};
@@ -56,13 +57,16 @@ impl Plan {
 
     /// The choices for a model on a device.
     pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<Choice> {
-        let has_compute = match backend {
-            Backend::Device(gpu) => gpu.info().has_int64_atomics,
-            Backend::Mirror => false,
+        let ways = match backend {
+            Backend::Device(gpu) => Ways {
+                compute: gpu.info().has_int64_atomics,
+                host: gpu.info().kind == Kind::Cpu,
+            },
+            Backend::Mirror => Ways::default(),
         };
         match &self.thresholds {
-            Some(thresholds) => Choice::all(thresholds, model.is_cloud(), has_compute),
-            None => Choice::few(model.is_cloud(), has_compute),
+            Some(thresholds) => Choice::all(thresholds, model.is_cloud(), ways),
+            None => Choice::few(model.is_cloud(), ways),
         }
     }
 

@@ -186,13 +186,14 @@ pub fn summarize(rows: &[Row]) -> Vec<Panel> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
+    use super::super::Ways;
     use super::super::choice::TRIANGLES;
     use super::super::row::tests::row;
     use super::*;
 
     #[test]
     fn views_are_averaged_and_the_worst_is_kept() {
-        let few = Choice::few(false, false);
+        let few = Choice::few(false, Ways::NONE);
         let (slow, fast, refused) = (TRIANGLES, few[2], few[3]);
         let mut rows = Vec::new();
         for view in 0..2 {
@@ -231,7 +232,7 @@ mod tests {
 
     #[test]
     fn what_gains_next_to_nothing_is_not_on_the_frontier() {
-        let few = Choice::few(false, true);
+        let few = Choice::few(false, Ways::ALL);
         let rows: Vec<Row> = [(1.0, 0.1), (2.0, 0.0999), (3.0, 0.0995), (4.0, 0.05)]
             .iter()
             .zip(&few)

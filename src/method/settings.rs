@@ -38,6 +38,13 @@ pub enum SplatKind {
     Filtered,
 }
 
+impl SplatKind {
+    /// Whether the host can draw such splats in the place of a software device.
+    pub fn host_draws(self) -> bool {
+        matches!(self, Self::Square | Self::Disc | Self::Filtered)
+    }
+}
+
 /// How splats that overlap become one surface. Square, disc, ellipse and Gaussian only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]

@@ -32,6 +32,10 @@ fn a_chart_of_a_small_model_is_whole() {
         ["chart.png", "chart.svg", "index.html", "rows.csv"]
     );
     let rows = rows(&out.join("rows.csv"));
+    let listed = expect(folder.path(), 0, "devices --json").json();
+    let mut devices = listed.as_array().unwrap().iter().map(|d| &d["device"]);
+    let device = devices.find(|d| d["name"] == *rows[0]["device"]).unwrap();
+    let is_software = device["kind"] == "cpu";
     let panels = json["panels"].as_array().unwrap();
     assert_eq!(panels.len(), 2);
     for panel in panels {
@@ -61,7 +65,10 @@ fn a_chart_of_a_small_model_is_whole() {
                 assert!(value("flip_object") >= value("flip"));
                 assert_eq!(row["samples"], "64");
                 assert!(!row["device"].is_empty() && !row["driver"].is_empty());
-                for pass in row["passes_ms"].split("; ") {
+                let passes = row["passes_ms"].as_str();
+                // What the host draws alone has none.
+                assert!(!passes.is_empty() || row["path"] == "auto", "{name}");
+                for pass in passes.split("; ").filter(|pass| !pass.is_empty()) {
                     let (_, ms) = pass.split_once('=').unwrap();
                     assert_eq!(ms.split('/').count(), 3, "{pass}");
                 }
@@ -87,6 +94,25 @@ fn a_chart_of_a_small_model_is_whole() {
                 (flip(&format!("{line}, 3 px")) - twin).abs() < 5e-4,
                 "{line}: {twin}"
             );
+        }
+        // And so does the host, which draws what is left to the program.
+        for line in [
+            "pop square",
+            "pop disc",
+            "pop filtered",
+            "splats square",
+            "splats filtered",
+        ] {
+            let name = format!("{line}, auto, 3 px");
+            assert_eq!(
+                points.iter().any(|p| p["name"] == name),
+                is_software,
+                "{name}"
+            );
+            if is_software {
+                let off = (flip(&format!("{line}, 3 px")) - flip(&name)).abs();
+                assert!(off < 5e-4, "{line}: {off}");
+            }
         }
         let frontier = panel["frontier"].as_array().unwrap();
         assert!(!frontier.is_empty());

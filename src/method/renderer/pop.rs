@@ -335,9 +335,8 @@ impl Renderer {
     /// somebody may insist on a path.
     pub(super) fn host_may_draw(&self, settings: &Settings) -> bool {
         let is_software = self.gpu.info().kind == Kind::Cpu;
-        let kinds = [SplatKind::Square, SplatKind::Disc, SplatKind::Filtered];
         is_software
-            && kinds.contains(&settings.splat)
+            && settings.splat.host_draws()
             && match settings.path {
                 Path::Auto => true,
                 Path::Compute => self.host_may_draw,
