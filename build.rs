@@ -6,6 +6,8 @@
 //!   with the Rust structure at compile time. Two shaders that disagree about a block stop the build.
 //! * Constants in `shaders/common/constants.glsl` become Rust constants.
 //!
+//! Programs whose figures are kept (release builds) are also told the commit that they are built from.
+//!
 //! An error stops the build with `file:line`.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -70,6 +72,40 @@ fn main() {
     let target = PathBuf::from(env("OUT_DIR")).join("shaders.rs");
     std::fs::write(&target, out)
         .unwrap_or_else(|e| panic!("cannot write {}: {e}", target.display()));
+    println!("cargo::rustc-env=SURFEL_COMMIT={}", commit());
+}
+
+/// The commit of the sources: what `SURFEL_COMMIT` says, else what git says of this folder, else nothing.
+///
+/// Builds for development ask no git: a commit would build all tests anew, and their figures are not kept.
+fn commit() -> String {
+    println!("cargo::rerun-if-env-changed=SURFEL_COMMIT");
+    if let Ok(told) = std::env::var("SURFEL_COMMIT") {
+        return told.trim().to_owned();
+    }
+    let root = PathBuf::from(env("CARGO_MANIFEST_DIR"));
+    // Sources of an archive may lie within a repository of something else.
+    if env("PROFILE") == "debug" || !root.join(".git").exists() {
+        return String::new();
+    }
+    let git = |arguments: &[&str]| {
+        let output = std::process::Command::new("git")
+            .arg("-C")
+            .arg(&root)
+            .args(arguments)
+            .output()
+            .ok()?;
+        let text = String::from_utf8(output.stdout).ok()?;
+        output.status.success().then(|| text.trim().to_owned())
+    };
+    // Every commit and every change of branch appends to the log.
+    for watched in ["HEAD", "logs/HEAD"] {
+        let path = git(&["rev-parse", "--git-path", watched]).map(|path| root.join(path));
+        if let Some(path) = path.filter(|path| path.exists()) {
+            println!("cargo::rerun-if-changed={}", path.display());
+        }
+    }
+    git(&["rev-parse", "--short=12", "HEAD"]).unwrap_or_default()
 }
 
 fn env(name: &str) -> String {

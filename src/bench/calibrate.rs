@@ -109,7 +109,7 @@ impl Key {
     pub fn of(gpu: &Gpu) -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
-            commit: option_env!("SURFEL_COMMIT").unwrap_or_default().into(),
+            commit: crate::measure::COMMIT.into(),
             device: gpu.info().name.clone(),
             driver: gpu.info().driver.clone(),
             threads: super::threads(),

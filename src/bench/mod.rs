@@ -128,7 +128,7 @@ impl Session {
     pub fn about(&self, settings: String) -> About {
         About {
             version: env!("CARGO_PKG_VERSION").into(),
-            commit: option_env!("SURFEL_COMMIT").unwrap_or_default().into(),
+            commit: crate::measure::COMMIT.into(),
             device: self.backend.name().into(),
             driver: match &self.backend {
                 Backend::Device(gpu) => gpu.info().driver.clone(),

@@ -149,7 +149,7 @@ impl Figure {
 pub struct About {
     /// The program's version.
     pub version: String,
-    /// The commit it was built from; empty where the build was not told.
+    /// The commit it was built from ([`crate::measure::COMMIT`]).
     pub commit: String,
     /// The device.
     pub device: String,

@@ -104,7 +104,7 @@ impl Key {
         let primitives = model.tree.leaves.len().max(1);
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
-            commit: option_env!("SURFEL_COMMIT").unwrap_or_default().into(),
+            commit: crate::measure::COMMIT.into(),
             device: backend.name().into(),
             driver: match backend {
                 Backend::Device(gpu) => gpu.info().driver.clone(),

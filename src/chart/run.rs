@@ -348,7 +348,7 @@ pub fn empty_row(
     let none = f64::NAN;
     Row {
         version: env!("CARGO_PKG_VERSION").into(),
-        commit: option_env!("SURFEL_COMMIT").unwrap_or_default().into(),
+        commit: crate::measure::COMMIT.into(),
         device: backend.name().into(),
         driver: match backend {
             Backend::Device(gpu) => gpu.info().driver.clone(),

@@ -320,6 +320,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         let all = json!({
             "device": super::stats::device_of(&backend),
             "version": env!("CARGO_PKG_VERSION"),
+            "commit": surfel::measure::COMMIT,
             "width": plan.size.0,
             "height": plan.size.1,
             "views": plan.views,

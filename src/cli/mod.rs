@@ -136,9 +136,18 @@ fn help() -> String {
     return EXAMPLES.to_owned();
 }
 
+/// What `surfel --version` says; `-V` says the number alone.
+fn version() -> String {
+    let number = env!("CARGO_PKG_VERSION");
+    match surfel::measure::COMMIT {
+        "" => number.to_owned(),
+        commit => format!("{number} ({commit})"),
+    }
+}
+
 /// Draws enormous meshes and scans with points, triangles or both.
 #[derive(Debug, Parser)]
-#[command(name = "surfel", version, after_help = help(), subcommand_negates_reqs = true)]
+#[command(name = "surfel", version, long_version = version(), after_help = help(), subcommand_negates_reqs = true)]
 #[command(arg_required_else_help = cfg!(not(feature = "viewer")))]
 struct Cli {
     /// What to log on standard error, such as `info` or `surfel=debug`.

@@ -27,6 +27,11 @@ pub use spread::Spread;
 pub use surface::{depth_error, normal_error};
 pub use tile::{Tile, crop, worst_tile};
 
+/// The commit that this program was built from, as files of figures name it: 12 hexadecimal digits, or what
+/// `SURFEL_COMMIT` was set to at build time. Empty in builds for
+/// development, and where neither git nor that told.
+pub const COMMIT: &str = env!("SURFEL_COMMIT");
+
 /// Median and spread of a sample.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
 pub struct Distribution {

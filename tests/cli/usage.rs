@@ -85,13 +85,17 @@ fn every_command_has_help_with_examples_that_name_its_options() {
 }
 
 #[test]
-fn the_version_is_the_crates() {
-    let run = surfel(["--version"]);
-    assert_eq!(run.code, 0);
-    assert_eq!(
-        run.text(),
-        format!("surfel {}\n", env!("CARGO_PKG_VERSION"))
-    );
+fn the_version_is_the_crates_and_names_the_commit() {
+    let number = env!("CARGO_PKG_VERSION");
+    let long = match surfel::measure::COMMIT {
+        "" => number.to_owned(),
+        commit => format!("{number} ({commit})"),
+    };
+    for (option, expected) in [("-V", number), ("--version", &long)] {
+        let run = surfel([option]);
+        assert_eq!(run.code, 0);
+        assert_eq!(run.text(), format!("surfel {expected}\n"));
+    }
 }
 
 #[test]
