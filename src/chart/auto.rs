@@ -10,6 +10,7 @@ use super::run::{Bench, orbit};
 use super::{Choice, Error, Plan};
 use crate::math::camera::View;
 use crate::measure::{Distribution, store};
+use crate::method::costs::Costs;
 use crate::method::engine::Backend;
 use crate::progress::Progress;
 use crate::tree::Model;
@@ -149,7 +150,8 @@ impl Calibration {
         Ok(store::write(&self.key.path(folder), self)?)
     }
 
-    /// Measures the choices for a model: minutes on a software device for a million triangles.
+    /// Measures the choices for a model: minutes on a software device for a million triangles. With the `costs` of the
+    /// device its choices of [`Path::Auto`](crate::method::Path::Auto) are drawn as they will be.
     ///
     /// # Errors
     /// When a picture cannot be drawn, or `progress` is cancelled.
@@ -157,7 +159,7 @@ impl Calibration {
         backend: &Backend,
         model: &Model,
         name: &str,
-        size: (u32, u32),
+        (size, costs): ((u32, u32), Option<Costs>),
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let plan = Plan {
@@ -168,6 +170,7 @@ impl Calibration {
         };
         let choices = plan.choices(model, backend);
         let mut bench = Bench::new(backend, model, size)?;
+        bench.set_costs(costs);
         let samples = u64::from(plan.grid * plan.grid);
         let per_view = samples + choices.len() as u64;
         let timed = (choices.len() * plan.repeats as usize) as u64;
@@ -474,7 +477,8 @@ mod tests {
             let found = fill_of(&model, &camera.view(model.origin).unwrap());
             assert!((found - fill).abs() < 1e-4, "{found} {fill}");
         }
-        let c = Calibration::measure(&Backend::Mirror, &model, "m", (40, 40), &Silent).unwrap();
+        let c =
+            Calibration::measure(&Backend::Mirror, &model, "m", ((40, 40), None), &Silent).unwrap();
         let found = c
             .choose(
                 &Bounds {

@@ -8,6 +8,7 @@ use crate::gpu::device::Kind;
 use crate::image::{Accumulator, Image, stratified};
 use crate::math::camera::{Camera, View};
 use crate::measure::{Distribution, frames};
+use crate::method::costs::Costs;
 use crate::method::engine::{Backend, Engine};
 use crate::method::renderer::Outputs;
 use crate::method::times::FrameTimes;
@@ -147,6 +148,15 @@ impl<'m> Bench<'m> {
             timed: Engine::new(backend, model, size, outputs(false))?,
             surface,
         })
+    }
+
+    /// What drawing costs on the device, by which choices of [`Path::Auto`](crate::method::Path::Auto) are drawn as the program draws them: as
+    /// [`Engine::set_costs`]. Without it rules of thumb decide.
+    pub fn set_costs(&mut self, costs: Option<Costs>) {
+        self.timed.set_costs(costs);
+        if let Some(engine) = &mut self.surface {
+            engine.set_costs(costs);
+        }
     }
 
     /// The supersampled reference: the mean of `grid` x `grid` jittered pictures, with depth and normals of the pixel

@@ -1,9 +1,11 @@
 //! `--method auto`: how a model is drawn follows from a bound.
 
 use super::progress::Bar;
+use super::render::costs_of;
 use super::source::Ready;
 use super::{Failure, Outcome, say, usage};
 use surfel::chart::auto::{Bounds, Calibration, Chosen, Key, fill_of};
+use surfel::chart::{Choice, Plan};
 use surfel::math::camera::View;
 use surfel::method::engine::Backend;
 use surfel::method::{Path, Settings};
@@ -80,8 +82,11 @@ impl AutoArgs {
                     "surfel: auto: measuring once what {} makes of models like this one",
                     backend.name()
                 ));
+                let tried = Plan::quick().choices(model, backend);
+                let tried: Vec<_> = tried.iter().map(Choice::settings).collect();
+                let how = (size, costs_of(backend, &tried));
                 let bar = Bar::new(quiet);
-                let made = Calibration::measure(backend, model, &ready.name, size, &bar)?;
+                let made = Calibration::measure(backend, model, &ready.name, how, &bar)?;
                 drop(bar);
                 if let Some(folder) = &folder
                     && let Err(error) = made.write(folder)

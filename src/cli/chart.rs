@@ -1,7 +1,7 @@
 //! `surfel chart`
 
 use super::progress::Bar;
-use super::render::{DeviceArgs, parse_size, validated};
+use super::render::{DeviceArgs, costs_of, parse_size, validated};
 use super::source::{Ready, Source};
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
@@ -12,7 +12,7 @@ use surfel::chart::page::{Shot, html, panel_facts};
 use surfel::chart::plot::{METRICS, pixels, svg};
 use surfel::chart::run::{Bench, Place, block, empty_row, orbit};
 use surfel::chart::summary::{Panel, summarize};
-use surfel::chart::{Plan, Row, read_rows, write_rows};
+use surfel::chart::{Choice, Plan, Row, read_rows, write_rows};
 use surfel::image::FloatImage;
 use surfel::method::engine::Backend;
 use surfel::progress::Progress;
@@ -185,6 +185,8 @@ impl Run<'_> {
         let (model, plan) = (&ready.model, self.plan);
         let choices = plan.choices(model, self.backend);
         let mut bench = Bench::new(self.backend, model, plan.size)?;
+        let settings: Vec<_> = choices.iter().map(Choice::settings).collect();
+        bench.set_costs(costs_of(self.backend, &settings));
         let blocks = plan.fills.len() as u64 * u64::from(plan.views);
         bar.stage("measure", blocks * plan.block_frames(choices.len()));
         let first_row = self.rows.len();

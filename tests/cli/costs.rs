@@ -1,6 +1,6 @@
 //! What drawing costs on a device is measured at first use, kept, and never in the way of a run.
 
-use super::harness::{Run, command, has_device, names, run_with};
+use super::harness::{Run, command, expect, has_device, names, run_with};
 use std::path::Path;
 
 /// Renders with a cache folder of its own, in which the program calibrates.
@@ -87,6 +87,39 @@ fn costs_are_measured_at_first_use_of_what_they_decide() {
         assert_eq!(run.code, 0, "{}", run.err);
         assert!(run.err.contains("calibrated [Filtered]"), "{}", run.err);
         assert_ne!(std::fs::read_to_string(&file).unwrap(), damaged);
+    }
+}
+
+/// On software devices a chart has lines of what is left to the program, and `--method auto` chooses among them: both have to
+/// draw as the program does.
+#[test]
+fn what_is_left_to_the_program_is_charted_with_its_costs() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let listed = expect(at, 0, "devices --json").json();
+    let first = &listed.as_array().unwrap().first().map(|d| &d["device"]);
+    if !has_device() || first.is_none_or(|device| device["kind"] != "cpu") {
+        return;
+    }
+    for words in [
+        "chart generate:statue:3000 -o chart --quick --fills 1 --repeats 1 --size 80x80",
+        "render generate:statue:3000 -o a.png --method auto --max-error 0.5 --size 80x80",
+    ] {
+        let mut command = command();
+        command
+            .args(words.split(' '))
+            .args(["--quiet", "--log", "surfel=debug"])
+            .current_dir(at)
+            .env("SURFEL_CACHE", at.join("cache"))
+            .env("SURFEL_CALIBRATE", "always");
+        let run = run_with(command, None);
+        assert_eq!(run.code, 0, "{words}: {}", run.err);
+        let measured = "as measured on this device";
+        let lines = ["opaque splats and small triangles: ", "blended splats: "];
+        for line in lines {
+            let mut all = run.err.lines().filter(|l| l.contains(line));
+            assert!(all.any(|l| l.contains(measured)), "{words}: {line}");
+        }
     }
 }
 

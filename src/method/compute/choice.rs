@@ -118,7 +118,7 @@ impl Asked<'_> {
         {
             Some(chosen) => {
                 log("opaque splats and small triangles", &chosen);
-                chosen.choice
+                self.with_samples(chosen.choice)
             }
             None => {
                 let path = |count, least| match pays(count, least, self.rect_px, settings) {
@@ -132,8 +132,20 @@ impl Asked<'_> {
                     splats: path(self.splats, least),
                 };
                 self.log_guess("opaque splats and small triangles", &paths);
-                paths
+                self.with_samples(paths)
             }
+        }
+    }
+
+    /// Where the host draws splats it takes small triangles as well, as samples, in less time than handing them over takes: a
+    /// frame without large ones then needs no pass.
+    fn with_samples(&self, paths: Paths) -> Paths {
+        match paths.splats {
+            Path::Compute if self.by_host => Paths {
+                triangles: Path::Compute,
+                ..paths
+            },
+            _ => paths,
         }
     }
 
@@ -324,6 +336,27 @@ mod tests {
         assert_eq!(splats(0, true), Path::Compute);
         assert_eq!(splats(0, false), Path::Raster);
         assert_eq!(splats(5, true), Path::Raster);
+    }
+
+    #[test]
+    fn a_host_that_draws_splats_takes_small_triangles_too() {
+        let paths = |splats, by_host| {
+            let asked = Asked {
+                settings: &Settings::default(),
+                costs: None,
+                splats,
+                size_px: 1.0,
+                triangles: 5,
+                rect_px: [0, 0, 500, 200],
+                size: (500, 500),
+                by_host,
+            };
+            let Paths { triangles, splats } = asked.opaque();
+            [triangles, splats]
+        };
+        assert_eq!(paths(1_000_000, false), [Path::Raster, Path::Compute]);
+        assert_eq!(paths(1_000_000, true), [Path::Compute; 2]);
+        assert_eq!(paths(10, true), [Path::Raster; 2]);
     }
 
     #[test]
