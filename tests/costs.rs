@@ -103,6 +103,7 @@ fn cases() -> Vec<(Settings, Option<&'static str>)> {
         splat,
         method,
         threshold_px,
+        path: Path::Auto,
         ..Settings::default()
     };
     use Method::{Points, Pop, Splats};

@@ -14,7 +14,7 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Counts, Outputs};
-use surfel::method::{Blend, Method, Path, Settings, Shading, SplatKind, plan};
+use surfel::method::{Blend, Method, Occlusion, Path, Settings, Shading, SplatKind, plan};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -453,6 +453,8 @@ fn a_held_cut_is_drawn_wherever_the_camera_goes() {
         let follows = Settings {
             splat,
             threshold_px: 3.0,
+            // Of a held cut nothing is hidden.
+            occlusion: Occlusion::Off,
             ..Settings::default()
         };
         let held = Settings {

@@ -208,6 +208,7 @@ fn the_host_draws_what_compute_does() {
                     light,
                     culling,
                     background: [0.1, 0.2, 0.3],
+                    path: Path::Auto,
                     ..Settings::default()
                 };
                 let insisting = Settings {
@@ -293,6 +294,7 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
     let (mut found, mut by_host) = ([0, 0], [0, 0]);
     let square = Settings {
         threshold_px: 1.5,
+        path: Path::Auto,
         ..Settings::default()
     };
     let by_rasterizer = Settings {

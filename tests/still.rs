@@ -383,12 +383,16 @@ fn what_does_not_change_is_not_made_again() {
         assert_eq!(times.kept, Kept::Cut);
     }
     let mut stand = Stand::new(&device, &model);
+    let black = Settings {
+        path: Path::Auto,
+        ..Settings::default()
+    };
     for _ in 0..2 {
-        stand.draw(&view, &Settings::default());
+        stand.draw(&view, &black);
     }
     let background = Settings {
         background: [1.0, 0.0, 0.0],
-        ..Settings::default()
+        ..black
     };
     // Where the host draws, what is behind everything is part of what it draws.
     let kept = match device.gpu().info().kind {

@@ -115,7 +115,7 @@ pub struct Line {
     pub name: String,
     /// How.
     pub settings: Settings,
-    /// It is slow and always the same: drawn from every third view only.
+    /// It is slow and always the same: drawn from every third view only, where there are many.
     pub is_rare: bool,
 }
 

@@ -87,7 +87,7 @@ pub fn figures(
     let mut slowest: Option<(f64, String)> = None;
     let per_fill = |size: &(u32, u32)| {
         let views = plan.views.max(1) as usize;
-        let rare = views.div_ceil(RARE);
+        let rare = views.div_ceil(rarity(views));
         lines
             .iter()
             .map(|l| if l.is_rare || *size != SIZE { rare } else { views } + 1)
@@ -169,7 +169,7 @@ fn draw(
             if progress.is_cancelled() {
                 return Err(Error::Cancelled);
             }
-            let is_skipped = round > 0 && (round - 1) % RARE != 0;
+            let is_skipped = round > 0 && !(round - 1).is_multiple_of(rarity(views.len()));
             if (lines[i].is_rare || !is_full) && is_skipped || refused.iter().any(|r| r.0 == i) {
                 continue;
             }
@@ -186,6 +186,14 @@ fn draw(
         order.reverse();
     }
     Ok((drawn, refused))
+}
+
+/// What is rare is drawn from one in so many views; where there are few, from each: one ratio alone would be that of a moment.
+fn rarity(views: usize) -> usize {
+    match views {
+        ..9 => 1,
+        _ => RARE,
+    }
 }
 
 /// The median of the ratios of two lines in the views that both have; `None` where there is none.
@@ -240,7 +248,14 @@ fn describe(
 
 #[cfg(test)]
 mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
     use super::*;
+    use crate::generate::{self, Shape, Spec};
+    use crate::method::engine::Backend;
+    use crate::method::renderer::Outputs;
+    use crate::progress::Silent;
+    use crate::tree::{self, BuildOptions};
 
     #[test]
     fn ratios_are_those_of_the_same_views() {
@@ -261,5 +276,31 @@ mod tests {
         // 10, 30 and 5; view 1 has no partner.
         assert_eq!(faster(&slow, &fast), Some(10.0));
         assert_eq!(faster(&slow, &vec![frame(1, 1.0)]), None);
+    }
+
+    #[test]
+    fn what_is_rare_is_drawn_from_each_of_few_views() {
+        let spec = Spec::with_triangles(Shape::Sphere, 1000).unwrap();
+        let options = BuildOptions::default();
+        let model = tree::build(generate::mesh(&spec), &options, &Silent).unwrap();
+        let size = (20, 20);
+        let mut engine = Engine::new(&Backend::Mirror, &model, size, Outputs::default()).unwrap();
+        let line = |is_rare| Line {
+            name: String::new(),
+            settings: Settings::default(),
+            is_rare,
+        };
+        let lines = [line(true), line(false)];
+        let mut seen = |count, is_full| {
+            let views = views(&model, size, 1.0, count).unwrap();
+            let (drawn, _) = draw(&mut engine, &lines, &views, is_full, &Silent).unwrap();
+            let of = |frames: &Frames| frames.iter().map(|frame| frame.0).collect::<Vec<_>>();
+            [of(&drawn[0]), of(&drawn[1])]
+        };
+        let all = |count| (0..count).collect::<Vec<usize>>();
+        assert_eq!(seen(3, true), [all(3), all(3)]);
+        assert_eq!(seen(10, true), [vec![0, 3, 6, 9], all(10)]);
+        // Of other sizes everything is rare.
+        assert_eq!(seen(10, false), [vec![0, 3, 6, 9], vec![0, 3, 6, 9]]);
     }
 }

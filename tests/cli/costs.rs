@@ -49,7 +49,7 @@ fn costs_are_measured_at_first_use_of_what_they_decide() {
         assert!(!run.err.contains("calibrated ["), "{words}: {}", run.err);
         assert!(kept(at).is_empty(), "{words}");
     }
-    let run = render(at, "--splat filtered -o a.png --validate");
+    let run = render(at, "--path auto --splat filtered -o a.png --validate");
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.err.contains("calibrated [Filtered]"), "{}", run.err);
     assert!(
@@ -60,11 +60,11 @@ fn costs_are_measured_at_first_use_of_what_they_decide() {
     let files = kept(at);
     assert_eq!(files.len(), 1);
     // The second time it is there; another kind is measured and put beside it.
-    let again = render(at, "--splat filtered -o b.png");
+    let again = render(at, "--path auto --splat filtered -o b.png");
     assert!(!again.err.contains("calibrated ["), "{}", again.err);
     let file = at.join("cache").join(&files[0]);
     let text = std::fs::read_to_string(&file).unwrap();
-    let other = render(at, "--method splats -o c.png");
+    let other = render(at, "--path auto --method splats -o c.png");
     assert!(
         other.err.contains("calibrated [Primitives]"),
         "{}",
@@ -83,7 +83,7 @@ fn costs_are_measured_at_first_use_of_what_they_decide() {
     ] {
         assert_ne!(damaged, text);
         std::fs::write(&file, &damaged).unwrap();
-        let run = render(at, "--splat filtered -o d.png");
+        let run = render(at, "--path auto --splat filtered -o d.png");
         assert_eq!(run.code, 0, "{}", run.err);
         assert!(run.err.contains("calibrated [Filtered]"), "{}", run.err);
         assert_ne!(std::fs::read_to_string(&file).unwrap(), damaged);
@@ -132,14 +132,15 @@ fn what_cannot_be_kept_or_must_not_be_measured_is_no_failure() {
     let at = folder.path();
     // Below a file no folder can be made.
     std::fs::write(at.join("cache"), "a file").unwrap();
-    let run = render(at, "--splat filtered -o a.png");
+    let run = render(at, "--path auto --splat filtered -o a.png");
     assert_eq!(run.code, 0, "{}", run.err);
     assert!(run.err.contains("is not kept"), "{}", run.err);
     std::fs::remove_file(at.join("cache")).unwrap();
     // Switched off, as the harness does for all other tests.
     let mut off = command();
     off.args(
-        "render generate:statue:3000 --size 80x80 --quiet --log surfel=debug -o b.png".split(' '),
+        "render generate:statue:3000 --size 80x80 --quiet --log surfel=debug -o b.png --path auto"
+            .split(' '),
     )
     .current_dir(at)
     .env("SURFEL_CACHE", at.join("cache"));

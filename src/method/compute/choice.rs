@@ -293,6 +293,7 @@ mod tests {
         let path = |splat, costs| {
             let settings = Settings {
                 splat,
+                path: Path::Auto,
                 threshold_px: 1.0,
                 ..Settings::default()
             };
@@ -320,7 +321,10 @@ mod tests {
         assert_eq!(path(SplatKind::Ellipse, cheap), Path::Raster);
         // Whatever was measured, the host has no passes.
         let splats = |triangles, by_host| {
-            let settings = Settings::default();
+            let settings = Settings {
+                path: Path::Auto,
+                ..Settings::default()
+            };
             let asked = Asked {
                 settings: &settings,
                 costs: Some(cheap),
