@@ -43,6 +43,42 @@ pub struct WeightedSplat {
     pub area: f32,
 }
 
+/// A splat of a model by its number, 8 bytes: what a draw list holds where the device has the tree itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct SplatId {
+    /// The node or leaf.
+    pub id: u32,
+    /// 0: the node as one splat; in the halves, the lower first, which splat of a row of how many; or bits of a leaf.
+    pub part: u32,
+}
+
+impl SplatId {
+    /// The splat is a leaf.
+    pub const LEAF: u32 = 1 << 31;
+    /// It has its sphere's radius where others have the constant size.
+    pub const OF_OWN_SIZE: u32 = 1 << 30;
+    /// It lies in the plane of its triangle.
+    pub const IN_PLANE: u32 = 1 << 29;
+
+    /// A node as one splat.
+    pub fn node(id: u32) -> Self {
+        Self { id, part: 0 }
+    }
+
+    /// Splat `index` of the `count` (2 to [`cut::MAX_STRIP_COUNT`](crate::cut::MAX_STRIP_COUNT)) of a row.
+    pub fn of_row(id: u32, count: u32, index: u32) -> Self {
+        let part = count << 16 | index;
+        Self { id, part }
+    }
+
+    /// A leaf.
+    pub fn leaf(id: u32) -> Self {
+        let part = Self::LEAF;
+        Self { id, part }
+    }
+}
+
 /// A fuzzy splat with its place in the picture, 48 bytes: what compute draws. Pairs of fields that lie in one word of 64 bits
 /// are read together.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]

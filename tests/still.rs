@@ -202,6 +202,8 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         path: _,
         // tests/device_cut.rs has that: of what is equally near another may be seen.
         cut_on: _,
+        // tests/by_id.rs has that.
+        list_of: _,
         occlusion: _,
         threshold_px,
         depth_offset: _,

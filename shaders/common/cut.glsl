@@ -1,5 +1,6 @@
 // What the passes that choose a cut know, and the tests that they share: those of `cut::Tester` in the same operations in
 // the same order, so that both choose the same. Nothing is contracted.
+#include "common/exact.glsl"
 #include "common/item.glsl"
 
 // Mirrored by `abi::CutConstants`.
@@ -93,16 +94,6 @@ struct Ball {
     float depth;
 };
 
-float sum_of(vec3 products) {
-    precise float sum = (products.x + products.y) + products.z;
-    return sum;
-}
-
-float dot_of(vec3 a, vec3 b) {
-    precise vec3 products = a * b;
-    return sum_of(products);
-}
-
 float distance_from(vec4 plane, vec3 center) {
     precise float sum = dot_of(plane.xyz, center) + plane.w;
     return sum;
@@ -147,27 +138,6 @@ bool is_inside(float least, Ball ball) {
     return least >= limit;
 }
 
-float with_sign_of(float magnitude, float v) {
-    return uintBitsToFloat((floatBitsToUint(magnitude) & 0x7fffffffu) | (floatBitsToUint(v) & 0x80000000u));
-}
-
-// The point of the octahedron, of a radius of `one`, that a code stands for.
-vec3 unfolded(vec2 code, float one) {
-    precise float z = (one - abs(code.x)) - abs(code.y);
-    float fold = max(-z, 0.0);
-    precise vec2 xy = code - vec2(with_sign_of(fold, code.x), with_sign_of(fold, code.y));
-    return vec3(xy, z);
-}
-
-// The unit vector of a code of signed 16-bit numbers, by a quotient as `math::octahedral::decode` has it.
-vec3 unit_of(ivec2 code) {
-    precise vec2 v = max(vec2(code) * (1.0 / 32767.0), vec2(-1.0));
-    vec3 at = unfolded(v, 1.0);
-    precise float size = sqrt(dot_of(at, at));
-    precise vec3 unit = at / size;
-    return unit;
-}
-
 // What may be in the picture of a ball at `along` the axes of the picture: the center of a pixel (x), and surely no more
 // than that of the pixel that its middle is in (y). As `cut::centers` has it.
 bvec2 centers_of(vec2 along, float depth, float radius) {
@@ -199,9 +169,4 @@ bvec2 centers_of(vec2 along, float depth, float radius) {
 bvec2 centers_of(Ball ball) {
     vec2 along = vec2(distance_from(cut.right, ball.center), distance_from(cut.up, ball.center));
     return centers_of(along, ball.depth, ball.radius);
-}
-
-// The two signed halves of a word, the lower one first.
-ivec2 halves_of(uint word) {
-    return ivec2(int(word << 16) >> 16, int(word) >> 16);
 }

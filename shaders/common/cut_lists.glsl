@@ -10,12 +10,6 @@ layout(set = 0, binding = 3, std430) writeonly buffer Splats {
     SplatRecord splats[];
 };
 
-// The alpha that stands for a thickness over the radius, rounded to thicker.
-uint alpha_of(float thickness) {
-    precise float code = ceil(clamp(thickness, 0.0, 1.0) * 254.0);
-    return 255u - uint(min(code, 254.0));
-}
-
 // How many of a kind a workgroup has, and where they go.
 shared uint own_splats;
 shared uint own_others;

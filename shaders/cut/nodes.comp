@@ -2,29 +2,9 @@
 // Pass cut.tree, for every level: which nodes are dropped, which are splats or rows of splats, and of which the children are
 // looked at. An invocation does one node, four those of a sibling group; the host does the same in `cut::Selector`.
 #include "common/cut_lists.glsl"
+#include "common/row.glsl"
 
 layout(local_size_x = 64) in;
-
-// Mirrored by `tree::Node`.
-struct NodeRecord {
-    float center[3];
-    float radius;
-    uint first_child;
-    // Both halves of the cone's axis.
-    uint axis;
-    // Sine of the cone's half angle; above it the strip's direction.
-    uint sine;
-    // Half length and width of the strip, number of children, flags; a byte each.
-    uint shape;
-};
-
-// Mirrored by `tree::NodeAttributes`.
-struct AttributesRecord {
-    uint normal;
-    uint color;
-    float splat_radius;
-    float area;
-};
 
 layout(set = 0, binding = 4, std430) readonly buffer Nodes {
     NodeRecord nodes[];
@@ -57,14 +37,6 @@ bvec2 facing(NodeRecord node, Ball ball) {
     precise float t_squared = t * t;
     bool is_decided = packed_sine != 0xffffu && t > 0.0 && t_squared >= limit;
     return bvec2(is_decided && along > 0.0, is_decided && !(along > 0.0));
-}
-
-// Half length of the row and width of the strip over the node's radius.
-vec2 relative_size(NodeRecord node) {
-    float half_length = float(node.shape & 0xffu);
-    float width = float((node.shape >> 8) & 0xffu);
-    precise vec2 size = vec2(min(half_length + width, 255.0), width) * (1.0 / 255.0);
-    return size;
 }
 
 // Number of splats of the row that stands for a node, or 0: see `cut::strip`.
@@ -105,25 +77,12 @@ uint row_of(uint id, NodeRecord node, Ball ball) {
 }
 
 void put_row(uint at, uint id, NodeRecord node, uint count) {
-    vec3 center = vec3(node.center[0], node.center[1], node.center[2]);
     AttributesRecord of = attributes[id];
-    vec2 relative = relative_size(node);
-    ivec2 code = max(ivec2(int(node.sine << 8) >> 24, int(node.sine) >> 24), ivec2(-127)) * 258;
-    vec3 direction = unit_of(code);
-    vec3 normal = unit_of(halves_of(of.normal));
-    precise float piece = relative.x / float(count);
-    precise float ball = sqrt(piece * piece + relative.y * relative.y) * node.radius;
-    uint own = of.color >> 24;
-    precise float thickness = (float(255u - own) / 254.0) * of.splat_radius;
     for (uint i = 0u; i < count; ++i) {
-        precise float along = float(2u * i + 1u) / float(count) - 1.0;
-        precise float way = (relative.x * node.radius) * along;
-        precise vec3 to = center + direction * way;
-        precise vec3 off = to - center;
-        precise float thick = (thickness + abs(dot_of(normal, off))) / ball;
-        uint alpha = own == 0u ? 0u : alpha_of(thick);
+        SplatRecord splat = splat_of_row(node, of, count, i);
+        splat.radius = 0.0;
         if (at + i < cut.most_splats) {
-            splats[at + i] = SplatRecord(float[3](to.x, to.y, to.z), 0.0, of.normal, (of.color & 0xffffffu) | (alpha << 24));
+            splats[at + i] = splat;
         }
     }
 }

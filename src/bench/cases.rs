@@ -4,7 +4,7 @@ use super::report::Place;
 use super::verdict::Target;
 use crate::chart::run::orbit;
 use crate::math::camera::{Camera, View};
-use crate::method::{CutOn, Method, Path, Settings, SplatKind};
+use crate::method::{CutOn, ListOf, Method, Path, Settings, SplatKind};
 use crate::tree::Model;
 use glam::DVec3;
 
@@ -181,6 +181,20 @@ pub fn cut_on_device(threshold_px: f32) -> Line {
     }
 }
 
+/// `pop` with squares that the rasterizer draws, from draw lists of numbers and of records.
+pub fn lists(threshold_px: f32) -> [Line; 2] {
+    [("ids", ListOf::Ids), ("records", ListOf::Records)].map(|(word, list_of)| Line {
+        name: format!("pop square by raster, lists of {word}, {threshold_px} px"),
+        settings: Settings {
+            path: Path::Raster,
+            list_of,
+            threshold_px,
+            ..Settings::default()
+        },
+        is_rare: true,
+    })
+}
+
 /// How much is measured.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plan {
@@ -261,6 +275,7 @@ impl Plan {
             }
         }
         lines.push(cut_on_device(1.0));
+        lines.extend(lists(1.0));
         lines
     }
 

@@ -7,8 +7,8 @@ use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::draw::ColorBy;
 use surfel::method::{
-    Blend, Culling, CutOn, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
-    SumFormat,
+    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
+    SplatKind, SumFormat,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -136,6 +136,16 @@ enum CutOnName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum ListOfName {
+    /// Numbers where the device has memory of its own and they will do, else records
+    Auto,
+    /// Numbers of nodes and triangles, from which the device makes the records; an error where it cannot
+    Ids,
+    /// Centers, normals and colors of splats, corners of triangles
+    Records,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum OcclusionName {
     /// Leave hidden splats out where that saves time
     Auto,
@@ -237,6 +247,9 @@ pub(crate) struct LookArgs {
     /// What goes down the tree; the picture is the same. The device knows squares and discs of --method pop
     #[arg(long, value_enum, default_value = "auto")]
     cut_on: CutOnName,
+    /// What goes to a device for each frame; the picture is the same
+    #[arg(long, value_enum, default_value = "auto")]
+    list_of: ListOfName,
     /// Whether splats that nearer splats hide are left out; the picture is the same
     #[arg(long, value_enum, default_value = "auto")]
     occlusion: OcclusionName,
@@ -376,6 +389,11 @@ impl LookArgs {
                 CutOnName::Auto => CutOn::Auto,
                 CutOnName::Host => CutOn::Host,
                 CutOnName::Device => CutOn::Device,
+            },
+            list_of: match self.list_of {
+                ListOfName::Auto => ListOf::Auto,
+                ListOfName::Ids => ListOf::Ids,
+                ListOfName::Records => ListOf::Records,
             },
             occlusion: match self.occlusion {
                 OcclusionName::Auto => Occlusion::Auto,

@@ -12,10 +12,10 @@
 
 use super::light::{Lighting, Phong, Source};
 use super::parts::{self, Sink};
-use super::splats::{Out, Packed, Plan, Writer, count, parts_of};
+use super::splats::{Named, Out, Packed, Plan, Record as _, Writer, count, parts_of};
 use super::{ALBEDO, ColorBy, Footprint};
 use crate::abi::constants::{FULL_HIGHLIGHT, LARGEST_SMALL_BLENDED_PX, LEAST_BACK};
-use crate::abi::{FuzzySplat, Splat, WeightedSplat};
+use crate::abi::{FuzzySplat, WeightedSplat};
 use crate::cut::Cut;
 use crate::math::camera::{Light, View};
 use crate::tree::Model;
@@ -148,16 +148,16 @@ impl<'e, 's, 'o> Four<'e, 's, 'o> {
 
 impl Out for Four<'_, '_, '_> {
     #[inline]
-    fn point(&mut self, splat: Splat, area: f32) {
-        self.waiting[self.count] = WeightedSplat { splat, area };
+    fn point(&mut self, named: &Named) {
+        self.waiting[self.count] = WeightedSplat::of(named);
         self.count += 1;
         if self.count == 4 {
             self.write();
         }
     }
 
-    fn quad(&mut self, splat: Splat, area: f32) {
-        self.sink.quad(large(WeightedSplat { splat, area }, true));
+    fn quad(&mut self, named: &Named) {
+        self.sink.quad(large(WeightedSplat::of(named), true));
     }
 }
 

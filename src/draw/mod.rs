@@ -3,6 +3,7 @@
 pub mod falsecolor;
 pub mod filtered;
 pub mod fuzzy;
+pub mod ids;
 mod light;
 pub mod opaque;
 pub mod pack;

@@ -1,34 +1,32 @@
 //! From a cut to the triangles of a draw list, written straight into the caller's memory.
 
 use super::parts;
-use prefetch_index::prefetch_index;
 
 /// How far ahead of a triangle the memory of another one is asked for: four siblings lie on two lines, so these are few.
 const FAR_AHEAD: usize = 4 * parts::AHEAD;
 
-/// Writes the corners of the cut's triangles with ids in `range`, as `corners` has them.
+/// Writes what `of` has of each of the cut's triangles.
 ///
 /// # Panics
 /// When `out` is shorter than `ids`.
-pub fn triangles(ids: &[u32], corners: &[[u32; 3]], first_id: u32, out: &mut [[u32; 3]]) {
+pub fn triangles<T>(ids: &[u32], of: impl Fn(u32) -> T, out: &mut [T]) {
     for (out, &id) in out[..ids.len()].iter_mut().zip(ids) {
-        *out = corners[(id - first_id) as usize];
+        *out = of(id);
     }
 }
 
-/// Writes the corners of those triangles for which `is_first` says so to the start of one list, and those of the others to the
+/// Writes what `of` has of those triangles for which `is_first` says so to the start of one list, and of the others to the
 /// start of another. Returns how many each list has then. The lists and their order do not depend on threads.
 ///
-/// What `is_first` looks at may be asked for ahead: `prefetch` is called with an id some time before.
+/// What the two look at may be asked for ahead: `prefetch` is called with an id some time before.
 ///
 /// # Panics
 /// When one of the lists is shorter than `ids`.
-pub fn split_triangles(
+pub fn split_triangles<T: Copy + Send>(
     ids: &[u32],
-    corners: &[[u32; 3]],
-    first_id: u32,
+    of: impl Fn(u32) -> T + Sync,
     (is_first, prefetch): (impl Fn(u32) -> bool + Sync, impl Fn(u32) + Sync),
-    lists: [&mut [[u32; 3]]; 2],
+    lists: [&mut [T]; 2],
 ) -> [usize; 2] {
     let [first, second] = lists.map(|list| &mut list[..ids.len()]);
     let own = ids
@@ -42,11 +40,10 @@ pub fn split_triangles(
     parts::share(ids.len(), jobs, |(ids, lists, counts)| {
         for (index, &id) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + FAR_AHEAD) {
-                prefetch_index(corners, (next - first_id) as usize);
                 prefetch(next);
             }
             let which = usize::from(!is_first(id));
-            lists[which][counts[which]] = corners[(id - first_id) as usize];
+            lists[which][counts[which]] = of(id);
             counts[which] += 1;
         }
     });
@@ -86,7 +83,8 @@ mod tests {
                 let mut first = vec![[u32::MAX; 3]; ids.len() + 1];
                 let mut second = first.clone();
                 let lists = [first.as_mut_slice(), second.as_mut_slice()];
-                let counts = split_triangles(&ids, &corners, 100, (rule, |_| {}), lists);
+                let of = |id: u32| corners[id as usize - 100];
+                let counts = split_triangles(&ids, of, (rule, |_| {}), lists);
                 assert_eq!(counts[0] + counts[1], ids.len());
                 assert_eq!(first[..counts[0]], all(true), "{many}");
                 assert_eq!(second[..counts[1]], all(false), "{many}");

@@ -1,7 +1,7 @@
 //! From a cut to splats, written straight into the caller's memory (the mapped buffer of a frame): first those that the
 //! device can draw as points, at the end those that are too large and become quads.
 
-use crate::abi::{Splat, Vertex, WeightedSplat};
+use crate::abi::{Splat, SplatId, Vertex, WeightedSplat};
 use crate::cut::{Cut, SizeMetric, StripRun, strip_ball_radius, strip_center_of};
 use crate::draw::parts::{self, Sink};
 use crate::draw::{Footprint, falsecolor};
@@ -41,21 +41,41 @@ pub struct Packed {
     pub quads: usize,
 }
 
+/// A splat of a cut, with its number.
+#[derive(Debug, Clone, Copy)]
+pub struct Named {
+    /// What of the model it is.
+    pub id: SplatId,
+    /// What it looks like.
+    pub splat: Splat,
+    /// The area of surface that it stands for (model units squared; negative where it is unknown).
+    pub area: f32,
+}
+
 /// A record of a draw list of splats.
 pub trait Record {
-    /// The record of a splat that stands for `area` of surface (model units squared; negative where it is unknown).
-    fn new(splat: Splat, area: f32) -> Self;
+    /// That of a splat.
+    fn of(named: &Named) -> Self;
 }
 
 impl Record for Splat {
-    fn new(splat: Splat, _area: f32) -> Self {
-        splat
+    fn of(named: &Named) -> Self {
+        named.splat
     }
 }
 
 impl Record for WeightedSplat {
-    fn new(splat: Splat, area: f32) -> Self {
-        Self { splat, area }
+    fn of(named: &Named) -> Self {
+        Self {
+            splat: named.splat,
+            area: named.area,
+        }
+    }
+}
+
+impl Record for SplatId {
+    fn of(named: &Named) -> Self {
+        named.id
     }
 }
 
@@ -144,20 +164,20 @@ pub(super) trait Out {
     /// Whether it is asked how thick patches are; else their alpha says no more than whether they have a normal.
     const HAS_THICKNESS: bool = true;
 
-    /// The next splat, and the area of surface that it stands for.
-    fn point(&mut self, splat: Splat, area: f32);
+    /// The next splat.
+    fn point(&mut self, named: &Named);
     /// The next of those that may be too large for a point.
-    fn quad(&mut self, splat: Splat, area: f32);
+    fn quad(&mut self, named: &Named);
 }
 
 impl<R: Record> Out for Sink<'_, R> {
     #[inline]
-    fn point(&mut self, splat: Splat, area: f32) {
-        Sink::point(self, R::new(splat, area));
+    fn point(&mut self, named: &Named) {
+        Sink::point(self, R::of(named));
     }
 
-    fn quad(&mut self, splat: Splat, area: f32) {
-        Sink::quad(self, R::new(splat, area));
+    fn quad(&mut self, named: &Named) {
+        Sink::quad(self, R::of(named));
     }
 }
 
@@ -331,7 +351,7 @@ impl<'a> Writer<'a> {
                 normal: a.normal,
                 color: self.plan.color_of(self.model, Some(id), a.color),
             };
-            self.write(splat, a.area, out);
+            self.write(SplatId::node(id), splat, a.area, out);
         }
     }
 
@@ -369,7 +389,8 @@ impl<'a> Writer<'a> {
                     normal: a.normal,
                     color: [r, g, b, alpha],
                 };
-                self.write(splat, a.area / count as f32, out);
+                let part = SplatId::of_row(id, count, i);
+                self.write(part, splat, a.area / count as f32, out);
             }
         }
     }
@@ -390,11 +411,15 @@ impl<'a> Writer<'a> {
                 prefetch_index(&model.triangles, next as usize);
             }
             let sphere = &leaves[leaf as usize];
+            let mut part = SplatId::leaf(leaf);
             let (mut splat, area) = match model.triangles.get(leaf as usize) {
                 Some(corners) => {
                     let corners = corners.map(|i| model.vertices[i as usize]);
                     // Its own normal is the plane of the disc; what faces the picture anyway is lit by the mean of its corners.
                     let is_in_plane = is_large && self.is_oriented;
+                    if is_in_plane {
+                        part.part |= SplatId::IN_PLANE;
+                    }
                     let (splat, area) = of_triangle(corners, sphere.center, is_in_plane);
                     (
                         Splat {
@@ -423,8 +448,9 @@ impl<'a> Writer<'a> {
                     > self.plan.threshold_px
             {
                 splat.radius = sphere.radius;
+                part.part |= SplatId::OF_OWN_SIZE;
             }
-            self.write(splat, area, out);
+            self.write(part, splat, area, out);
         }
     }
 
@@ -434,7 +460,7 @@ impl<'a> Writer<'a> {
     }
 
     #[inline]
-    fn write(&self, mut splat: Splat, area: f32, out: &mut impl Out) {
+    fn write(&self, id: SplatId, mut splat: Splat, area: f32, out: &mut impl Out) {
         if area == 0.0 && self.has_triangles {
             return;
         }
@@ -443,10 +469,11 @@ impl<'a> Writer<'a> {
         {
             splat.radius = 0.5 * self.plan.threshold_px / pixels_of_unit(of_cut, splat.center);
         }
+        let named = Named { id, splat, area };
         if self.is_checked && !self.fits(&splat) {
-            out.quad(splat, area);
+            out.quad(&named);
         } else {
-            out.point(splat, area);
+            out.point(&named);
         }
     }
 

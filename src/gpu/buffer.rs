@@ -95,7 +95,7 @@ impl Drop for Raw {
 }
 
 /// A buffer that passes can declare as read or written.
-pub trait AnyBuffer {
+pub trait AnyBuffer: std::fmt::Debug {
     /// The handle; valid while the buffer lives.
     #[doc(hidden)]
     fn handle(&self) -> vk::Buffer;

@@ -10,6 +10,7 @@
 //! takes for edge-on, which stay. Room is for the worst case, so that nothing is ever lost. What is hidden is not looked for,
 //! and lists are in no order: of two equal depths another may win.
 
+use super::device_tree::{self, DeviceTree};
 use super::scene::Scene;
 use super::splats::Splats;
 use super::targets::{Context, Targets};
@@ -18,13 +19,13 @@ use crate::abi::{CutConstants, CutCounters, Splat, shaders};
 use crate::cut::{self, SizeMetric};
 use crate::draw::{ColorBy, Footprint};
 use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Buffer, Readback, Usage};
+use crate::gpu::buffer::{Buffer, Readback, Usage};
 use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::method::plan::Drawing;
-use crate::tree::{Leaf, Model, Node, NodeAttributes};
+use crate::tree::Model;
 use std::sync::Arc;
 
 /// Why a frame cannot have its cut chosen on the device; `None` where it can.
@@ -50,7 +51,7 @@ pub(crate) fn why_not(settings: &Settings, model: &Model) -> Option<&'static str
     }
 }
 
-/// The tree of a scene on the device, and the lists of its cut.
+/// The lists of a cut of a scene's tree.
 #[derive(Debug)]
 pub(crate) struct DeviceCut {
     scene: u64,
@@ -58,10 +59,6 @@ pub(crate) struct DeviceCut {
     most_splats: u32,
     most_triangles: u32,
     subpixel_bits: u32,
-    nodes: Buffer,
-    attributes: Buffer,
-    leaves: Buffer,
-    corners: Buffer,
     /// Sibling groups of a level and of the next one, in turn.
     queues: [Buffer; 2],
     splats: Buffer,
@@ -81,86 +78,43 @@ fn bytes_of<T>(count: usize) -> u64 {
 }
 
 impl DeviceCut {
-    /// Whether the tree is that of the scene.
+    /// Whether its lists have room for cuts of the scene.
     pub(crate) fn is_of(&self, scene: &Scene) -> bool {
         self.scene == scene.id()
     }
 
-    /// Copies the tree to the device, with room for the largest cut there is. `slots`: frames in flight.
+    /// Makes room for the largest cut there is of a tree. `slots`: frames in flight.
     ///
     /// # Errors
     /// When it does not fit, or a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        model: &Model,
-        scene: &Scene,
+        on_device: &DeviceTree,
+        (model, scene): (&Model, &Scene),
         slots: usize,
     ) -> Result<Self, Error> {
         let tree = &model.tree;
-        let [page] = scene.pages.as_slice() else {
-            return Err(too_large(
-                "the vertices do not fit one buffer of the device",
-            ));
-        };
-        let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
-        let (leaves, corners): (&[Leaf], &[[u32; 3]]) = (&tree.leaves, page.corners(model));
         let most_splats = cut::most_splats(model);
+        let most_triangles = model.triangles.len();
         let groups = (0..tree.level_count()).map(|level| tree.level(level).len());
         let queue = bytes_of::<[u32; 2]>(groups.max().unwrap_or(0));
         let splats = most_splats.max(1) * size_of::<Splat>() as u64;
-        let indices = bytes_of::<[u32; 3]>(corners.len());
-        let all = [
-            bytes_of::<Node>(nodes.len()),
-            bytes_of::<NodeAttributes>(attributes.len()),
-            bytes_of::<Leaf>(leaves.len()),
-            2 * indices,
-            2 * queue,
-            splats,
-        ];
-        let info = gpu.info();
-        let limit = info.max_storage_range.min(info.max_buffer);
-        let largest = [
-            all[0],
-            all[1],
-            all[2],
-            indices,
-            queue,
-            splats,
-            page.vertices.bytes(),
-        ];
-        if largest.into_iter().any(|bytes| bytes > limit) {
-            return Err(too_large(
-                "a list does not fit one storage binding of the device",
-            ));
-        }
-        // The model itself and the targets need room as well.
-        if all.into_iter().sum::<u64>() > info.device_memory / 2 {
-            return Err(too_large(
-                "tree and lists take more than half of the device's memory",
-            ));
-        }
-        let filled = |name: &str, data: &[u8]| {
-            // A buffer has a byte at least; nothing is looked at of what is not there.
-            let data = if data.is_empty() { &[0; 32][..] } else { data };
-            Buffer::with_data(gpu, name, Usage::Storage, data)
-        };
+        let indices = bytes_of::<[u32; 3]>(most_triangles);
+        device_tree::fits_bindings(gpu, [queue, splats, indices])?;
+        device_tree::fits_memory(gpu, on_device.bytes() + 2 * queue + splats + indices)?;
         let pipeline = |name, shader| Pipeline::compute(gpu, name, shader, &[]);
         let counters = bytes_of::<CutCounters>(1);
         let list = |name, bytes| Buffer::new(gpu, name, Usage::List, bytes);
         Ok(Self {
             scene: scene.id(),
-            levels: if nodes.is_empty() {
+            levels: if tree.nodes.is_empty() {
                 0
             } else {
                 tree.level_count()
             },
             most_splats: most_splats as u32,
-            most_triangles: corners.len() as u32,
-            subpixel_bits: info.subpixel_bits,
-            nodes: filled("nodes", bytemuck::cast_slice(nodes))?,
-            attributes: filled("attributes of nodes", bytemuck::cast_slice(attributes))?,
-            leaves: filled("leaves", bytemuck::cast_slice(leaves))?,
-            corners: filled("corners", bytemuck::cast_slice(corners))?,
+            most_triangles: most_triangles as u32,
+            subpixel_bits: gpu.info().subpixel_bits,
             queues: [
                 Buffer::new(gpu, "groups of even levels", Usage::Storage, queue)?,
                 Buffer::new(gpu, "groups of odd levels", Usage::Storage, queue)?,
@@ -188,14 +142,19 @@ impl DeviceCut {
     }
 
     /// Passes `cut.tree` and `cut.leaves`: replaces the lists.
-    pub(crate) fn choose(&self, frame: &mut Frame<'_>, scene: &Scene, constants: Uniform) {
+    pub(crate) fn choose(
+        &self,
+        frame: &mut Frame<'_>,
+        (tree, scene): (&DeviceTree, &Scene),
+        constants: Uniform,
+    ) {
         let whole = |buffer| Slice::whole(buffer);
         let counters = whole(&self.counters);
         let workgroups = std::mem::offset_of!(CutCounters, workgroups) as u64;
         frame
             .pass("cut.tree")
-            .storage_read(&self.nodes)
-            .storage_read(&self.attributes)
+            .storage_read(&tree.nodes)
+            .storage_read(&tree.attributes)
             .storage(&self.queues[0])
             .storage(&self.queues[1])
             .storage(&self.splats)
@@ -217,8 +176,8 @@ impl DeviceCut {
                             counters,
                             whole(from),
                             whole(&self.splats),
-                            whole(&self.nodes),
-                            whole(&self.attributes),
+                            whole(&tree.nodes),
+                            whole(&tree.attributes),
                             whole(to),
                         ],
                     );
@@ -234,8 +193,8 @@ impl DeviceCut {
         let queue = &self.queues[self.levels % 2];
         frame
             .pass("cut.leaves")
-            .storage_read(&self.leaves)
-            .storage_read(&self.corners)
+            .storage_read(&tree.leaves)
+            .storage_read(&tree.corners)
             .storage_read(&page.vertices)
             .storage_read(queue)
             .storage(&self.splats)
@@ -250,8 +209,8 @@ impl DeviceCut {
                         counters,
                         whole(queue),
                         whole(&self.splats),
-                        whole(&self.leaves),
-                        whole(&self.corners),
+                        whole(&tree.leaves),
+                        whole(&tree.corners),
                         whole(&page.vertices),
                         whole(&self.indices),
                     ],
@@ -315,13 +274,6 @@ impl DeviceCut {
     }
 }
 
-fn too_large(why: &str) -> Error {
-    Error::Unsupported {
-        what: "the cut on the device",
-        why: why.into(),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
@@ -331,6 +283,7 @@ mod tests {
     use crate::draw::splats;
     use crate::generate::{self, Shape, Spec};
     use crate::gpu::Options;
+    use crate::gpu::buffer::AnyBuffer as _;
     use crate::gpu::device::Kind;
     use crate::gpu::frame::Frames;
     use crate::math::camera::{Camera, View};
@@ -381,7 +334,8 @@ mod tests {
         settings: &Settings,
     ) -> (Vec<Splat>, Vec<[u32; 3]>, CutCounters) {
         let mut frames = Frames::new(gpu, 1, false).unwrap();
-        let mut cut = DeviceCut::new(gpu, model, scene, 1).unwrap();
+        let tree = DeviceTree::new(gpu, model, scene).unwrap();
+        let mut cut = DeviceCut::new(gpu, &tree, (model, scene), 1).unwrap();
         let mut splats = Readback::new(gpu, "splats", cut.splats.bytes()).unwrap();
         let mut corners = Readback::new(gpu, "corners", cut.indices.bytes()).unwrap();
         let tester = cut::Tester::new(model, view, &cut_settings(settings, model));
@@ -389,7 +343,7 @@ mod tests {
         for _ in 0..2 {
             let mut frame = frames.begin().unwrap();
             let constants = frame.uniform(&cut.constants(&tester, view)).unwrap();
-            cut.choose(&mut frame, scene, constants);
+            cut.choose(&mut frame, (&tree, scene), constants);
             frame.read_back_buffer("splats", &cut.splats, &splats);
             frame.read_back_buffer("corners", &cut.indices, &corners);
             let ticket = frame.submit().unwrap();

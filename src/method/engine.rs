@@ -315,7 +315,7 @@ impl MirrorEngine {
                 }
                 let ids: &[u32] = if is_whole { &[] } else { &cut.triangles };
                 triangles.resize(ids.len(), [0; 3]);
-                pack::triangles(ids, &model.triangles, 0, &mut triangles);
+                pack::triangles(ids, |id| model.triangles[id as usize], &mut triangles);
                 packing.end(&mut times);
                 list.splats = &splats;
                 list.triangles = &triangles;

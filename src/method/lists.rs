@@ -1,20 +1,23 @@
 //! Draw lists in mapped memory: one set for each frame in flight, grown when a frame needs more, and kept as long as
 //! frames ask for the same.
 
+mod triangles;
+
+use super::by_id::{self, Whole};
 use super::compute::drawn::Onto;
 use super::compute::twin::Share;
 use super::hybrid::Run;
 use super::plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use super::scene::Scene;
 use super::{Method, Path, Settings, compute, filtered as filtered_splats};
-use crate::abi::{FilteredSplat, FuzzySplat, Splat, WeightedSplat};
+use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::draw::ColorBy;
 use crate::draw::filtered::host::{self, Canvas};
 use crate::draw::opaque;
 use crate::draw::samples::{self, Screen};
 use crate::draw::splats::{self, Packed};
-use crate::draw::{filtered, fuzzy, pack};
+use crate::draw::{filtered, fuzzy, ids};
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
@@ -25,11 +28,11 @@ use std::sync::Arc;
 /// Mapped draw lists of one slot.
 #[derive(Debug)]
 pub(super) struct Lists {
-    pub(super) splats: Upload,
-    pub(super) indices: Upload,
+    splats: Upload,
+    indices: Upload,
     pub(super) runs: Vec<Run>,
-    /// Corners of the triangles that are small on screen, where those are drawn by compute.
-    pub(super) small: Upload,
+    /// Triangles that are small on screen, where those are drawn by compute.
+    small: Upload,
     pub(super) small_runs: Vec<Run>,
     /// Triangles that stay such where others become samples.
     rest: samples::Rest,
@@ -40,6 +43,8 @@ pub(super) struct Lists {
     faces: host::Triangles,
     /// And opaque ones.
     pub(super) nearest: compute::drawn::Drawn,
+    /// What the device makes of numbers.
+    whole: Option<Whole>,
     /// None before the first frame, and after one that failed.
     pub(super) held: Option<Held>,
 }
@@ -62,6 +67,10 @@ pub(super) struct Held {
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
     pub(super) ways: Ways,
+    /// What was packed are numbers, of which the device makes what is drawn.
+    pub(super) are_ids: bool,
+    /// It has.
+    pub(super) is_made: bool,
     /// The host has drawn the splats.
     pub(super) is_drawn: bool,
     /// They are all there is, and the picture is [`compute::drawn::Drawn::image`].
@@ -104,6 +113,8 @@ pub(super) struct Key {
     has_triangles: bool,
     /// Those that cover one pixel may become splats.
     may_sample: bool,
+    /// Splats and triangles are named by their numbers, if the lists can be bound.
+    by_id: bool,
     /// What the host lights opaque splats by, where it may draw them: colors are part of what is packed then.
     light: Option<opaque::Light>,
 }
@@ -147,14 +158,15 @@ impl Packing {
 
 impl Key {
     /// That of a frame whose points have at most `max_point_px` pixels, drawn by compute if it `is_wanted`, on a device that
-    /// `samples` triangles of one pixel, where the host may draw opaque splats by a `light`; of settings that [`for_view`](super::plan::for_view) gave.
+    /// `samples` triangles of one pixel, where the host may draw opaque splats by a `light`, or lists may be `by_id`; of settings
+    /// that [`for_view`](super::plan::for_view) gave.
     pub(super) fn of(
         settings: &Settings,
         model: &Model,
         scene: &Scene,
         view: &View,
         (max_point_px, is_wanted, samples): (f32, bool, bool),
-        light: Option<opaque::Light>,
+        (light, by_id): (Option<opaque::Light>, bool),
     ) -> Self {
         Self {
             scene: scene.id(),
@@ -168,7 +180,9 @@ impl Key {
                 && Drawing::of(settings) == Drawing::Opaque
                 && settings.method == Method::Pop
                 && settings.color_by == ColorBy::Shading
-                && !settings.holds_cut(),
+                && !settings.holds_cut()
+                && !by_id,
+            by_id,
             light,
         }
     }
@@ -204,6 +218,7 @@ impl Lists {
             drawn: filtered_splats::drawn::Drawn::new(gpu, slot)?,
             faces: host::Triangles::default(),
             nearest: compute::drawn::Drawn::new(gpu, slot)?,
+            whole: None,
             held: None,
         })
     }
@@ -243,7 +258,14 @@ impl Lists {
             ways.is_small && (may_sample || !has_triangles)
         });
         let (mut is_drawn, mut is_shown, mut undrawn) = (false, false, 0);
+        let are_ids = self.are_ids(gpu, key.by_id, &packing, cut)?;
         let (packed, capacity, record_bytes) = match &packing {
+            Packing::Splats(plan) | Packing::Weighted(plan) if are_ids => {
+                let count = splats::count(cut, plan);
+                let out = records::<SplatId>(gpu, &mut self.splats, count)?;
+                let packed = ids::pack(model, scene.undrawn(model), (cut, view, plan), out);
+                (packed, count, size_of::<SplatId>())
+            }
             Packing::Splats(plan) => {
                 let may_sample = may_sample && plan.has_one_size(model);
                 let room = match may_sample {
@@ -339,8 +361,8 @@ impl Lists {
         };
         // Of those that are left after samples most are large.
         let has_small = ways.takes_triangles && samples.is_none();
-        let is_small =
-            has_small.then(|| is_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        let is_small = has_small
+            .then(|| triangles::are_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
         let rest = std::mem::take(&mut self.rest_ids);
         let triangles: &[u32] = match samples {
             Some(_) => &rest,
@@ -349,12 +371,20 @@ impl Lists {
             None if key.has_triangles => &cut.triangles,
             None => &[],
         };
-        let index_bytes = 12 * triangles.len() as u64;
+        let triangle_bytes = if are_ids { 4 } else { 12 };
+        let index_bytes = triangle_bytes * triangles.len() as u64;
         reserve(gpu, &mut self.indices, index_bytes)?;
         if ways.takes_triangles {
             reserve(gpu, &mut self.small, index_bytes)?;
         }
-        pack_triangles(model, scene, triangles, self, is_small);
+        let lists = (&mut *self, is_small);
+        if are_ids {
+            triangles::write(model, scene, triangles, lists, (|_, id| id, |_, _| {}));
+        } else {
+            let of = |corners: &[[u32; 3]], id| corners[id as usize];
+            let ahead = |corners: &[[u32; 3]], id| prefetch_index(corners, id as usize);
+            triangles::write(model, scene, triangles, lists, (of, ahead));
+        }
         self.rest_ids = rest;
         self.held = Some(Held {
             packed,
@@ -370,12 +400,80 @@ impl Lists {
                 0
             },
             ways,
+            are_ids,
+            is_made: false,
             is_drawn,
             is_shown,
             stats: cut.stats,
             key,
         });
         Ok(())
+    }
+
+    /// Whether a cut is to be named by numbers, if it `may` be; makes room for what the device makes of them. Longer lists than
+    /// can be bound are not.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn are_ids(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        may: bool,
+        packing: &Packing,
+        cut: &Cut,
+    ) -> Result<bool, Error> {
+        let (plan, record) = match packing {
+            Packing::Splats(plan) => (plan, size_of::<Splat>()),
+            Packing::Weighted(plan) => (plan, size_of::<WeightedSplat>()),
+            _ => return Ok(false),
+        };
+        if !may {
+            return Ok(false);
+        }
+        let bytes = [
+            (splats::count(cut, plan) * record) as u64,
+            12 * cut.triangles.len() as u64,
+        ];
+        let fits = by_id::fits(gpu, bytes);
+        if fits {
+            Whole::reserve(gpu, &mut self.whole, bytes)?;
+        }
+        Ok(fits)
+    }
+
+    /// What the device makes of the numbers that the lists hold; none where they hold no numbers.
+    fn whole(&self) -> Option<&Whole> {
+        let held = self.held.as_ref()?;
+        self.whole.as_ref().filter(|_| held.are_ids)
+    }
+
+    /// The numbers that the lists hold, if the device is to make something of them: of splats, triangles and small triangles.
+    pub(super) fn named(&self) -> Option<([&Upload; 3], &Whole, &Held)> {
+        let held = self.held.as_ref().filter(|held| !held.is_made)?;
+        let ids = [&self.splats, &self.indices, &self.small];
+        Some((ids, self.whole()?, held))
+    }
+
+    /// A frame that makes it was submitted.
+    pub(super) fn are_made(&mut self) {
+        if let Some(held) = &mut self.held {
+            held.is_made = true;
+        }
+    }
+
+    /// Records of splats as they are drawn.
+    pub(super) fn splats(&self) -> &dyn AnyBuffer {
+        self.whole().map_or(&self.splats, |whole| &whole.splats)
+    }
+
+    /// Corners of the triangles of `runs`.
+    pub(super) fn indices(&self) -> &dyn AnyBuffer {
+        self.whole().map_or(&self.indices, |whole| &whole.indices)
+    }
+
+    /// Corners of the triangles of `small_runs`.
+    pub(super) fn small(&self) -> &dyn AnyBuffer {
+        self.whole().map_or(&self.small, |whole| &whole.small)
     }
 
     /// Draws the filtered splats that were written and these triangles, unless nothing says where, some splats are too large, or
@@ -460,72 +558,4 @@ fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error>
         *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
     }
     Ok(())
-}
-
-/// Writes the corners of the chosen triangles, page by page; those that `is_small` go to a list of their own.
-fn pack_triangles(
-    model: &Model,
-    scene: &Scene,
-    ids: &[u32],
-    lists: &mut Lists,
-    is_small: Option<impl Fn(u32) -> bool + Sync>,
-) {
-    lists.runs.clear();
-    lists.small_runs.clear();
-    let out: &mut [[u32; 3]] = whole_records(lists.indices.bytes_mut());
-    let small: &mut [[u32; 3]] = whole_records(lists.small.bytes_mut());
-    // Triangles written so far, large and small.
-    let mut written = [0, 0];
-    let mut done = 0;
-    for (index, page) in scene.pages.iter().enumerate() {
-        let end = done + ids[done..].partition_point(|&id| id < page.triangles.end);
-        let (ids, corners) = (&ids[done..end], page.corners(model));
-        let before = written;
-        match &is_small {
-            Some(is_small) => {
-                let lists = [&mut out[written[0]..], &mut small[written[1]..]];
-                let is_large = |id| !is_small(id);
-                let sphere = |id| prefetch_index(&*model.tree.leaves, id as usize);
-                let first = page.triangles.start;
-                let found = pack::split_triangles(ids, corners, first, (is_large, sphere), lists);
-                written = [0, 1].map(|i| written[i] + found[i]);
-            }
-            None => {
-                let out = &mut out[written[0]..written[0] + ids.len()];
-                pack::triangles(ids, corners, page.triangles.start, out);
-                written[0] += ids.len();
-            }
-        }
-        for (which, runs) in [&mut lists.runs, &mut lists.small_runs]
-            .into_iter()
-            .enumerate()
-        {
-            if written[which] > before[which] {
-                runs.push(Run {
-                    page: index,
-                    first: 3 * before[which] as u32,
-                    count: 3 * (written[which] - before[which]) as u32,
-                });
-            }
-        }
-        done = end;
-    }
-}
-
-/// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
-fn is_small_on_screen<'a>(
-    model: &'a Model,
-    view: &View,
-    most_px: f32,
-) -> impl Fn(u32) -> bool + use<'a> {
-    let row = view.view_from_model.row(2);
-    let (near, is_perspective) = (view.near, view.is_perspective);
-    // In view space; the bound of the size is that of the sphere's nearest point.
-    let ratio = 2.0 * view.focal_px() * view.model_scale / most_px;
-    let scale = view.model_scale;
-    move |leaf| {
-        let sphere = &model.tree.leaves[leaf as usize];
-        let nearest = -row.dot(sphere.center.extend(1.0)) - sphere.radius * scale;
-        nearest > near && ratio * sphere.radius <= if is_perspective { nearest } else { 1.0 }
-    }
 }

@@ -1,9 +1,11 @@
 //! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
 //! mirror on the CPU that tests compare it with.
 
+mod by_id;
 mod compute;
 pub mod costs;
 mod device_cut;
+mod device_tree;
 pub mod engine;
 pub mod filtered;
 pub mod fuzzy;
@@ -22,8 +24,8 @@ pub mod triangles;
 pub(crate) mod visibility;
 
 pub use settings::{
-    Blend, Culling, CutOn, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
-    SumFormat,
+    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
+    SplatKind, SumFormat,
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;

@@ -19,7 +19,7 @@ use crate::abi::{Shader, shaders};
 use crate::draw::Footprint;
 use crate::draw::falsecolor;
 use crate::draw::splats::Packed;
-use crate::gpu::buffer::{Readback, Upload};
+use crate::gpu::buffer::{AnyBuffer, Readback};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
@@ -165,7 +165,7 @@ pub(crate) enum Triangles<'a> {
     /// All of the scene.
     Scene,
     /// A draw list.
-    List(&'a Upload, &'a [Run]),
+    List(&'a dyn AnyBuffer, &'a [Run]),
 }
 
 /// Where splats come from.
@@ -177,7 +177,7 @@ pub(crate) enum Splats<'a> {
         as_quads: bool,
     },
     /// A draw list of that many records.
-    List(&'a Upload, Packed, usize),
+    List(&'a dyn AnyBuffer, Packed, usize),
 }
 
 impl Counter {
@@ -346,7 +346,7 @@ impl Counter {
 
     /// The counts of the last frame in a slot of the ring, which was waited for; row by row from the top left.
     pub(crate) fn of_slot(&mut self, slot: usize) -> impl Iterator<Item = u32> {
-        let bytes = self.read[slot].bytes();
+        let bytes = Readback::bytes(&mut self.read[slot]);
         // The buffer may be longer than the picture.
         let pixels = self.counts.width as usize * self.counts.height as usize;
         bytes

@@ -10,10 +10,12 @@ pub mod present;
 mod read;
 mod whole;
 
+use super::by_id::ById;
 use super::compute::choice::Asked;
 use super::compute::{self, Small};
 use super::costs::Costs;
 use super::device_cut::DeviceCut;
+use super::device_tree::DeviceTree;
 use super::filtered::{self, Filtered};
 use super::fuzzy::{self, Fuzzy};
 use super::lists::Lists;
@@ -89,11 +91,14 @@ pub struct Renderer {
     costs: Option<Costs>,
     /// In place of compute, too.
     host_may_draw: bool,
+    device_tree: Option<DeviceTree>,
+    /// What makes records of numbers, once lists have held some.
+    by_id: Option<ById>,
     device_cut: Option<DeviceCut>,
     /// What its lists are of.
     held_on_device: Option<(u64, Choice)>,
-    /// The scene whose tree does not fit the device.
-    too_large: Option<u64>,
+    /// The scene whose cuts do not fit the device, and the one whose tree does not.
+    too_large: [Option<u64>; 2],
     triangles: Option<(Variant, Pipeline)>,
     spare_triangles: Vec<(Variant, Pipeline)>,
     /// One for each variant that was drawn, those drawn last.
@@ -170,9 +175,11 @@ impl Renderer {
             selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
             host_may_draw: false,
+            device_tree: None,
+            by_id: None,
             device_cut: None,
             held_on_device: None,
-            too_large: None,
+            too_large: [None; 2],
             triangles: None,
             spare_triangles: Vec::new(),
             splats: Vec::new(),
@@ -399,6 +406,7 @@ impl Renderer {
         let settings = &self.for_frame(settings, model, view);
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
+        let by_id = !on_device && self.prepare_lists(model, scene, settings)?;
         self.by_host = None;
         let start = Instant::now();
         let is_counted = settings.color_by == ColorBy::Overdraw;
@@ -407,7 +415,9 @@ impl Renderer {
             Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
             Method::Points => self.draw_points(model, scene, view, settings, end)?,
             Method::Pop if on_device => self.draw_on_device(model, scene, view, settings, end)?,
-            Method::Splats | Method::Pop => self.draw_pop(model, scene, view, settings, end)?,
+            Method::Splats | Method::Pop => {
+                self.draw_pop((model, scene), view, (settings, by_id), end)?
+            }
         };
         Ok(Submitted {
             ticket,

@@ -120,6 +120,19 @@ pub enum CutOn {
     Device,
 }
 
+/// What the host tells a device of the splats and triangles of a cut. The picture is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ListOf {
+    /// Numbers where the device has memory of its own and they will do, else records.
+    #[default]
+    Auto,
+    /// The numbers of nodes, leaves and triangles: the device has the tree, and makes the records; refused where it cannot.
+    Ids,
+    /// What is drawn of each: centers, normals, colors; corners.
+    Records,
+}
+
 /// Whether splats that nearer splats hide are left out. The picture is the same to the bit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -168,6 +181,8 @@ pub struct Settings {
     pub path: Path,
     /// What chooses the cut on a device.
     pub cut_on: CutOn,
+    /// What draw lists hold on a device.
+    pub list_of: ListOf,
     /// Whether what is hidden is left out.
     pub occlusion: Occlusion,
     /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0.
@@ -207,6 +222,7 @@ impl Default for Settings {
             reconstruction: Reconstruction::Gaussian,
             path: Path::Auto,
             cut_on: CutOn::Auto,
+            list_of: ListOf::Auto,
             occlusion: Occlusion::Auto,
             depth_offset: None,
             threshold_px: 1.0,

@@ -108,6 +108,8 @@ fn a_small_run_has_every_part_and_valid_rows() {
         "pop square by raster, 1 px",
         "pop square by compute, 1 px",
         "pop square, cut on the device, 1 px",
+        "pop square by raster, lists of ids, 1 px",
+        "pop square by raster, lists of records, 1 px",
     ];
     for fill in ["1", "0.5", "0.125"] {
         let mut found = frames(fill);

@@ -1,6 +1,6 @@
 //! Which pixels splats may cover, a vector of them at a time.
 
-use super::super::splats::{Out, Part};
+use super::super::splats::{Named, Out, Part};
 use super::shade::{Light, Surfaces};
 use super::{Look, Screen, Source};
 use crate::abi::Splat;
@@ -213,7 +213,7 @@ pub(super) fn part(
     match source {
         Source::List(splats) => {
             for splat in splats {
-                placer.point(*splat, 0.0);
+                placer.put(splat);
             }
         }
         Source::Surface(writer, part) => {
@@ -286,18 +286,23 @@ impl Out for Placer<'_> {
     const HAS_THICKNESS: bool = false;
 
     #[inline(always)]
-    fn point(&mut self, splat: Splat, _area: f32) {
-        self.surfaces.put(self.len % BLOCK, &splat);
-        self.push(splat.center, splat.radius);
+    fn point(&mut self, named: &Named) {
+        self.put(&named.splat);
     }
 
     #[inline(always)]
-    fn quad(&mut self, splat: Splat, area: f32) {
-        self.point(splat, area);
+    fn quad(&mut self, named: &Named) {
+        self.put(&named.splat);
     }
 }
 
 impl Placer<'_> {
+    #[inline(always)]
+    fn put(&mut self, splat: &Splat) {
+        self.surfaces.put(self.len % BLOCK, splat);
+        self.push(splat.center, splat.radius);
+    }
+
     /// Whether all are there.
     #[inline(always)]
     fn is_full(&self) -> bool {

@@ -1,10 +1,9 @@
 //! What those splats of a cut that are seen look like.
 
 use super::super::parts;
-use super::super::splats::{Out, Part, Writer};
+use super::super::splats::{Named, Out, Part, Writer};
 use super::place::{BLOCK, Row};
 use super::shade::{Light, Surfaces};
-use crate::abi::Splat;
 use crate::cut::StripRun;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -31,7 +30,8 @@ impl<P: Iterator<Item = usize>> Out for Shader<'_, P> {
     const HAS_THICKNESS: bool = false;
 
     #[inline(always)]
-    fn point(&mut self, splat: Splat, _area: f32) {
+    fn point(&mut self, named: &Named) {
+        let splat = &named.splat;
         let Some(place) = self.places.next() else {
             return;
         };
@@ -39,7 +39,7 @@ impl<P: Iterator<Item = usize>> Out for Shader<'_, P> {
         self.own_places[at] = place;
         let [x, y, z] = &mut self.centers;
         (x[at], y[at], z[at]) = (splat.center.x, splat.center.y, splat.center.z);
-        self.surfaces.put(at, &splat);
+        self.surfaces.put(at, splat);
         self.len += 1;
         if self.len == BLOCK {
             self.flush();
@@ -47,8 +47,8 @@ impl<P: Iterator<Item = usize>> Out for Shader<'_, P> {
     }
 
     #[inline(always)]
-    fn quad(&mut self, splat: Splat, area: f32) {
-        self.point(splat, area);
+    fn quad(&mut self, named: &Named) {
+        self.point(named);
     }
 }
 

@@ -8,16 +8,16 @@ use super::{Variant, rect};
 use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Upload};
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Draw, Frame, Uniform};
 
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct List<'a> {
     pub(crate) scene: &'a Scene,
-    pub(crate) corners: &'a Upload,
+    pub(crate) corners: &'a dyn AnyBuffer,
     pub(crate) runs: &'a [Run],
-    pub(crate) splats: &'a Upload,
+    pub(crate) splats: &'a dyn AnyBuffer,
     pub(crate) splat_count: u32,
     /// So many of them, the last, are samples: squares of a pixel.
     pub(crate) sample_count: u32,
@@ -33,7 +33,7 @@ pub(crate) struct List<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Triangles<'a> {
     pub(crate) scene: &'a Scene,
-    pub(crate) corners: &'a Upload,
+    pub(crate) corners: &'a dyn AnyBuffer,
     pub(crate) runs: &'a [Run],
 }
 

@@ -13,7 +13,7 @@ use super::rect;
 use crate::abi::constants::FILTERED_TILE_PX;
 use crate::abi::{FilteredSplat, FuzzySplat, Shader, shaders};
 use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{Buffer, Upload, Usage};
+use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{
@@ -165,7 +165,7 @@ pub(crate) struct Twin {
 /// What compute draws of a frame.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Small<'a> {
-    pub(crate) splats: &'a Upload,
+    pub(crate) splats: &'a dyn AnyBuffer,
     /// How many of the list are looked at; what is too large is left to the rasterizer.
     pub(crate) splat_count: u32,
     pub(crate) triangles: Triangles<'a>,

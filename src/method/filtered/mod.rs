@@ -18,7 +18,7 @@ use super::scene::Scene;
 use super::targets::{Context, Targets};
 use super::triangles::targets;
 use crate::abi::{FilteredSplat, shaders};
-use crate::gpu::buffer::Upload;
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
@@ -76,11 +76,11 @@ struct ByCompute {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct List<'a> {
     pub(crate) scene: &'a Scene,
-    pub(crate) indices: &'a Upload,
+    pub(crate) indices: &'a dyn AnyBuffer,
     pub(crate) runs: &'a [Run],
     /// Triangles that compute draws; none where it draws nothing.
     pub(crate) small: Triangles<'a>,
-    pub(crate) splats: &'a Upload,
+    pub(crate) splats: &'a dyn AnyBuffer,
     pub(crate) splat_count: u32,
     /// All of it, where the host has drawn it.
     pub(crate) drawn: Option<&'a Drawn>,

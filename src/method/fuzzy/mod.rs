@@ -16,7 +16,7 @@ use crate::abi::{FuzzySplat, Shader, WeightedSplat, shaders};
 use crate::draw::Footprint;
 use crate::draw::fuzzy::Placed;
 use crate::draw::splats::Packed;
-use crate::gpu::buffer::{AnyBuffer, Upload};
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
@@ -157,7 +157,7 @@ pub(crate) struct Fuzzy {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct List<'a> {
     pub(crate) scene: &'a Scene,
-    pub(crate) indices: &'a Upload,
+    pub(crate) indices: &'a dyn AnyBuffer,
     pub(crate) runs: &'a [Run],
     /// Triangles that compute draws; none where it draws nothing.
     pub(crate) small: Triangles<'a>,
@@ -168,9 +168,9 @@ pub(crate) struct List<'a> {
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Splats<'a> {
     /// A draw list of that many records.
-    List(&'a Upload, Packed, usize),
+    List(&'a dyn AnyBuffer, Packed, usize),
     /// A list of that many records, of which compute draws the small ones.
-    Placed(&'a Upload, Placed, usize),
+    Placed(&'a dyn AnyBuffer, Placed, usize),
     /// All vertices of the scene, as quads or as points.
     Vertices { as_quads: bool },
 }

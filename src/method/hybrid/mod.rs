@@ -5,7 +5,7 @@
 
 use super::scene::Scene;
 use super::targets::{Context, Targets};
-use crate::gpu::buffer::Upload;
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Draw, Frame, Uniform};
 use crate::gpu::pipeline::Pipeline;
 
@@ -27,7 +27,7 @@ pub(crate) fn record_triangles(
     pipeline: &Pipeline,
     targets: &Targets,
     scene: &Scene,
-    (indices, runs): (&Upload, &[Run]),
+    (indices, runs): (&dyn AnyBuffer, &[Run]),
     context: &Context,
     constants: Uniform,
 ) {
@@ -47,7 +47,7 @@ pub(crate) fn draw_runs(
     draw: &mut Draw<'_>,
     pipeline: &Pipeline,
     scene: &Scene,
-    (indices, runs): (&Upload, &[Run]),
+    (indices, runs): (&dyn AnyBuffer, &[Run]),
     context: &Context,
     constants: Uniform,
 ) {

@@ -2,11 +2,11 @@
 
 use super::{Counts, End, FrameTimes, Renderer, margin_px};
 use crate::abi::FrameConstants;
-use crate::draw::ColorBy;
 use crate::draw::filtered::host::{Canvas, Light};
 use crate::draw::opaque;
 use crate::draw::samples::Screen;
 use crate::draw::splats::{Packed, SLACK_PX};
+use crate::draw::{ColorBy, Footprint};
 use crate::gpu::Error;
 use crate::gpu::device::Kind;
 use crate::gpu::frame::Ticket;
@@ -22,7 +22,7 @@ use crate::method::splats::Splats;
 use crate::method::targets::Context;
 use crate::method::times::{Kept, Stage};
 use crate::method::{
-    Method, Path, Settings, SplatKind, filtered, fuzzy, hybrid, overdraw, visibility,
+    Method, Path, Settings, SplatKind, by_id, filtered, fuzzy, hybrid, overdraw, visibility,
 };
 use crate::tree::Model;
 
@@ -55,10 +55,9 @@ pub(super) fn compute_variant(settings: &Settings, model: &Model, flags: u32) ->
 impl Renderer {
     pub(super) fn draw_pop(
         &mut self,
-        model: &Model,
-        scene: &Scene,
+        (model, scene): (&Model, &Scene),
         view: &View,
-        settings: &Settings,
+        (settings, by_id): (&Settings, bool),
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
         let drawing = Drawing::of(settings);
@@ -92,7 +91,7 @@ impl Renderer {
             scene,
             view,
             (max_point, is_wanted, samples),
-            light,
+            (light, by_id),
         );
         let slot = self.frames.next_slot();
         let cut = Stage::Cut.begin();
@@ -194,6 +193,13 @@ impl Renderer {
         let mut frame = self.frames.begin()?;
         let flags = constants.flags;
         let constants = frame.uniform(&constants)?;
+        if let (Some(by_id), Some(tree)) = (&self.by_id, &self.device_tree) {
+            let kind = by_id::Kind {
+                are_oriented: settings.footprint() == Footprint::Oriented,
+                have_areas: drawing == Drawing::Fuzzy,
+            };
+            by_id.record(&mut frame, (tree, scene), (lists, kind), &context)?;
+        }
         let areas = if ways.is_small && !held.is_shown {
             compute::rect::areas(model, view, context.rect_px, margin_px(largest))
         } else {
@@ -201,9 +207,9 @@ impl Renderer {
         };
         let small_list = compute::List {
             scene,
-            corners: &lists.small,
+            corners: lists.small(),
             runs: &lists.small_runs,
-            splats: &lists.splats,
+            splats: lists.splats(),
             splat_count: packed.points as u32,
             sample_count: held.samples as u32,
             variant: compute_variant(settings, model, flags),
@@ -212,7 +218,7 @@ impl Renderer {
         };
         let small_triangles = Triangles {
             scene,
-            corners: &lists.small,
+            corners: lists.small(),
             runs: &lists.small_runs,
         };
         let variant = Splats::variant_of(settings, flags);
@@ -241,7 +247,7 @@ impl Renderer {
                         pipeline,
                         &self.targets,
                         scene,
-                        (&lists.indices, &lists.runs),
+                        (lists.indices(), &lists.runs),
                         &context,
                         constants,
                     );
@@ -253,7 +259,7 @@ impl Renderer {
                 splats.record_list(
                     &mut frame,
                     &self.targets,
-                    (&lists.splats, packed_left, capacity),
+                    (lists.splats(), packed_left, capacity),
                     (&context, !has_triangles && !has_small),
                     constants,
                 );
@@ -264,12 +270,12 @@ impl Renderer {
                 };
                 let list = fuzzy::List {
                     scene,
-                    indices: &lists.indices,
+                    indices: lists.indices(),
                     runs: &lists.runs,
                     small: small_triangles,
                     splats: match placed {
-                        Some(placed) => fuzzy::Splats::Placed(&lists.splats, placed, capacity),
-                        None => fuzzy::Splats::List(&lists.splats, packed, capacity),
+                        Some(placed) => fuzzy::Splats::Placed(lists.splats(), placed, capacity),
+                        None => fuzzy::Splats::List(lists.splats(), packed, capacity),
                     },
                 };
                 fuzzy.record(&mut frame, &self.targets, list, &context, constants)?;
@@ -277,10 +283,10 @@ impl Renderer {
             (Drawing::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
                     scene,
-                    indices: &lists.indices,
+                    indices: lists.indices(),
                     runs: &lists.runs,
                     small: small_triangles,
-                    splats: &lists.splats,
+                    splats: lists.splats(),
                     splat_count: packed.points as u32,
                     drawn: held.is_drawn.then_some(&lists.drawn),
                 };
@@ -292,8 +298,8 @@ impl Renderer {
                 };
                 let list = visibility::List {
                     scene,
-                    triangles: Some((&lists.indices, &lists.runs)),
-                    splats: visibility::Splats::List(&lists.splats, packed, capacity),
+                    triangles: Some((lists.indices(), &lists.runs)),
+                    splats: visibility::Splats::List(lists.splats(), packed, capacity),
                     by_compute: ways.is_small.then_some(&areas),
                     largest_px: largest_splat_px(model, settings),
                 };
@@ -305,13 +311,14 @@ impl Renderer {
         if let (ColorBy::Overdraw, Some(counter)) = (settings.color_by, &self.overdraw) {
             let list = overdraw::List {
                 scene,
-                triangles: overdraw::Triangles::List(&lists.indices, &lists.runs),
-                splats: overdraw::Splats::List(&lists.splats, packed, capacity),
+                triangles: overdraw::Triangles::List(lists.indices(), &lists.runs),
+                splats: overdraw::Splats::List(lists.splats(), packed, capacity),
             };
             counter.record(&mut frame, &self.targets, list, &context, constants);
         }
         let picture = lists.nearest.image().filter(|_| held.is_shown);
         let ticket = end(frame, picture.unwrap_or(&self.targets.color))?;
+        self.lists[slot].are_made();
         submit.end(&mut times);
         if held.is_drawn && times.kept != Kept::Lists {
             times.host_ms = host_ms;

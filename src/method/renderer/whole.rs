@@ -91,7 +91,7 @@ impl Renderer {
         let variant = Splats::variant_of(settings, constants.flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         // Declared by the pass, not read.
-        let indices = &self.lists[0].indices;
+        let indices = self.lists[0].indices();
         submit_whole(
             &mut self.frames,
             targets,

@@ -8,7 +8,7 @@ use super::{SPLAT, Settings, VERTEX};
 use crate::abi::{Shader, shaders};
 use crate::draw::Footprint;
 use crate::draw::splats::Packed;
-use crate::gpu::buffer::{Buffer, Upload};
+use crate::gpu::buffer::{AnyBuffer, Buffer};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
@@ -100,7 +100,7 @@ impl Splats {
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
-        (list, packed, capacity): (&Upload, Packed, usize),
+        (list, packed, capacity): (&dyn AnyBuffer, Packed, usize),
         (context, is_first): (&Context, bool),
         constants: Uniform,
     ) {

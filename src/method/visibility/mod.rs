@@ -19,7 +19,7 @@ use super::targets::{Context, Targets};
 use super::{COLOR, NORMAL, Reconstruction, SPLAT, VERTEX, triangles};
 use crate::abi::{Shader, shaders};
 use crate::draw::splats::Packed;
-use crate::gpu::buffer::Upload;
+use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
@@ -38,7 +38,7 @@ const FRONTS: Format = Format::Rg32Float;
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum Splats<'a> {
     /// Records of a draw list, how many of which kind, and of how many records.
-    List(&'a Upload, Packed, usize),
+    List(&'a dyn AnyBuffer, Packed, usize),
     /// Every vertex of the scene.
     Vertices {
         /// Footprints may be too large for points.
@@ -51,7 +51,7 @@ pub(crate) enum Splats<'a> {
 pub(crate) struct List<'a> {
     pub(crate) scene: &'a Scene,
     /// Triangles; none for clouds and methods without.
-    pub(crate) triangles: Option<(&'a Upload, &'a [Run])>,
+    pub(crate) triangles: Option<(&'a dyn AnyBuffer, &'a [Run])>,
     pub(crate) splats: Splats<'a>,
     /// Compute draws those of the list that are points; parts of the picture in which they can be.
     pub(crate) by_compute: Option<&'a [[u32; 4]]>,

@@ -8,7 +8,7 @@
 use super::{FRONTS, PICKED};
 use crate::abi::{Splat, shaders};
 use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Buffer, Upload, Usage};
+use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::device::Kind;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::Image as Target;
@@ -85,12 +85,12 @@ impl Twin {
         &self,
         frame: &mut Frame<'_>,
         (targets, [picked, fronts]): (&Targets, [&Target; 2]),
-        (records, count): (&Upload, u32),
+        (records, count): (&dyn AnyBuffer, u32),
         (areas, is_first): (&[[u32; 4]], bool),
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        let list = (records as &dyn AnyBuffer, size_of::<Splat>() as u64);
+        let list = (records, size_of::<Splat>() as u64);
         let parts = list::bound(frame, context, self.max_binding, list, (0, count))?;
         let kept = [&self.footprints, &self.centers].map(|buffer| Slice::whole(buffer));
         let bytes = 8 * rect::pixels(context.rect_px);

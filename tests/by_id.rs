@@ -1,0 +1,335 @@
+//! Draw lists that name nodes, leaves and triangles by their numbers: the same pictures as those of records, to the bit on a
+//! device that rounds as the host does; fewer bytes; kept for a still camera; refused by name where they cannot be. That
+//! numbers become the very records is tested beside the passes (`method::by_id`).
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit, orthographic, real};
+use surfel::draw::ColorBy;
+use surfel::generate::{self, Shape, Spec};
+use surfel::gpu::Error;
+use surfel::gpu::device::Kind;
+use surfel::image::{Image, compare};
+use surfel::math::camera::View;
+use surfel::method::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::method::scene::Scene;
+use surfel::method::times::Kept;
+use surfel::method::{Blend, ListOf, Method, Path, Settings, SplatKind};
+use surfel::progress::Silent;
+use surfel::tree::{self, BuildOptions, Model};
+
+const SIZE: (u32, u32) = (240, 200);
+
+fn renderer(device: &Device) -> Renderer {
+    let outputs = Outputs {
+        depth: true,
+        normal: true,
+        ..Outputs::default()
+    };
+    Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
+}
+
+fn of(list_of: ListOf, settings: Settings) -> Settings {
+    Settings {
+        list_of,
+        ..settings
+    }
+}
+
+fn draw(
+    renderer: &mut Renderer,
+    (model, scene): (&Model, &mut Scene),
+    view: &View,
+    settings: &Settings,
+) -> (Image, FrameTimes) {
+    let times = renderer.draw(model, scene, view, settings).unwrap();
+    (renderer.read(view).unwrap(), times)
+}
+
+fn has_pass(times: &FrameTimes, name: &str) -> bool {
+    times.passes.iter().any(|pass| pass.name == name)
+}
+
+/// Whether the device makes records or corners in a frame.
+fn makes(times: &FrameTimes) -> bool {
+    ["lists.splats", "lists.triangles"]
+        .iter()
+        .any(|name| has_pass(times, name))
+}
+
+/// The same colors, depths and normals; where roots round otherwise than the host's, nearly.
+fn assert_same(device: &Device, records: &Image, ids: &Image, what: &str) {
+    assert!(
+        records.color.iter().any(|c| c[3] != 0),
+        "{what}: nothing is drawn"
+    );
+    if device.gpu().info().kind == Kind::Cpu {
+        assert!(records.color == ids.color, "{what}: other colors");
+        assert!(records.depth == ids.depth, "{what}: other depths");
+        assert!(records.normal == ids.normal, "{what}: other normals");
+    } else {
+        let d = compare(records, ids, 1.5).unwrap();
+        let pixels = f64::from(SIZE.0 * SIZE.1);
+        assert!(
+            d.whole.past_level as f64 <= 1.0 + 0.001 * pixels,
+            "{what}: {d:?}"
+        );
+    }
+}
+
+fn cloud(shape: Shape, triangles: u64) -> Model {
+    let mut mesh = generate::mesh(&Spec::with_triangles(shape, triangles).unwrap());
+    mesh.triangles.clear();
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+/// Every kind of splat whose records do not depend on the view, by the rasterizer and by compute.
+fn ways() -> Vec<(&'static str, Settings)> {
+    let usual = Settings {
+        path: Path::Raster,
+        threshold_px: 3.0,
+        ..Settings::default()
+    };
+    let kind = |splat| Settings { splat, ..usual };
+    let fuzzy = |splat| Settings {
+        blend: Some(Blend::TwoPass),
+        ..kind(splat)
+    };
+    let whole = |settings| Settings {
+        method: Method::Splats,
+        threshold_px: 6.0,
+        ..settings
+    };
+    let compute = |settings| Settings {
+        path: Path::Compute,
+        ..settings
+    };
+    vec![
+        ("squares", kind(SplatKind::Square)),
+        (
+            "squares of a pixel",
+            Settings {
+                threshold_px: 1.0,
+                ..usual
+            },
+        ),
+        ("discs", kind(SplatKind::Disc)),
+        ("ellipses", kind(SplatKind::Ellipse)),
+        ("visibility", kind(SplatKind::Visibility)),
+        ("fuzzy squares", fuzzy(SplatKind::Square)),
+        ("Gaussians", fuzzy(SplatKind::Gauss)),
+        ("large squares", whole(kind(SplatKind::Square))),
+        ("large ellipses", whole(kind(SplatKind::Ellipse))),
+        (
+            "overdraw",
+            Settings {
+                color_by: ColorBy::Overdraw,
+                ..usual
+            },
+        ),
+        (
+            "normals",
+            Settings {
+                color_by: ColorBy::Normal,
+                ..usual
+            },
+        ),
+        ("squares by compute", compute(kind(SplatKind::Square))),
+        ("ellipses by compute", compute(kind(SplatKind::Ellipse))),
+        (
+            "visibility by compute",
+            compute(kind(SplatKind::Visibility)),
+        ),
+    ]
+}
+
+#[test]
+fn numbers_draw_what_records_draw() {
+    let Some(device) = Device::open() else { return };
+    let models = [
+        ("statue", generated(Shape::Statue, 60_000)),
+        ("torus", generated(Shape::Torus, 30_000)),
+        ("cloud", cloud(Shape::Sphere, 20_000)),
+    ];
+    for (name, model) in &models {
+        let mut scene = Scene::new(device.gpu(), model).unwrap();
+        let mut renderer = renderer(&device);
+        let mut views: Vec<View> = [(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]
+            .map(|(azimuth, fill)| orbit(model, SIZE, azimuth, 25.0, fill))
+            .to_vec();
+        views.push(orthographic(model, SIZE));
+        for (index, view) in views.iter().enumerate() {
+            for (kind, settings) in ways() {
+                let what = format!("{kind} of {name}, view {index}");
+                let mut draw = |list_of| {
+                    let settings = of(list_of, settings);
+                    draw(&mut renderer, (model, &mut scene), view, &settings)
+                };
+                let (records, of_records) = draw(ListOf::Records);
+                let (ids, of_ids) = draw(ListOf::Ids);
+                assert_same(&device, &records, &ids, &what);
+                let (a, b) = (of_records.counts, of_ids.counts);
+                assert_eq!((a.splats, a.triangles), (b.splats, b.triangles), "{what}");
+                // 8 bytes of 24 or more a splat, 4 of 12 a triangle.
+                assert!(
+                    3 * b.draw_list_bytes <= a.draw_list_bytes,
+                    "{what}: {a:?} {b:?}"
+                );
+                for (pass, count) in [("lists.splats", b.splats), ("lists.triangles", b.triangles)]
+                {
+                    assert!(!has_pass(&of_records, pass), "{what}");
+                    assert_eq!(has_pass(&of_ids, pass), count > 0, "{what}: {pass}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_scan_is_drawn_by_numbers() {
+    let Some(device) = Device::open() else { return };
+    let Some(model) = real("thesis/dragon_vrip_res3.ply.gz") else {
+        return;
+    };
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut renderer = renderer(&device);
+    let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
+    for (kind, settings) in ways() {
+        let mut draw = |list_of| {
+            let settings = of(list_of, settings);
+            draw(&mut renderer, (&model, &mut scene), &view, &settings).0
+        };
+        let (records, ids) = (draw(ListOf::Records), draw(ListOf::Ids));
+        assert_same(&device, &records, &ids, kind);
+    }
+}
+
+/// A camera that rests keeps what was made of numbers; one that moves, another model and lists of records do not.
+#[test]
+fn what_was_made_of_numbers_stays() {
+    let Some(device) = Device::open() else { return };
+    let models = [
+        generated(Shape::Statue, 20_000),
+        generated(Shape::Torus, 20_000),
+    ];
+    let mut scenes = [0, 1].map(|i: usize| Scene::new(device.gpu(), &models[i]).unwrap());
+    let mut renderer = renderer(&device);
+    renderer.keep_lists(true);
+    let usual = Settings {
+        path: Path::Raster,
+        threshold_px: 2.0,
+        ..Settings::default()
+    };
+    let mut first = None;
+    // Reading a picture back takes the other slot of the ring: all frames have the same one.
+    let frames = [
+        (0, 10.0, ListOf::Ids, true),
+        (0, 10.0, ListOf::Ids, false),
+        (0, 10.0, ListOf::Ids, false),
+        (0, 40.0, ListOf::Ids, true),
+        (0, 10.0, ListOf::Records, false),
+        (0, 10.0, ListOf::Ids, true),
+        (1, 10.0, ListOf::Ids, true),
+        (1, 10.0, ListOf::Ids, false),
+        (0, 10.0, ListOf::Ids, true),
+    ];
+    for (index, (which, azimuth, list_of, is_made)) in frames.into_iter().enumerate() {
+        let view = orbit(&models[which], SIZE, azimuth, 20.0, 0.8);
+        let model = (&models[which], &mut scenes[which]);
+        let (image, times) = draw(&mut renderer, model, &view, &of(list_of, usual));
+        assert_eq!(makes(&times), is_made, "frame {index}");
+        let is_kept = list_of == ListOf::Ids && !is_made;
+        assert_eq!(times.kept == Kept::Lists, is_kept, "frame {index}");
+        if (which, azimuth) == (0, 10.0) {
+            let first = first.get_or_insert_with(|| image.clone());
+            assert_same(&device, first, &image, "the same view");
+        }
+    }
+}
+
+#[test]
+fn what_numbers_cannot_say_is_refused_by_name() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 20_000);
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut renderer =
+        Renderer::new(device.gpu(), SIZE.0, SIZE.1, Outputs::default(), true).unwrap();
+    let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);
+    let usual = Settings {
+        path: Path::Raster,
+        list_of: ListOf::Ids,
+        threshold_px: 2.0,
+        ..Settings::default()
+    };
+    let mut cases = vec![
+        (
+            Settings {
+                method: Method::Triangles,
+                ..usual
+            },
+            "no lists",
+        ),
+        (
+            Settings {
+                splat: SplatKind::Filtered,
+                ..usual
+            },
+            "filtered",
+        ),
+        (
+            Settings {
+                splat: SplatKind::Gauss,
+                path: Path::Compute,
+                ..usual
+            },
+            "--path raster",
+        ),
+        (
+            Settings {
+                color_by: ColorBy::Level,
+                ..usual
+            },
+            "level",
+        ),
+        (
+            Settings {
+                cut_view: Some(view),
+                ..usual
+            },
+            "held cut",
+        ),
+    ];
+    if device.gpu().info().kind == Kind::Cpu {
+        cases.push((
+            Settings {
+                path: Path::Auto,
+                ..usual
+            },
+            "the host draws",
+        ));
+    }
+    for (settings, word) in cases {
+        match renderer.draw(&model, &mut scene, &view, &settings) {
+            Err(Error::Unsupported { what, why }) => assert!(
+                what.contains("lists of numbers") && why.contains(word),
+                "{word}: {why}"
+            ),
+            other => panic!("{word}: {other:?}"),
+        }
+        // Left open, it is drawn by records.
+        let settings = of(ListOf::Auto, settings);
+        let times = renderer.draw(&model, &mut scene, &view, &settings).unwrap();
+        assert!(!has_pass(&times, "lists.splats"), "{word}");
+    }
+    // A scene in several pages has no tree on the device.
+    let mut pages = Scene::with_page_limits(device.gpu(), &model, 4000, 6000).unwrap();
+    let refused = renderer.draw(&model, &mut pages, &view, &usual);
+    assert!(
+        matches!(&refused, Err(Error::Unsupported { what, .. }) if what.contains("tree")),
+        "{refused:?}"
+    );
+    // The next frame is drawn all the same.
+    let times = renderer.draw(&model, &mut scene, &view, &usual).unwrap();
+    assert!(has_pass(&times, "lists.splats"));
+}
