@@ -167,6 +167,7 @@ mod tests {
             max_image_side: 1,
             max_mapped_side: 1,
             max_storage_range: 1,
+            max_storage_buffers: 1,
             max_allocation: 1,
             max_buffer: 1,
             uniform_alignment: 1,

@@ -1,76 +1,13 @@
 //! Instance, choice of a device, and what it can do.
 
+mod info;
+
 use super::messages::{self, Messages};
 use super::{Error, Options, SWAPCHAIN, clock};
 use ash::vk;
 use std::ffi::{CStr, CString};
 
-/// What kind of processor a device is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Kind {
-    /// A GPU with memory of its own.
-    Discrete,
-    /// A GPU that shares the memory of the CPU.
-    Integrated,
-    /// A GPU seen through a virtual machine.
-    Virtual,
-    /// A software device.
-    Cpu,
-    /// Something else.
-    Other,
-}
-
-/// A device with the limits that matter here.
-#[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct DeviceInfo {
-    /// Index in the list of devices.
-    pub index: usize,
-    /// Name as the driver gives it.
-    pub name: String,
-    /// Kind of processor.
-    pub kind: Kind,
-    /// Driver name and version in words.
-    pub driver: String,
-    /// Vulkan version, such as 1.3.230.
-    pub api_version: String,
-    /// Why the device cannot be used, if it cannot.
-    pub unusable: Option<String>,
-    /// Nanoseconds per timestamp tick; 0 when there are no timestamps.
-    pub timestamp_period_ns: f32,
-    /// Bits of a timestamp that count; it wraps there.
-    pub timestamp_bits: u32,
-    /// The device's clock can be read together with the host's.
-    pub has_calibrated_timestamps: bool,
-    /// Counts what the stages of the pipeline do.
-    pub has_pipeline_statistics: bool,
-    /// Counts the samples that a draw leaves in its targets.
-    pub has_sample_counts: bool,
-    /// Largest size of a point, pixels.
-    pub max_point_size_px: f32,
-    /// Largest picture side, pixels.
-    pub max_image_side: u32,
-    /// The same of pictures that the host writes in mapped memory; 0: there are none.
-    pub max_mapped_side: u32,
-    /// Largest range of a storage buffer binding, bytes.
-    pub max_storage_range: u64,
-    /// Largest single allocation, bytes.
-    pub max_allocation: u64,
-    /// Largest buffer, bytes.
-    pub max_buffer: u64,
-    /// Alignment of a uniform buffer's offset, bytes.
-    pub uniform_alignment: u64,
-    /// Size of the device's own memory as reported, bytes.
-    pub device_memory: u64,
-    /// Indices up to 2^32 - 1 may be drawn (else 2^24 - 1).
-    pub has_full_index: bool,
-    /// 64-bit atomics on storage buffers.
-    pub has_int64_atomics: bool,
-    /// Blending into 32-bit float targets.
-    pub has_float_blend: bool,
-    /// Sub-pixel bits of the rasterizer.
-    pub subpixel_bits: u32,
-}
+pub use info::{DeviceInfo, Kind};
 
 pub(super) fn load_entry() -> Result<ash::Entry, Error> {
     // SAFETY: loading the Vulkan loader runs its initializers, which is what every Vulkan program does.
@@ -401,6 +338,7 @@ fn inspect(
             .min(p.limits.max_framebuffer_height),
         max_mapped_side: max_mapped_side(instance, physical),
         max_storage_range: u64::from(p.limits.max_storage_buffer_range),
+        max_storage_buffers: p.limits.max_per_stage_descriptor_storage_buffers,
         max_allocation: maintenance3.max_memory_allocation_size,
         max_buffer: if is_recent {
             maintenance4.max_buffer_size
@@ -590,11 +528,4 @@ pub(super) fn create(
     // SAFETY: queue 0 of this family was created with the device.
     let queue = unsafe { device.get_device_queue(chosen.queue_family, 0) };
     Ok((device, queue))
-}
-
-impl DeviceInfo {
-    /// Whether this is a software device: it ranks passes, it does not predict a GPU.
-    pub fn is_cpu(&self) -> bool {
-        self.kind == Kind::Cpu
-    }
 }

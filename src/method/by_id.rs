@@ -7,7 +7,7 @@
 //! compute draws, come from the host.
 
 use super::compute::list;
-use super::device_tree::{DeviceTree, page_of};
+use super::device_tree::{DeviceTree, fits_bindings, page_of};
 use super::hybrid::Run;
 use super::lists::Lists;
 use super::scene::Scene;
@@ -37,9 +37,7 @@ const FIRST_BYTES: u64 = 1 << 16;
 
 /// Whether records and corners of so many bytes can be bound as storage.
 pub(super) fn fits(gpu: &Gpu, bytes: [u64; 2]) -> bool {
-    let info = gpu.info();
-    let limit = info.max_storage_range.min(info.max_buffer);
-    bytes.into_iter().all(|bytes| bytes <= limit)
+    fits_bindings(gpu, bytes).is_ok()
 }
 
 impl Whole {
@@ -73,7 +71,8 @@ impl Whole {
         ];
         for ((buffer, bytes), name) in all.into_iter().zip(names) {
             if bytes > buffer.bytes() {
-                *buffer = made(name, bytes.max(buffer.bytes() * 3 / 2))?;
+                let grown = (buffer.bytes() * 3 / 2).min(gpu.info().max_buffer);
+                *buffer = made(name, bytes.max(grown))?;
             }
         }
         Ok(())

@@ -20,6 +20,9 @@ pub(crate) struct DeviceTree {
     pub(crate) corners: Buffer,
 }
 
+/// Storage buffers that the passes over it bind at most: `cut.leaves` and `lists.splats`.
+const MOST_BUFFERS: u32 = 7;
+
 impl DeviceTree {
     /// Copies a tree to the device.
     ///
@@ -28,6 +31,11 @@ impl DeviceTree {
     pub(crate) fn new(gpu: &Arc<Gpu>, model: &Model, scene: &Scene) -> Result<Self, Error> {
         let tree = &model.tree;
         let page = page_of(scene)?;
+        if gpu.info().max_storage_buffers < MOST_BUFFERS {
+            return Err(too_large(
+                "the device binds too few storage buffers at once",
+            ));
+        }
         let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
         let (leaves, corners): (&[Leaf], &[[u32; 3]]) = (&tree.leaves, page.corners(model));
         let all: [&[u8]; 4] = [
