@@ -17,6 +17,8 @@ pub mod clock;
 pub mod compute;
 mod copy;
 pub mod device;
+#[cfg(test)]
+pub(crate) mod for_tests;
 pub mod frame;
 pub mod image;
 mod indirect;

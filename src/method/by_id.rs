@@ -280,9 +280,9 @@ mod tests {
     use crate::draw::splats::{self, Plan};
     use crate::draw::{Footprint, ids};
     use crate::generate::{self, Shape, Spec};
-    use crate::gpu::Options;
     use crate::gpu::buffer::Readback;
     use crate::gpu::device::Kind as Device;
+    use crate::gpu::for_tests::{close_in_silence, device};
     use crate::gpu::frame::Frames;
     use crate::math::camera::{Camera, View};
     use crate::method::Settings;
@@ -359,21 +359,7 @@ mod tests {
     /// Of every kind of splat of a cut, whatever decides its size, the device makes the very record that the host writes.
     #[test]
     fn numbers_become_the_records_that_the_host_writes() {
-        let options = Options {
-            validation: true,
-            ..Options::default()
-        };
-        let gpu = match Gpu::open(&options) {
-            Ok(gpu) => gpu,
-            Err(error) => {
-                assert!(
-                    std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
-                    "a device is required here: {error}"
-                );
-                eprintln!("no device, nothing tested: {error}");
-                return;
-            }
-        };
+        let Some(gpu) = device() else { return };
         // Elsewhere roots and quotients may differ in the last place.
         let is_exact = gpu.info().kind == Device::Cpu;
         // Nodes, rows, leaves, leaves of their own size, leaves in their plane, quads.
@@ -453,19 +439,13 @@ mod tests {
             }
         }
         assert!(kinds.iter().all(|&n| n > 100), "{kinds:?}");
-        let messages = gpu.messages().clone();
-        drop(gpu);
-        let messages = messages.take();
-        assert!(messages.is_empty(), "validation said: {messages:#?}");
+        close_in_silence(gpu);
     }
 
     /// Corners of triangles, of both lists.
     #[test]
     fn numbers_become_the_corners_of_triangles() {
-        let Ok(gpu) = Gpu::open(&Options::default()) else {
-            assert!(std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none());
-            return;
-        };
+        let Some(gpu) = device() else { return };
         let model = model_of(Shape::Torus, 5_000, false);
         let scene = Scene::new(&gpu, &model).unwrap();
         let tree = DeviceTree::new(&gpu, &model, &scene).unwrap();
@@ -497,5 +477,7 @@ mod tests {
             let host: Vec<[u32; 3]> = ids.iter().map(|&id| model.triangles[id as usize]).collect();
             assert_eq!(corners[..ids.len()], host);
         }
+        drop((frames, by_id, tree, scene));
+        close_in_silence(gpu);
     }
 }

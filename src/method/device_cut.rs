@@ -282,9 +282,9 @@ mod tests {
     use crate::cut::{Cut, Selector};
     use crate::draw::splats;
     use crate::generate::{self, Shape, Spec};
-    use crate::gpu::Options;
     use crate::gpu::buffer::AnyBuffer as _;
     use crate::gpu::device::Kind;
+    use crate::gpu::for_tests::{close_in_silence, device};
     use crate::gpu::frame::Frames;
     use crate::math::camera::{Camera, View};
     use crate::method::plan::{cut_settings, splat_plan};
@@ -364,21 +364,7 @@ mod tests {
     /// has besides is seen edge-on, or beside the picture.
     #[test]
     fn the_device_chooses_what_the_host_chooses() {
-        let options = Options {
-            validation: true,
-            ..Options::default()
-        };
-        let gpu = match Gpu::open(&options) {
-            Ok(gpu) => gpu,
-            Err(error) => {
-                assert!(
-                    std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
-                    "a device is required here: {error}"
-                );
-                eprintln!("no device, nothing tested: {error}");
-                return;
-            }
-        };
+        let Some(gpu) = device() else { return };
         // Elsewhere roots and quotients may differ in the last place, and with them single nodes.
         let is_exact = gpu.info().kind == Kind::Cpu;
         let mut kinds = [0; 4];
@@ -503,10 +489,7 @@ mod tests {
             }
         }
         assert!(kinds.iter().all(|&n| n > 300), "{kinds:?}");
-        let messages = gpu.messages().clone();
-        drop(gpu);
-        let messages = messages.take();
-        assert!(messages.is_empty(), "validation said: {messages:#?}");
+        close_in_silence(gpu);
     }
 
     /// No cut has more splats than there is room for, and some tree has one with more splats than leaves below a row.

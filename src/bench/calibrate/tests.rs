@@ -1,5 +1,6 @@
 use super::stand::{Drawn, Nothing};
 use super::*;
+use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::profile::PassTime;
 use crate::method::costs::{PassCosts, SplatCosts, TriangleCosts, Ways};
 use crate::method::renderer::Counts;
@@ -192,17 +193,7 @@ fn made(version: &str) -> Calibration {
 
 #[test]
 fn what_takes_too_long_is_given_up_and_not_tried_again() {
-    let gpu = match Gpu::open(&crate::gpu::Options::default()) {
-        Ok(gpu) => gpu,
-        Err(error) => {
-            assert!(
-                std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
-                "a device is required here: {error}"
-            );
-            eprintln!("no device, nothing tested: {error}");
-            return;
-        }
-    };
+    let Some(gpu) = device() else { return };
     let parts = [Part::Filtered, Part::Primitives];
     // No time at all, and frames that would have to be the same to the nanosecond.
     let hasty = Limits {
@@ -232,6 +223,7 @@ fn what_takes_too_long_is_given_up_and_not_tried_again() {
     again.write(folder.path()).unwrap();
     let kept = Calibration::kept(&gpu, Some(folder.path()), &parts, false).unwrap();
     assert!(!kept.is_new && kept.calibration == again);
+    close_in_silence(gpu);
 }
 
 #[test]

@@ -7,9 +7,10 @@ use crate::abi::FilteredSplat;
 use crate::draw::FilteredList;
 use crate::draw::filtered::FilteredPatch;
 use crate::draw::filtered::host::{self, Canvas, Groups};
+use crate::gpu::Gpu;
 use crate::gpu::buffer::{Readback, Upload};
+use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::frame::Frames;
-use crate::gpu::{Gpu, Options};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
 use crate::method::compute::list::Triangles;
@@ -37,24 +38,6 @@ fn settings() -> Settings {
         splat: SplatKind::Filtered,
         background: [0.0, 0.25, 0.5],
         ..Settings::default()
-    }
-}
-
-/// A device under validation, or none where none is required.
-fn device() -> Option<Arc<Gpu>> {
-    let options = Options {
-        validation: true,
-        ..Options::default()
-    };
-    match Gpu::open(&options) {
-        Ok(gpu) => Some(gpu),
-        Err(error) => {
-            assert!(
-                std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
-                "a device is required here: {error}"
-            );
-            None
-        }
     }
 }
 
@@ -249,7 +232,7 @@ fn crowds_are_the_same_by_rasterizer_compute_and_mirror() {
             "{what}"
         );
     }
-    assert!(gpu.messages().take().is_empty());
+    close_in_silence(gpu);
 }
 
 /// To the bit: the same maxima and sums, and the same last pass over fewer pixels. In perspective and without, in all of the
@@ -298,7 +281,7 @@ fn the_host_draws_the_picture_of_the_shaders() {
             }
         }
     }
-    assert!(gpu.messages().take().is_empty());
+    close_in_silence(gpu);
 }
 
 #[test]
@@ -322,7 +305,7 @@ fn the_order_of_a_list_does_not_show() {
             "shuffled"
         );
     }
-    assert!(gpu.messages().take().is_empty());
+    close_in_silence(gpu);
 }
 
 #[test]
@@ -364,5 +347,5 @@ fn hundreds_of_splats_over_one_pixel_fit_their_sums() {
         let [r, g, b, a] = picture[at];
         assert!(r.abs_diff(128) <= 1 && g.abs_diff(153) <= 1 && b.abs_diff(128) <= 1 && a == 255);
     }
-    assert!(gpu.messages().take().is_empty());
+    close_in_silence(gpu);
 }
