@@ -293,7 +293,7 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
     let mut scene = Scene::new(device.gpu(), &model).unwrap();
     let (mut found, mut by_host) = ([0, 0], [0, 0]);
     let square = Settings {
-        threshold_px: 1.5,
+        threshold_px: 1.6,
         path: Path::Auto,
         ..Settings::default()
     };

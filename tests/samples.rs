@@ -5,7 +5,7 @@ mod common;
 
 use common::{Device, generated, orbit, real};
 use glam::{DVec2, DVec3, Vec3};
-use surfel::cut::{Cut, Footprints, Selector, Tester, Undrawn, select, strip_center};
+use surfel::cut::{Cut, Footprints, Selector, SizeMetric, Tester, Undrawn, select, strip_center};
 use surfel::generate::Shape;
 use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
@@ -13,7 +13,7 @@ use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::method::engine::{Backend, Engine};
 use surfel::method::renderer::{Counts, Outputs};
-use surfel::method::{Culling, Path, Settings, SplatKind, plan};
+use surfel::method::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, plan};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -170,7 +170,7 @@ fn samples_of_a_scan_are_the_pixels_of_the_rasterizer() {
         return;
     };
     // Above a pixel too, beside splats that are larger.
-    for (fill, threshold_px) in [(0.3, 0.25), (1.0, 0.25), (1.0, 1.5), (2.0, 3.0)] {
+    for (fill, threshold_px) in [(0.3, 0.25), (1.0, 0.25), (1.0, 1.6), (2.0, 3.0)] {
         for splat in [SplatKind::Square, SplatKind::Disc] {
             let view = orbit(&model, (300, 300), 30.0, 20.0, fill);
             let settings = Settings {
@@ -181,6 +181,75 @@ fn samples_of_a_scan_are_the_pixels_of_the_rasterizer() {
             let what = format!("fill {fill}, threshold {threshold_px}, {splat:?}");
             assert_same(&device, &model, &view, settings, &what);
         }
+    }
+}
+
+/// Where splats of a pixel are samples, thresholds of up to a pixel and a half are a pixel: the same picture of the same splats, on a
+/// device and by its mirror. Larger ones are not, nor is any where splats stay squares.
+#[test]
+fn thresholds_of_little_more_than_a_pixel_are_a_pixel() {
+    let model = generated(Shape::Statue, 300_000);
+    let cloud = {
+        let points = Mesh {
+            positions: model.vertices.iter().map(|v| v.position).collect(),
+            ..Mesh::default()
+        };
+        tree::build(points, &BuildOptions::default(), &Silent).unwrap()
+    };
+    let view = orbit(&model, (120, 90), 30.0, 20.0, 1.0);
+    let at = |threshold_px| Settings {
+        threshold_px,
+        ..Settings::default()
+    };
+    let device = Device::open();
+    let device = device.iter().map(|d| Backend::Device(d.gpu().clone()));
+    for backend in device.chain([Backend::Mirror]) {
+        let size = (view.width, view.height);
+        let mut engine = Engine::new(&backend, &model, size, Outputs::default()).unwrap();
+        for splat in [SplatKind::Square, SplatKind::Disc] {
+            for occlusion in [Occlusion::Auto, Occlusion::Off] {
+                let mut draw = |threshold_px| {
+                    let settings = Settings {
+                        splat,
+                        occlusion,
+                        ..at(threshold_px)
+                    };
+                    let counts = engine.draw(&view, &settings).unwrap().counts;
+                    (engine.read(&view).unwrap().color, counts.splats)
+                };
+                let one = draw(1.0);
+                assert!(one.1 > 1000, "{splat:?}: {} splats", one.1);
+                assert!(draw(1.2) == one && draw(1.5) == one, "{splat:?}");
+                let larger = draw(1.51);
+                assert!(larger.0 != one.0, "{splat:?}");
+            }
+        }
+    }
+    let drawn = |settings: &Settings, model| plan::for_view(settings, model, &view).threshold_px;
+    assert_eq!(drawn(&at(1.2), &model), 1.0);
+    assert_eq!(drawn(&at(0.7), &model), 0.7);
+    assert_eq!(drawn(&at(1.2), &cloud), 1.2);
+    let (usual, splat) = (at(1.2), SplatKind::Ellipse);
+    for others in [
+        Settings { splat, ..usual },
+        Settings {
+            blend: Some(Blend::TwoPass),
+            ..usual
+        },
+        Settings {
+            size: SizeMetric::Center,
+            ..usual
+        },
+        Settings {
+            method: Method::Splats,
+            ..usual
+        },
+        Settings {
+            method: Method::Points,
+            ..usual
+        },
+    ] {
+        assert_eq!(drawn(&others, &model), 1.2, "{others:?}");
     }
 }
 

@@ -227,10 +227,11 @@ impl Plan {
             views: 36,
             sizes: vec![SIZE, (1024, 768)],
             fills: vec![1.0, 0.5, 0.125],
-            thresholds: vec![1.0, 1.5, 2.0, 3.0, 6.0, 8.0, 16.0],
+            // Squares above 1.5 pixels are the first that are larger than one.
+            thresholds: vec![1.0, 1.6, 2.0, 3.0, 6.0, 8.0, 16.0],
             has_blended: true,
             accurate: [
-                vec![0.0, 0.125, 0.25, 0.35, 0.5, 1.0, 1.5, 2.0, 3.0],
+                vec![0.0, 0.125, 0.25, 0.35, 0.5, 1.0, 1.6, 2.0, 3.0],
                 vec![1.0, 1.5, 2.0, 2.3, 2.5, 2.8, 3.0],
             ],
             error_views: 2,

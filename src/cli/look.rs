@@ -216,7 +216,8 @@ pub(crate) struct LookArgs {
     /// How the model is drawn
     #[arg(long, short, value_enum, default_value = "pop")]
     method: MethodName,
-    /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels [default: 1, or the scene's]
+    /// Draw a node as a splat once it is this small on screen, and splats and points this large; pixels. Squares and discs of pop of
+    /// 1 to 1.5 are drawn as 1, which is faster and more exact [default: 1, or the scene's]
     #[arg(long, short, value_name = "PIXELS")]
     threshold: Option<f32>,
     /// What a splat looks like

@@ -225,6 +225,7 @@ pub fn measure(
             let mut share = None;
             if settings.has_cut() {
                 // The frame's own cut is not kept by all that draws.
+                let settings = plan::for_view(&settings, model, &view);
                 let cut_settings = plan::cut_settings(&settings, model);
                 selector.select(model, &view, &cut_settings, &mut spare);
                 share = (index > 0).then(|| churn(drawn(&run.cut), drawn(&spare)));

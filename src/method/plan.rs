@@ -16,22 +16,45 @@ use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 /// that may be drawn by compute, which is cheap; squares that are rasterized; and what the host draws.
 pub(super) const LARGEST_HIDDEN_PX: [f32; 3] = [2.0, 4.0, 1.0];
 
+/// Opaque squares and discs of a mesh at thresholds above a pixel, and up to this, are drawn as at a pixel. There the cut asks
+/// which centers of pixels a ball contains, so that next to nothing is drawn twice: up to twice as fast as squares of 1.25 pixels
+/// that lie over each other, and nearer to the truth (docs/PERFORMANCE.md).
+const AS_A_PIXEL_PX: f32 = 1.5;
+
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
-/// what is seen from there is what faces away.
+/// what is seen from there is what faces away; and thresholds of little more than a pixel are a pixel, where that is better and faster.
 pub fn for_view(settings: &Settings, model: &Model, view: &View) -> Settings {
     let of_cut = settings.view_of_cut(view);
     let is_inside = settings.culling == Culling::Auto
         && model.is_closed
         && of_cut.is_perspective
         && model.surrounds(of_cut.eye);
+    let as_a_pixel = settings.method == Method::Pop
+        && knows_footprints(settings)
+        && !model.triangles.is_empty()
+        && settings.threshold_px > 1.0
+        && settings.threshold_px <= AS_A_PIXEL_PX;
     Settings {
         culling: if is_inside {
             Culling::Off
         } else {
             settings.culling
         },
+        threshold_px: if as_a_pixel {
+            1.0
+        } else {
+            settings.threshold_px
+        },
         ..*settings
     }
+}
+
+/// Whether it is known without their attributes what splats cover: of opaque squares and discs.
+fn knows_footprints(settings: &Settings) -> bool {
+    settings.has_cut()
+        && Drawing::of(settings) == Drawing::Opaque
+        && settings.footprint() != Footprint::Oriented
+        && settings.size == SizeMetric::Exact
 }
 
 /// The cut settings of a frame.
@@ -50,8 +73,7 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
 /// become those of triangles with one sample a pixel. As whole pixels they would make outlines wider, by half a pixel
 /// however fine they are. Points of a cloud are no surface that others would close: none is left out.
 ///
-/// Only of opaque squares and discs is it known without their attributes what they cover. `Auto` leaves large ones
-/// alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
+/// `Auto` leaves large ones alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
 fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
     let is_wanted = match settings.occlusion {
         Occlusion::Auto => {
@@ -62,14 +84,10 @@ fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
         Occlusion::On => true,
         Occlusion::Off => false,
     };
-    let can_be = settings.has_cut()
-        && Drawing::of(settings) == Drawing::Opaque
-        && settings.footprint() != Footprint::Oriented
-        && settings.size == SizeMetric::Exact;
     let is_cloud = model.triangles.is_empty();
     // A disc of this diameter contains a pixel's center wherever it lies.
     let may_miss = settings.threshold_px < std::f32::consts::SQRT_2 && !is_cloud;
-    (can_be && (is_wanted || may_miss)).then(|| cut::Footprints {
+    (knows_footprints(settings) && (is_wanted || may_miss)).then(|| cut::Footprints {
         side_px: settings.threshold_px,
         hides: is_wanted,
         are_discs: settings.footprint() == Footprint::Circle,

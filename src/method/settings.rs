@@ -185,7 +185,8 @@ pub struct Settings {
     pub list_of: ListOf,
     /// Whether what is hidden is left out.
     pub occlusion: Occlusion,
-    /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0.
+    /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0. Some frames take less than
+    /// a pixel and a half for a pixel, see [`super::plan::for_view`].
     pub threshold_px: f32,
     /// Factor of the depth offset where splats are blended; at least 0; `None` is the usual one of their kind,
     /// [`Settings::depth_offset`].
