@@ -269,7 +269,7 @@ impl Lists {
             Packing::Splats(plan) => {
                 let may_sample = may_sample && plan.has_one_size(model);
                 let room = match may_sample {
-                    true => samples::room(cut.triangles.len()),
+                    true => samples::room(cut.triangles.len(), screen),
                     false => 0,
                 };
                 let count = splats::count(cut, plan);

@@ -228,19 +228,21 @@ fn what_cannot_be_measured_is_refused_by_name() {
 fn the_script_needs_the_program_alone() {
     let folder = tempfile::tempdir().unwrap();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("scripts/gpu-bench.sh");
-    let run = |program: &str, words: &str| {
+    let run = |program: &str, picture: &str, words: &str| {
         std::process::Command::new("sh")
             .arg(&script)
             .args(words.split_whitespace())
             .current_dir(folder.path())
             .env("SURFEL", program)
             .env("SURFEL_CACHE", folder.path().join("cache"))
+            .env("SURFEL_PICTURE", picture)
+            .env_remove("SURFEL_BESIDE")
             .env_remove("SURFEL_MODELS")
             .output()
             .unwrap()
     };
     let program = env!("CARGO_BIN_EXE_surfel");
-    let found = run("/dev/null", "out");
+    let found = run("/dev/null", "", "out");
     let text = String::from_utf8_lossy(&found.stderr).into_owned();
     assert!(
         found.status.code() == Some(2) && text.contains("no program"),
@@ -250,12 +252,10 @@ fn the_script_needs_the_program_alone() {
         return;
     }
     // The program's own exit code comes through, and its usage errors.
-    let found = run(program, "out --case horse");
+    let found = run(program, "", "out --case horse");
     assert_eq!(found.status.code(), Some(2), "{found:?}");
-    let found = run(
-        program,
-        "out --quick --case sphere --triangles 500 --only cut",
-    );
+    let quick = "out --quick --case sphere --triangles 500 --only cut";
+    let found = run(program, "", quick);
     assert_eq!(found.status.code(), Some(0), "{found:?}");
     let out = folder.path().join("out");
     assert_eq!(names(&out), ["bench.csv", "bench.txt", "devices.txt"]);
@@ -263,4 +263,30 @@ fn the_script_needs_the_program_alone() {
     assert!(rows(&text("bench.csv")).iter().any(|r| &r[6] == "cut"));
     assert!(text("bench.txt").contains("still camera"));
     assert!(text("devices.txt").contains("costs in nanoseconds"));
+
+    // Every picture is that of the mirror, but those of discs, which this mirror has on white.
+    let spoiled = folder.path().join("spoiled.sh");
+    let lines = format!(
+        "#!/bin/sh\ncase \"$*\" in *mirror*disc*) exec '{program}' \"$@\" --background white ;; *) exec '{program}' \"$@\" ;; esac\n"
+    );
+    std::fs::write(&spoiled, lines).unwrap();
+    let runs = std::os::unix::fs::PermissionsExt::from_mode(0o755);
+    std::fs::set_permissions(&spoiled, runs).unwrap();
+    let found = run(spoiled.to_str().unwrap(), "generate:statue:5000", quick);
+    assert_eq!(found.status.code(), Some(1), "{found:?}");
+    let table = text("pictures.txt");
+    let ways = table.lines().filter(|line| line.contains(" dB;")).count();
+    let discs = table
+        .lines()
+        .filter(|line| line.starts_with("disc-"))
+        .count();
+    assert!(ways > 40 && discs == 5, "{table}");
+    let last = format!("{discs} of {ways} pictures are below 50 dB");
+    assert_eq!(table.lines().last(), Some(&last[..]), "{table}");
+    let pictures = names(&out.join("pictures"));
+    let of_mirror = pictures
+        .iter()
+        .filter(|name| name.ends_with("-beside.png"))
+        .count();
+    assert_eq!(pictures.len(), ways + of_mirror, "{pictures:?}");
 }
