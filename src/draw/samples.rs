@@ -110,6 +110,10 @@ const MOST_STEPS: f32 = 2048.0;
 /// So are those that may cover more pixels than this: bits of a word.
 const MOST_PIXELS: f32 = 32.0;
 
+/// Samples of a surface that covers the picture, over its pixels: where it is seen from the front its triangles cover more of
+/// them than in the mean, and each part of a list has room of its own.
+const FRONT: f64 = 1.5;
+
 /// Triangles that stay such, part by part.
 pub type Rest = Vec<Vec<u32>>;
 
@@ -120,13 +124,13 @@ pub fn room(triangles: usize, screen: &Screen) -> usize {
     whole + part_room(triangles % parts::PART, of_one)
 }
 
-/// Samples that there is room for of each of so many triangles: one, another for those that cover several pixels, and up to two
-/// more while all of these are no more than the pixels that are drawn, as where the surface is seen from the front its
-/// triangles cover more than in the mean.
+/// Samples that there is room for of each of so many triangles: one, another for those that cover several pixels, and beyond that
+/// a share of [`FRONT`] times the pixels that are drawn.
 fn room_of_one(triangles: usize, screen: &Screen) -> f64 {
     let [left, top, right, bottom] = screen.rect_px;
     let pixels = f64::from((right - left) * (bottom - top));
-    2.0 + (pixels / triangles.max(1) as f64).clamp(0.0, 2.0)
+    let share = FRONT * pixels / triangles.max(1) as f64;
+    2.0 + share.clamp(0.0, f64::from(MOST_PIXELS) - 2.0)
 }
 
 /// That of a part, of whose triangles the last may cover as many as one can.

@@ -98,20 +98,19 @@ fn there_is_room_where_a_surface_is_seen_from_the_front() {
         let samples = pack(&model, &ids, &screen, &mut rest, &mut out);
         (samples, rest.iter().flatten().count(), room)
     };
-    // 2.3 samples of each triangle that is in front, and 3 in the middle.
-    let (samples, left, _) = found(400);
-    assert!(samples > ids.len() && left == 0, "{samples} {left}");
-    let (samples, left, room) = found(600);
-    assert!(samples > ids.len() && left > 1000, "{samples} {left}");
+    // Nearly four samples of each triangle that is in front, and five in the middle; few may cover more than a word has bits.
+    for (size, least, most_left) in [(400, 34_000, 0), (500, 53_000, 100)] {
+        let (samples, left, room) = found(size);
+        assert!(samples >= least && left <= most_left, "{samples} {left}");
+        let parts = ids.len().div_ceil(parts::PART);
+        let pixels = (size * (size - 20)) as usize;
+        let most = 2 * ids.len() + 3 * pixels / 2 + parts * MOST_PIXELS as usize;
+        assert!(room <= most, "{room} {most}");
+    }
+    // No pixels are drawn: two of each triangle are enough.
     let parts = ids.len().div_ceil(parts::PART);
-    assert!(
-        room <= 4 * ids.len() + parts * MOST_PIXELS as usize,
-        "{room}"
-    );
-    // No pixels, no more room than two of each.
-    assert!(
-        self::room(ids.len(), &screen(4.0, 20)) <= 2 * ids.len() + parts * MOST_PIXELS as usize
-    );
+    let most = 2 * ids.len() + parts * MOST_PIXELS as usize;
+    assert!(room(ids.len(), &screen(4.0, 20)) <= most);
 }
 
 /// Numbers in 0..1, the same in every run.
