@@ -377,6 +377,7 @@ pub fn select(model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::draw::for_tests::levels;
     use crate::generate::{self, Shape, Spec};
     use crate::math::camera::Camera;
     use crate::progress::Silent;
@@ -423,17 +424,6 @@ mod tests {
             }
         }
         assert!(lists.iter().all(|&len| len > 100), "{lists:?}");
-    }
-
-    /// Those that this processor has.
-    fn levels() -> Vec<Level> {
-        let mut levels = vec![Level::new()];
-        #[cfg(target_arch = "x86_64")]
-        {
-            levels.extend(Level::new().as_sse4_2().map(Level::Sse4_2));
-            levels.extend(Level::new().as_avx2().map(Level::Avx2));
-        }
-        levels
     }
 
     /// Vectors of any width choose the same, with what is hidden and without, of triangles, points and nodes without area.

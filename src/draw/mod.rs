@@ -2,6 +2,8 @@
 
 pub mod falsecolor;
 pub mod filtered;
+#[cfg(test)]
+pub(crate) mod for_tests;
 pub mod fuzzy;
 pub mod ids;
 mod light;

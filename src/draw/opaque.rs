@@ -172,6 +172,7 @@ mod tests {
     use crate::abi::{FrameConstants, constants};
     use crate::cut::{Settings, select};
     use crate::draw::Footprint;
+    use crate::draw::for_tests::levels;
     use crate::generate::{self, Shape, Spec};
     use crate::math::camera::Camera;
     use crate::math::octahedral;
@@ -338,14 +339,6 @@ mod tests {
                 splat
             })
             .collect()
-    }
-
-    /// Every way that this processor has.
-    fn levels() -> Vec<Level> {
-        let mut levels = vec![Level::baseline(), Level::new()];
-        #[cfg(target_arch = "x86_64")]
-        levels.extend(Level::new().as_avx2().map(Level::Avx2));
-        levels
     }
 
     #[test]

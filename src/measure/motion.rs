@@ -369,4 +369,46 @@ mod tests {
         let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
         assert!(found[0].figures().mean_level > 0.1);
     }
+
+    /// A threshold of little more than a pixel is drawn as a pixel, and the change of its cuts is of those that are drawn.
+    #[test]
+    fn cuts_are_those_that_views_draw() {
+        use crate::generate::{self, Shape, Spec};
+        use crate::method::engine::Backend;
+        use crate::method::renderer::Outputs;
+        use crate::progress::Silent;
+        let mesh = generate::mesh(&Spec::with_triangles(Shape::Statue, 60_000).unwrap());
+        let model =
+            crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
+        let target = Target::of(&model);
+        let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
+        let steps = Steps {
+            path: Path::Orbit,
+            count: 2,
+            angle: 0.05,
+            coarsest: 1.0,
+        };
+        let frames = frames(&camera, &target, &steps, true).unwrap();
+        let subjects = [1.0, 1.4, 1.6].map(|threshold_px| Subject {
+            label: String::new(),
+            settings: Settings {
+                threshold_px,
+                ..Settings::default()
+            },
+        });
+        let mut engine =
+            Engine::new(&Backend::Mirror, &model, (40, 40), Outputs::default()).unwrap();
+        let plan = Plan {
+            frames: &frames,
+            subjects: &subjects,
+            samples_side: 1,
+            rules: Rules::default(),
+        };
+        let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
+        let [one, near, larger] = [0, 1, 2].map(|i| found[i].figures().mean_churn.unwrap());
+        assert!(
+            one > 0.0 && near == one && larger != one,
+            "{one} {near} {larger}"
+        );
+    }
 }

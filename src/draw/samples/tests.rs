@@ -4,23 +4,13 @@
 use super::cover::LANES;
 use super::*;
 use crate::abi::Vertex;
+use crate::draw::for_tests::levels;
 use crate::generate::{self, Shape, Spec};
 use crate::math::octahedral;
 use crate::progress::Silent;
 use crate::tree::{self, BuildOptions};
 use bytemuck::Zeroable;
 use glam::DVec3;
-
-/// Every way that this processor has.
-fn levels() -> Vec<Level> {
-    let mut levels = vec![Level::baseline(), Level::new()];
-    #[cfg(target_arch = "x86_64")]
-    {
-        levels.extend(Level::new().as_sse4_2().map(Level::Sse4_2));
-        levels.extend(Level::new().as_avx2().map(Level::Avx2));
-    }
-    levels
-}
 
 /// A view along y from so far away, as the device has it: the near plane, where depth is 1, at a distance of 0.5.
 fn screen(distance: f32, size: u32) -> Screen {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::abi::constants::{COARSE_STEPS, FINE_STEPS, LEAST_COARSE, MOST_WEIGHT};
+use crate::draw::for_tests::levels;
 
 /// What should be there after `splats`, by the rules of the shaders: front and sums.
 fn expected(splats: &[FilteredSplat], canvas: Canvas) -> (Vec<u32>, Vec<u64>) {
@@ -162,17 +163,6 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     assert_eq!(front.split_off(canvas.pixels()), [7; 9]);
     assert_eq!(sums.split_off(canvas.pixels() * canvas.words()), [7; 9]);
     (front, sums, tiles)
-}
-
-/// Every way that this processor has.
-fn levels() -> Vec<Level> {
-    let mut levels = vec![Level::baseline(), Level::new()];
-    #[cfg(target_arch = "x86_64")]
-    {
-        levels.extend(Level::new().as_sse4_2().map(Level::Sse4_2));
-        levels.extend(Level::new().as_avx2().map(Level::Avx2));
-    }
-    levels
 }
 
 /// All of a picture of 70 x 50 pixels, parts of it, one and three columns, and a pixel.
