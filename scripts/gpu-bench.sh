@@ -113,7 +113,12 @@ compare() {
         esac
         picture=$pictures/$name-$way.png
         # shellcheck disable=SC2086
-        render "$picture" "$device" $options $how || exit 1
+        render "$picture" "$device" $options $how || {
+            # 2: this device cannot draw so, and the program has said why.
+            [ $? = 2 ] || exit 1
+            printf '%-24s not drawn here\n' "$name $way"
+            continue
+        }
         said=$("$program" compare "$pictures/$name-beside.png" "$picture" --min-psnr "$least_db") || {
             # 1: they differ by more; else nothing was compared.
             [ $? = 1 ] || exit 1
