@@ -16,11 +16,11 @@ use surfel::input;
 use surfel::math::camera::{Camera, View};
 use surfel::measure::Distribution;
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{Outputs, Renderer};
-use surfel::method::scene::Scene;
-use surfel::method::{Method, Settings, SplatKind};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::{Outputs, Renderer};
+use surfel::render::vulkan::scene::Scene;
+use surfel::render::{Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const SIZE: (u32, u32) = (500, 500);

@@ -17,10 +17,10 @@ use surfel::image::compare;
 use surfel::input;
 use surfel::math::camera::{Camera, View};
 use surfel::measure::Distribution;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{FrameTimes, Outputs};
-use surfel::method::{Blend, Method, Settings, SplatKind};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::{FrameTimes, Outputs};
+use surfel::render::{Blend, Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const SIZE: (u32, u32) = (400, 400);

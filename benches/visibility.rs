@@ -11,18 +11,18 @@ use passes::{PULL_PUSH_TARGET_MS, least, settings};
 use std::path::PathBuf;
 use surfel::abi::Splat;
 use surfel::cut::{Cut, Selector};
-use surfel::draw::{ColorBy, splats};
 use surfel::generate::{self, Shape, Spec};
 use surfel::gpu::Options;
 use surfel::image::{FloatImage, Image, compare};
 use surfel::input;
 use surfel::math::camera::{Camera, View};
 use surfel::measure::Distribution;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::plan::{cut_settings, splat_plan};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Reconstruction, Settings};
+use surfel::pack::{ColorBy, splats};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::frame_plan::{cut_settings, splat_plan};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Reconstruction, Settings};
 use surfel::tree::{self, BuildOptions, Model};
 
 const RECONSTRUCTIONS: [(Reconstruction, &str); 3] = [

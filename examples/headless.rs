@@ -3,10 +3,10 @@
 use std::path::Path;
 use surfel::gpu::Options;
 use surfel::math::camera::Camera;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Settings};
 use surfel::{input, tree};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {

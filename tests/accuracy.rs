@@ -9,10 +9,10 @@ use std::f64::consts::PI;
 use surfel::generate::Shape;
 use surfel::image::compare;
 use surfel::math::camera::Camera;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings, SplatKind};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions};
 
 const ALL: Outputs = Outputs {

@@ -6,17 +6,17 @@
 mod common;
 
 use common::{Device, generated, orbit, orthographic, real};
-use surfel::draw::ColorBy;
 use surfel::generate::{self, Shape, Spec};
 use surfel::gpu::Error;
 use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
-use surfel::method::renderer::{FrameTimes, Outputs, Renderer};
-use surfel::method::scene::Scene;
-use surfel::method::times::Kept;
-use surfel::method::{Blend, ListOf, Method, Path, Settings, SplatKind};
+use surfel::pack::ColorBy;
 use surfel::progress::Silent;
+use surfel::render::stats::Kept;
+use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::render::vulkan::scene::Scene;
+use surfel::render::{Blend, ListOf, Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const SIZE: (u32, u32) = (240, 200);

@@ -9,14 +9,14 @@ use surfel::generate::Shape;
 use surfel::image::{Image, compare};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::method::costs::{
+use surfel::progress::Silent;
+use surfel::render::cost::model::{
     Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PrimitiveCosts, SplatCosts, TriangleCosts,
     Ways,
 };
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Blend, Method, Path, Settings, SplatKind};
-use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Blend, Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// Costs by which `path` is always the cheaper, and points up to a size.

@@ -5,16 +5,16 @@
 mod common;
 
 use common::{Device, generated, orbit, orthographic, real};
-use surfel::draw::ColorBy;
 use surfel::generate::Shape;
 use surfel::gpu::Error;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
-use surfel::method::costs::Costs;
-use surfel::method::renderer::{FrameTimes, Outputs, Renderer};
-use surfel::method::scene::Scene;
-use surfel::method::times::Kept;
-use surfel::method::{Culling, CutOn, Method, Path, Settings, SplatKind};
+use surfel::pack::ColorBy;
+use surfel::render::cost::model::Costs;
+use surfel::render::stats::Kept;
+use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::render::vulkan::scene::Scene;
+use surfel::render::{Culling, CutOn, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
 const SIZE: (u32, u32) = (240, 200);
@@ -32,7 +32,7 @@ fn on(cut_on: CutOn) -> Settings {
     Settings {
         cut_on,
         path: Path::Raster,
-        occlusion: surfel::method::Occlusion::Off,
+        occlusion: surfel::render::Occlusion::Off,
         threshold_px: 2.0,
         ..Settings::default()
     }

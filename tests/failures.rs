@@ -14,10 +14,10 @@ use std::sync::OnceLock;
 use surfel::cut::{self, Cut};
 use surfel::failures::{Case, Cell, Look, Verdict, looks, rows};
 use surfel::image::{Picture, compare};
-use surfel::method::Settings;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::plan::cut_settings;
-use surfel::method::renderer::Outputs;
+use surfel::render::Settings;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::frame_plan::cut_settings;
+use surfel::render::vulkan::renderer::Outputs;
 use surfel::scenes;
 
 /// All scenes, made once for all tests of this file.

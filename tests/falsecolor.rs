@@ -7,15 +7,15 @@ mod common;
 use common::{Device, generated, orbit};
 use glam::{DVec3, Vec3};
 use surfel::cut::{Cut, Selector};
-use surfel::draw::{ColorBy, Lighting, Phong, falsecolor};
 use surfel::generate::Shape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{Counts, Outputs};
-use surfel::method::{Blend, Method, Occlusion, Path, Settings, Shading, SplatKind, plan};
+use surfel::pack::{ColorBy, Lighting, Phong, falsecolor};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::{Counts, Outputs};
+use surfel::render::{Blend, Method, Occlusion, Path, Settings, Shading, SplatKind, frame_plan};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// Every way to draw that no other stands for.
@@ -236,7 +236,7 @@ fn the_depth_of_a_tilted_plane_is_a_ramp() {
 /// Levels that a cut draws, the leaves' among them, with how many splats and triangles each has.
 fn levels_of(model: &Model, view: &View, settings: &Settings) -> Vec<usize> {
     let mut cut = Cut::default();
-    let with = plan::cut_settings(settings, model);
+    let with = frame_plan::cut_settings(settings, model);
     Selector::default().select(model, view, &with, &mut cut);
     let count = model.tree.level_count();
     let mut levels = vec![0; count + 1];

@@ -10,13 +10,13 @@ mod common;
 
 use common::Device;
 use std::path::{Path, PathBuf};
-use surfel::draw::ColorBy;
 use surfel::generate::{Shape, Spec};
 use surfel::image::{FloatImage, Image, compare, difference_picture};
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Reconstruction, Settings, SplatKind};
+use surfel::pack::ColorBy;
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Reconstruction, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const SIDE: u32 = 128;

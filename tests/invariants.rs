@@ -4,15 +4,15 @@
 mod common;
 
 use common::{Device, generated, orbit};
-use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::gpu::Options;
 use surfel::image::{Difference, Image, compare};
 use surfel::math::camera::View;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{Outputs, Renderer};
-use surfel::method::scene::Scene;
-use surfel::method::{Culling, Method, Path, Reconstruction, Settings, SplatKind};
+use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::{Outputs, Renderer};
+use surfel::render::vulkan::scene::Scene;
+use surfel::render::{Culling, Method, Path, Reconstruction, Settings, SplatKind};
 use surfel::tree::Model;
 
 const ALL: Outputs = Outputs {

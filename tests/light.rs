@@ -6,15 +6,15 @@ mod common;
 use common::{Device, generated, orbit};
 use glam::{DMat4, DVec3};
 use std::process::Command;
-use surfel::draw::{Lamp, Lighting, Phong};
 use surfel::generate::{Shape, Spec};
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Settings, Shading, SplatKind};
+use surfel::pack::{Lamp, Lighting, Phong};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Culling, Method, Settings, Shading, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {

@@ -5,15 +5,15 @@ mod common;
 
 use common::{Device, generated, orbit, real};
 use glam::{DVec3, Vec3};
-use surfel::draw::ColorBy;
 use surfel::generate::Shape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, Light, View};
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Settings, SplatKind};
+use surfel::pack::ColorBy;
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Culling, Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const OUTPUTS: Outputs = Outputs {

@@ -5,18 +5,18 @@ mod common;
 
 use common::{Device, generated, orbit, orthographic};
 use glam::{DVec3, Vec3};
-use surfel::draw::{ColorBy, falsecolor};
 use surfel::generate::Shape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::overdraw::Overdraw;
-use surfel::method::renderer::Outputs;
-use surfel::method::{
+use surfel::pack::{ColorBy, falsecolor};
+use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::overdraw::Overdraw;
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{
     Blend, Culling, Method, Occlusion, Path, Settings, Shading, SplatKind, SumFormat,
 };
-use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
 /// The mirror, and the device where there is one; it is checked when it goes.
@@ -295,7 +295,7 @@ fn how_it_would_be_drawn_and_lit_does_not_matter() {
                     ..settings
                 },
                 Settings {
-                    light: surfel::draw::Lighting::Phong(surfel::draw::Phong::default()),
+                    light: surfel::pack::Lighting::Phong(surfel::pack::Phong::default()),
                     ..settings
                 },
             ] {

@@ -10,16 +10,16 @@ mod large;
 mod visibility;
 
 use common::{Device, generated, orbit, real};
-use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::{Shape, Spec};
 use surfel::gpu::Error;
 use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
+use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
 use surfel::tree::Model;
 
 /// Sums have no normal.
@@ -276,8 +276,8 @@ fn the_host_draws_what_compute_does() {
 #[test]
 #[cfg(feature = "viewer")]
 fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
-    use surfel::method::renderer::Renderer;
-    use surfel::method::scene::Scene;
+    use surfel::render::vulkan::renderer::Renderer;
+    use surfel::render::vulkan::scene::Scene;
 
     let Some(device) = Device::open() else { return };
     let is_software = device.gpu().info().kind == Kind::Cpu;

@@ -46,11 +46,11 @@ use surfel::gpu::frame::Measure;
 use surfel::math::camera::View;
 use surfel::measure::profile::{Error, Plan, Profile, Proof};
 use surfel::measure::trace;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::times::Stage;
-use surfel::method::{Culling, Method, Path, Settings, SplatKind};
 use surfel::progress::{Progress, Silent};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::stats::Stage;
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
 const SIZE: (u32, u32) = (96, 72);

@@ -17,10 +17,10 @@ use surfel::image::{Accumulator, FloatImage, stratified};
 use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
 use surfel::measure::{depth_error, normal_error};
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Path, Settings, SplatKind};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// What a ray meets first.

@@ -11,10 +11,10 @@ use surfel::gpu::device::Kind;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{Counts, Outputs};
-use surfel::method::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, plan};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::{Counts, Outputs};
+use surfel::render::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, frame_plan};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// A picture with its depths, what was drawn, and whether triangles were handed over as such.
@@ -225,7 +225,8 @@ fn thresholds_of_little_more_than_a_pixel_are_a_pixel() {
             }
         }
     }
-    let drawn = |settings: &Settings, model| plan::for_view(settings, model, &view).threshold_px;
+    let drawn =
+        |settings: &Settings, model| frame_plan::for_view(settings, model, &view).threshold_px;
     assert_eq!(drawn(&at(1.2), &model), 1.0);
     assert_eq!(drawn(&at(0.7), &model), 0.7);
     assert_eq!(drawn(&at(1.2), &cloud), 1.2);
@@ -319,7 +320,7 @@ fn branches_that_are_left_out_cover_nothing() {
                 culling: Culling::Off,
                 ..Settings::default()
             };
-            let with = plan::cut_settings(&settings, &model);
+            let with = frame_plan::cut_settings(&settings, &model);
             let footprints = Footprints {
                 side_px,
                 hides: false,

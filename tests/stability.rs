@@ -14,10 +14,10 @@ use surfel::math::camera::Camera;
 use surfel::measure::motion::{self, Path, Plan, Steps, Subject, Target};
 use surfel::measure::temporal::{Figures, Rules, Sequence};
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Reconstruction, Settings, SplatKind, plan};
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Reconstruction, Settings, SplatKind, frame_plan};
 use surfel::tree::{self, BuildOptions, Model};
 
 const SPLATS: [SplatKind; 6] = [
@@ -134,7 +134,7 @@ fn a_lower_threshold_is_not_less_accurate_and_draws_no_less() {
                     assert!(counts.nodes_visited >= visited, "{line}: fewer nodes");
                     visited = counts.nodes_visited;
                     let mut cut = cut::Cut::default();
-                    let cut_settings = plan::cut_settings(&s, &model);
+                    let cut_settings = frame_plan::cut_settings(&s, &model);
                     Selector::default().select(&model, &view, &cut_settings, &mut cut);
                     let size = [&cut.nodes, &cut.leaves, &cut.triangles].map(Vec::len);
                     let counts = [

@@ -6,17 +6,17 @@ mod common;
 
 use common::{Device, generated, orbit};
 use surfel::cut::SizeMetric;
-use surfel::draw::{ColorBy, Lamp, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::gpu::Options;
 use surfel::gpu::device::Kind;
 use surfel::image::Image;
 use surfel::math::camera::{Light, View};
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::{FrameTimes, Outputs, Renderer};
-use surfel::method::scene::Scene;
-use surfel::method::times::Kept;
-use surfel::method::{
+use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::stats::Kept;
+use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::render::vulkan::scene::Scene;
+use surfel::render::{
     Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
     SumFormat,
 };

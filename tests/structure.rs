@@ -23,6 +23,8 @@ const LAYERS: &[Layer] = &[
     layer("math", &[]),
     // Threads that frames share.
     layer("threads", &[]),
+    // Vectors as wide as the processor has them.
+    layer("simd", &[]),
     layer("mesh", &["math"]),
     layer("input", &["progress", "math", "mesh"]),
     // `abi` is the bottom of the device's side. It takes `octahedral` for its constructors, nothing else.
@@ -33,42 +35,42 @@ const LAYERS: &[Layer] = &[
     // A model keeps its vertices as the records that shaders read, so that drawing copies nothing.
     layer("tree", &["progress", "math", "mesh", "abi"]),
     // The strips' exact size of a triangle reads those records.
-    layer("cut", &["math", "threads", "tree", "abi"]),
-    layer("draw", &["math", "threads", "tree", "cut", "abi"]),
+    layer("cut", &["math", "threads", "simd", "tree", "abi"]),
+    layer("pack", &["math", "threads", "simd", "tree", "cut", "abi"]),
     layer("image", &["math"]),
     // Vulkan knows records and layouts, but neither trees nor meshes.
     layer("gpu", &["abi"]),
     layer(
-        "method",
+        "render",
         &[
-            "progress", "math", "abi", "tree", "cut", "draw", "image", "gpu",
+            "progress", "math", "abi", "tree", "cut", "pack", "image", "gpu",
         ],
     ),
     layer(
         "measure",
         &[
-            "progress", "math", "abi", "tree", "cut", "draw", "image", "gpu", "method",
+            "progress", "math", "abi", "tree", "cut", "pack", "image", "gpu", "render",
         ],
     ),
     // Draws every scene by every method and measures the pictures.
     layer(
         "failures",
         &[
-            "progress", "math", "scenes", "tree", "cut", "image", "gpu", "method", "measure",
+            "progress", "math", "scenes", "tree", "cut", "image", "gpu", "render", "measure",
         ],
     ),
     // Lays what `measure` finds side by side.
     layer(
         "chart",
         &[
-            "progress", "math", "tree", "cut", "image", "gpu", "method", "measure",
+            "progress", "math", "tree", "cut", "image", "gpu", "render", "measure",
         ],
     ),
     // Measures whole frames of generated models, and holds them to bounds.
     layer(
         "bench",
         &[
-            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "gpu", "method",
+            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "gpu", "render",
             "measure", "chart",
         ],
     ),
@@ -83,15 +85,15 @@ const LAYERS: &[Layer] = &[
     layer(
         "viewer",
         &[
-            "progress", "math", "mesh", "input", "abi", "generate", "tree", "cut", "draw", "image",
-            "gpu", "method", "measure", "bench", "error",
+            "progress", "math", "mesh", "input", "abi", "generate", "tree", "cut", "pack", "image",
+            "gpu", "render", "measure", "bench", "error",
         ],
     ),
     layer(
         "cli",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
-            "draw", "image", "gpu", "method", "measure", "failures", "chart", "bench", "error",
+            "pack", "image", "gpu", "render", "measure", "failures", "chart", "bench", "error",
             "viewer",
         ],
     ),

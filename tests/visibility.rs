@@ -5,15 +5,15 @@ mod common;
 
 use common::{Device, generated, orbit};
 use glam::{DMat4, DVec3, Vec3};
-use surfel::draw::ColorBy;
 use surfel::generate::{Shape, Spec};
 use surfel::image::{Image, compare};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Blend, Method, Path, Reconstruction, Settings, Shading, SplatKind};
+use surfel::pack::ColorBy;
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Blend, Method, Path, Reconstruction, Settings, Shading, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const ALL: Outputs = Outputs {

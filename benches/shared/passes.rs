@@ -1,8 +1,8 @@
 //! How long the passes of visibility splats take, for the benchmarks that print it.
 
 use surfel::math::camera::View;
-use surfel::method::engine::Engine;
-use surfel::method::{Path, Reconstruction, Settings, SplatKind};
+use surfel::render::engine::Engine;
+use surfel::render::{Path, Reconstruction, Settings, SplatKind};
 
 /// Most that the passes of pull-push may take at 1024 x 768, milliseconds, on two cores and a software device.
 pub(crate) const PULL_PUSH_TARGET_MS: f64 = 21.0;

@@ -8,15 +8,16 @@ use bytemuck::Zeroable;
 use std::time::Instant;
 use surfel::abi::WeightedSplat;
 use surfel::cut::{Cut, Selector};
-use surfel::draw::{self, FuzzyList};
 use surfel::generate::{self, Shape, Spec};
 use surfel::image::{FloatImage, Image, compare};
 use surfel::math::camera::View;
-use surfel::method::engine::{Backend, Engine, style};
-use surfel::method::mirror::{Outputs, Passes, render_fuzzy};
-use surfel::method::plan::{cut_settings, splat_plan};
-use surfel::method::{Blend, Method, Reconstruction, Settings, SplatKind};
+use surfel::pack;
+use surfel::pack::FuzzyList;
 use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine, style};
+use surfel::render::frame_plan::{cut_settings, splat_plan};
+use surfel::render::reference::{Outputs, Passes, render_fuzzy};
+use surfel::render::{Blend, Method, Reconstruction, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// What was printed so far.
@@ -391,8 +392,8 @@ fn order_sensitivity(model: &Model, view: &View) -> u8 {
     let (mut selector, mut cut) = (Selector::default(), Cut::default());
     selector.select(model, view, &cut_settings(&settings, model), &mut cut);
     let plan = splat_plan(&settings, f32::INFINITY);
-    let mut list = vec![WeightedSplat::zeroed(); draw::splats::count(&cut, &plan)];
-    let packed = draw::splats::pack(model, &cut, view, &plan, &mut list);
+    let mut list = vec![WeightedSplat::zeroed(); pack::splats::count(&cut, &plan)];
+    let packed = pack::splats::pack(model, &cut, view, &plan, &mut list);
     list.truncate(packed.points);
     let style = style(&settings, model);
     let picture = |splats: &[WeightedSplat]| {

@@ -1,4 +1,4 @@
-// Levels of the tree, normals and depth as colors that no light changes; src/draw/falsecolor.rs says which.
+// Levels of the tree, normals and depth as colors that no light changes; src/pack/falsecolor.rs says which.
 #include "common/frame.glsl"
 
 // Viridis as a polynomial (Zucker, 2019, public domain).

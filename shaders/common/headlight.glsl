@@ -1,5 +1,5 @@
 // What light makes of a surface: the default shading 0.8 |n . l|, light in the eye (or parallel to the view
-// direction), or one lamp; the equation of the latter is in src/draw/light.rs.
+// direction), or one lamp; the equation of the latter is in src/pack/light.rs.
 #include "common/falsecolor.glsl"
 #include "common/frame.glsl"
 

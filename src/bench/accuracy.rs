@@ -11,10 +11,10 @@ use crate::chart::errors::object_flip;
 use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::Distribution;
-use crate::method::engine::Engine;
-use crate::method::renderer::Outputs;
-use crate::method::times::FrameTimes;
 use crate::progress::Progress;
+use crate::render::engine::Engine;
+use crate::render::stats::FrameTimes;
+use crate::render::vulkan::renderer::Outputs;
 use crate::tree::Model;
 use std::time::Instant;
 

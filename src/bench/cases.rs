@@ -4,7 +4,7 @@ use super::report::Place;
 use super::verdict::Target;
 use crate::chart::run::orbit;
 use crate::math::camera::{Camera, View};
-use crate::method::{CutOn, ListOf, Method, Path, Settings, SplatKind};
+use crate::render::{CutOn, ListOf, Method, Path, Settings, SplatKind};
 use crate::tree::Model;
 use glam::DVec3;
 

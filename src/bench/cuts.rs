@@ -5,10 +5,10 @@ use super::verdict::Target;
 use super::{Case, Error, Figure, Plan, Session};
 use crate::cut::{Coherent, Cut, Selector};
 use crate::math::camera::Camera;
-use crate::method::Settings;
-use crate::method::plan::{cut_settings, for_view};
-use crate::method::times::Kept;
 use crate::progress::Progress;
+use crate::render::Settings;
+use crate::render::frame_plan::{cut_settings, for_view};
+use crate::render::stats::Kept;
 use std::time::Instant;
 
 const PART: &str = "cut";

@@ -6,11 +6,11 @@ use super::{Case, Error, Figure, Place, Plan, Session};
 use crate::math::camera::View;
 use crate::measure::Distribution;
 use crate::measure::frames::{pass_ms, pass_names};
-use crate::method::costs::Pixels;
-use crate::method::engine::Engine;
-use crate::method::times::{FrameTimes, Stage};
-use crate::method::{Method, Settings};
 use crate::progress::Progress;
+use crate::render::cost::model::Pixels;
+use crate::render::engine::Engine;
+use crate::render::stats::{FrameTimes, Stage};
+use crate::render::{Method, Settings};
 use crate::tree::Model;
 
 const PART: &str = "frames";
@@ -252,9 +252,9 @@ mod tests {
 
     use super::*;
     use crate::generate::{self, Shape, Spec};
-    use crate::method::engine::Backend;
-    use crate::method::renderer::Outputs;
     use crate::progress::Silent;
+    use crate::render::engine::Backend;
+    use crate::render::vulkan::renderer::Outputs;
     use crate::tree::{self, BuildOptions};
 
     #[test]

@@ -4,8 +4,8 @@ use super::cases::{self, SIZE, views};
 use super::verdict::Target;
 use super::{Case, Error, Figure, Session};
 use crate::measure::Distribution;
-use crate::method::times::FrameTimes;
 use crate::progress::Progress;
+use crate::render::stats::FrameTimes;
 
 const PART: &str = "growth";
 

@@ -25,8 +25,8 @@ pub use report::{About, Figure, Place};
 
 use crate::gpu::Gpu;
 use crate::gpu::device::Kind;
-use crate::method::engine::{Backend, Engine};
-use crate::method::renderer::Outputs;
+use crate::render::engine::{Backend, Engine};
+use crate::render::vulkan::renderer::Outputs;
 use crate::tree::Model;
 use calibrate::{Calibration, Found, Part};
 use rates::Bandwidth;

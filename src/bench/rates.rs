@@ -8,13 +8,13 @@ use crate::gpu::Gpu;
 use crate::gpu::buffer::{Buffer, Usage};
 use crate::gpu::frame::Frames;
 use crate::gpu::profile::self_test;
-use crate::method::costs::{
+use crate::progress::Progress;
+use crate::render::cost::model::{
     Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX, SplatCosts, TriangleCosts, Ways,
 };
-use crate::method::engine::{Backend, Engine};
-use crate::method::times::FrameTimes;
-use crate::method::{Occlusion, Path, SplatKind};
-use crate::progress::Progress;
+use crate::render::engine::{Backend, Engine};
+use crate::render::stats::FrameTimes;
+use crate::render::{Occlusion, Path, SplatKind};
 use rayon::prelude::*;
 use std::sync::Arc;
 use std::time::Instant;

@@ -146,9 +146,9 @@ mod tests {
     #[test]
     fn both_draw_what_the_triangles_show() {
         use crate::image::compare;
-        use crate::method::Settings;
-        use crate::method::engine::{Backend, Engine};
-        use crate::method::renderer::Outputs;
+        use crate::render::Settings;
+        use crate::render::engine::{Backend, Engine};
+        use crate::render::vulkan::renderer::Outputs;
         let model = statue();
         let size = (200, 150);
         let view = orbit(&model, size, 0.9, 1, 9).unwrap();

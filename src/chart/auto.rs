@@ -10,9 +10,9 @@ use super::run::{Bench, orbit};
 use super::{Choice, Error, Plan};
 use crate::math::camera::View;
 use crate::measure::{Distribution, store};
-use crate::method::costs::Costs;
-use crate::method::engine::Backend;
 use crate::progress::Progress;
+use crate::render::cost::model::Costs;
+use crate::render::engine::Backend;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
 
@@ -151,7 +151,7 @@ impl Calibration {
     }
 
     /// Measures the choices for a model: minutes on a software device for a million triangles. With the `costs` of the
-    /// device its choices of [`Path::Auto`](crate::method::Path::Auto) are drawn as they will be.
+    /// device its choices of [`Path::Auto`](crate::render::Path::Auto) are drawn as they will be.
     ///
     /// # Errors
     /// When a picture cannot be drawn, or `progress` is cancelled.

@@ -1,6 +1,6 @@
 //! What is measured: a method with its splat, its path and its threshold.
 
-use crate::method::{Method, Path, Settings, SplatKind};
+use crate::render::{Method, Path, Settings, SplatKind};
 
 /// One way to draw a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,15 +80,15 @@ impl Choice {
     fn has_twin(&self) -> bool {
         match (self.method, self.splat) {
             (Method::Pop, SplatKind::Square | SplatKind::Disc) => {
-                self.threshold_px <= crate::method::LARGEST_COMPUTE_SQUARE_PX
+                self.threshold_px <= crate::render::LARGEST_COMPUTE_SQUARE_PX
             }
             (Method::Pop, SplatKind::Ellipse) => {
-                self.threshold_px <= crate::method::LARGEST_COMPUTE_ELLIPSE_PX
+                self.threshold_px <= crate::render::LARGEST_COMPUTE_ELLIPSE_PX
             }
             (
                 Method::Pop | Method::Splats,
                 SplatKind::Gauss | SplatKind::Visibility | SplatKind::Filtered,
-            ) => self.threshold_px <= crate::method::LARGEST_COMPUTE_BLENDED_PX,
+            ) => self.threshold_px <= crate::render::LARGEST_COMPUTE_BLENDED_PX,
             _ => false,
         }
     }

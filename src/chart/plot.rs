@@ -10,7 +10,7 @@ mod labels;
 use super::summary::{Panel, Point};
 use super::{Choice, Error};
 use crate::image::Image;
-use crate::method::{Method, Path, SplatKind};
+use crate::render::{Method, Path, SplatKind};
 use axis::Axis;
 use labels::{Label, Placer};
 use std::fmt::Write;

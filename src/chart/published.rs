@@ -10,10 +10,10 @@ pub mod qsplat;
 use super::Error;
 use crate::math::camera::View;
 use crate::measure::Distribution;
-use crate::method::Settings;
-use crate::method::engine::{Backend, Engine};
-use crate::method::renderer::{Counts, Outputs};
 use crate::progress::Progress;
+use crate::render::Settings;
+use crate::render::engine::{Backend, Engine};
+use crate::render::vulkan::renderer::{Counts, Outputs};
 use crate::tree::Model;
 
 /// A model with what is known of it.

@@ -8,12 +8,12 @@ use crate::gpu::device::Kind;
 use crate::image::{Accumulator, Image, stratified};
 use crate::math::camera::{Camera, View};
 use crate::measure::{Distribution, frames};
-use crate::method::costs::Costs;
-use crate::method::engine::{Backend, Engine};
-use crate::method::renderer::Outputs;
-use crate::method::times::FrameTimes;
-use crate::method::{Method, Settings, SplatKind};
 use crate::progress::Progress;
+use crate::render::cost::model::Costs;
+use crate::render::engine::{Backend, Engine};
+use crate::render::stats::FrameTimes;
+use crate::render::vulkan::renderer::Outputs;
+use crate::render::{Method, Settings, SplatKind};
 use crate::tree::Model;
 
 /// What is measured, the same for every model.
@@ -150,7 +150,7 @@ impl<'m> Bench<'m> {
         })
     }
 
-    /// What drawing costs on the device, by which choices of [`Path::Auto`](crate::method::Path::Auto) are drawn as the program draws them: as
+    /// What drawing costs on the device, by which choices of [`Path::Auto`](crate::render::Path::Auto) are drawn as the program draws them: as
     /// [`Engine::set_costs`]. Without it rules of thumb decide.
     pub fn set_costs(&mut self, costs: Option<Costs>) {
         self.timed.set_costs(costs);

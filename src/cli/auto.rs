@@ -7,8 +7,8 @@ use super::{Failure, Outcome, say, usage};
 use surfel::chart::auto::{Bounds, Calibration, Chosen, Key, fill_of};
 use surfel::chart::{Choice, Plan};
 use surfel::math::camera::View;
-use surfel::method::engine::Backend;
-use surfel::method::{Path, Settings};
+use surfel::render::engine::Backend;
+use surfel::render::{Path, Settings};
 
 /// Settings drawn in the way of a choice. It was made in the headlight; where something else decides the color, compute cannot
 /// draw all that it was chosen for, and draws what it can.
@@ -145,7 +145,7 @@ impl AutoArgs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use surfel::draw::{ColorBy, Lighting, Phong};
+    use surfel::pack::{ColorBy, Lighting, Phong};
 
     #[test]
     fn compute_is_insisted_on_where_it_can_draw() {

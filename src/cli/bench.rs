@@ -11,8 +11,8 @@ use surfel::bench::{
     Case, Error, Figure, Plan, Session, accuracy, cuts, frames, growth, memory, rates, rivals,
 };
 use surfel::measure::store;
-use surfel::method::engine::Backend;
 use surfel::progress::Progress;
+use surfel::render::engine::Backend;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -14,8 +14,8 @@ use surfel::chart::run::{Bench, Place, block, empty_row, orbit};
 use surfel::chart::summary::{Panel, summarize};
 use surfel::chart::{Choice, Plan, Row, read_rows, write_rows};
 use surfel::image::FloatImage;
-use surfel::method::engine::Backend;
 use surfel::progress::Progress;
+use surfel::render::engine::Backend;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -6,12 +6,12 @@ use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::path::PathBuf;
-use surfel::draw::ColorBy;
 use surfel::image::contact_sheet;
 use surfel::measure::Distribution;
-use surfel::method::engine::Engine;
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings, SplatKind};
+use surfel::pack::ColorBy;
+use surfel::render::engine::Engine;
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Settings, SplatKind};
 
 /// Draw the built-in statue (or another model) with every method: a picture each and a contact sheet.
 #[derive(Debug, clap::Args)]
@@ -188,7 +188,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         // The first frame compiles shaders and grows buffers.
         engine.draw(&view, &settings)?;
         let mut frames = Vec::new();
-        let mut counts = surfel::method::renderer::Counts::default();
+        let mut counts = surfel::render::vulkan::renderer::Counts::default();
         for _ in 0..args.repeats {
             let times = engine.draw(&view, &settings)?;
             frames.push(times.frame_ms);

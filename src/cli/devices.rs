@@ -6,7 +6,7 @@ use surfel::bench::calibrate::{Calibration, Found, Part};
 use surfel::bench::rates;
 use surfel::gpu::{self, Gpu, Options, device, profile};
 use surfel::measure::store;
-use surfel::method::costs::{Costs, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX};
+use surfel::render::cost::model::{Costs, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX};
 
 /// List the devices of this machine and the limits that matter.
 #[derive(Debug, clap::Args)]

@@ -3,7 +3,7 @@
 use super::{Failure, usage};
 use clap::{Args as ClapArgs, ValueEnum};
 use glam::DVec3;
-use surfel::draw::{Lamp, Lighting, Phong};
+use surfel::pack::{Lamp, Lighting, Phong};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum LightName {

@@ -5,8 +5,8 @@ use super::{Failure, usage};
 use clap::builder::Resettable;
 use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use surfel::cut::SizeMetric;
-use surfel::draw::ColorBy;
-use surfel::method::{
+use surfel::pack::ColorBy;
+use surfel::render::{
     Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
     SplatKind, SumFormat,
 };

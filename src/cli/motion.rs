@@ -12,9 +12,9 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::measure::motion::{self, Plan, Steps, Subject, Target};
 use surfel::measure::temporal::{Rules, Sequence, TILE};
-use surfel::method::engine::Engine;
-use surfel::method::renderer::Outputs;
-use surfel::method::{Method, Settings};
+use surfel::render::engine::Engine;
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Method, Settings};
 
 const EXAMPLES: &str = "\
 Examples:

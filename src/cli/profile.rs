@@ -13,9 +13,9 @@ use surfel::gpu::device::Kind;
 use surfel::measure::Distribution;
 use surfel::measure::profile::{Plan, Profile, Proof};
 use surfel::measure::report::Report;
-use surfel::method::engine::Engine;
-use surfel::method::renderer::Outputs;
 use surfel::progress::Progress;
+use surfel::render::engine::Engine;
+use surfel::render::vulkan::renderer::Outputs;
 
 const EXAMPLES: &str = "\
 Examples:

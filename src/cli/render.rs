@@ -8,17 +8,18 @@ use super::{Failure, Outcome, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::bench::calibrate;
-use surfel::draw::ColorBy;
 use surfel::gpu::Options as GpuOptions;
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
-use surfel::method::Settings;
-use surfel::method::costs::Costs;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::overdraw::{self, Overdraw};
-use surfel::method::renderer::Outputs;
-use surfel::method::times::FrameTimes;
+use surfel::pack::ColorBy;
 use surfel::progress::Progress;
+use surfel::render::Settings;
+use surfel::render::cost::model::Costs;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::stats::FrameTimes;
+use surfel::render::vulkan::overdraw;
+use surfel::render::vulkan::overdraw::Overdraw;
+use surfel::render::vulkan::renderer::Outputs;
 
 /// Which device draws.
 #[derive(Debug, Clone, ClapArgs)]

@@ -7,7 +7,7 @@ use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::failures::page::{SceneRow, Shot, Table, thumb};
 use surfel::failures::{self, Figure, Look, Verdict};
-use surfel::method::{Method, SplatKind};
+use surfel::render::{Method, SplatKind};
 use surfel::scenes::{self, Entry};
 
 /// Draw every scene that methods fail at by every method, and hold what is measured to the stated bounds.

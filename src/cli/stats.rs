@@ -3,9 +3,9 @@
 use super::source::Ready;
 use serde_json::json;
 use surfel::measure::Distribution;
-use surfel::method::Settings;
-use surfel::method::engine::Backend;
-use surfel::method::times::{FrameTimes, Stage};
+use surfel::render::Settings;
+use surfel::render::engine::Backend;
+use surfel::render::stats::{FrameTimes, Stage};
 
 /// How the pictures were drawn.
 pub(crate) fn settings_of(

@@ -9,8 +9,8 @@ use clap::ValueEnum;
 use std::path::PathBuf;
 use std::sync::Arc;
 use surfel::mesh::Mesh;
-use surfel::method::engine::Backend;
 use surfel::progress::Progress;
+use surfel::render::engine::Backend;
 use surfel::viewer::loader::Open;
 use surfel::viewer::{self, Faults, Options, store};
 

@@ -7,18 +7,18 @@
 //! their way.
 
 mod ahead;
-mod hide;
 mod kept;
 mod lanes;
+mod occlusion;
 
 pub(super) use kept::{Record, Task};
 pub(super) use lanes::{LANES, Mask};
 
-use super::nearest::{Chunk, Hiding, Marks};
-use super::quad;
-use super::tester::{Tester, inherit};
-use super::vector::Wide;
-use super::{Cut, StripRun};
+use crate::cut::frustum_and_size::{Tester, inherit};
+use crate::cut::occlusion::{Chunk, Hiding, Marks};
+use crate::cut::siblings;
+use crate::cut::{Cut, StripRun};
+use crate::simd::Wide;
 use crate::tree::{Leaf, Model, Node};
 use ahead::Ahead;
 use fearless_simd::prelude::*;
@@ -30,7 +30,7 @@ use prefetch_index::prefetch_index;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Group {
     first: u32,
-    /// The count; above its 8 bits what is inherited; above 16 bits the region ([`super::motion`]), where there are any.
+    /// The count; above its 8 bits what is inherited; above 16 bits the region ([`crate::cut::motion`]), where there are any.
     word: u32,
 }
 
@@ -88,7 +88,7 @@ fn four<T: Copy + bytemuck::Zeroable>(records: &[T], group: Group) -> ([T; 4], u
     if let Some(&four) = rest.first_chunk::<4>() {
         return (four, group.count());
     }
-    match quad::four(records, group.first) {
+    match siblings::four(records, group.first) {
         Some((four, there)) => (four, group.count().min(there)),
         None => ([T::zeroed(); 4], 0),
     }
@@ -143,7 +143,7 @@ pub(super) struct Batch {
     /// Leaves whose side is asked for, and the lane of each.
     faces: Vec<(u32, u32)>,
     corners: Vec<[u32; 3]>,
-    split: hide::Rows,
+    split: occlusion::Rows,
     chunk: Chunk,
 }
 
@@ -157,7 +157,7 @@ impl Batch {
             counts: [0; LANES],
             faces: Vec::with_capacity(LANES),
             corners: Vec::with_capacity(LANES),
-            split: hide::Rows::default(),
+            split: occlusion::Rows::default(),
             chunk: Chunk::default(),
         }
     }
@@ -228,7 +228,7 @@ impl Batch {
                 ahead.ask(each);
             }
             let (four, count) = four(nodes, group);
-            let (spheres, words) = quad::of_nodes(&four);
+            let (spheres, words) = siblings::of_nodes(&four);
             siblings.put_spheres(index, spheres);
             siblings.put_words(index, words);
             siblings.put_group(index, group);
@@ -404,7 +404,7 @@ impl Batch {
                 prefetch_index(leaves, group.first as usize + 3);
             }
             let (four, count) = four(leaves, group);
-            siblings.put_spheres(index, quad::of_leaves(&four));
+            siblings.put_spheres(index, siblings::of_leaves(&four));
             siblings.put_group(index, group);
             count
         });

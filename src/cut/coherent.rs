@@ -3,21 +3,22 @@
 //! Source: Benda, *Point Based Rendering*, section 3.3.2, keeps the cut of the last frame and goes up and down from there. To test
 //! every node of it again saves nothing: one that did so was 1.1 to 1.6 times slower than a cut from the root, which reads
 //! memory in order. Deviations: what is kept is not the cut but the answers about each group of siblings that was looked at
-//! ([`super::batch::Record`]), with how far the camera may move until one of them can be another ([`super::slack`],
-//! [`super::motion`]). The next frame goes down from the root, level by level; the groups of a level and the records of the
+//! ([`crate::cut::batch::Record`]), with how far the camera may move until one of them can be another ([`crate::cut::slack`],
+//! [`crate::cut::motion`]). The next frame goes down from the root, level by level; the groups of a level and the records of the
 //! last frame are both in ascending order, so they are merged. A record that holds stands for the tests: neither the
 //! tree's nodes are read nor anything computed of them.
 //!
 //! So every answer is one of this frame's tests, or what such a test would say: the lists are those from the root,
 //! whatever the camera does. It needs no monotone size and no nested spheres.
 
-use super::batch::{self, Batch, Group, Record, Task};
-use super::footprints::{Footprints, Undrawn};
-use super::motion::{Motion, Reading, Regions};
-use super::nearest::Hiding;
-use super::select::{Found, PARTS, Part, Selector, Tests, batches, join};
-use super::tester::Tester;
-use super::{Cut, Settings, SizeMetric};
+use crate::cut::batch;
+use crate::cut::batch::{Batch, Group, Record, Task};
+use crate::cut::frustum_and_size::Tester;
+use crate::cut::motion::{Motion, Reading, Regions};
+use crate::cut::occlusion::Hiding;
+use crate::cut::occlusion::footprints::{Footprints, Undrawn};
+use crate::cut::select::{Found, PARTS, Part, Selector, Tests, batches, join};
+use crate::cut::{Cut, Settings, SizeMetric};
 use crate::math::camera::View;
 use crate::threads::share;
 use crate::tree::{Leaf, Model, Node};

@@ -5,30 +5,27 @@
 //! gives the same lists. Both ask one [`Tester`].
 
 mod batch;
-mod centers;
 mod coherent;
-mod constants;
-mod facing;
-mod footprints;
+mod device_constants;
+mod frustum_and_size;
 mod motion;
-mod nearest;
-mod quad;
+mod normal_cone;
+mod occlusion;
 mod select;
+mod siblings;
 mod slack;
 mod strip;
-mod tester;
-mod vector;
 
+pub use crate::cut::device_constants::most_splats;
+pub use crate::cut::frustum_and_size::Tester;
+pub use crate::cut::normal_cone::Facing;
+pub use crate::cut::occlusion::footprints::{Footprints, Undrawn};
 pub use coherent::{Coherent, Update};
-pub use constants::most_splats;
-pub use facing::Facing;
-pub use footprints::{Footprints, Undrawn};
 pub use select::{Selector, select};
 pub use strip::{
     MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_center_of, strip_centers,
     strip_steps,
 };
-pub use tester::Tester;
 
 use fearless_simd::{Level, Simd, dispatch};
 

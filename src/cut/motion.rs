@@ -5,8 +5,8 @@
 //! of nodes, for all that is below it. How depths, distances and the like change from one view to the next is known for the
 //! center of its ball, and how much this can differ within the ball.
 
-use super::slack::SLACK_ERROR;
-use super::tester::Tester;
+use crate::cut::frustum_and_size::Tester;
+use crate::cut::slack::SLACK_ERROR;
 use glam::{DVec3, Vec3};
 
 /// Nodes of the level that divides a model into regions, at least, where it has so many.

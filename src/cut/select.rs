@@ -3,18 +3,19 @@
 //! Source: Benda, *Point Based Rendering*, sections 3.3 and 3.3.1: an invisible node is dropped, a small node
 //! is a splat (a small leaf too: the text's order, not the pseudocode's), a large leaf is its triangle, and
 //! of a large node the children are looked at. Deviations: not depth-first but level by level, in batches
-//! ([`super::batch`]), so that memory is read in ascending order and many requests for it are on their way at
+//! ([`crate::cut::batch`]), so that memory is read in ascending order and many requests for it are on their way at
 //! once; tests that passed for all of a node are not repeated below it; needles may be drawn as rows of splats
-//! ([`super::strip`]).
+//! ([`crate::cut::strip`]).
 //!
 //! All leaves are at the same depth and siblings stand together, level after level, so every list comes out
 //! in ascending order.
 
-use super::batch::{self, Batch, Group};
-use super::footprints::{Footprints, Undrawn};
-use super::nearest::{Hiding, Marks, Nearest, SUBPIXEL_BITS};
-use super::tester::Tester;
-use super::{Cut, Settings};
+use crate::cut::batch;
+use crate::cut::batch::{Batch, Group};
+use crate::cut::frustum_and_size::Tester;
+use crate::cut::occlusion::footprints::{Footprints, Undrawn};
+use crate::cut::occlusion::{Hiding, Marks, Nearest, SUBPIXEL_BITS};
+use crate::cut::{Cut, Settings};
 use crate::math::camera::View;
 use crate::threads::{self, share};
 use crate::tree::Model;
@@ -252,10 +253,10 @@ impl Selector {
     /// splats of which each pixel is covered by a nearer one of the same cut. Of triangles and of splats of more than a
     /// pixel, what is dropped would show in no pixel, however the device rounds. With splats of exactly a pixel a larger node
     /// whose ball surely contains one center alone is one splat as well: its radius is less than a pixel. Which splats
-    /// are left does not depend on threads; with splats of a pixel, which hidden triangles are and [`Stats`](super::Stats) may.
+    /// are left does not depend on threads; with splats of a pixel, which hidden triangles are and [`Stats`](crate::cut::Stats) may.
     ///
     /// For opaque squares and discs and one sample a pixel, with the threshold as their size, where the size metric is
-    /// [`Exact`](super::SizeMetric::Exact); `undrawn` is that of the model. In a picture of 65,536 pixels or more to a side nothing is dropped.
+    /// [`Exact`](crate::cut::SizeMetric::Exact); `undrawn` is that of the model. In a picture of 65,536 pixels or more to a side nothing is dropped.
     ///
     /// Cost: some nanoseconds a splat, and 4 bytes of memory a pixel.
     pub fn select_seen(
@@ -377,9 +378,9 @@ pub fn select(model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::draw::for_tests::levels;
     use crate::generate::{self, Shape, Spec};
     use crate::math::camera::Camera;
+    use crate::pack::for_tests::levels;
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
 

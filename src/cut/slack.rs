@@ -3,7 +3,7 @@
 //! Ours; no paper. Each test of a ball compares a number with zero that depends on the place of the ball's center seen from the camera:
 //! its depth z, its distance D from the eye, its distances from the sides, or the way v from the eye to it. What is
 //! computed here is a bound m: as long as none of these has changed by m, in sum over all frames since, the number has
-//! the same sign. [`super::motion`] adds up how much they change.
+//! the same sign. [`crate::cut::motion`] adds up how much they change.
 //!
 //! Single precision errs. In a view whose model reaches P from the eye, z, D and distances from planes are off by 1e-6 P
 //! (`Tester::plane_error`), and what is made of them in the tests is as if they were off by another 2e-6 P at most; the
@@ -11,10 +11,10 @@
 //! found and as much for the view in which it is used; where a test errs by more, its bound says so. What is no number
 //! counts as 0: tested again.
 
-use super::SizeMetric;
-use super::quad::{Balls, Words};
-use super::strip::{LOW, MAX_COUNT, MAX_WIDTH, relative_sizes};
-use super::tester::Tester;
+use crate::cut::SizeMetric;
+use crate::cut::frustum_and_size::Tester;
+use crate::cut::siblings::{Balls, Words};
+use crate::cut::strip::{LOW, MAX_COUNT, MAX_WIDTH, relative_sizes};
 use glam::Vec4;
 
 /// What is taken away from each bound, for each of the two views, in units of `Tester::plane_error`.
@@ -210,7 +210,7 @@ impl Tester {
 mod tests {
     use super::*;
     use crate::abi::Vertex;
-    use crate::cut::{Settings, quad};
+    use crate::cut::{Settings, siblings};
     use crate::math::camera::Camera;
     use crate::tree::{Cone, Model, Node, Strip};
     use glam::{DVec3, Vec3};
@@ -285,7 +285,7 @@ mod tests {
                 Tester::new(&model, &view, &settings)
             };
             let (before, after) = (tester(eye, DVec3::ZERO), tester(to_eye, to_target));
-            let (spheres, [_, axis, sine, shape]) = quad::of_nodes(&nodes);
+            let (spheres, [_, axis, sine, shape]) = siblings::of_nodes(&nodes);
             let words = Words { axis, sine, shape };
             let (from, to) = (before.balls(spheres), after.balls(spheres));
             let (a, b) = (from.depth / before.unit, to.depth / after.unit);

@@ -18,10 +18,11 @@
 //! g = z a / (1 + a²) satisfies it: g + κ g² = z a (1 + 2 a²) / (1 + a²)² <= z a. The major axis bounds the
 //! metrics center, angle and area; for `Nearest`, 2 f g / (z - g) <= t is g <= t z / (2 f + t).
 
-use super::SizeMetric;
-use super::quad::{self, Words};
-use super::tester::Tester;
-use super::vector::Vector;
+use crate::cut::SizeMetric;
+use crate::cut::frustum_and_size::Tester;
+use crate::cut::siblings;
+use crate::cut::siblings::Words;
+use crate::simd::Vector;
 use crate::tree::Node;
 use glam::Vec3;
 
@@ -71,7 +72,7 @@ pub(super) fn relative_sizes<V: Vector>((half, width): (V, V)) -> (V, V) {
 /// distance, so G >= κ' Z² (1 - κ'²) / S with Z the least depth and S the greatest distance, and
 /// n² = H² S² / (K Z⁴ - ω² S²), K = (κ' (1 - κ'²))².
 #[inline(always)]
-fn counts<V: Vector>(half: V, width: V, balls: &quad::Balls<V>, frame: &Frame) -> (V, V::Mask) {
+fn counts<V: Vector>(half: V, width: V, balls: &siblings::Balls<V>, frame: &Frame) -> (V, V::Mask) {
     let (half, width) = (half * balls.radius, width * balls.radius);
     let nearest = balls.depth - half;
     let (t, f) = (frame.threshold_px, frame.twice_focal_px);
@@ -108,7 +109,7 @@ fn counts<V: Vector>(half: V, width: V, balls: &quad::Balls<V>, frame: &Frame) -
 
 /// The ways from the centers of nodes to the ends of their rows, in the tester's unit.
 #[inline(always)]
-pub(super) fn half_rows<V: Vector>(balls: &quad::Balls<V>, words: &Words<V>) -> [V; 3] {
+pub(super) fn half_rows<V: Vector>(balls: &siblings::Balls<V>, words: &Words<V>) -> [V; 3] {
     let (half, _) = relative_sizes(words.strip());
     // As `octahedral::decode` unpacks what `Strip::direction` gives it.
     let (x, y) = words.direction();
@@ -144,7 +145,7 @@ impl Tester {
     #[inline(always)]
     pub(super) fn may_be_rows<V: Vector>(
         &self,
-        balls: &quad::Balls<V>,
+        balls: &siblings::Balls<V>,
         words: &Words<V>,
         most: V,
     ) -> u32 {
@@ -168,7 +169,7 @@ impl Tester {
     #[inline(always)]
     pub(super) fn rows<V: Vector>(
         &self,
-        balls: &quad::Balls<V>,
+        balls: &siblings::Balls<V>,
         words: &Words<V>,
         most: V,
     ) -> (V, u32) {
@@ -268,7 +269,7 @@ mod tests {
                 child_count: 2,
                 flags: 0,
             });
-            let (spheres, [_, axis, sine, shape]) = quad::of_nodes(&nodes);
+            let (spheres, [_, axis, sine, shape]) = siblings::of_nodes(&nodes);
             let words = Words { axis, sine, shape };
             let [x, y, z] = half_rows(&tester.balls(spheres), &words).map(|v| v.to_array());
             for (lane, node) in nodes.iter().enumerate() {

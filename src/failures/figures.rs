@@ -6,11 +6,11 @@ use crate::cut::{Cut, Selector};
 use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
-use crate::method::engine::{Backend, Engine};
-use crate::method::plan::{cut_settings, for_view};
-use crate::method::renderer::Outputs;
-use crate::method::{Culling, Method, Settings};
 use crate::progress::Silent;
+use crate::render::engine::{Backend, Engine};
+use crate::render::frame_plan::{cut_settings, for_view};
+use crate::render::vulkan::renderer::Outputs;
+use crate::render::{Culling, Method, Settings};
 use crate::scenes::{Entry, Expected, Scene};
 use crate::tree::{self, BuildOptions, Model};
 

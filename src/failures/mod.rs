@@ -24,10 +24,10 @@ pub use figures::{Case, Figure};
 pub use rules::{Bound, Cell, Verdict, reach_px, rules};
 
 use crate::image::Image;
-use crate::method::engine::{Backend, Engine};
-use crate::method::renderer::Outputs;
-use crate::method::{Culling, Method, Settings, SplatKind};
 use crate::progress::Progress;
+use crate::render::engine::{Backend, Engine};
+use crate::render::vulkan::renderer::Outputs;
+use crate::render::{Culling, Method, Settings, SplatKind};
 use crate::scenes::Entry;
 
 /// Why the failures could not be measured.

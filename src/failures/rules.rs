@@ -4,7 +4,7 @@ use super::colors::FARTHEST_PX;
 use super::figures::{Case, Figure};
 use super::{Error, Look, rows};
 use crate::image::Image;
-use crate::method::{Method, SplatKind};
+use crate::render::{Method, SplatKind};
 
 /// What is said of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]

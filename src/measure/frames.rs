@@ -1,7 +1,7 @@
 //! Many frames together: the last of a window, or all of a run.
 
 use super::Distribution;
-use crate::method::times::{FrameTimes, Stage};
+use crate::render::stats::{FrameTimes, Stage};
 use std::collections::VecDeque;
 
 /// The last frames, oldest first; what comes in above its capacity pushes the oldest out.

@@ -5,9 +5,9 @@ use super::temporal::{Rules, Sequence, churn};
 use crate::cut::{Cut, Selector};
 use crate::image::FloatImage;
 use crate::math::camera::{self, Camera, View};
-use crate::method::engine::Engine;
-use crate::method::{Blend, Method, Settings, Shading, SplatKind, plan};
 use crate::progress::Progress;
+use crate::render::engine::Engine;
+use crate::render::{Blend, Method, Settings, Shading, SplatKind, frame_plan};
 use crate::tree::Model;
 use glam::{DMat4, DVec3};
 use std::sync::Arc;
@@ -225,8 +225,8 @@ pub fn measure(
             let mut share = None;
             if settings.has_cut() {
                 // The frame's own cut is not kept by all that draws.
-                let settings = plan::for_view(&settings, model, &view);
-                let cut_settings = plan::cut_settings(&settings, model);
+                let settings = frame_plan::for_view(&settings, model, &view);
+                let cut_settings = frame_plan::cut_settings(&settings, model);
                 selector.select(model, &view, &cut_settings, &mut spare);
                 share = (index > 0).then(|| churn(drawn(&run.cut), drawn(&spare)));
                 std::mem::swap(&mut run.cut, &mut spare);
@@ -322,9 +322,9 @@ mod tests {
     #[test]
     fn one_exact_sample_does_not_flicker_against_itself() {
         use crate::mesh::Mesh;
-        use crate::method::engine::Backend;
-        use crate::method::renderer::Outputs;
         use crate::progress::Silent;
+        use crate::render::engine::Backend;
+        use crate::render::vulkan::renderer::Outputs;
         let mesh = Mesh {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
             triangles: vec![[0, 1, 2]],
@@ -374,9 +374,9 @@ mod tests {
     #[test]
     fn cuts_are_those_that_views_draw() {
         use crate::generate::{self, Shape, Spec};
-        use crate::method::engine::Backend;
-        use crate::method::renderer::Outputs;
         use crate::progress::Silent;
+        use crate::render::engine::Backend;
+        use crate::render::vulkan::renderer::Outputs;
         let mesh = generate::mesh(&Spec::with_triangles(Shape::Statue, 60_000).unwrap());
         let model =
             crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();

@@ -12,10 +12,10 @@ use crate::gpu::device::DeviceInfo;
 use crate::gpu::frame::{Measure, PassCounters};
 use crate::gpu::profile::{CounterTest, SelfTest, counter_test, self_test};
 use crate::math::camera::View;
-use crate::method::Settings;
-use crate::method::engine::{Backend, Engine};
-use crate::method::times::FrameTimes;
 use crate::progress::Progress;
+use crate::render::Settings;
+use crate::render::engine::{Backend, Engine};
+use crate::render::stats::FrameTimes;
 use std::sync::Arc;
 
 /// Why there is no profile.
@@ -285,7 +285,7 @@ impl Profile {
 
     /// One row a view, with a row of names first: comma-separated, empty where nothing is known.
     pub fn csv(&self) -> String {
-        use crate::method::times::Stage;
+        use crate::render::stats::Stage;
         let mut names: Vec<&str> = pass_names(self.frames());
         for counters in self.samples.iter().flat_map(|s| &s.counters) {
             if !names.contains(&counters.name) {

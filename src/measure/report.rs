@@ -4,7 +4,7 @@ use super::profile::{Profile, Sample};
 use super::{Distribution, frames};
 use crate::gpu::frame::{PassCounters, PipelineStatistics};
 use crate::gpu::profile::{CounterTest, SelfTest};
-use crate::method::times::{FrameTimes, Stage};
+use crate::render::stats::{FrameTimes, Stage};
 use serde::Serialize;
 
 /// Largest share by which the passes may miss the frame's time on the device.

@@ -5,7 +5,7 @@
 //! moment at which it can have been taken, and the trace says so.
 
 use super::profile::{Profile, Sample};
-use crate::method::times::Stage;
+use crate::render::stats::Stage;
 use serde_json::{Value, json};
 use std::time::Instant;
 

@@ -79,7 +79,7 @@ impl Entry {
 ///
 /// `threshold_px` is the splat's diameter on the picture (less than 1 counts as 1), `distance` the distance along the
 /// view direction, `focal_px` the focal length in pixels, `cosine` that of the angle between normal and direction to the
-/// eye, `factor` that of [`crate::method::Settings::depth_offset`]. The result is in units of `distance`.
+/// eye, `factor` that of [`crate::render::Settings::depth_offset`]. The result is in units of `distance`.
 pub fn depth_offset(
     threshold_px: f64,
     distance: f64,

@@ -1,8 +1,8 @@
 //! What can be chosen, with the names of the command line.
 
 use crate::cut::SizeMetric;
-use crate::draw::ColorBy;
-use crate::method::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
+use crate::pack::ColorBy;
+use crate::render::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
 
 /// A value with its name and what it is, in a sentence.
 pub type Choice<T> = (T, &'static str, &'static str);

@@ -25,7 +25,7 @@ mod plan;
 
 pub use model::{Place, Took, Work};
 
-use crate::method::costs::{SplatCosts, Ways};
+use crate::render::cost::model::{SplatCosts, Ways};
 use model::{Model, Numbers};
 use plan::{Seen, Tried};
 use std::collections::VecDeque;

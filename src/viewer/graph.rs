@@ -2,7 +2,7 @@
 
 use super::control::Took;
 use crate::gpu::profile::PassTime;
-use crate::method::renderer::FrameTimes;
+use crate::render::vulkan::renderer::FrameTimes;
 use egui::{Align2, Color32, FontId, Rect, Stroke, Ui, pos2, vec2};
 use std::collections::VecDeque;
 

@@ -2,7 +2,7 @@
 
 use super::event::{Button, Key, Modifiers};
 use super::lamp::Change;
-use crate::method::Method;
+use crate::render::Method;
 use glam::DVec2;
 use std::f64::consts::{FRAC_PI_2, PI};
 

@@ -3,9 +3,9 @@
 //! Angles are handled in degrees, rounded so far that a step there and one back end where they began, and that a lamp
 //! is the same to the bit as one of these angles on the command line.
 
-use crate::draw::{Lamp, Lighting, Phong};
 use crate::math::camera::{Camera, Light};
-use crate::method::Settings;
+use crate::pack::{Lamp, Lighting, Phong};
+use crate::render::Settings;
 use glam::{DMat4, DVec3};
 
 /// What lights the model.
@@ -229,7 +229,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
     use super::*;
-    use crate::draw::Source;
+    use crate::pack::Source;
 
     fn around() -> (Around, Camera) {
         let center = DVec3::new(4.0, -2.0, 1.0);

@@ -2,8 +2,8 @@
 //! Of a large one a coarse preview comes first, as soon as its mesh is known.
 
 use crate::gpu::{self, Gpu, lock};
-use crate::method::scene::Scene;
 use crate::progress::Progress;
+use crate::render::vulkan::scene::Scene;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

@@ -31,7 +31,7 @@ use crate::bench::calibrate;
 use crate::gpu::messages::Messages;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
-use crate::method::Settings;
+use crate::render::Settings;
 use app::App;
 use glfw::{ClientApiHint, WindowHint};
 use loader::{Loader, Open, OpenError};

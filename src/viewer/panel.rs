@@ -7,10 +7,11 @@ use super::help::ACCENT;
 use super::input::Command;
 use super::lamp::Kind;
 use super::text::count;
-use crate::draw::{ColorBy, Lighting};
-use crate::method::overdraw::{self, Overdraw};
-use crate::method::renderer::Counts;
-use crate::method::{Blend, Method, Settings, Shading, SplatKind};
+use crate::pack::{ColorBy, Lighting};
+use crate::render::vulkan::overdraw;
+use crate::render::vulkan::overdraw::Overdraw;
+use crate::render::vulkan::renderer::Counts;
+use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use egui::{
     Area, Color32, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2,
 };

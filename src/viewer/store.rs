@@ -2,8 +2,8 @@
 
 use super::choices::{self, name_of, named};
 use super::lamp;
-use crate::draw::{Lamp, Lighting, Phong};
-use crate::method::Settings;
+use crate::pack::{Lamp, Lighting, Phong};
+use crate::render::Settings;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -322,8 +322,8 @@ mod tests {
 
     use super::*;
     use crate::cut::SizeMetric;
-    use crate::draw::ColorBy;
-    use crate::method::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
+    use crate::pack::ColorBy;
+    use crate::render::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
 
     #[test]
     fn what_was_saved_is_loaded() {

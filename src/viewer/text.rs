@@ -2,9 +2,9 @@
 
 use crate::gpu::profile::PassTime;
 use crate::math::camera::Light;
-use crate::method::overdraw;
-use crate::method::renderer::{Counts, FrameTimes};
-use crate::method::{Method, Settings};
+use crate::render::vulkan::overdraw;
+use crate::render::vulkan::renderer::{Counts, FrameTimes};
+use crate::render::{Method, Settings};
 use crate::tree::Model;
 use crate::viewer::{choices, lamp};
 use std::fmt::Write as _;

@@ -364,7 +364,7 @@ fn overdraw_says_what_its_colors_mean() {
         assert!(run.err.contains(words), "{words}: {}", run.err);
     }
     let middle = load(&at.join("a.png")).color[30 * 60 + 30];
-    let two = surfel::draw::falsecolor::of_overdraw(2);
+    let two = surfel::pack::falsecolor::of_overdraw(2);
     assert!(
         (0..3).all(|c| (middle[c] - two[c]).abs() < 0.003),
         "{middle:?}"

@@ -2,9 +2,9 @@
 
 use crate::scene::*;
 use glam::DVec3;
-use surfel::draw::Style;
 use surfel::image::{Accumulator, Image, compare, jittered};
-use surfel::method::mirror::{Outputs, render};
+use surfel::pack::Style;
+use surfel::render::reference::{Outputs, render};
 
 /// Area of the unit square at (0, 0) below the line y = a x + b.
 fn area_below(a: f64, b: f64) -> f64 {

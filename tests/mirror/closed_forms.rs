@@ -4,8 +4,8 @@ use crate::scene::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use std::sync::LazyLock;
-use surfel::draw::Style;
-use surfel::method::mirror::render;
+use surfel::pack::Style;
+use surfel::render::reference::render;
 
 /// A million triangles, as in the conventions; the chords lie at most 1e-5 below the sphere.
 static FINE_SPHERE: LazyLock<Model> = LazyLock::new(|| sphere(DVec3::ZERO, 1000, 500));

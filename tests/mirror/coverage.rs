@@ -4,8 +4,8 @@ use crate::scene::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use surfel::abi::Splat;
-use surfel::draw::{DrawList, Style};
-use surfel::method::mirror::{Outputs, render};
+use surfel::pack::{DrawList, Style};
+use surfel::render::reference::{Outputs, render};
 
 #[test]
 fn squares_cover_exactly_the_centers_in_their_half_open_extent() {

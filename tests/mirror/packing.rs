@@ -3,10 +3,10 @@
 use glam::{DVec3, Vec3};
 use surfel::abi::FilteredSplat;
 use surfel::cut::{self, Cut, Selector};
-use surfel::draw::filtered::{Shade, drawn_counts, splat_count, splats, take_triangles};
-use surfel::draw::{ALBEDO, ColorBy};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
+use surfel::pack::filtered::{Shade, drawn_counts, splat_count, splats, take_triangles};
+use surfel::pack::{ALBEDO, ColorBy};
 use surfel::progress::Silent;
 use surfel::tree::{BuildOptions, Model, build};
 
@@ -48,7 +48,7 @@ const SHADE: Shade = Shade {
     cull_back: false,
     use_colors: true,
     color_by: ColorBy::Shading,
-    light: surfel::draw::Lighting::Headlight,
+    light: surfel::pack::Lighting::Headlight,
     cut_view: None,
 };
 

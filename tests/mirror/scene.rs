@@ -3,11 +3,11 @@
 use glam::{DMat4, DVec3, DVec4, Vec3};
 use std::f64::consts::{PI, TAU};
 use surfel::abi::{Splat, Vertex};
-use surfel::draw::{DrawList, Style};
 use surfel::image::Image;
 use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
-use surfel::method::mirror::{Outputs, render};
+use surfel::pack::{DrawList, Style};
+use surfel::render::reference::{Outputs, render};
 
 pub(crate) const BOTH: Outputs = Outputs {
     depth: true,

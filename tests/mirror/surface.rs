@@ -4,10 +4,10 @@ use crate::scene::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use surfel::abi::{Splat, Vertex};
-use surfel::draw::{ColorBy, DrawList, Style};
 use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
-use surfel::method::mirror::{Outputs, render};
+use surfel::pack::{ColorBy, DrawList, Style};
+use surfel::render::reference::{Outputs, render};
 
 #[test]
 fn nearer_wins_and_the_first_drawn_wins_ties() {

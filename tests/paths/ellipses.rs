@@ -2,11 +2,11 @@
 
 use super::common::{self, Device, generated, orbit};
 use super::{assert_same, assert_ways, built, colored_cloud, differing, draw, passes};
-use surfel::draw::ColorBy;
 use surfel::generate::Shape;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Path, Settings, SplatKind};
+use surfel::pack::ColorBy;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Culling, Path, Settings, SplatKind};
 
 fn ellipses(threshold_px: f32) -> Settings {
     Settings {

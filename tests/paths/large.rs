@@ -5,9 +5,9 @@ use super::{built, colored, passes};
 use surfel::generate::Shape;
 use surfel::gpu::device::Kind;
 use surfel::image::compare;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Path, Settings, SplatKind};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 
 /// Asserts of statue, torus, a model of colors and its points that the host's pictures are those of the rasterizer: the same coverage, and
 /// colors within one level in all but 0.01 percent of the pixels, and two. Depths that are the same but for their last place decide

@@ -2,12 +2,12 @@
 
 use super::common::{self, Device, generated, orbit};
 use super::{assert_same, assert_ways, built, colored_cloud, differing, draw, passes, visible};
-use surfel::draw::{ColorBy, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::image::Image;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Culling, Method, Path, Reconstruction, Settings};
+use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Culling, Method, Path, Reconstruction, Settings};
 
 /// At every threshold and in every reconstruction: alone, beside triangles, beside splats that are too large for compute.
 #[test]

@@ -3,12 +3,12 @@
 use crate::common::{Device, generated, orbit};
 use crate::oracle::{draw, same};
 use glam::DVec3;
-use surfel::draw::{Lamp, Lighting, Phong};
 use surfel::generate::Shape;
 use surfel::math::camera::Camera;
-use surfel::method::engine::Backend;
-use surfel::method::{Blend, Culling, Method, Settings, Shading, SplatKind, SumFormat};
+use surfel::pack::{Lamp, Lighting, Phong};
 use surfel::progress::Silent;
+use surfel::render::engine::Backend;
+use surfel::render::{Blend, Culling, Method, Settings, Shading, SplatKind, SumFormat};
 use surfel::tree::{self, BuildOptions, Model};
 
 const KINDS: [SplatKind; 4] = [
@@ -281,11 +281,11 @@ fn no_holes_in_closed_surfaces() {
     for (shape, triangles) in [(Shape::Sphere, 40_000), (Shape::Statue, 100_000)] {
         let model = generated(shape, triangles);
         let size = (110, 110);
-        let mut engine = surfel::method::engine::Engine::new(
+        let mut engine = surfel::render::engine::Engine::new(
             &backend,
             &model,
             size,
-            surfel::method::renderer::Outputs::default(),
+            surfel::render::vulkan::renderer::Outputs::default(),
         )
         .unwrap();
         let mut holes = [0; 2];
@@ -398,8 +398,8 @@ fn what_cannot_be_blended_is_refused_by_name() {
     let model = generated(Shape::Sphere, 500);
     let view = orbit(&model, (40, 40), 0.0, 0.0, 1.0);
     let refusal = |settings: Settings| {
-        let outputs = surfel::method::renderer::Outputs::default();
-        surfel::method::engine::Engine::new(&backend, &model, (40, 40), outputs)
+        let outputs = surfel::render::vulkan::renderer::Outputs::default();
+        surfel::render::engine::Engine::new(&backend, &model, (40, 40), outputs)
             .unwrap()
             .render(&view, &settings)
             .unwrap_err()

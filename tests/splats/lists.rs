@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Vec3};
 use surfel::abi::{Splat, WeightedSplat};
-use surfel::draw::{Footprint, FuzzyList, Style};
 use surfel::math::camera::{Camera, View};
 use surfel::math::octahedral;
-use surfel::method::mirror::{Fuzzy, Outputs, Passes, render_fuzzy};
+use surfel::pack::{Footprint, FuzzyList, Style};
+use surfel::render::reference::{Fuzzy, Outputs, Passes, render_fuzzy};
 
 fn view() -> View {
     Camera::look_at(

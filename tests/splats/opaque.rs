@@ -6,8 +6,8 @@ use glam::DVec3;
 use surfel::generate::Shape;
 use surfel::math::camera::Camera;
 use surfel::mesh::Mesh;
-use surfel::method::{Blend, Culling, Method, Settings, SplatKind};
 use surfel::progress::Silent;
+use surfel::render::{Blend, Culling, Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const KINDS: [SplatKind; 4] = [

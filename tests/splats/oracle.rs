@@ -4,9 +4,9 @@ use crate::common::Device;
 use glam::Vec3;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::method::engine::{Backend, Engine};
-use surfel::method::renderer::Outputs;
-use surfel::method::{Settings, SplatKind};
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::{Settings, SplatKind};
 use surfel::tree::Model;
 
 pub(crate) fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {

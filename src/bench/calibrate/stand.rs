@@ -8,15 +8,15 @@ use crate::gpu::Gpu;
 use crate::gpu::device::Kind;
 use crate::math::camera::View;
 use crate::mesh::Mesh;
-use crate::method::costs::{
+use crate::progress::Silent;
+use crate::render::cost::model::{
     Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PrimitiveCosts, SIZES_PX, SplatCosts,
     TriangleCosts, Ways, pixels_of,
 };
-use crate::method::plan::cut_settings;
-use crate::method::renderer::{Outputs, Renderer};
-use crate::method::scene::Scene;
-use crate::method::{Culling, CutOn, Method, Occlusion, Path, Settings, SplatKind};
-use crate::progress::Silent;
+use crate::render::frame_plan::cut_settings;
+use crate::render::vulkan::renderer::{Outputs, Renderer};
+use crate::render::vulkan::scene::Scene;
+use crate::render::{Culling, CutOn, Method, Occlusion, Path, Settings, SplatKind};
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
 use std::sync::Arc;

@@ -2,8 +2,8 @@ use super::stand::{Drawn, Nothing};
 use super::*;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::profile::PassTime;
-use crate::method::costs::{PassCosts, SplatCosts, TriangleCosts, Ways};
-use crate::method::renderer::Counts;
+use crate::render::cost::model::{PassCosts, SplatCosts, TriangleCosts, Ways};
+use crate::render::vulkan::renderer::Counts;
 
 #[test]
 fn passes_over_the_picture_are_told_from_those_over_primitives() {

@@ -9,9 +9,9 @@ use super::{Cell, Subject, Table, count, measure, ratio};
 use crate::chart::Error;
 use crate::cut::SizeMetric;
 use crate::math::camera::{Camera, View};
-use crate::method::engine::Backend;
-use crate::method::{Culling, Method, Path, Settings};
 use crate::progress::Progress;
+use crate::render::engine::Backend;
+use crate::render::{Culling, Method, Path, Settings};
 use crate::tree::Model;
 use glam::DVec3;
 
@@ -384,7 +384,7 @@ fn frames(
     name: &str,
     theirs: &[Frame],
     published: &Published,
-    ours: &dyn Fn(usize) -> (f64, (f64, crate::method::renderer::Counts)),
+    ours: &dyn Fn(usize) -> (f64, (f64, crate::render::vulkan::renderer::Counts)),
 ) -> Table {
     let mut table = Table::new(
         format!("Benda, {title}"),

@@ -7,9 +7,9 @@
 use super::{Cell, Subject, Table, count, measure};
 use crate::chart::Error;
 use crate::chart::run::orbit;
-use crate::method::engine::Backend;
-use crate::method::{Method, Path, Settings};
 use crate::progress::Progress;
+use crate::render::engine::Backend;
+use crate::render::{Method, Path, Settings};
 
 /// Threshold of the angle in degrees, splats, triangles.
 const PORSCHE: [(u32, u64, u64); 4] = [

@@ -6,9 +6,9 @@
 use super::{Cell, Subject, Table, count, measure};
 use crate::chart::Error;
 use crate::chart::run::orbit;
-use crate::method::engine::Backend;
-use crate::method::{Blend, Method, Path, Settings, SplatKind};
 use crate::progress::Progress;
+use crate::render::engine::Backend;
+use crate::render::{Blend, Method, Path, Settings, SplatKind};
 
 /// What the text says, beside a model of ours drawn as splats in a window of 500 x 500 pixels.
 ///

@@ -1,6 +1,6 @@
 //! Nodes that are looked at next, asked of memory meanwhile.
 
-use super::{Group, SIZE};
+use crate::cut::batch::{Group, SIZE};
 use crate::tree::Node;
 use prefetch_index::prefetch_index;
 

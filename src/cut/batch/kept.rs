@@ -1,12 +1,12 @@
 //! What was found out about a group of siblings, kept from frame to frame.
 
-use super::ahead::Ahead;
-use super::{Batch, Counts, FRONT, Group, INSIDE, LANES, Mask, SIZE, Verdicts, four};
+use crate::cut::batch::ahead::Ahead;
+use crate::cut::batch::{Batch, Counts, FRONT, Group, INSIDE, LANES, Mask, SIZE, Verdicts, four};
+use crate::cut::frustum_and_size::Tester;
 use crate::cut::motion::Reading;
-use crate::cut::nearest::{Hiding, Marks};
-use crate::cut::quad;
+use crate::cut::occlusion::{Hiding, Marks};
+use crate::cut::siblings;
 use crate::cut::slack::{FOREVER, of_lanes};
-use crate::cut::tester::Tester;
 use crate::cut::{Cut, StripRun};
 use crate::tree::{Leaf, Model, Node};
 use fearless_simd::dispatch;
@@ -328,7 +328,7 @@ impl Batch {
             }
             if drawn(record) != 0 {
                 let (four, _) = four(nodes, record.group);
-                let (spheres, words) = quad::of_nodes(&four);
+                let (spheres, words) = siblings::of_nodes(&four);
                 self.siblings.put_four_balls(i, &tester.balls(spheres));
                 self.siblings.put_words(i, words);
             }
@@ -357,7 +357,7 @@ impl Batch {
                 }
                 if record.mask(KEPT) != 0 {
                     let (four, _) = four(leaves, record.group);
-                    let balls = tester.balls(quad::of_leaves(&four));
+                    let balls = tester.balls(siblings::of_leaves(&four));
                     self.siblings.put_four_balls(i, &balls);
                 }
             }

@@ -1,8 +1,8 @@
 //! The siblings of a batch in the lanes of vectors, four of each group.
 
-use super::{FRONT, Group, INSIDE, SIZE};
-use crate::cut::quad::{Balls, Words};
-use crate::cut::vector::{WIDEST, Wide};
+use crate::cut::batch::{FRONT, Group, INSIDE, SIZE};
+use crate::cut::siblings::{Balls, Words};
+use crate::simd::{WIDEST, Wide};
 use fearless_simd::prelude::*;
 use glam::Vec4;
 use std::ops::{BitAnd, BitOr, Not};

@@ -2,11 +2,11 @@
 
 use super::draw::camera_of;
 use super::{App, Ask, FLY_SPEED, Fly};
-use crate::draw::Lighting;
 use crate::math::camera::Camera;
-use crate::method::plan;
-use crate::method::renderer::Outputs;
-use crate::method::{Culling, Method, Settings, Shading};
+use crate::pack::Lighting;
+use crate::render::frame_plan;
+use crate::render::vulkan::renderer::Outputs;
+use crate::render::{Culling, Method, Settings, Shading};
 use crate::viewer::camera::Orbit;
 use crate::viewer::choices::{self, Choice, others};
 use crate::viewer::control::Control;
@@ -216,7 +216,7 @@ impl App {
             values: false,
         };
         let refuses = |settings: &Settings| {
-            let outcome = plan::check(model, settings, outputs, max_size_px);
+            let outcome = frame_plan::check(model, settings, outputs, max_size_px);
             outcome.err().map(|error| error.to_string())
         };
         let old = &self.settings;

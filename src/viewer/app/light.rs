@@ -1,9 +1,9 @@
 //! The light, and the time that frames are held to: what keys, mouse and panel change of them.
 
 use super::App;
-use crate::draw::Lighting;
 use crate::math::camera::Light;
-use crate::method::Settings;
+use crate::pack::Lighting;
+use crate::render::Settings;
 use crate::viewer::choices::{FRAME_TIMES, others};
 use crate::viewer::control::Control;
 use crate::viewer::lamp::{Around, Change, KINDS, Kind};

@@ -13,7 +13,7 @@
 //! kept agree better; it matters where none is like the coming one.
 
 use super::median;
-use crate::method::costs::{SIZES_PX, SplatCosts, Ways};
+use crate::render::cost::model::{SIZES_PX, SplatCosts, Ways};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 

@@ -1,7 +1,7 @@
 //! The rows of the panel that move the lamp.
 
 use super::Wish;
-use crate::draw::{Lamp, Phong};
+use crate::pack::{Lamp, Phong};
 use crate::viewer::input::Command;
 use crate::viewer::lamp::{Change, FARTHEST, SHININESS, degrees, from_camera};
 use egui::{ComboBox, DragValue, Grid, Slider, Ui};

@@ -2,8 +2,8 @@
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use super::*;
-use crate::draw::{Lamp, Phong};
 use crate::math::camera::Light;
+use crate::pack::{Lamp, Phong};
 use crate::viewer::event::{Key, Modifiers};
 use crate::viewer::input::{KEYS, command};
 use crate::viewer::store::Look;

@@ -4,8 +4,8 @@ use super::{OUTPUTS, Screen};
 use crate::gpu::Error;
 use crate::image::{Accumulator, Image, jittered};
 use crate::math::camera::Camera;
-use crate::method::renderer::{Outputs, Renderer};
-use crate::method::{Method, Settings};
+use crate::render::vulkan::renderer::{Outputs, Renderer};
+use crate::render::{Method, Settings};
 
 /// Samples a pixel, in each direction.
 const SAMPLES_SIDE: u32 = 4;

@@ -1,0 +1,579 @@
+//! From a cut to filtered splats: each patch of surface by its integrals, as the eye sees them.
+//!
+//! A node carries, over its triangles t of area A_t, unit normal n_t and shading normal s_t, the sums A = Σ A_t,
+//! c = Σ A_t p_t / A, N = Σ A_t n_t and Q = Σ A_t (n_t s_tᵀ + s_t n_tᵀ) / 2 ([`crate::tree::Moments`]). From an eye at e,
+//! with w = e - c, v = w / |w|, the depth z along the view direction and the focal length f in pixels:
+//!
+//! * an area element dA of normal n covers f² dA (n·w) / z³ of the picture plane, so a patch that faces the eye
+//!   covers exactly a = f² (N·w) / z³ (up to its depth range); orthographic f² (N·v);
+//! * with light from the direction l, each element has the Lambert value |s·l| and the weight (n·v) that a pixel gives
+//!   it. For light in the eye their mean is (vᵀ Q v) / (N·v); for a parallel headlight about |vᵀ Q l| / (N·v);
+//! * a lamp anywhere else lights only what faces it: max(0, vᵀ Q l) / E, l taken at the centroid, with E from below. The
+//!   mean where all of the patch is seen and lit (then E = N·v). What turns away from the lamp counts as negative: too
+//!   dark. Backs count as lit from the side that is seen. A triangle has max(0, n·l) of its shading normal;
+//! * its highlight is that of the mean normal N, wider and weaker the shorter N is (Toksvig, "Mipmapping Normal Maps",
+//!   Journal of Graphics Tools 10(3), 2005): with L = |N| / A and k = L / (L + s (1 - L)) the exponent s becomes k s and
+//!   the value is multiplied by (1 + k s) / (1 + s).
+//!
+//! **Fronts and backs.** In a patch of both, N·v counts what faces away as negative. The projection of all of it, fronts
+//! and backs, is E = Σ A_t |n_t·v|, and that of the fronts F = (E + N·v) / 2. E is not among the sums; it lies between
+//! vᵀ Q v (as |n·v| <= 1) and √(A vᵀ Q v) (Cauchy and Schwarz), and their mean stands for it, at least |N·v|. F takes the
+//! place of N·v as area, and E as what shades are divided by. A flat patch that faces the eye has F = E = N·v. A patch without normals counts as if it faced the eye
+//! and the light.
+//!
+//! **Kernel.** The area is spread over a rectangle as large as the patch, parallel to the picture: that of a square of the
+//! patch's area in its mean plane, √(1 - x²) of its side wide, x the mean normal's component to the right, and so high
+//! likewise; of a piece of a row that of a rectangle as long as the piece. Each pixel gets the part of it that lies in
+//! it. Patches are no squares, and such rectangles leave gaps. The squares of the first pass, of the threshold's side around
+//! the center, as wide as a node may be, leave none; so what lies in one of them and in no rectangle takes the color of
+//! pixels near by of its part of the surface ([`crate::abi::constants::FILTERED_REACH_PX`]). A leaf larger than the threshold has a rectangle of its own diameter, tilted likewise.
+
+mod patch;
+mod patch_x4;
+mod projection;
+mod screen_groups;
+mod strip_batches;
+mod triangle_patches;
+mod triangle_subdivision;
+
+pub use crate::pack::filtered::projection::FilteredPatch;
+pub use crate::pack::filtered::triangle_subdivision::{
+    FirstLarge, drawn_counts, splat_count, take_triangles,
+};
+
+pub use crate::pack::filtered::screen_groups::ScreenGroups;
+
+use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
+use crate::abi::{FilteredSplat, Vertex};
+use crate::cut::{Cut, StripRun, strip_steps};
+use crate::math::camera::View;
+use crate::math::octahedral;
+use crate::pack::filtered::patch::{Patch, in_pieces, mean_color};
+use crate::pack::filtered::patch_x4::{Four, Size, Slope, Vectors};
+use crate::pack::filtered::projection::Projection;
+use crate::pack::filtered::strip_batches::{Group, RowGroup};
+use crate::pack::filtered::triangle_patches::Triangle;
+use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
+use crate::pack::parallel;
+use crate::pack::parallel::Sink;
+use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::tree::{Leaf, Model, Node, Tree};
+use glam::{Vec3, Vec4};
+use prefetch_index::prefetch_index;
+use std::ops::Range;
+
+/// Depth offset of what is parallel to the picture, in half sides: its neighbors may not be.
+const OFFSET_OF_NEIGHBORS: f32 = 1.0 / 7.0;
+/// Depth offset of a triangle beside others of the angle that its corners have with it, in half sides over the sine.
+const OFFSET_OF_BEND: f32 = 2.0;
+/// Depth offset of the thickness of a patch, in half thicknesses.
+const OFFSET_OF_THICKNESS: f32 = 1.5;
+/// How far below a node it is looked for how the color changes along its row.
+const SLOPE_LEVELS: u32 = 4;
+/// Fewest splats of a row along which the color changes. Shorter rows are many, and the eye does not tell.
+const LEAST_SLOPED: u32 = 4;
+/// The least width of a splat's rectangle.
+const LEAST_EXTENT_PX: f32 = 1.0 / 16.0;
+/// Largest point size that is spent on the spread of a rectangle's edges over pixels.
+const MARGIN_PX: f32 = 2.0;
+
+/// What the weights of a frame depend on besides the model.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shade {
+    /// Side of the square of a node, pixels.
+    pub side_px: f32,
+    /// Largest point that the device draws, pixels.
+    pub max_size_px: f32,
+    /// Draw every triangle as a splat.
+    pub splats_only: bool,
+    /// The view of the cut, where it is not the one that is drawn: nodes are as large as they are allowed to be there.
+    pub cut_view: Option<View>,
+    /// Factor of the depth offset, see [`crate::render::Settings::depth_offset`].
+    pub depth_offset: f32,
+    /// What faces away is dropped; else both sides count.
+    pub cull_back: bool,
+    /// Multiply by vertex colors.
+    pub use_colors: bool,
+    /// What decides the color.
+    pub color_by: ColorBy,
+    /// How surfaces are lit; positions in model space.
+    pub light: Lighting,
+}
+
+/// The part of the frame that every splat needs.
+struct Eye<'a> {
+    tree: &'a Tree,
+    view: &'a View,
+    shade: Shade,
+    /// Pixels of a model unit at distance 1 (perspective), or everywhere.
+    focal_px: f32,
+    /// Distance along the view direction of a point in model units: of its coordinates, and alone.
+    forward: Vec4,
+    projection: Projection,
+    /// Depth offset in half sides.
+    offset_px: f32,
+    /// To the right and up in the picture, unit vectors in model space.
+    right: Vec3,
+    up: Vec3,
+    /// [`falsecolor::depth_range`].
+    depth_range: [f32; 2],
+    /// What surfaces make of the lamp, and the lamp; none with the headlight.
+    lamp: Option<(Phong, Source)>,
+}
+
+impl Eye<'_> {
+    /// The mean shading normal of a patch, zero where there is none.
+    fn normal(&self, patch: &Patch) -> Vec3 {
+        match patch.node {
+            _ if patch.is_bare => Vec3::ZERO,
+            Some(id) => octahedral::decode(self.tree.attributes[id as usize].normal),
+            None => patch.normals.normalize_or_zero(),
+        }
+    }
+
+    /// The factor of the albedo and the highlight of a patch whose fronts and backs cover `both` as seen along `v`.
+    fn in_lamp(
+        &self,
+        phong: &Phong,
+        source: Source,
+        patch: &Patch,
+        center: Vec3,
+        v: Vec3,
+        both: f32,
+    ) -> (f32, f32) {
+        let l = match source {
+            Source::Point(lamp) => (lamp - center.as_dvec3()).normalize_or_zero().as_vec3(),
+            Source::Direction(direction) => direction.as_vec3(),
+        };
+        // Two-sided as it stands: an element of either side is lit when lamp and eye are on the same side of it.
+        let of_second = v.dot(patch.second_moment * l);
+        let length = (patch.normals.length() / patch.area).min(1.0);
+        let mean = patch.normals.normalize_or_zero();
+        let mean = if !self.shade.cull_back && mean.dot(v) < -LEAST_BACK {
+            -mean
+        } else {
+            mean
+        };
+        // Q and N of a triangle have different normals, and their quotient is none.
+        let lambert = if patch.is_triangle {
+            mean.dot(l).max(0.0)
+        } else {
+            (of_second / both).max(0.0)
+        };
+        let cosine = mean.dot((l + v).normalize_or_zero()).clamp(0.0, 1.0);
+        let rise = (mean.dot(l) / FULL_HIGHLIGHT).clamp(0.0, 1.0);
+        let highlight = if rise > 0.0 && cosine > 0.0 {
+            let s = phong.shininess;
+            let k = length / (length + s * (1.0 - length));
+            rise * phong.specular * (1.0 + k * s) / (1.0 + s) * cosine.powf(k * s)
+        } else {
+            0.0
+        };
+        let ambient = phong.ambient;
+        (ambient + (1.0 - ambient) * lambert.min(1.0), highlight)
+    }
+}
+
+/// Splats in a list, with gaps between them.
+#[derive(Debug)]
+pub struct Written {
+    parts: Vec<Range<usize>>,
+    /// For [`filtered::draw`].
+    pub groups: ScreenGroups,
+}
+
+impl Written {
+    /// Moves them together to the start of the list; how many they are.
+    pub fn close_gaps(&self, out: &mut [FilteredSplat]) -> usize {
+        parallel::close_gaps(&self.parts, out)
+    }
+
+    /// How many they are.
+    pub fn count(&self) -> usize {
+        self.parts.iter().map(|part| part.len()).sum()
+    }
+}
+
+/// Writes the splats of a cut, without gaps, and returns how many they are.
+///
+/// # Panics
+/// When `out` is shorter than [`splat_count`].
+pub fn splats(
+    model: &Model,
+    cut: &Cut,
+    first_large: FirstLarge,
+    view: &View,
+    shade: Shade,
+    out: &mut [FilteredSplat],
+) -> usize {
+    write(model, cut, first_large, view, shade, out).close_gaps(out)
+}
+
+/// Writes the splats of a cut and returns where they are.
+///
+/// # Panics
+/// When `out` is shorter than [`splat_count`].
+pub fn write(
+    model: &Model,
+    cut: &Cut,
+    first_large: FirstLarge,
+    view: &View,
+    shade: Shade,
+    out: &mut [FilteredSplat],
+) -> Written {
+    let axis = |row: usize| view.view_from_model.row(row).truncate() / view.model_scale;
+    let eye = Eye {
+        tree: &model.tree,
+        view,
+        shade,
+        focal_px: if view.is_perspective {
+            view.focal_px()
+        } else {
+            view.focal_px() * view.model_scale
+        },
+        forward: -view.view_from_model.row(2) / view.model_scale,
+        projection: Projection::new(view),
+        offset_px: shade.depth_offset,
+        right: axis(0),
+        up: axis(1),
+        depth_range: falsecolor::depth_range(model, view),
+        lamp: match shade.light {
+            Lighting::Headlight => None,
+            Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),
+        },
+    };
+    let of_rows = |rows: &[StripRun]| rows.iter().map(|row| row.count as usize).sum();
+    let (small, large) = cut.leaves.split_at(first_large.index);
+    let of_large = |leaves: &[u32]| {
+        leaves
+            .iter()
+            .map(|&l| pieces(model, l, view, &shade, first_large.halved_px))
+            .sum()
+    };
+    let parts = (cut
+        .nodes
+        .chunks(parallel::PART)
+        .map(|p| (Part::Nodes(p), p.len())))
+    .chain(
+        cut.strips
+            .chunks(parallel::PART)
+            .map(|p| (Part::Rows(p), of_rows(p))),
+    )
+    .chain(
+        small
+            .chunks(parallel::PART)
+            .map(|p| (Part::Leaves(p), p.len())),
+    )
+    .chain(
+        large
+            .chunks(parallel::PART)
+            .map(|p| (Part::Large(p), of_large(p))),
+    );
+    let parts: Vec<(Part<'_>, usize)> = parts.collect();
+    let mut groups: Vec<ScreenGroups> = parts.iter().map(|_| ScreenGroups::default()).collect();
+    let mut first = 0;
+    let jobs = parts.into_iter().zip(&mut groups);
+    let jobs = jobs.map(|((part, size), groups)| {
+        let job = (part, first, groups);
+        first += size;
+        (job, size)
+    });
+    let parts = parallel::write_apart(jobs.collect(), out, |(part, first, groups), sink| {
+        match part {
+            Part::Nodes(ids) => eye.nodes(model, ids, sink),
+            Part::Rows(rows) => eye.rows(model, rows, sink),
+            Part::Leaves(ids) => eye.leaves(model, ids, None, sink),
+            Part::Large(ids) => eye.leaves(model, ids, Some(first_large.halved_px), sink),
+        }
+        // While they are in the cache.
+        groups.add(first, sink.written());
+    });
+    let mut all = ScreenGroups::default();
+    groups.into_iter().for_each(|groups| all.append(groups));
+    Written { parts, groups: all }
+}
+
+/// What one thread writes at a time.
+enum Part<'a> {
+    Nodes(&'a [u32]),
+    Rows(&'a [StripRun]),
+    Leaves(&'a [u32]),
+    /// Leaves above the threshold.
+    Large(&'a [u32]),
+}
+
+impl Eye<'_> {
+    /// The size of a splat that stands for all of a patch no larger than the threshold.
+    fn dense(&self) -> Size {
+        Size {
+            share: Vec4::ONE,
+            is_row: false,
+            step: [Vec4::ZERO; 3],
+            diameter_px: Vec4::splat(self.shade.side_px),
+            is_own: false,
+        }
+    }
+
+    /// The side of a square of the threshold's size at a place, model units.
+    fn side_at(&self, center: Vec3) -> f32 {
+        let z = if self.view.is_perspective {
+            self.view.distance(center).max(0.0) / self.view.model_scale
+        } else {
+            1.0
+        };
+        self.shade.side_px * z / self.focal_px
+    }
+
+    fn nodes(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+        let size = self.dense();
+        let is_cloud = model.is_cloud();
+        for (index, group) in ids.chunks(4).enumerate() {
+            for &next in ids.iter().skip(4 * index + parallel::AHEAD).take(4) {
+                ask_for(model, next);
+            }
+            let four = Four::of_nodes(model, filled(group));
+            if is_cloud && four.has_nothing() {
+                self.points(model, group, sink);
+                continue;
+            }
+            let seen = self.seen(&four);
+            let colors = self.lit(&four, &seen);
+            let patch = |lane: usize| Patch::of_node(model, group[lane]);
+            let group = (&four, &seen, group.len());
+            self.splats(group, &size, &colors, patch, |splat| sink.point(splat));
+        }
+    }
+
+    /// Nodes of a cloud, some of which are points in one place.
+    fn points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+        let size = self.dense();
+        for &id in ids {
+            let (node, attributes) = (
+                &model.tree.nodes[id as usize],
+                &model.tree.attributes[id as usize],
+            );
+            let four = if attributes.area > 0.0 {
+                Four::of_nodes(model, [id; 4])
+            } else {
+                let normal = attributes.has_normal().then(|| attributes.normal());
+                let side = self.side_at(node.center);
+                let patch = Patch::alone(node.center, normal, attributes.color, side);
+                Four::of_points([&patch; 4])
+            };
+            let seen = self.seen(&four);
+            let colors = self.lit(&four, &seen);
+            let patch = |_| Patch::of_node(model, id);
+            self.splats((&four, &seen, 1), &size, &colors, patch, |splat| {
+                sink.point(splat)
+            });
+        }
+    }
+
+    fn rows(&self, model: &Model, rows: &[StripRun], sink: &mut Sink<'_, FilteredSplat>) {
+        let nodes: &[Node] = &model.tree.nodes;
+        // Splats of several rows together, so that no lane is idle.
+        let mut group = RowGroup::default();
+        for (
+            index,
+            &StripRun {
+                node: id, count, ..
+            },
+        ) in rows.iter().enumerate()
+        {
+            if let Some(next) = rows.get(index + 2 * parallel::AHEAD) {
+                ask_for(model, next.node);
+            }
+            if let Some(next) = rows.get(index + parallel::AHEAD)
+                && next.count >= LEAST_SLOPED
+            {
+                let node = &nodes[next.node as usize];
+                if !node.has_leaves() {
+                    ask_for(model, node.first_child);
+                }
+            }
+            let node = &nodes[id as usize];
+            let (start, step) = strip_steps(node, count);
+            let slope = (count >= LEAST_SLOPED && self.is_plain())
+                .then(|| self.slope(model, node))
+                .flatten();
+            if let Some(slope) = &slope {
+                self.row_group(model, &mut group, None, sink);
+                let of_row = Four::of_nodes(model, [id; 4]);
+                let mean = self.lit(&of_row, &self.seen(&of_row));
+                let slope = (slope, &mean, of_row.center);
+                for i in 0..count {
+                    if group.add(id, start + step * i as f32, step, count) {
+                        self.row_group(model, &mut group, Some(slope), sink);
+                    }
+                }
+                self.row_group(model, &mut group, Some(slope), sink);
+            } else {
+                for i in 0..count {
+                    if group.add(id, start + step * i as f32, step, count) {
+                        self.row_group(model, &mut group, None, sink);
+                    }
+                }
+            }
+        }
+        self.row_group(model, &mut group, None, sink);
+    }
+
+    /// Writes what is in the group, and empties it. A slope is that of all of it.
+    fn row_group(
+        &self,
+        model: &Model,
+        group: &mut RowGroup,
+        slope: Option<(&Slope, &Vectors, Vectors)>,
+        sink: &mut Sink<'_, FilteredSplat>,
+    ) {
+        let Some(ids) = group.ids.get(..group.count).filter(|ids| !ids.is_empty()) else {
+            return;
+        };
+        let four = Four::of_nodes(model, filled(ids)).at(group.centers);
+        let seen = self.seen(&four);
+        let colors = match slope {
+            Some((slope, mean, middle)) => slope.from(mean, middle, &four),
+            None => self.lit(&four, &seen),
+        };
+        let size = Size {
+            share: Vec4::from_array(group.shares),
+            is_row: true,
+            step: patch_x4::vectors(group.steps),
+            ..self.dense()
+        };
+        let patch = |lane: usize| Patch::of_node(model, ids[lane]);
+        let splats = (&four, &seen, ids.len());
+        self.splats(splats, &size, &colors, patch, |splat| sink.point(splat));
+        group.count = 0;
+    }
+
+    /// How the color changes along the row of a node: as it does between its children, or where these lie side by side
+    /// (needles do), between theirs.
+    fn slope(&self, model: &Model, node: &Node) -> Option<Slope> {
+        let mut parent = *node;
+        for _ in 0..SLOPE_LEVELS {
+            let (first, count) = (
+                parent.first_child,
+                u32::from(parent.child_count).clamp(1, 4),
+            );
+            let ids = [0, 1, 2, 3].map(|i: u32| first + i.min(count - 1));
+            let four = if !parent.has_leaves() {
+                Four::of_nodes(model, ids)
+            } else if !model.triangles.is_empty() {
+                let triangles = ids.map(|leaf| triangle_of(model, leaf as usize));
+                Four::of_triangles(triangles.each_ref())
+            } else {
+                return None;
+            };
+            let seen = self.seen(&four);
+            let colors = self.lit(&four, &seen);
+            let lanes = seen.lanes & ((1 << count) - 1);
+            let slope = Slope::new((&four, lanes), seen.front, &colors, node);
+            if slope.is_some() || parent.has_leaves() || lanes == 0 {
+                return slope;
+            }
+            parent = model.tree.nodes[(first + lanes.trailing_zeros()) as usize];
+        }
+        None
+    }
+
+    /// Leaves of triangles. Those that are large are drawn in pieces, if they have at most so many pixels; the others with the
+    /// threshold's size.
+    fn leaves(
+        &self,
+        model: &Model,
+        ids: &[u32],
+        halved_px: Option<f32>,
+        sink: &mut Sink<'_, FilteredSplat>,
+    ) {
+        let (view, shade) = (self.view, &self.shade);
+        let Some(&first) = ids.first() else {
+            return;
+        };
+        if model.triangles.is_empty() {
+            return self.leaf_points(model, ids, sink);
+        }
+        let mut group = Group::new(self, triangle_of(model, first as usize));
+        for (index, &leaf) in ids.iter().enumerate() {
+            if let Some(&next) = ids.get(index + parallel::AHEAD) {
+                // Which corners it has was asked for when it was twice as far.
+                for &corner in model.triangles.get(next as usize).into_iter().flatten() {
+                    prefetch_index(&model.vertices, corner as usize);
+                }
+            }
+            if let Some(&next) = ids.get(index + 2 * parallel::AHEAD) {
+                prefetch_index(&model.triangles, next as usize);
+            }
+            let triangle = triangle_of(model, leaf as usize);
+            let Some(halved_px) = halved_px else {
+                group.add(triangle, shade.side_px, false, sink);
+                continue;
+            };
+            let diameter_px = diameter_px(model, leaf, view);
+            let is_own = diameter_px > halved_px.max(shade.side_px);
+            let cuts = cuts(diameter_px, shade, halved_px);
+            let diameter_px = diameter_px / (1 << cuts) as f32;
+            in_pieces(triangle.corners, cuts, &mut |corners| {
+                let piece = Triangle {
+                    corners,
+                    ..triangle
+                };
+                group.add(piece, diameter_px, is_own, sink);
+            });
+        }
+        group.flush(sink);
+    }
+
+    /// Leaves of a cloud.
+    fn leaf_points(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
+        let (view, shade) = (self.view, &self.shade);
+        let leaves: &[Leaf] = &model.tree.leaves;
+        let patch_of = |leaf: u32| {
+            let point = &model.vertices[leaf as usize];
+            match leaves[leaf as usize].radius {
+                radius if radius > 0.0 => Patch::of_point(point, radius),
+                _ => {
+                    let normal = (point.color[3] != 0).then(|| octahedral::decode(point.normal));
+                    let side = self.side_at(point.position);
+                    Patch::alone(point.position, normal, point.color, side)
+                }
+            }
+        };
+        let mut group = Group::new(self, patch_of(ids[0]));
+        for &leaf in ids {
+            let diameter_px = diameter_px(model, leaf, view);
+            let is_own = diameter_px > shade.side_px;
+            group.add(patch_of(leaf), diameter_px.max(shade.side_px), is_own, sink);
+        }
+        group.flush(sink);
+    }
+}
+
+/// A leaf that is a triangle.
+#[inline]
+fn triangle_of(model: &Model, leaf: usize) -> Triangle {
+    let corners = model.triangles[leaf].map(|i| model.vertices[i as usize]);
+    let corner = |v: Vertex| {
+        let is_known = v.color[3] != 0;
+        let normal = is_known.then(|| octahedral::decode(v.normal));
+        (v.position, normal.unwrap_or(Vec3::ZERO))
+    };
+    Triangle {
+        corners: corners.map(corner),
+        color: mean_color(&corners),
+    }
+}
+
+/// Up to four items, the last of them repeated.
+#[inline]
+fn filled(items: &[u32]) -> [u32; 4] {
+    [0, 1, 2, 3].map(|i: usize| items[i.min(items.len() - 1)])
+}
+
+/// Asks for the memory of a node that is written a little later.
+fn ask_for(model: &Model, node: u32) {
+    let (tree, id) = (&model.tree, node as usize);
+    prefetch_index(&*tree.nodes, id);
+    prefetch_index(&*tree.attributes, id);
+    prefetch_index(&*tree.moments, id);
+}

@@ -1,0 +1,416 @@
+//! Which of a frame's primitives compute draws, and which of its splats are points: by what they cost on the device where
+//! that was measured ([`Costs`]), else by rules of thumb of a software device.
+
+use crate::cut::{Cut, StripRun};
+use crate::math::camera::View;
+use crate::pack::Footprint;
+use crate::pack::splats::pixels_of_unit;
+use crate::render::cost::model::{Chosen, Costs, Load, Paths, Pixels};
+use crate::render::frame_plan::{Drawing, LARGEST_HIDDEN_PX};
+use crate::render::screen_bounds;
+use crate::render::vulkan::blended::compute::Share;
+use crate::render::vulkan::opaque::compute::pays;
+use crate::render::{Occlusion, Path, Settings, SplatKind};
+use crate::tree::Model;
+
+/// What a frame asks for, as far as it is known once its cut is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Asked<'a> {
+    pub(crate) settings: &'a Settings,
+    /// What the device charges.
+    pub(crate) costs: Option<Costs>,
+    /// Splats of the cut, hidden ones with them: the picture, to the last bit, must not depend on whether those are left
+    /// out.
+    pub(crate) splats: usize,
+    /// See [`size_px`].
+    pub(crate) size_px: f32,
+    /// Triangles of the cut.
+    pub(crate) triangles: usize,
+    /// The part of the picture that something may be drawn in.
+    pub(crate) rect_px: [u32; 4],
+    /// Width and height of the picture.
+    pub(crate) size: (u32, u32),
+    /// The host draws opaque splats in the place of compute.
+    pub(crate) by_host: bool,
+}
+
+/// Leaves that are looked at for the size of all.
+const SAMPLE: usize = 256;
+
+/// What size the splats of a cut count as, pixels: the threshold, but for opaque ellipses of a cloud, whose points have sizes of
+/// their own. Of these it is the side of their mean square, of a sample; none counts as larger than
+/// compute draws.
+pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: &Cut) -> f32 {
+    let usual = settings.threshold_px.max(1.0);
+    let has_own = model.triangles.is_empty()
+        && Drawing::of(settings) == Drawing::Opaque
+        && settings.footprint() == Footprint::Oriented;
+    let step = cut.leaves.len().div_ceil(SAMPLE);
+    if !has_own || step == 0 {
+        return usual;
+    }
+    let most = crate::render::vulkan::opaque::compute::largest_point_px(settings, None);
+    let (mut sum, mut count) = (0.0, 0.0);
+    for &leaf in cut.leaves.iter().step_by(step) {
+        let sphere = &model.tree.leaves[leaf as usize];
+        let side = 2.0 * sphere.radius * pixels_of_unit(view, sphere.center);
+        // A radius of 0 asks for the usual size.
+        let side = if side > 0.0 { side } else { usual };
+        sum += side.clamp(1.0, most).powi(2);
+        count += 1.0;
+    }
+    let of_strips = StripRun::splats_of(&cut.strips);
+    let (leaves, others) = (
+        cut.leaves.len() as f32,
+        (cut.nodes.len() + of_strips) as f32,
+    );
+    ((leaves * (sum / count) + others * usual.powi(2)) / (leaves + others)).sqrt()
+}
+
+impl Asked<'_> {
+    /// The costs where they may decide: nobody insists on a path.
+    fn deciding(&self) -> Option<&Costs> {
+        self.costs
+            .as_ref()
+            .filter(|_| self.settings.path == Path::Auto)
+    }
+
+    fn pixels(&self) -> Pixels {
+        Pixels {
+            picture: u64::from(self.size.0) * u64::from(self.size.1),
+            of_box: screen_bounds::pixels(self.rect_px),
+        }
+    }
+
+    fn load(&self, splats: u64) -> Load {
+        Load {
+            triangles: self.triangles as u64,
+            splats,
+            size_px: self.size_px,
+            pixels: self.pixels(),
+        }
+    }
+
+    /// The paths of opaque splats and small triangles, in a frame that may be drawn by compute.
+    pub(crate) fn opaque(&self) -> Paths {
+        let settings = self.settings;
+        if self.by_host && self.triangles == 0 {
+            // Nothing is set up, no pass goes over the picture, and nothing is submitted and waited for.
+            return Paths {
+                triangles: Path::Raster,
+                splats: Path::Compute,
+            };
+        }
+        // Where hidden squares are left out by themselves, about one for each pixel of the box is left, at larger sizes fewer.
+        let pixels = screen_bounds::pixels(self.rect_px) as f64;
+        let left = pixels / f64::from(settings.threshold_px.max(1.0));
+        // What an ellipse hides is not looked for.
+        let are_ellipses = settings.footprint() == Footprint::Oriented;
+        let are_left_out = settings.occlusion != Occlusion::Off
+            && !are_ellipses
+            && settings.threshold_px <= LARGEST_HIDDEN_PX[0];
+        let splats = match are_left_out {
+            true => (self.splats as u64).min(left as u64),
+            false => self.splats as u64,
+        };
+        match self
+            .deciding()
+            .and_then(|c| c.opaque_paths(settings.splat, &self.load(splats)))
+        {
+            Some(chosen) => {
+                log("opaque splats and small triangles", &chosen);
+                self.with_samples(chosen.choice)
+            }
+            None => {
+                let path = |count, least| match pays(count, least, self.rect_px, settings) {
+                    true => Path::Compute,
+                    false => Path::Raster,
+                };
+                // Each ellipse saves a software device 130 ns and more, a square 60 to 80.
+                let least = if are_ellipses { 0.0625 } else { 0.125 };
+                let paths = Paths {
+                    triangles: path(self.triangles, 1.0),
+                    splats: path(self.splats, least),
+                };
+                self.log_guess("opaque splats and small triangles", &paths);
+                self.with_samples(paths)
+            }
+        }
+    }
+
+    /// Where the host draws splats it takes small triangles as well, as samples, in less time than handing them over takes: a
+    /// frame without large ones then needs no pass.
+    fn with_samples(&self, paths: Paths) -> Paths {
+        match paths.splats {
+            Path::Compute if self.by_host => Paths {
+                triangles: Path::Compute,
+                ..paths
+            },
+            _ => paths,
+        }
+    }
+
+    /// The path of visibility splats, in a frame that may be drawn by compute.
+    pub(crate) fn visible(&self) -> Path {
+        let load = self.load(self.splats as u64);
+        // What the rasterizer draws beside them it draws either way.
+        let chosen = (self.deciding())
+            .and_then(|costs| costs.blended_path(SplatKind::Visibility, &load, (false, false)));
+        match chosen {
+            Some(chosen) => {
+                log("visibility splats", &chosen);
+                chosen.choice
+            }
+            None => {
+                // Each splat saves a software device 250 ns and more, a pixel of the box costs it some 20.
+                let path = match pays(self.splats, 0.0625, self.rect_px, self.settings) {
+                    true => Path::Compute,
+                    false => Path::Raster,
+                };
+                self.log_guess("visibility splats", &path);
+                path
+            }
+        }
+    }
+
+    /// What compute draws of blended splats beside `others` that are rasterized; `has_large`: splats may be too large.
+    pub(crate) fn blended(&self, others: usize, has_large: bool) -> Share {
+        let kind = match Drawing::of(self.settings) {
+            Drawing::Filtered => SplatKind::Filtered,
+            _ => SplatKind::Gauss,
+        };
+        let chosen = self.deciding().and_then(|costs| {
+            costs.blended_path(
+                kind,
+                &self.load(self.splats as u64),
+                (others > 0, has_large),
+            )
+        });
+        match chosen {
+            Some(chosen) => {
+                log("blended splats", &chosen);
+                match (chosen.choice, has_large) {
+                    (Path::Compute, true) => Share::Small,
+                    (Path::Compute, false) => Share::All,
+                    _ => Share::Nothing,
+                }
+            }
+            None => {
+                let counts = (self.splats, others);
+                let share = Share::of(self.settings, counts, has_large, self.rect_px);
+                self.log_guess("blended splats by compute", &share);
+                share
+            }
+        }
+    }
+
+    /// The same where compute draws the small triangles too, so that little is left to the rasterizer. They are not priced:
+    /// by compute they cost a third of what they cost otherwise, wherever that pays for splats.
+    pub(crate) fn all_blended(&self, has_large: bool) -> Share {
+        if self.deciding().is_some() {
+            return self.blended(0, has_large);
+        }
+        // The passes over the picture are there for splats and triangles alike.
+        let all = self.splats + self.triangles;
+        match pays(all, 0.125, self.rect_px, self.settings) {
+            true => Share::of_all(has_large),
+            false => Share::Nothing,
+        }
+    }
+
+    fn log_guess(&self, what: &str, choice: &impl std::fmt::Debug) {
+        if self.settings.path == Path::Auto {
+            tracing::debug!("{what}: {choice:?}, by rule of thumb: not measured on this device");
+        }
+    }
+}
+
+fn log<T: std::fmt::Debug>(what: &str, chosen: &Chosen<T>) {
+    let Chosen {
+        choice,
+        raster_ns,
+        compute_ns,
+    } = chosen;
+    tracing::debug!(
+        "{what}: {choice:?}, as measured on this device: {:.2} ms by the rasterizer, {:.2} ms by compute",
+        raster_ns / 1e6,
+        compute_ns / 1e6
+    );
+}
+
+/// The largest splat that the rasterizer draws as a point, pixels: what the device allows (`device_px`), or less where quads
+/// are cheaper below that.
+pub(crate) fn largest_point_px(costs: &Costs, settings: &Settings, device_px: f32) -> f32 {
+    match Drawing::of(settings) {
+        Drawing::Opaque | Drawing::Fuzzy => {}
+        // Filtered splats have no quads. Behind quads of visibility splats all of the picture is reconstructed.
+        Drawing::Filtered | Drawing::Visibility | Drawing::Nothing => return device_px,
+    }
+    match costs.largest_point_px() {
+        Some(px) if px < device_px => {
+            tracing::debug!("splats above {px:.1} px are quads, as measured on this device");
+            px
+        }
+        _ => device_px,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
+    use super::*;
+    use crate::generate::{self, Shape, Spec};
+    use crate::render::cost::model::{PassCosts, SplatCosts, TriangleCosts, Ways};
+
+    /// A million splats in 100,000 pixels: at 10 ns more for each by the rasterizer and 5 ms more for the frame by compute.
+    #[test]
+    fn all_ellipses_count_and_of_squares_those_that_are_seen() {
+        let passes = PassCosts {
+            frame_ns: 5e6,
+            ..PassCosts::default()
+        };
+        let splats = |ns, passes| SplatCosts {
+            splat_ns: [ns; 3],
+            passes,
+        };
+        let kind = Some(Ways {
+            raster: Some(splats(11.0, PassCosts::default())),
+            compute: Some(splats(1.0, passes)),
+        });
+        let triangles = TriangleCosts {
+            triangle_ns: 1.0,
+            passes: PassCosts::default(),
+        };
+        let costs = Costs {
+            square: kind,
+            ellipse: kind,
+            triangle: Some(Ways {
+                raster: Some(triangles),
+                compute: None,
+            }),
+            ..Costs::default()
+        };
+        let path = |splat, costs| {
+            let settings = Settings {
+                splat,
+                path: Path::Auto,
+                threshold_px: 1.0,
+                ..Settings::default()
+            };
+            let asked = Asked {
+                settings: &settings,
+                costs: Some(costs),
+                splats: 1_000_000,
+                size_px: 1.0,
+                triangles: 0,
+                rect_px: [0, 0, 500, 200],
+                size: (500, 500),
+                by_host: false,
+            };
+            asked.opaque().splats
+        };
+        assert_eq!(path(SplatKind::Ellipse, costs), Path::Compute);
+        assert_eq!(path(SplatKind::Square, costs), Path::Raster);
+        assert_eq!(path(SplatKind::Disc, costs), Path::Raster);
+        // Each kind by its own costs.
+        let mut cheap = costs;
+        cheap.ellipse = cheap.ellipse.map(|ways| Ways {
+            raster: Some(splats(1.0, PassCosts::default())),
+            ..ways
+        });
+        assert_eq!(path(SplatKind::Ellipse, cheap), Path::Raster);
+        // Whatever was measured, the host has no passes.
+        let splats = |triangles, by_host| {
+            let settings = Settings {
+                path: Path::Auto,
+                ..Settings::default()
+            };
+            let asked = Asked {
+                settings: &settings,
+                costs: Some(cheap),
+                splats: 10,
+                size_px: 1.0,
+                triangles,
+                rect_px: [0, 0, 500, 200],
+                size: (500, 500),
+                by_host,
+            };
+            asked.opaque().splats
+        };
+        assert_eq!(splats(0, true), Path::Compute);
+        assert_eq!(splats(0, false), Path::Raster);
+        assert_eq!(splats(5, true), Path::Raster);
+    }
+
+    #[test]
+    fn a_host_that_draws_splats_takes_small_triangles_too() {
+        let paths = |splats, by_host| {
+            let asked = Asked {
+                settings: &Settings::default(),
+                costs: None,
+                splats,
+                size_px: 1.0,
+                triangles: 5,
+                rect_px: [0, 0, 500, 200],
+                size: (500, 500),
+                by_host,
+            };
+            let Paths { triangles, splats } = asked.opaque();
+            [triangles, splats]
+        };
+        assert_eq!(paths(1_000_000, false), [Path::Raster, Path::Compute]);
+        assert_eq!(paths(1_000_000, true), [Path::Compute; 2]);
+        assert_eq!(paths(10, true), [Path::Raster; 2]);
+    }
+
+    #[test]
+    fn ellipses_of_a_cloud_count_as_large_as_they_are() {
+        let points = (0..1600).map(|i| (i % 40, i / 40));
+        let spec = Spec::with_triangles(Shape::Square, 2_000).unwrap();
+        let mut mesh = generate::mesh(&spec);
+        mesh.triangles.clear();
+        mesh.normals.clear();
+        mesh.colors.clear();
+        mesh.positions = points
+            .map(|(x, y)| glam::Vec3::new(x as f32, y as f32, 0.0))
+            .collect();
+        let options = crate::tree::BuildOptions::default();
+        let model = crate::tree::build(mesh, &options, &crate::progress::Silent).unwrap();
+        let at = model.origin + glam::DVec3::new(0.0, 0.0, 1000.0);
+        let camera = crate::math::camera::Camera::look_at(
+            (500, 500),
+            at,
+            model.origin,
+            glam::DVec3::Y,
+            2.0 * 0.05f64.atan(),
+            (1.0, 2000.0),
+        );
+        let view = camera.view(model.origin).unwrap();
+        let size = |splat, threshold_px, cut: &Cut| {
+            let settings = Settings {
+                splat,
+                threshold_px,
+                ..Settings::default()
+            };
+            size_px(&settings, (&model, &view), cut)
+        };
+        let mut cut = Cut {
+            leaves: (0..1600).collect(),
+            ..Cut::default()
+        };
+        // 5 pixels of a unit: 100 units are 500.
+        let squares = model.tree.leaves.iter().map(|l| (10.0 * l.radius).powi(2));
+        let wanted = (squares.sum::<f32>() / 1600.0).sqrt();
+        let found = size(SplatKind::Ellipse, 2.0, &cut);
+        assert!(wanted > 4.0, "{wanted}");
+        assert!((found - wanted).abs() < 0.05 * wanted, "{found}, {wanted}");
+        assert_eq!(size(SplatKind::Square, 2.0, &cut), 2.0);
+        // As many nodes beside them.
+        cut.nodes = vec![0; 1600];
+        let both = size(SplatKind::Ellipse, 2.0, &cut);
+        let wanted = ((found * found + 4.0) / 2.0).sqrt();
+        assert!((both - wanted).abs() < 0.01, "{both}, {wanted}");
+        assert_eq!(size(SplatKind::Ellipse, 2.0, &Cut::default()), 2.0);
+    }
+}

@@ -1,0 +1,192 @@
+//! Small filtered splats and the triangles beside them by the host, for software devices: what passes filtered.depth and
+//! filtered.blend leave in storage.
+//!
+//! A software device is the host itself, in a roundabout way: it goes through the lanes of each write one by one, locks
+//! what two threads might write, and reads each record twice. Here the picture is cut into bands of rows, each the job of
+//! one thread from beginning to end, so nothing is locked: a band is emptied, then the nearest pushed depth of each pixel is
+//! found, then deposits are added where that does not hide them. What is left is the same to the bit as what the shaders
+//! leave (`shaders/filtered/depth.comp`, `shaders/filtered/blend.comp`), which have the rules: a pixel's maximum and sums
+//! of whole numbers do not depend on any order, and each number is made by the same operations. Of triangles ([`Triangles`]) the
+//! last place of a shade may be another one.
+
+mod blend;
+mod depth;
+mod splat_block;
+#[cfg(test)]
+mod tests;
+
+pub use crate::render::cpu::triangles::{Light, Triangles};
+
+use crate::abi::constants::FILTERED_TILE_PX;
+use crate::abi::{FilteredSplat, Vertex};
+use crate::pack::filtered::ScreenGroups;
+use crate::pack::parallel;
+use crate::render::cpu::filtered::splat_block::Blocks;
+use fearless_simd::{Level, Simd, dispatch};
+
+/// Rows of a band: whole tiles.
+const BAND_PX: u32 = 4 * FILTERED_TILE_PX;
+/// The part of a picture that is drawn in, and what of it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Canvas {
+    /// Left, top, and one past right and bottom, pixels.
+    pub rect_px: [u32; 4],
+    /// Red, green and blue are the same in every splat.
+    pub is_gray: bool,
+}
+
+impl Canvas {
+    pub(crate) fn width(&self) -> usize {
+        (self.rect_px[2] - self.rect_px[0]) as usize
+    }
+
+    /// How many pixels it has.
+    pub fn pixels(&self) -> usize {
+        self.width() * (self.rect_px[3] - self.rect_px[1]) as usize
+    }
+
+    /// Words of the sums of a pixel, see `shaders/common/fixed_sums.glsl`.
+    pub fn words(&self) -> usize {
+        if self.is_gray { 2 } else { 4 }
+    }
+}
+
+/// One band of the picture.
+pub(crate) struct Band<'a> {
+    /// First row and one past the last.
+    pub(crate) rows: [u32; 2],
+    pub(crate) front: &'a mut [u32],
+    pub(crate) sums: &'a mut [u64],
+    tiles: Vec<[f32; 2]>,
+}
+
+/// What is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct List<'a> {
+    /// With gaps.
+    pub splats: &'a [FilteredSplat],
+    /// Of these splats, those that are drawn, all no larger than [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX).
+    pub groups: &'a ScreenGroups,
+    /// Corners of triangles.
+    pub vertices: &'a [Vertex],
+    /// Of a model with these vertices.
+    pub triangles: &'a Triangles,
+}
+
+/// Draws a list. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the
+/// first so many words, see [`Canvas::pixels`] and [`Canvas::words`]. `tiles` become the centers of the squares of
+/// [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit in them.
+///
+/// # Panics
+/// When `front` or `sums` is shorter than that, `groups` are of another list, or some splats are too large; when triangles were
+/// set up for another part of the picture.
+pub fn draw(
+    list: List<'_>,
+    canvas: Canvas,
+    front: &mut [u32],
+    sums: &mut [u64],
+    tiles: &mut Vec<[f32; 2]>,
+) {
+    draw_by(Level::new(), list, canvas, (front, sums), tiles);
+}
+
+/// The same by vectors of a level.
+fn draw_by(
+    level: Level,
+    list: List<'_>,
+    canvas: Canvas,
+    (front, sums): (&mut [u32], &mut [u64]),
+    tiles: &mut Vec<[f32; 2]>,
+) {
+    assert!(list.groups.are_small(), "large splats are the rasterizer's");
+    assert!(list.triangles.are_of(&canvas), "they are of another part");
+    let mut bands = bands(canvas, front, sums);
+    let many = list.splats.len() + list.triangles.count();
+    parallel::share(many, bands.iter_mut(), |band| {
+        dispatch!(level, simd => if canvas.is_gray {
+            draw_band::<_, true>(simd, &list, &canvas, band)
+        } else {
+            draw_band::<_, false>(simd, &list, &canvas, band)
+        });
+    });
+    tiles.clear();
+    tiles.extend(bands.iter().flat_map(|band| &band.tiles));
+}
+
+/// The bands of a canvas, which begin at whole multiples of their height.
+fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) -> Vec<Band<'a>> {
+    let [_, top, _, bottom] = canvas.rect_px;
+    let mut bands = Vec::new();
+    let mut first = top;
+    while first < bottom {
+        let end = ((first / BAND_PX + 1) * BAND_PX).min(bottom);
+        let pixels = (end - first) as usize * canvas.width();
+        let own;
+        (own, front) = front.split_at_mut(pixels);
+        let own_sums;
+        (own_sums, sums) = sums.split_at_mut(pixels * canvas.words());
+        bands.push(Band {
+            rows: [first, end],
+            front: own,
+            sums: own_sums,
+            tiles: Vec::new(),
+        });
+        first = end;
+    }
+    bands
+}
+
+#[inline(always)]
+fn draw_band<S: Simd, const GRAY: bool>(
+    simd: S,
+    list: &List<'_>,
+    canvas: &Canvas,
+    band: &mut Band<'_>,
+) {
+    band.front.fill(0);
+    band.sums.fill(0);
+    list.triangles.leave_depths(canvas, band);
+    let [first, end] = band.rows;
+    let near: Vec<&[FilteredSplat]> = list.groups.in_rows(list.splats, [first, end]).collect();
+    let mut blocks = Blocks::of(&near);
+    while let Some(block) = blocks.next() {
+        depth::draw(simd, &block, canvas, band);
+    }
+    let mut blocks = Blocks::of(&near);
+    while let Some(block) = blocks.next() {
+        blend::draw::<S, GRAY>(simd, &block, canvas, band);
+    }
+    list.triangles.blend(list.vertices, canvas, band);
+    find_tiles::<GRAY>(canvas, band);
+}
+
+/// The tiles of a band that have anything in them.
+#[inline(always)]
+fn find_tiles<const GRAY: bool>(canvas: &Canvas, band: &mut Band<'_>) {
+    let words = if GRAY { 2 } else { 4 };
+    let (width, tile) = (canvas.width(), FILTERED_TILE_PX as usize);
+    let [left, _, right, _] = canvas.rect_px;
+    let first_tile = left / FILTERED_TILE_PX;
+    let tiles = right.div_ceil(FILTERED_TILE_PX) - first_tile;
+    let (mut row, end) = (band.rows[0], band.rows[1]);
+    while row < end {
+        let below = ((row / FILTERED_TILE_PX + 1) * FILTERED_TILE_PX).min(end);
+        for column in first_tile..first_tile + tiles {
+            let x = (column * FILTERED_TILE_PX).max(left) - left;
+            let end_x = ((column + 1) * FILTERED_TILE_PX).min(right) - left;
+            let has_any = (row..below).any(|y| {
+                let at = (y - band.rows[0]) as usize * width;
+                let (first, last) = (at + x as usize, at + end_x as usize);
+                let front = band.front[first..last].iter().fold(0, |a, b| a | b);
+                let sums = &band.sums[words * first..words * last];
+                front != 0 || sums.iter().fold(0, |a, b| a | b) != 0
+            });
+            if has_any {
+                let center = |i: u32| (i * FILTERED_TILE_PX) as f32 + 0.5 * tile as f32;
+                band.tiles
+                    .push([center(column), center(row / FILTERED_TILE_PX)]);
+            }
+        }
+        row = below;
+    }
+}

@@ -1,0 +1,7 @@
+//! The fast renderer of the processor: opaque squares and discs, filtered splats and triangles, by vectors as wide as the
+//! processor has them.
+
+pub mod filtered;
+pub mod opaque;
+pub mod small_triangles;
+pub(crate) mod triangles;

@@ -1,0 +1,190 @@
+//! Where splats are is found part by part; then the picture is drawn band by band.
+
+use crate::abi::Splat;
+use crate::pack::parallel;
+use crate::render::cpu::opaque::band_raster::Fronts;
+use crate::render::cpu::opaque::splat_bounds;
+use crate::render::cpu::opaque::splat_bounds::{Finding, Found, GROUP, Group, Pixels, Round};
+use crate::render::cpu::opaque::{Frame, Look, Picture, Source};
+use fearless_simd::{Level, dispatch};
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// Rows of a band.
+pub(super) const BAND_PX: usize = 32;
+
+/// The bit that keys of splats do not have, see `shaders/common/list.glsl`.
+pub(super) const SPLAT_BIT: u32 = 1 << 31;
+
+/// Where splats are, and which of them are seen; kept from frame to frame for its memory.
+#[derive(Debug, Default)]
+pub struct Places {
+    pub(super) pixels: Pixels,
+    rounds: Vec<Round>,
+    groups: Vec<Group>,
+    pub(super) seen: Vec<AtomicU8>,
+    bands: Vec<Fronts>,
+}
+
+/// Splats of one look, and where they are.
+pub(super) struct Placed<'a> {
+    /// Number of the first in the list.
+    pub(super) first: u32,
+    pub(super) pixels: Found<'a>,
+    /// Of discs, else empty.
+    pub(super) rounds: &'a [Round],
+    pub(super) groups: &'a [Group],
+    /// All are squares of a pixel.
+    pub(super) are_samples: bool,
+}
+
+/// Parts of what is drawn, each with its number of splats, all of one look; and the squares of a pixel that come after them.
+pub(super) type List<'a> = (Vec<(Source<'a>, usize)>, Look, &'a [Splat]);
+
+/// What is known before anything is drawn.
+#[derive(Clone, Copy)]
+pub(super) enum Known {
+    /// Where splats are. Instead of a color pixels get what compute has in its keys, of the number in the list, and which
+    /// splats are seen is marked.
+    Places,
+    /// What they look like as well.
+    Colors,
+}
+
+/// Draws splats, by vectors of a level.
+pub(super) fn draw_by(
+    level: Level,
+    (own, look, sampled): List<'_>,
+    (screen, light): Frame<'_>,
+    known: Known,
+    (places, picture): (&mut Places, Picture<'_>),
+) {
+    let own_count: usize = own.iter().map(|part| part.1).sum();
+    let count = own_count + sampled.len();
+    let sampled = sampled.chunks(parallel::PART);
+    let sampled: Vec<_> = sampled
+        .map(|part| (Source::List(part), part.len()))
+        .collect();
+    let groups_of = |parts: &[(Source<'_>, usize)]| -> usize {
+        parts.iter().map(|part| part.1.div_ceil(GROUP)).sum()
+    };
+    let own_groups = groups_of(&own);
+    let group_count = own_groups + groups_of(&sampled);
+    // What is not written below is not read either.
+    let mut pixels = places.pixels.first(count);
+    places
+        .groups
+        .resize(group_count.max(places.groups.len()), Group::default());
+    if look.are_discs {
+        places
+            .rounds
+            .resize(own_count.max(places.rounds.len()), Round::default());
+    }
+    places
+        .seen
+        .resize_with(own_count.max(places.seen.len()), AtomicU8::default);
+    for seen in &mut places.seen[..own_count] {
+        *seen.get_mut() = 0;
+    }
+    let (mut own_pixels, mut sampled_pixels) = (pixels.split(own_count), pixels);
+    let (own_group, sampled_group) = places.groups[..group_count].split_at_mut(own_groups);
+    let own_rounds = match look.are_discs {
+        true => &mut places.rounds[..own_count],
+        false => &mut [],
+    };
+    let is_one_pixel = !look.are_discs && look.has_one_size && screen.size_px <= 1.0;
+    let of_samples = Look {
+        are_discs: false,
+        has_one_size: true,
+    };
+    place_all(
+        level,
+        (screen, light),
+        (own, look, is_one_pixel),
+        (&mut own_pixels, own_rounds, own_group),
+    );
+    place_all(
+        level,
+        (screen, light),
+        (sampled, of_samples, true),
+        (&mut sampled_pixels, &mut [], sampled_group),
+    );
+    let lists = [
+        Placed {
+            first: 0,
+            pixels: own_pixels.found(),
+            rounds: own_rounds,
+            groups: own_group,
+            are_samples: is_one_pixel,
+        },
+        Placed {
+            first: own_count as u32,
+            pixels: sampled_pixels.found(),
+            rounds: &[],
+            groups: sampled_group,
+            are_samples: true,
+        },
+    ];
+    let seen = &places.seen[..own_count];
+    let width = screen.width();
+    if width == 0 {
+        return;
+    }
+    let bands = picture.bands(screen);
+    places.bands.resize_with(bands.len(), Fronts::default);
+    let bands = bands.enumerate().zip(&mut places.bands);
+    let has_colors = matches!(known, Known::Colors);
+    parallel::share(count, bands, |((number, mut picture), fronts)| {
+        let first_row = number * BAND_PX;
+        let rows = picture.depths.len() / width;
+        let mut band = fronts.band(width, [first_row, first_row + rows]);
+        dispatch!(level, simd => {
+            for list in &lists {
+                band.draw(simd, list, has_colors);
+            }
+            band.write(simd, light.background, &mut picture);
+        });
+        if !has_colors {
+            mark(&picture, width, seen);
+        }
+    });
+}
+
+/// Marks those of the first splats of a list that are the nearest somewhere.
+fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
+    let mut last = u32::MAX;
+    for &color in picture.shown(width) {
+        let number = !color & !SPLAT_BIT;
+        if number != last
+            && let Some(seen) = seen.get(number as usize)
+        {
+            seen.store(1, Ordering::Relaxed);
+        }
+        last = number;
+    }
+}
+
+/// Finds where splats are, part by part.
+fn place_all(
+    level: Level,
+    frame: Frame<'_>,
+    (parts, look, is_one_pixel): (Vec<(Source<'_>, usize)>, Look, bool),
+    (pixels, mut rounds, mut groups): (&mut Finding<'_>, &mut [Round], &mut [Group]),
+) {
+    let mut rest = pixels.again();
+    let mut count = 0;
+    let jobs: Vec<_> = parts
+        .into_iter()
+        .map(|(source, size)| {
+            let (round, group);
+            let rounded = if look.are_discs { size } else { 0 };
+            (round, rounds) = std::mem::take(&mut rounds).split_at_mut(rounded);
+            (group, groups) = std::mem::take(&mut groups).split_at_mut(size.div_ceil(GROUP));
+            let first = count as u32;
+            count += size;
+            (source, first, (rest.split(size), round, group))
+        })
+        .collect();
+    parallel::share(count, jobs.into_iter(), |(source, first, out)| {
+        splat_bounds::part(level, frame, (source, look, is_one_pixel), first, out);
+    });
+}

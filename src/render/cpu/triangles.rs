@@ -1,0 +1,404 @@
+//! Triangles beside the splats, of any size: what passes filtered.depth and filtered.blend make of them, by compute
+//! (`shaders/compute/depth_triangles.comp`, `shaders/compute/blend_triangles.comp`) and by the rasterizer.
+//!
+//! Which pixels a triangle covers, and at which depth, is found by the same operations as in
+//! `shaders/common/vertex_record.glsl`, so the front is the same to the bit. Of its shade the last places may be others: a
+//! shader's root need not be exact.
+
+use crate::abi::constants::{
+    COARSE_STEPS, FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL,
+    FLAG_COLOR_BY_PRIMITIVE, FLAG_PARALLEL_LIGHT, FLAG_PHONG, FLAG_TWO_SIDED, FLAG_USE_COLORS,
+};
+use crate::abi::{FrameConstants, Vertex};
+use crate::math::octahedral;
+use crate::pack::{ALBEDO, parallel};
+use crate::render::cpu::filtered::{Band, Canvas};
+use crate::render::cpu::small_triangles::Screen;
+use crate::tree::Model;
+use glam::{Mat3, Vec2, Vec3};
+use prefetch_index::prefetch_index;
+
+/// What triangles are tinted with when coloring by primitive.
+const TINT: Vec3 = Vec3::new(0.2, 0.35, 1.0);
+
+/// Corners farther out, 16,384 pixels, are the device's. Up to there a sum with [`WHOLE`] has no places behind the point, and
+/// is rounded to even.
+const MOST_STEPS: f32 = (1 << 22) as f32;
+const WHOLE: f32 = 3.0 * MOST_STEPS;
+
+/// Triangles whose rows are known together. They lie near each other, in the order of the tree.
+const GROUP: usize = 16;
+
+/// How far ahead of a triangle the memory of another one is asked for: first its corners, then their vertices.
+const AHEAD: usize = 2 * parallel::AHEAD;
+
+/// The headlight of a frame, and where the device places corners.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Light {
+    screen: Screen,
+    /// From model to view space.
+    turn: Mat3,
+    /// As [`FrameConstants::ray_scale`] and `ray_offset`.
+    ray_scale: Vec2,
+    ray_offset: Vec2,
+    is_parallel: bool,
+    is_two_sided: bool,
+    /// Of white; and whether surfaces have colors of their own.
+    albedo: Vec3,
+    has_colors: bool,
+}
+
+impl Light {
+    /// That of a frame; none where it shows data, or has a lamp, which is the device's.
+    pub fn new(frame: &FrameConstants, screen: Screen) -> Option<Self> {
+        const OTHERS: u32 =
+            FLAG_PHONG | FLAG_COLOR_BY_LEVEL | FLAG_COLOR_BY_NORMAL | FLAG_COLOR_BY_DEPTH;
+        let has = |flag: u32| frame.flags & flag != 0;
+        let is_tinted = has(FLAG_COLOR_BY_PRIMITIVE);
+        let [x, y, z, _] = frame.view_from_model;
+        let column = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
+        (!has(OTHERS)).then(|| Self {
+            screen,
+            turn: Mat3::from_cols(column(x), column(y), column(z)),
+            ray_scale: frame.ray_scale.into(),
+            ray_offset: frame.ray_offset.into(),
+            is_parallel: has(FLAG_PARALLEL_LIGHT),
+            is_two_sided: has(FLAG_TWO_SIDED),
+            albedo: if is_tinted {
+                ALBEDO * TINT
+            } else {
+                Vec3::splat(ALBEDO)
+            },
+            has_colors: has(FLAG_USE_COLORS) && !is_tinted,
+        })
+    }
+}
+
+/// A triangle that may cover a center of a pixel, clockwise in the picture.
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    /// The first corner, steps of 1/256 pixel from the corner of the picture, and the others from there.
+    origin: [i32; 2],
+    others: [[i32; 2]; 2],
+    /// Reversed depth and 1 / w of the corners, and which vertices they are.
+    depth: Vec3,
+    inverse_w: Vec3,
+    corners: [u32; 3],
+    /// Pixels that it may cover: left, top, and one past right and bottom.
+    pixels: [u32; 4],
+}
+
+/// The triangles of a cut, as [`crate::render::cpu::filtered::draw`] draws them; none by default. Memory is kept from cut to cut.
+#[derive(Debug, Default)]
+pub struct Triangles {
+    /// None where there are no triangles, or others are the device's.
+    light: Option<Light>,
+    parts: Vec<Part>,
+}
+
+/// What one thread sets up.
+#[derive(Debug, Default)]
+struct Part {
+    faces: Vec<Face>,
+    /// The first row that those of each [`GROUP`] may cover, and one past the last.
+    rows: Vec<[u32; 2]>,
+    /// No triangle was the device's.
+    is_whole: bool,
+}
+
+impl Triangles {
+    /// Becomes those with these ids in the light of a frame, and says whether it could: none of them is cut by the near or the far
+    /// plane or reaches farther out than any picture, which is the device's to clip. Else there are none.
+    #[must_use]
+    pub fn set(&mut self, model: &Model, ids: &[u32], light: Option<Light>) -> bool {
+        self.parts
+            .resize_with(ids.len().div_ceil(parallel::PART), Part::default);
+        self.light = light;
+        let could = match &self.light {
+            Some(light) => {
+                let jobs = ids.chunks(parallel::PART).zip(&mut self.parts);
+                parallel::share(ids.len(), jobs, |(ids, part)| {
+                    part.is_whole = light.fill(part, model, ids).is_some();
+                });
+                self.parts.iter().all(|part| part.is_whole)
+            }
+            None => ids.is_empty(),
+        };
+        if !could {
+            self.parts.clear();
+        }
+        could
+    }
+
+    /// How many may cover a pixel.
+    pub fn count(&self) -> usize {
+        self.parts.iter().map(|part| part.faces.len()).sum()
+    }
+
+    /// Whether they are of this part of a picture.
+    pub(super) fn are_of(&self, canvas: &Canvas) -> bool {
+        (self.light).is_none_or(|light| light.screen.rect_px() == canvas.rect_px)
+    }
+
+    /// Those of a band.
+    fn near(&self, rows: [u32; 2]) -> impl Iterator<Item = &Face> {
+        let are_near = move |[first, end]: [u32; 2]| first < rows[1] && end > rows[0];
+        let groups = (self.parts.iter()).flat_map(|part| part.faces.chunks(GROUP).zip(&part.rows));
+        let near = groups.filter(move |(_, rows)| are_near(**rows));
+        near.flat_map(|(faces, _)| faces)
+            .filter(move |face| are_near(face.rows()))
+    }
+
+    /// Leaves their depths in the pixels that they cover.
+    pub(super) fn leave_depths(&self, canvas: &Canvas, band: &mut Band<'_>) {
+        for face in self.near(band.rows) {
+            face.for_each_pixel(band.rows, |[x, y], weights| {
+                let depth = face.depth_at(weights).to_bits();
+                let at = canvas.index(band.rows, [x, y]);
+                band.front[at] = band.front[at].max(depth);
+            });
+        }
+    }
+
+    /// Adds their shades with weight 1 where nothing hides them.
+    pub(super) fn blend(&self, vertices: &[Vertex], canvas: &Canvas, band: &mut Band<'_>) {
+        let Some(light) = &self.light else { return };
+        for face in self.near(band.rows) {
+            // Most are hidden, or share what they are like with no other pixel.
+            let mut surface = None;
+            face.for_each_pixel(band.rows, |[x, y], weights| {
+                let at = canvas.index(band.rows, [x, y]);
+                if band.front[at] > face.depth_at(weights).to_bits() {
+                    return;
+                }
+                let surface = surface.get_or_insert_with(|| Surface::of(face, vertices, light));
+                let color = light.shade(surface, [x, y], weights * face.inverse_w);
+                let [red, green, blue] = color.to_array().map(in_steps);
+                let weight = in_steps(1.0);
+                let words = canvas.words();
+                let sums = &mut band.sums[words * at..][..words];
+                if canvas.is_gray {
+                    sums[0] += red | weight << 32;
+                } else {
+                    sums[0] += red | green << 32;
+                    sums[1] += blue | weight << 32;
+                }
+            });
+        }
+    }
+}
+
+/// In whole steps of the sums of large weights.
+fn in_steps(value: f32) -> u64 {
+    u64::from((value * COARSE_STEPS + 0.5) as u32)
+}
+
+impl Canvas {
+    /// Where a pixel lies in a band that begins at a row.
+    fn index(&self, [first, _]: [u32; 2], [x, y]: [u32; 2]) -> usize {
+        (y - first) as usize * self.width() + (x - self.rect_px[0]) as usize
+    }
+}
+
+impl Face {
+    fn rows(&self) -> [u32; 2] {
+        [self.pixels[1], self.pixels[3]]
+    }
+
+    /// Calls `visit` for all pixels of some rows whose centers the triangle covers, with the weights of the corners in the
+    /// window.
+    #[inline]
+    fn for_each_pixel(&self, rows: [u32; 2], mut visit: impl FnMut([u32; 2], Vec3)) {
+        let [second, third] = self.others.map(|corner| corner.map(i64::from));
+        let area = (second[0] * third[1] - second[1] * third[0]) as f32;
+        let [left, top, right, bottom] = self.pixels;
+        let (top, bottom) = (top.max(rows[0]), bottom.min(rows[1]));
+        let center =
+            |pixel: u32, axis: usize| 256 * i64::from(pixel) + 128 - i64::from(self.origin[axis]);
+        let first = [center(left, 0), center(top, 1)];
+        let edges = [
+            Edge::new(second, third, first),
+            Edge::new(third, [0; 2], first),
+            Edge::new([0; 2], second, first),
+        ];
+        let mut starts = edges.map(|edge| edge.first);
+        for y in top..bottom {
+            let [mut a, mut b, mut c] = starts;
+            let mut was_inside = false;
+            for x in left..right {
+                // None is below its least value.
+                if (a - edges[0].least) | (b - edges[1].least) | (c - edges[2].least) >= 0 {
+                    visit([x, y], Vec3::new(a as f32, b as f32, c as f32) / area);
+                    was_inside = true;
+                } else if was_inside {
+                    break;
+                }
+                a += edges[0].right;
+                b += edges[1].right;
+                c += edges[2].right;
+            }
+            for (start, edge) in starts.iter_mut().zip(&edges) {
+                *start += edge.down;
+            }
+        }
+    }
+
+    #[inline]
+    fn depth_at(&self, weights: Vec3) -> f32 {
+        let of = weights * self.depth;
+        (of.x + of.y + of.z).clamp(0.0, 1.0)
+    }
+}
+
+/// A function that is positive inside of an edge and proportional to the weight of the corner opposite.
+#[derive(Clone, Copy)]
+struct Edge {
+    /// At the first pixel, and by how much it grows to the next one of the row and of the column.
+    first: i64,
+    right: i64,
+    down: i64,
+    /// The least value inside: 1 where a center exactly on the edge belongs to the neighbor.
+    least: i64,
+}
+
+impl Edge {
+    fn new(from: [i64; 2], to: [i64; 2], at: [i64; 2]) -> Self {
+        let [dx, dy] = [to[0] - from[0], to[1] - from[1]];
+        // A left edge runs up, a top edge to the right, with y down.
+        let is_top_left = dy < 0 || (dy == 0 && dx > 0);
+        Self {
+            first: dx * (at[1] - from[1]) - dy * (at[0] - from[0]),
+            right: -256 * dy,
+            down: 256 * dx,
+            least: i64::from(!is_top_left),
+        }
+    }
+}
+
+/// What the corners of a triangle are like.
+struct Surface {
+    /// In view space; zero where there is none, which leaves the others to decide.
+    normals: Mat3,
+    colors: Mat3,
+}
+
+impl Surface {
+    fn of(face: &Face, vertices: &[Vertex], light: &Light) -> Self {
+        let vertex = face.corners.map(|corner| &vertices[corner as usize]);
+        let [a, b, c] = vertex.map(|v| match v.color[3] {
+            0 => Vec3::ZERO,
+            _ => light.turn * octahedral::decode(v.normal),
+        });
+        let normals = Mat3::from_cols(a, b, c);
+        let [a, b, c] = vertex.map(|v| {
+            let [red, green, blue, _] = v.color.map(f32::from);
+            Vec3::new(red, green, blue) / 255.0
+        });
+        let colors = Mat3::from_cols(a, b, c);
+        Self { normals, colors }
+    }
+}
+
+impl Light {
+    /// Those of these triangles that may cover a pixel; none at all where [`Triangles::set`] gives up.
+    fn fill(&self, part: &mut Part, model: &Model, ids: &[u32]) -> Option<()> {
+        part.faces.clear();
+        for (index, &id) in ids.iter().enumerate() {
+            if let Some(&next) = ids.get(index + AHEAD) {
+                prefetch_index(&model.triangles, next as usize);
+            }
+            if let Some(&next) = ids.get(index + AHEAD / 2) {
+                for corner in model.triangles[next as usize] {
+                    prefetch_index(&model.vertices, corner as usize);
+                }
+            }
+            part.faces.extend(self.face(model, id)?);
+        }
+        part.rows.clear();
+        part.rows.extend(part.faces.chunks(GROUP).map(|group| {
+            let rows = group.iter().map(Face::rows);
+            rows.fold([u32::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        }));
+        Some(())
+    }
+
+    /// A triangle, if it may cover a pixel; none at all where [`Triangles::set`] gives up.
+    fn face(&self, model: &Model, id: u32) -> Option<Option<Face>> {
+        let [first, mut second, mut third] = model.triangles[id as usize];
+        let corner = |vertex: u32| {
+            let mut placed = self
+                .screen
+                .place(model.vertices[vertex as usize].position)?;
+            let is_near = placed.steps.iter().all(|steps| steps.abs() <= MOST_STEPS);
+            placed.steps = placed.steps.map(|steps| steps + WHOLE - WHOLE);
+            is_near.then_some(placed)
+        };
+        let (a, mut b, mut c) = (corner(first)?, corner(second)?, corner(third)?);
+        let origin = a.steps.map(|steps| steps as i32);
+        let from_origin = |steps: [f32; 2]| [0, 1].map(|axis| steps[axis] as i32 - origin[axis]);
+        let mut others = [from_origin(b.steps), from_origin(c.steps)];
+        let [[bx, by], [cx, cy]] = others.map(|other| other.map(i64::from));
+        let area = bx * cy - by * cx;
+        if area == 0 || self.screen.is_dropped(area.signum()) {
+            return Some(None);
+        }
+        if area < 0 {
+            others.swap(0, 1);
+            std::mem::swap(&mut b, &mut c);
+            std::mem::swap(&mut second, &mut third);
+        }
+        let [least_x, least_y, most_x, most_y] = self.screen.rect_px();
+        let range = |axis: usize, least: u32, most: u32| {
+            let [b, c] = others.map(|other| other[axis]);
+            let (low, high) = (
+                b.min(c).min(0) + origin[axis],
+                b.max(c).max(0) + origin[axis],
+            );
+            // The center of pixel i is at 256 i + 128.
+            let first = ((low + 127) >> 8).max(least as i32);
+            let end = (((high - 128) >> 8) + 1).min(most as i32);
+            [first as u32, end.max(first) as u32]
+        };
+        let ([left, right], [top, bottom]) = (range(0, least_x, most_x), range(1, least_y, most_y));
+        Some((left < right && top < bottom).then(|| Face {
+            origin,
+            others,
+            depth: Vec3::new(a.depth, b.depth, c.depth),
+            inverse_w: Vec3::new(a.inverse_w, b.inverse_w, c.inverse_w),
+            corners: [first, second, third],
+            pixels: [left, top, right, bottom],
+        }))
+    }
+
+    /// What it makes of a surface at a pixel, where corners have weights in proportion to these.
+    #[inline]
+    fn shade(&self, surface: &Surface, [x, y]: [u32; 2], weights: Vec3) -> Vec3 {
+        let weights = weights / (weights.x + weights.y + weights.z);
+        let normal = surface.normals * weights;
+        let to_light = match self.is_parallel {
+            true => Vec3::Z,
+            false => {
+                let at = (Vec2::new(x as f32, y as f32) + 0.5) * self.ray_scale + self.ray_offset;
+                -at.extend(-1.0)
+            }
+        };
+        let squared = normal.length_squared();
+        let lambert = if squared > 0.0 {
+            let facing = normal.dot(to_light) / (squared * to_light.length_squared()).sqrt();
+            match self.is_two_sided {
+                true => facing.abs(),
+                false => facing.max(0.0),
+            }
+        } else {
+            1.0
+        };
+        let albedo = match self.has_colors {
+            true => self.albedo * (surface.colors * weights),
+            false => self.albedo,
+        };
+        albedo * lambert.min(1.0)
+    }
+}
+
+#[cfg(test)]
+mod tests;

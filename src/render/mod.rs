@@ -1,0 +1,21 @@
+//! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
+//! mirror on the CPU that tests compare it with.
+
+pub mod cost;
+pub mod cpu;
+pub mod engine;
+pub mod frame_plan;
+pub mod reference;
+pub(crate) mod screen_bounds;
+mod settings;
+pub mod stats;
+pub mod vulkan;
+
+pub use crate::render::settings::{
+    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
+    SplatKind, SumFormat,
+};
+
+pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;
+pub use crate::render::vulkan::opaque::compute::LARGEST_ELLIPSE_PX as LARGEST_COMPUTE_ELLIPSE_PX;
+pub use crate::render::vulkan::opaque::compute::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;

@@ -1,0 +1,183 @@
+//! What light makes of a surface: the headlight's value = 0.8 |n . l| times the vertex color (conventions: "default
+//! shading"), or one lamp ([`crate::pack::Lighting`] has the equation).
+
+use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
+use crate::math::camera::{Light, View};
+use crate::math::octahedral;
+use crate::pack::{ALBEDO, ColorBy, Lighting, Phong, Source, Style, falsecolor};
+use glam::{DVec3, DVec4, Vec3};
+
+/// Tints of [`ColorBy::Primitive`].
+const SPLAT_TINT: DVec3 = DVec3::new(1.0, 0.2, 0.2);
+const TRIANGLE_TINT: DVec3 = DVec3::new(0.2, 0.35, 1.0);
+
+/// What is being shaded, for [`ColorBy::Primitive`].
+#[derive(Clone, Copy)]
+pub(super) enum Kind {
+    Triangle,
+    Splat,
+}
+
+/// The constants of shading. Everything is in model space, whose axes are those of the world.
+pub(super) struct Shading {
+    /// The headlight, or the lamp.
+    light: Source,
+    /// What surfaces make of the lamp; none with the headlight.
+    phong: Option<Phong>,
+    /// Where the eye is, or the direction to it in an orthographic view.
+    eye: Source,
+    /// What faces away is culled, so every normal counts as one that faces the eye.
+    culls_back: bool,
+    two_sided: bool,
+    use_colors: bool,
+    color_by: ColorBy,
+    /// Distance along the view direction of a position.
+    distance: DVec4,
+    depth_range: [f32; 2],
+}
+
+impl Shading {
+    pub(super) fn new(view: &View, style: &Style) -> Self {
+        let backward = Source::Direction(view.backward.as_dvec3());
+        let eye = if view.is_perspective {
+            Source::Point(view.eye.as_dvec3())
+        } else {
+            backward
+        };
+        Self {
+            light: match (style.light, view.light) {
+                (Lighting::Phong(phong), _) => phong.lamp.in_model(view),
+                (Lighting::Headlight, Light::Point) => eye,
+                (Lighting::Headlight, Light::Directional) => backward,
+            },
+            phong: match style.light {
+                Lighting::Headlight => None,
+                Lighting::Phong(phong) => Some(phong),
+            },
+            eye,
+            culls_back: style.cull_back_faces,
+            two_sided: style.two_sided,
+            use_colors: style.use_colors,
+            color_by: style.color_by,
+            distance: -view.view_from_model.row(2).as_dvec4(),
+            depth_range: style.depth_range,
+        }
+    }
+
+    /// The color of a surface point, and that it covers; see [`Shading::value`].
+    pub(super) fn color(
+        &self,
+        kind: Kind,
+        position: DVec3,
+        normal: DVec3,
+        color: DVec3,
+    ) -> [f64; 4] {
+        let value = self.value(kind, position, normal, color);
+        [value.x, value.y, value.z, 1.0]
+    }
+
+    /// Red, green and blue of a surface point, 1 is white; `normal` is a unit vector, or zero where the surface
+    /// has none and is shaded as if it faced the light. `color` holds value / 255.
+    pub(super) fn value(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> DVec3 {
+        if let Some(color) = self.data(kind, position, normal, color) {
+            return color;
+        }
+        let to_light = toward(self.light, position);
+        let color = self.color_of_surface(kind, color);
+        // The shader's constant is single precision; so is this one.
+        let albedo = f64::from(ALBEDO);
+        if let Some(phong) = &self.phong {
+            let to_eye = toward(self.eye, position);
+            return self.in_lamp(phong, to_eye, to_light, normal, albedo * color);
+        }
+        let cosine = if normal == DVec3::ZERO {
+            1.0
+        } else {
+            let cosine = normal.dot(to_light);
+            if self.two_sided {
+                cosine.abs()
+            } else {
+                cosine.max(0.0)
+            }
+        };
+        albedo * cosine * color
+    }
+
+    /// What is shown without light.
+    fn data(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> Option<DVec3> {
+        let shown = match (self.color_by, kind) {
+            (
+                ColorBy::Shading | ColorBy::Primitive | ColorBy::Classification | ColorBy::Overdraw,
+                _,
+            ) => return None,
+            (ColorBy::Level, Kind::Splat) => return Some(color),
+            (ColorBy::Level, Kind::Triangle) => falsecolor::ramp(falsecolor::LEAF),
+            (ColorBy::Normal, _) => falsecolor::of_normal(normal.as_vec3()),
+            (ColorBy::Depth, _) => {
+                let distance = self.distance.dot(position.extend(1.0)) as f32;
+                falsecolor::of_depth(distance, self.depth_range)
+            }
+        };
+        Some(Vec3::from(shown).as_dvec3())
+    }
+
+    fn color_of_surface(&self, kind: Kind, color: DVec3) -> DVec3 {
+        match (self.color_by, kind) {
+            (ColorBy::Primitive, Kind::Triangle) => TRIANGLE_TINT,
+            (ColorBy::Primitive, Kind::Splat) => SPLAT_TINT,
+            (ColorBy::Shading, _) if self.use_colors => color,
+            _ => DVec3::ONE,
+        }
+    }
+
+    /// Ambient and diffuse light on the albedo, and the highlight (Blinn, 1977).
+    fn in_lamp(
+        &self,
+        phong: &Phong,
+        to_eye: DVec3,
+        to_lamp: DVec3,
+        normal: DVec3,
+        albedo: DVec3,
+    ) -> DVec3 {
+        if normal == DVec3::ZERO {
+            return albedo;
+        }
+        // The side that is seen is the one of -n; lit from the front only, it has no light of the lamp.
+        let shows_back = !self.culls_back && normal.dot(to_eye) < -f64::from(LEAST_BACK);
+        let normal = match (shows_back, self.two_sided) {
+            (false, _) => normal,
+            (true, true) => -normal,
+            (true, false) => DVec3::ZERO,
+        };
+        let lambert = normal.dot(to_lamp).max(0.0);
+        let half = (to_lamp + to_eye).normalize_or_zero();
+        let rise = (lambert / f64::from(FULL_HIGHLIGHT)).min(1.0);
+        let highlight = rise * normal.dot(half).max(0.0).powf(f64::from(phong.shininess));
+        let ambient = f64::from(phong.ambient);
+        let value = albedo * (ambient + (1.0 - ambient) * lambert)
+            + DVec3::splat(f64::from(phong.specular) * highlight);
+        value.min(DVec3::ONE)
+    }
+}
+
+/// Unit vector from a position to a source; zero in the source itself.
+fn toward(source: Source, position: DVec3) -> DVec3 {
+    match source {
+        Source::Point(point) => (point - position).normalize_or_zero(),
+        Source::Direction(direction) => direction,
+    }
+}
+
+/// The unit normal of a vertex or splat; zero when its color says that it has none (alpha 0).
+pub(super) fn normal_of(code: [i16; 2], color: [u8; 4]) -> DVec3 {
+    if color[3] == 0 {
+        DVec3::ZERO
+    } else {
+        octahedral::decode(code).as_dvec3()
+    }
+}
+
+/// Red, green and blue as value / 255.
+pub(super) fn color_of([r, g, b, _]: [u8; 4]) -> DVec3 {
+    DVec3::new(f64::from(r), f64::from(g), f64::from(b)) / 255.0
+}

@@ -1,0 +1,340 @@
+//! Everything that decides a picture besides model and camera.
+
+use crate::cut::SizeMetric;
+use crate::math::camera::View;
+use crate::pack::{ColorBy, Footprint, Lighting};
+
+/// How the model is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Method {
+    /// Every triangle of the mesh: the reference.
+    Triangles,
+    /// Every vertex as a splat of the threshold's size, without a tree.
+    Points,
+    /// Splats only: where a triangle is large on screen, a splat of its own size stands for it (QSplat).
+    Splats,
+    /// Triangles where they are large on screen, splats where they are small (Benda, POP).
+    #[default]
+    Pop,
+}
+
+/// What a splat looks like.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SplatKind {
+    /// A square, facing the viewer.
+    #[default]
+    Square,
+    /// A disc, facing the viewer.
+    Disc,
+    /// A disc in the plane of the surface, seen in perspective.
+    Ellipse,
+    /// As [`SplatKind::Ellipse`], with weights that fall off as a Gaussian of half the radius.
+    Gauss,
+    /// One pixel at the center where it is visible; what lies between is reconstructed on the picture.
+    Visibility,
+    /// A rectangle that deposits the area its patch of surface covers; the sums are coverage and mean color.
+    Filtered,
+}
+
+impl SplatKind {
+    /// Whether the host can draw such splats in the place of a software device.
+    pub fn host_draws(self) -> bool {
+        matches!(self, Self::Square | Self::Disc | Self::Filtered)
+    }
+}
+
+/// How splats that overlap become one surface. Square, disc, ellipse and Gaussian only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Blend {
+    /// The nearest wins.
+    Opaque,
+    /// Two passes and a division: the weighted mean of all within the depth offset of the front.
+    TwoPass,
+    /// One pass with a depth threshold. Depends on the order of drawing; on the mirror only.
+    DepthThreshold,
+    /// One pass with a depth range a pixel. Depends on the order of drawing; on the mirror only.
+    DepthRange,
+}
+
+/// When a splat is lit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Shading {
+    /// Once a splat; the colors are blended.
+    #[default]
+    PerSplat,
+    /// Once a pixel: normals and albedo are blended, the mean is lit. Only where splats are blended.
+    Deferred,
+}
+
+/// Of what the sums of blended splats are made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SumFormat {
+    /// 16-bit floats: half the memory; sums stall or overflow where thousands of splats meet in a pixel.
+    Half,
+    /// 32-bit floats.
+    Float,
+}
+
+/// How [`SplatKind::Visibility`] fills the pixels between the centers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Reconstruction {
+    /// A Gaussian of the threshold's radius.
+    #[default]
+    Gaussian,
+    /// A Gaussian whose radius follows the density of centers around the pixel.
+    Density,
+    /// Pull-push over a pyramid of half sizes.
+    PullPush,
+}
+
+/// What draws small primitives on a device. The picture is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Path {
+    /// Compute shaders where the device and the splats allow it and they are cheaper ([`costs`](crate::render::cost::model)), else the
+    /// rasterizer.
+    #[default]
+    Auto,
+    /// The rasterizer alone.
+    Raster,
+    /// Compute shaders; refused where they cannot.
+    Compute,
+}
+
+/// What chooses the cut of a device's frame. The picture is the same, but where two surfaces are equally near.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CutOn {
+    /// The device where it can and was measured to be faster, else the host.
+    #[default]
+    Auto,
+    /// The host.
+    Host,
+    /// The device; refused where it cannot.
+    Device,
+}
+
+/// What the host tells a device of the splats and triangles of a cut. The picture is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ListOf {
+    /// Numbers where the device has memory of its own and they will do, else records.
+    #[default]
+    Auto,
+    /// The numbers of nodes, leaves and triangles: the device has the tree, and makes the records; refused where it cannot.
+    Ids,
+    /// What is drawn of each: centers, normals, colors; corners.
+    Records,
+}
+
+/// Whether splats that nearer splats hide are left out. The picture is the same to the bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Occlusion {
+    /// Where that pays.
+    #[default]
+    Auto,
+    /// Wherever it can be told: of opaque squares and discs that a cut chooses.
+    On,
+    /// Never.
+    Off,
+}
+
+/// Whether what faces away is dropped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Culling {
+    /// Where it cannot be seen: on surfaces that are closed and oriented outward, unless they surround the eye.
+    #[default]
+    Auto,
+    /// Always. On an open surface its back disappears.
+    On,
+    /// Never.
+    Off,
+}
+
+/// Everything that decides a picture besides model and camera.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// How the model is drawn.
+    pub method: Method,
+    /// What splats look like.
+    pub splat: SplatKind,
+    /// How they are blended; `None` is the usual way of their kind, [`Settings::blend`].
+    pub blend: Option<Blend>,
+    /// When splats are lit.
+    pub shading: Shading,
+    /// Of what the sums of blended splats are made; `None` is 32-bit floats where the device can blend them, else 16-bit.
+    /// The mirror has 32-bit floats.
+    pub sums: Option<SumFormat>,
+    /// Standard deviation of the Gaussian that [`SplatKind::Gauss`] splats are widened by where they are blended,
+    /// pixels, 0 to 16; `None` is the usual one, [`Settings::low_pass_px`].
+    pub low_pass_px: Option<f32>,
+    /// How visibility splats are reconstructed.
+    pub reconstruction: Reconstruction,
+    /// What draws small primitives on a device.
+    pub path: Path,
+    /// What chooses the cut on a device.
+    pub cut_on: CutOn,
+    /// What draw lists hold on a device.
+    pub list_of: ListOf,
+    /// Whether what is hidden is left out.
+    pub occlusion: Occlusion,
+    /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0. Some frames take less than
+    /// a pixel and a half for a pixel, see [`crate::render::frame_plan::for_view`].
+    pub threshold_px: f32,
+    /// Factor of the depth offset where splats are blended; at least 0; `None` is the usual one of their kind,
+    /// [`Settings::depth_offset`].
+    pub depth_offset: Option<f32>,
+    /// Back-face and normal-cone culling.
+    pub culling: Culling,
+    /// What decides the color.
+    pub color_by: ColorBy,
+    /// How surfaces are lit; positions in world space.
+    pub light: Lighting,
+    /// Light both sides of a surface.
+    pub two_sided: bool,
+    /// Multiply by vertex colors.
+    pub use_colors: bool,
+    /// Background, red green blue in 0..=1.
+    pub background: [f32; 3],
+    /// What "projected diameter" means.
+    pub size: SizeMetric,
+    /// Draw the cut of this view, held while the camera looks at it from elsewhere; none: that of the view which is drawn.
+    /// Splats have the size in the model that they have in that view, and what it does not see is not there. Methods without
+    /// a cut draw as ever.
+    pub cut_view: Option<View>,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            method: Method::Pop,
+            splat: SplatKind::Square,
+            blend: None,
+            shading: Shading::PerSplat,
+            sums: None,
+            low_pass_px: None,
+            reconstruction: Reconstruction::Gaussian,
+            path: Path::Auto,
+            cut_on: CutOn::Auto,
+            list_of: ListOf::Auto,
+            occlusion: Occlusion::Auto,
+            depth_offset: None,
+            threshold_px: 1.0,
+            culling: Culling::Auto,
+            color_by: ColorBy::Shading,
+            light: Lighting::Headlight,
+            two_sided: true,
+            use_colors: true,
+            background: [0.0; 3],
+            size: SizeMetric::Exact,
+            cut_view: None,
+        }
+    }
+}
+
+impl Settings {
+    /// Whether the headlight and nothing else decides how bright a surface is: no lamp, and no data as colors.
+    pub fn has_headlight(&self) -> bool {
+        self.light == Lighting::Headlight && !self.color_by.is_data()
+    }
+
+    /// Whether what faces away is dropped for a model that is closed or not, seen from outside.
+    pub fn culls_back(&self, is_closed: bool) -> bool {
+        match self.culling {
+            Culling::Auto => is_closed,
+            Culling::On => true,
+            Culling::Off => false,
+        }
+    }
+
+    /// Whether only what faces the eye is drawn: where the cut drops what faces away, unless it is looked at from elsewhere.
+    pub fn draws_fronts_only(&self, is_closed: bool) -> bool {
+        self.culls_back(is_closed) && !self.holds_cut()
+    }
+
+    /// Whether the cut is that of another view.
+    pub fn holds_cut(&self) -> bool {
+        self.cut_view.is_some() && self.has_cut()
+    }
+
+    /// The view whose cut is drawn in `view`.
+    pub fn view_of_cut<'a>(&'a self, view: &'a View) -> &'a View {
+        self.cut_view.as_ref().unwrap_or(view)
+    }
+
+    /// Whether any splat is drawn.
+    pub fn draws_splats(&self) -> bool {
+        self.method != Method::Triangles
+    }
+
+    /// Whether the cut decides what is drawn.
+    pub fn has_cut(&self) -> bool {
+        matches!(self.method, Method::Splats | Method::Pop)
+    }
+
+    /// Whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::Moments`]).
+    pub fn draws_filtered(&self) -> bool {
+        self.draws_splats() && self.splat == SplatKind::Filtered
+    }
+
+    /// Whether splats are drawn as visible centers with a reconstruction between them.
+    pub fn draws_visibility(&self) -> bool {
+        self.draws_splats() && self.splat == SplatKind::Visibility
+    }
+
+    /// How splats are blended: Gaussians in two passes, the others not at all unless asked for.
+    pub fn blend(&self) -> Blend {
+        self.blend.unwrap_or(match self.splat {
+            SplatKind::Gauss => Blend::TwoPass,
+            _ => Blend::Opaque,
+        })
+    }
+
+    /// Standard deviation of the Gaussian that splats are widened by, pixels. About that of a pixel's own box (0.29):
+    /// a sharper rim would be jagged, a wider one blurred. 0 for all but blended Gaussians.
+    pub fn low_pass_px(&self) -> f32 {
+        if self.splat == SplatKind::Gauss && self.blend() == Blend::TwoPass {
+            self.low_pass_px.unwrap_or(0.3)
+        } else {
+            0.0
+        }
+    }
+
+    /// Whether the sums of weights are coverage: Gaussians that stand for a known area of surface.
+    pub fn sums_coverage(&self, has_triangles: bool) -> bool {
+        self.splat == SplatKind::Gauss
+            && self.blend() == Blend::TwoPass
+            && self.has_cut()
+            && has_triangles
+    }
+
+    /// What pixels a splat covers, of the kinds that cover any.
+    pub fn footprint(&self) -> Footprint {
+        match self.splat {
+            SplatKind::Square | SplatKind::Filtered => Footprint::Square,
+            SplatKind::Disc => Footprint::Circle,
+            SplatKind::Ellipse | SplatKind::Gauss | SplatKind::Visibility => Footprint::Oriented,
+        }
+    }
+
+    /// Factor of the depth offset. A filtered splat is pushed away by the depth that it and what is next to it take (at
+    /// most half its side over the cosine of the viewing angle, which is at least 0.1), any other by its radius over that
+    /// cosine, times this. What lies behind the front by
+    /// less is mixed into it. 1 is enough for a smooth surface seen from the front; at a rim the surface turns away
+    /// under the splat, where 1 loses area that filtered splats need, hence 3 for them (2 on what is not culled, see
+    /// [`crate::render::frame_plan::filtered_shade`]). Larger lets what is near
+    /// behind thin parts shine through.
+    pub fn depth_offset(&self) -> f32 {
+        self.depth_offset.unwrap_or(match self.splat {
+            SplatKind::Filtered => 3.0,
+            _ => 1.0,
+        })
+    }
+}

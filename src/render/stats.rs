@@ -1,0 +1,164 @@
+//! What one frame cost: the stages on the CPU with their clocks and their spans in the log, the passes on the device.
+
+use crate::gpu::frame::{DeviceTimes, PassCounters};
+use crate::gpu::profile::PassTime;
+use crate::render::vulkan::overdraw::Overdraw;
+use crate::render::vulkan::renderer::Counts;
+use std::time::Instant;
+
+/// What one frame cost.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct FrameTimes {
+    /// From setting the camera to the finished image on the device, milliseconds.
+    pub frame_ms: f64,
+    /// Choosing the cut, milliseconds.
+    pub cut_ms: f64,
+    /// Writing the draw lists, milliseconds.
+    pub pack_ms: f64,
+    /// Of [`pack_ms`](Self::pack_ms): drawing splats in the place of a software device, milliseconds.
+    pub host_ms: f64,
+    /// Making the draw lists visible to the device, milliseconds.
+    pub upload_ms: f64,
+    /// Recording and submitting, milliseconds.
+    pub submit_ms: f64,
+    /// Waiting for the device, milliseconds.
+    pub wait_ms: f64,
+    /// When they began.
+    pub starts: Starts,
+    /// Each pass on the device.
+    pub passes: Vec<PassTime>,
+    /// Where the passes lie on the device's clock.
+    pub device: DeviceTimes,
+    /// What each pass counted; empty unless [`Engine::measure`](crate::render::engine::Engine::measure) asked for it.
+    pub counters: Vec<PassCounters>,
+    /// What was drawn.
+    pub counts: Counts,
+    /// How much of that covers a pixel, where that is shown ([`ColorBy::Overdraw`](crate::pack::ColorBy::Overdraw)).
+    pub overdraw: Option<Overdraw>,
+    /// What was not made again; the counts are those of what is drawn all the same.
+    pub kept: Kept,
+    /// Bytes that the host wrote for the device: draw lists, unless they were kept, and uniform blocks.
+    pub uploaded_bytes: u64,
+}
+
+/// What a frame has from one before it, see [`Renderer::keep_lists`](crate::render::vulkan::renderer::Renderer::keep_lists).
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Kept {
+    /// Nothing, or it has no lists.
+    #[default]
+    Nothing,
+    /// The cut; the lists were written.
+    Cut,
+    /// The draw lists.
+    Lists,
+}
+
+/// A stage of a frame on the CPU. Stages follow each other in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Stage {
+    /// Choosing the nodes.
+    Cut,
+    /// Writing the draw lists.
+    Pack,
+    /// Making what was written visible to the device.
+    Upload,
+    /// Recording and submitting.
+    Submit,
+    /// Waiting for the device.
+    Wait,
+}
+
+impl Stage {
+    /// All of them, in order.
+    pub const ALL: [Self; 5] = [
+        Self::Cut,
+        Self::Pack,
+        Self::Upload,
+        Self::Submit,
+        Self::Wait,
+    ];
+
+    /// Name in tables, files and the log.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Cut => "cut",
+            Self::Pack => "pack",
+            Self::Upload => "upload",
+            Self::Submit => "submit",
+            Self::Wait => "wait",
+        }
+    }
+
+    /// Starts its clock and its span.
+    pub(super) fn begin(self) -> Running {
+        let span = match self {
+            Self::Cut => tracing::debug_span!("cut"),
+            Self::Pack => tracing::debug_span!("pack"),
+            Self::Upload => tracing::debug_span!("upload"),
+            Self::Submit => tracing::debug_span!("submit"),
+            Self::Wait => tracing::debug_span!("wait"),
+        };
+        Running {
+            stage: self,
+            span: span.entered(),
+            start: Instant::now(),
+        }
+    }
+}
+
+/// A stage that runs; dropped without an end it leaves no time.
+pub(super) struct Running {
+    stage: Stage,
+    span: tracing::span::EnteredSpan,
+    start: Instant,
+}
+
+impl Running {
+    /// Stops clock and span, and books the time.
+    pub(super) fn end(self, times: &mut FrameTimes) {
+        let ms = self.start.elapsed().as_secs_f64() * 1e3;
+        drop(self.span);
+        *times.of_mut(self.stage) = ms;
+        times.starts.stages[self.stage as usize] = Some(self.start);
+    }
+}
+
+/// When the parts of a frame began, on the host's clock; `None` for what the frame did not do.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Starts {
+    /// The frame.
+    pub frame: Option<Instant>,
+    /// Its submission.
+    pub submission: Option<Instant>,
+    stages: [Option<Instant>; Stage::ALL.len()],
+}
+
+impl Starts {
+    /// The beginning of a stage.
+    pub fn of(&self, stage: Stage) -> Option<Instant> {
+        self.stages[stage as usize]
+    }
+}
+
+impl FrameTimes {
+    /// Time of a stage, milliseconds; 0 when the frame did not have it.
+    pub fn of(&self, stage: Stage) -> f64 {
+        match stage {
+            Stage::Cut => self.cut_ms,
+            Stage::Pack => self.pack_ms,
+            Stage::Upload => self.upload_ms,
+            Stage::Submit => self.submit_ms,
+            Stage::Wait => self.wait_ms,
+        }
+    }
+
+    fn of_mut(&mut self, stage: Stage) -> &mut f64 {
+        match stage {
+            Stage::Cut => &mut self.cut_ms,
+            Stage::Pack => &mut self.pack_ms,
+            Stage::Upload => &mut self.upload_ms,
+            Stage::Submit => &mut self.submit_ms,
+            Stage::Wait => &mut self.wait_ms,
+        }
+    }
+}

@@ -1,0 +1,487 @@
+//! Blended splats by compute: the passes of [`crate::render::vulkan::blended::filtered`] and [`crate::render::vulkan::blended::fuzzy`] with atomics in the
+//! place of depth test and blending.
+//!
+//! A rasterizer sets every point up before it draws it, which a software device does in 100 ns and more, twice. Here a
+//! splat leaves its pushed depth in the pixels of its footprint by an atomic maximum (pass `depth`), and adds its deposits
+//! where that does not hide it (pass `blend`). Sums are numbers of fixed point, so the order of drawing cannot show.
+//! The rasterizer still draws large triangles and splats larger than
+//! [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX); its depth is where the compute passes
+//! begin from, and its sums are added to theirs.
+
+use crate::abi::constants::FILTERED_TILE_PX;
+use crate::abi::{FilteredSplat, FuzzySplat, Shader, shaders};
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::frame::{Frame, Load, Pass, Uniform};
+use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::pipeline::{
+    Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
+};
+use crate::gpu::{Error, Gpu};
+use crate::render::screen_bounds;
+use crate::render::vulkan::mapped_sums::Drawn;
+use crate::render::vulkan::storage_ranges;
+use crate::render::vulkan::storage_ranges::{Bound, Triangles};
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::triangles::targets;
+use crate::render::{Path, Settings};
+use std::sync::Arc;
+
+/// The center of a tile.
+const TILE: Record = Record {
+    stride: 8,
+    attributes: &[Attribute {
+        name: "center_px",
+        format: AttributeFormat::Float2,
+        offset: 0,
+    }],
+};
+
+/// What compute draws of a list of splats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Share {
+    /// Nothing: the rasterizer draws all.
+    Nothing,
+    /// What is small; there may be larger ones.
+    Small,
+    /// Everything: all are small.
+    All,
+}
+
+impl Share {
+    /// Of a list of `splats` beside `others` that are rastered, in a frame that may be drawn by compute.
+    ///
+    /// Where the rasterizer draws as well, its depth and its sums are merged with those of compute, which costs a software
+    /// device some 20 ns a pixel; a small splat saves it 100 to 150.
+    pub(crate) fn of(
+        settings: &Settings,
+        (splats, others): (usize, usize),
+        has_large: bool,
+        rect_px: [u32; 4],
+    ) -> Self {
+        let is_alone = others == 0 && !has_large;
+        let is_many = 8 * splats as u64 >= screen_bounds::pixels(rect_px);
+        if settings.path != Path::Compute && !is_alone && !is_many {
+            Self::Nothing
+        } else {
+            Self::of_all(has_large)
+        }
+    }
+
+    /// All that compute can draw of a list; whether there are larger splats in it.
+    pub(crate) fn of_all(has_large: bool) -> Self {
+        if has_large { Self::Small } else { Self::All }
+    }
+}
+
+/// The passes of one kind of splats.
+#[derive(Debug)]
+pub(crate) struct Kind {
+    /// Names of the passes clear, front, depth, merge, blend and normalize.
+    names: [&'static str; 6],
+    depth: &'static Shader,
+    blend: &'static Shader,
+    normalize: &'static Shader,
+    /// The host can draw them.
+    has_host: bool,
+    /// Bytes of a splat.
+    record: u64,
+    /// Triangles are pushed away in the first pass, as splats are.
+    pushes_triangles: bool,
+    /// The blending of splats asks the frame; else they come with all that is asked for.
+    blend_needs_frame: bool,
+}
+
+/// Filtered splats.
+pub(crate) const FILTERED: Kind = Kind {
+    names: [
+        "filtered.clear",
+        "filtered.front",
+        "filtered.depth",
+        "filtered.merge",
+        "filtered.blend",
+        "filtered.normalize",
+    ],
+    depth: &shaders::FILTERED_DEPTH_COMP,
+    blend: &shaders::FILTERED_BLEND_COMP,
+    normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
+    has_host: true,
+    record: size_of::<FilteredSplat>() as u64,
+    pushes_triangles: false,
+    blend_needs_frame: false,
+};
+
+/// Fuzzy splats.
+pub(crate) const FUZZY: Kind = Kind {
+    names: [
+        "fuzzy.clear",
+        "fuzzy.front",
+        "fuzzy.depth",
+        "fuzzy.merge",
+        "fuzzy.blend",
+        "fuzzy.normalize",
+    ],
+    depth: &shaders::FUZZY_DEPTH_COMP,
+    blend: &shaders::FUZZY_BLEND_COMP,
+    normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
+    has_host: false,
+    record: size_of::<FuzzySplat>() as u64,
+    pushes_triangles: true,
+    // How far Gaussians are widened.
+    blend_needs_frame: true,
+};
+
+/// Places of those of triangles: a lamp instead of the headlight; they are pushed away.
+const HAS_LAMP: usize = 0;
+const IS_PUSHED: usize = 1;
+/// Place of the specialization constant that says that red, green and blue are the same.
+const IS_GRAY: usize = 7;
+/// Place of the one that says that the rasterizer draws as well, and in vertex shaders of filtered splats that it draws what is
+/// large only.
+pub(crate) const HAS_LARGE: usize = 8;
+/// How many there are.
+pub(crate) const CONSTANTS: usize = 12;
+
+/// Pipelines and the sums, for one picture size.
+#[derive(Debug)]
+pub(crate) struct Twin {
+    kind: &'static Kind,
+    depth: Pipeline,
+    depth_triangles: Pipeline,
+    blend: Pipeline,
+    blend_triangles: Pipeline,
+    merge: Pipeline,
+    normalize: Pipeline,
+    /// As `normalize`, where the rasterizer drew as well.
+    normalize_all: Pipeline,
+    /// As `normalize`, tile by tile; of kinds that the host draws.
+    normalize_tiles: Option<Pipeline>,
+    front: Buffer,
+    sums: Buffer,
+    max_binding: u64,
+    /// Red, green and blue are the same in all that is drawn.
+    is_gray: bool,
+}
+
+/// What compute draws of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Small<'a> {
+    pub(crate) splats: &'a dyn AnyBuffer,
+    /// How many of the list are looked at; what is too large is left to the rasterizer.
+    pub(crate) splat_count: u32,
+    pub(crate) triangles: Triangles<'a>,
+}
+
+/// What the rasterizer draws of a frame: its passes depth and blend.
+pub(crate) struct Rastered<'a> {
+    pub(crate) depth: &'a dyn Fn(&mut Frame<'_>),
+    pub(crate) blend: &'a dyn Fn(&mut Frame<'_>),
+}
+
+/// Lists, bound.
+struct Ready<'a> {
+    list: Small<'a>,
+    splats: Vec<Bound<'a>>,
+    triangles: Vec<(Bound<'a>, Slice<'a>)>,
+}
+
+impl Ready<'_> {
+    /// Declares what a pass reads of them.
+    fn declared<'f>(&self, pass: Pass<'f>) -> Pass<'f> {
+        let mut pass = pass.storage_read(self.list.splats);
+        if !self.triangles.is_empty() {
+            pass = pass.storage_read(self.list.triangles.corners);
+            for page in &self.list.triangles.scene.pages {
+                pass = pass.storage_read(&page.vertices);
+            }
+        }
+        pass
+    }
+}
+
+/// Bytes of the sums of a pixel.
+const fn sum_bytes(is_gray: bool) -> u64 {
+    if is_gray { 16 } else { 32 }
+}
+
+/// Bytes of the largest storage that a picture needs.
+pub(crate) fn storage_bytes((width, height): (u32, u32)) -> u64 {
+    sum_bytes(false) * u64::from(width) * u64::from(height)
+}
+
+impl Twin {
+    /// `constants` are the specialization constants of the shaders, as those of the rasterizer have them.
+    ///
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        kind: &'static Kind,
+        (width, height): (u32, u32),
+        (is_gray, has_lamp, color): (bool, bool, Format),
+        constants: &[bool],
+    ) -> Result<Self, Error> {
+        let mut all = [false; CONSTANTS];
+        all[..constants.len()].copy_from_slice(constants);
+        all[IS_GRAY] = is_gray;
+        let mut of_triangles = [false; CONSTANTS];
+        of_triangles[HAS_LAMP] = has_lamp;
+        of_triangles[IS_PUSHED] = kind.pushes_triangles;
+        of_triangles[IS_GRAY] = is_gray;
+        let triangles = |name, shader| Pipeline::compute(gpu, name, shader, &of_triangles);
+        let base = Description {
+            name: "merge of small splats",
+            vertex: &shaders::FILTERED_NORMALIZE_VERT,
+            fragment: Some(&shaders::FILTERED_MERGE_FRAG),
+            constants: &[],
+            record: Record::NOTHING,
+            topology: Topology::Triangles,
+            colors: &[],
+            depth: Depth::Nearest,
+            is_additive: false,
+        };
+        let last = Description {
+            fragment: Some(kind.normalize),
+            constants: &all,
+            colors: targets(color, false),
+            // Also where there is no depth: kernels may reach beyond what hides.
+            depth: Depth::NotFarther,
+            ..base
+        };
+        let normalize = |name, has_large| {
+            let mut constants = all;
+            constants[HAS_LARGE] = has_large;
+            Pipeline::new(
+                gpu,
+                &Description {
+                    name,
+                    constants: &constants,
+                    ..last
+                },
+            )
+        };
+        let tiles = Description {
+            name: "normalize of tiles",
+            vertex: &shaders::FILTERED_NORMALIZE_TILES_VERT,
+            record: TILE,
+            topology: Topology::Points,
+            ..last
+        };
+        let pixels = u64::from(width) * u64::from(height);
+        let storage = |name, bytes| Buffer::new(gpu, name, Usage::Storage, bytes);
+        Ok(Self {
+            kind,
+            depth: Pipeline::compute(gpu, "depth of small splats", kind.depth, &all)?,
+            depth_triangles: triangles(
+                "depth of small triangles",
+                &shaders::COMPUTE_DEPTH_TRIANGLES_COMP,
+            )?,
+            blend: Pipeline::compute(gpu, "blend of small splats", kind.blend, &all)?,
+            blend_triangles: triangles(
+                "blend of small triangles",
+                &shaders::COMPUTE_BLEND_TRIANGLES_COMP,
+            )?,
+            merge: Pipeline::new(gpu, &base)?,
+            normalize: normalize("normalize of small splats", false)?,
+            normalize_all: normalize("normalize of all splats", true)?,
+            normalize_tiles: kind
+                .has_host
+                .then(|| Pipeline::new(gpu, &tiles))
+                .transpose()?,
+            front: storage("front of small splats", 4 * pixels)?,
+            sums: storage("sums of small splats", sum_bytes(is_gray) * pixels)?,
+            max_binding: gpu.info().max_storage_range,
+            is_gray,
+        })
+    }
+
+    /// The passes of a frame, and between them those of the rasterizer, which leaves its sums in `sums`.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: Small<'_>,
+        (rastered, sums): (Option<&Rastered<'_>>, &Target),
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let records = (list.splats as _, self.kind.record);
+        let range = (0, list.splat_count);
+        let ready = Ready {
+            list,
+            splats: storage_ranges::bound(frame, context, self.max_binding, records, range)?,
+            triangles: list.triangles.bound(frame, context, self.max_binding)?,
+        };
+        if let Some(rastered) = rastered {
+            (rastered.depth)(frame);
+        }
+        self.clear(frame, rastered.map(|_| targets.depth()), context);
+        self.depth(frame, &ready, constants);
+        if let Some(rastered) = rastered {
+            self.merge(frame, targets.depth(), context)?;
+            (rastered.blend)(frame);
+        }
+        self.blend(frame, &ready, constants);
+        let rastered = rastered.map(|_| sums);
+        self.normalize(frame, targets, (rastered, sums), context, constants)
+    }
+
+    /// The passes of a frame that the host has drawn: there is `normalize` alone, of the tiles that have anything in them.
+    /// `none` stands for rastered sums.
+    ///
+    /// # Errors
+    /// When the frame has no room for constants.
+    pub(crate) fn finish(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        (drawn, none): (&Drawn, &Target),
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let Some(pipeline) = &self.normalize_tiles else {
+            unreachable!("the host draws no others")
+        };
+        let picture = frame.uniform(&storage_ranges::constants(context))?;
+        let [front, sums] = drawn.buffers();
+        // See the vertex shader.
+        let [x, y, width, height] = whole(context);
+        let tile = FILTERED_TILE_PX as f32;
+        let viewport = [x, y, width + tile, height + tile];
+        targets
+            .attach(frame.pass(self.kind.names[5]), context)
+            .sampled(none)
+            .fragment_storage(front)
+            .fragment_storage(sums)
+            .vertices(&drawn.tiles)
+            .draw(viewport, |draw| {
+                draw.cull_back_faces(false, false);
+                draw.scissor(screen_bounds::area(context.rect_px));
+                let uniforms = [constants, picture];
+                draw.bind_storage(pipeline, &uniforms, &[none], &drawn.storage());
+                draw.vertices(&drawn.tiles, 0);
+                draw.draw(0, drawn.tile_count());
+            });
+        Ok(())
+    }
+
+    /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
+    fn clear(&self, frame: &mut Frame<'_>, rastered: Option<&Target>, context: &Context) {
+        let pixels = screen_bounds::pixels(context.rect_px);
+        let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
+        match rastered {
+            None => frame
+                .pass(self.kind.names[0])
+                .fill(&[sums, (&self.front, 4 * pixels)], 0),
+            Some(depth) => {
+                frame.pass(self.kind.names[0]).fill(&[sums], 0);
+                let part = screen_bounds::area(context.rect_px);
+                frame.copy_part(self.kind.names[1], depth, part, &self.front);
+            }
+        }
+    }
+
+    /// Pass `depth`: the nearest pushed depth of each pixel.
+    fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
+        let front = Slice::whole(&self.front);
+        list.declared(frame.pass(self.kind.names[2]))
+            .storage(&self.front)
+            .compute(|compute| {
+                for &((part, uniform, count), vertices) in &list.triangles {
+                    let storage = [part, vertices, front];
+                    compute.bind(&self.depth_triangles, &[constants, uniform], &storage);
+                    compute.items(count);
+                }
+                for &(part, uniform, count) in &list.splats {
+                    compute.bind(&self.depth, &[uniform], &[part, front]);
+                    compute.items(count);
+                }
+            });
+    }
+
+    /// Pass `merge`: brings the front to the depth target, for what the rasterizer blends.
+    ///
+    /// # Errors
+    /// When the frame has no room for constants.
+    fn merge(&self, frame: &mut Frame<'_>, depth: &Target, context: &Context) -> Result<(), Error> {
+        let picture = frame.uniform(&storage_ranges::constants(context))?;
+        frame
+            .pass(self.kind.names[3])
+            .depth(depth, Load::Keep)
+            .fragment_storage(&self.front)
+            .draw(whole(context), |draw| {
+                draw.cull_back_faces(false, false);
+                draw.scissor(screen_bounds::area(context.rect_px));
+                draw.bind_storage(&self.merge, &[picture], &[], &[Slice::whole(&self.front)]);
+                draw.draw(0, 3);
+            });
+        Ok(())
+    }
+
+    /// Pass `blend`, once the depth of all is known.
+    fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
+        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
+        list.declared(frame.pass(self.kind.names[4]))
+            .storage_read(&self.front)
+            .storage(&self.sums)
+            .compute(|compute| {
+                for &((part, uniform, count), vertices) in &list.triangles {
+                    let storage = [part, vertices, front, sums];
+                    compute.bind(&self.blend_triangles, &[constants, uniform], &storage);
+                    compute.items(count);
+                }
+                for &(part, uniform, count) in &list.splats {
+                    let both = [constants, uniform];
+                    let uniforms = match self.kind.blend_needs_frame {
+                        true => &both[..],
+                        false => &both[1..],
+                    };
+                    compute.bind(&self.blend, uniforms, &[part, front, sums]);
+                    compute.items(count);
+                }
+            });
+    }
+
+    /// Pass `normalize`: color and depth of the picture, with the sums of what was rastered, if anything was.
+    ///
+    /// # Errors
+    /// When the frame has no room for constants.
+    fn normalize(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        (rastered, none): (Option<&Target>, &Target),
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let picture = frame.uniform(&storage_ranges::constants(context))?;
+        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
+        // Every binding must be written; without rastered sums this one is not looked at.
+        let large = rastered.unwrap_or(none);
+        let pipeline = if rastered.is_some() {
+            &self.normalize_all
+        } else {
+            &self.normalize
+        };
+        targets
+            .attach(frame.pass(self.kind.names[5]), context)
+            .sampled(large)
+            .fragment_storage(&self.front)
+            .fragment_storage(&self.sums)
+            .draw(whole(context), |draw| {
+                draw.cull_back_faces(false, false);
+                draw.scissor(screen_bounds::area(context.rect_px));
+                draw.bind_storage(pipeline, &[constants, picture], &[large], &[front, sums]);
+                draw.draw(0, 3);
+            });
+        Ok(())
+    }
+}
+
+/// The viewport of a pass over the picture.
+fn whole(context: &Context) -> [f32; 4] {
+    [0.0, 0.0, context.width as f32, context.height as f32]
+}

@@ -1,0 +1,473 @@
+//! Fuzzy splats: the weighted mean of all splats of the front surface.
+//!
+//! Two-pass splatting (Benda, *Point Based Rendering*, section 2.3.3; Rusinkiewicz and Levoy, *QSplat*, 2000, section
+//! 3.3) with a division per pixel: `fuzzy.depth` finds the front surface and pushes it away by a splat's depth,
+//! `fuzzy.blend` sums (color * weight, weight) of all that is not behind it, `fuzzy.normalize` divides. With
+//! deferred shading the sums are those of albedo and normals, and the last pass lights their mean.
+
+use crate::abi::{FuzzySplat, Shader, WeightedSplat, shaders};
+use crate::gpu::buffer::AnyBuffer;
+use crate::gpu::frame::{Frame, Load, Pass, Uniform};
+use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
+use crate::gpu::{Error, Gpu};
+use crate::pack::Footprint;
+use crate::pack::fuzzy::Placed;
+use crate::pack::splats::Packed;
+use crate::render::vulkan::VERTEX;
+use crate::render::vulkan::blended::compute;
+use crate::render::vulkan::blended::compute::Twin;
+use crate::render::vulkan::opaque::triangle_runs;
+use crate::render::vulkan::opaque::triangle_runs::Run;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::storage_ranges::Triangles;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::triangles::targets;
+use crate::render::{Settings, Shading, SplatKind, SumFormat};
+use std::sync::Arc;
+
+/// [`WeightedSplat`] as pipelines see it.
+pub(crate) const RECORD: Record = record!(WeightedSplat {
+    center: Float3 in splat,
+    radius: Float in splat,
+    normal: Snorm16x2 in splat,
+    color: Unorm8x4 in splat,
+    area: Float,
+});
+
+/// The same where it lies in the place of a [`FuzzySplat`].
+const LARGE: Record = Record {
+    stride: size_of::<FuzzySplat>() as u32,
+    attributes: RECORD.attributes,
+};
+
+/// What decides the pipelines.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Variant {
+    is_gauss: bool,
+    /// By the frame's low pass.
+    is_widened: bool,
+    footprint: Footprint,
+    is_deferred: bool,
+    /// The mean normals are an output.
+    writes_normals: bool,
+    /// Weights are areas, and their sum is coverage.
+    has_coverage: bool,
+    /// From the vertices of the mesh instead of a draw list.
+    pub(crate) from_vertices: bool,
+    /// A lamp lights the surface instead of the headlight.
+    has_lamp: bool,
+    sums: Format,
+    /// Of the picture.
+    color: Format,
+    /// Of the frame.
+    flags: u32,
+    /// Small splats are drawn by compute, all of them gray (true) or not.
+    by_compute: Option<bool>,
+}
+
+impl Variant {
+    /// That of `settings` for a model with or without triangles.
+    ///
+    /// # Errors
+    /// When 32-bit sums are asked for and the device cannot blend them.
+    pub(crate) fn new(
+        gpu: &Gpu,
+        settings: &Settings,
+        has_triangles: bool,
+        targets: &Targets,
+        (flags, by_compute): (u32, Option<bool>),
+    ) -> Result<Self, Error> {
+        let sums = match settings.sums {
+            Some(SumFormat::Float) if !gpu.info().has_float_blend => {
+                return Err(Error::Unsupported {
+                    what: "32-bit sums (--sums float)",
+                    why: format!(
+                        "{} cannot blend into 32-bit float targets; leave --sums out",
+                        gpu.info().name
+                    ),
+                });
+            }
+            Some(SumFormat::Half) => Format::Rgba16Float,
+            Some(SumFormat::Float) => Format::Rgba32Float,
+            None if gpu.info().has_float_blend => Format::Rgba32Float,
+            None => Format::Rgba16Float,
+        };
+        Ok(Self {
+            is_gauss: settings.splat == SplatKind::Gauss,
+            is_widened: settings.low_pass_px() > 0.0,
+            footprint: settings.footprint(),
+            is_deferred: settings.shading == Shading::Deferred,
+            writes_normals: targets.normal().is_some(),
+            has_coverage: settings.sums_coverage(has_triangles),
+            from_vertices: !settings.has_cut(),
+            has_lamp: !settings.has_headlight(),
+            sums,
+            color: targets.color().format,
+            flags,
+            by_compute,
+        })
+    }
+
+    /// The specialization constants of all shaders of fuzzy splats.
+    pub(crate) fn constants(&self, topology: Topology) -> [bool; compute::CONSTANTS] {
+        [
+            self.is_gauss,
+            self.footprint == Footprint::Oriented,
+            topology == Topology::Quads,
+            self.footprint == Footprint::Square,
+            self.is_deferred,
+            self.has_coverage,
+            self.has_lamp,
+            self.by_compute == Some(true),
+            false,
+            self.sums_normals(),
+            self.writes_normals,
+            self.is_widened,
+        ]
+    }
+
+    fn sums_normals(&self) -> bool {
+        self.is_deferred || self.writes_normals
+    }
+}
+
+/// Points and quads of one pass.
+#[derive(Debug)]
+struct Pair {
+    points: Pipeline,
+    quads: Pipeline,
+    /// Both, of what compute leaves of its list.
+    large: Option<[Pipeline; 2]>,
+}
+
+/// Pipelines and the targets of the sums, for one picture size.
+#[derive(Debug)]
+pub(crate) struct Fuzzy {
+    pub(crate) variant: Variant,
+    depth_triangles: Pipeline,
+    depth_splats: Pair,
+    blend_triangles: Pipeline,
+    blend_splats: Pair,
+    normalize: Pipeline,
+    sums: Target,
+    normals: Option<Target>,
+    /// What draws small splats.
+    twin: Option<Twin>,
+}
+
+/// What a frame draws.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct List<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) indices: &'a dyn AnyBuffer,
+    pub(crate) runs: &'a [Run],
+    /// Triangles that compute draws; none where it draws nothing.
+    pub(crate) small: Triangles<'a>,
+    pub(crate) splats: Splats<'a>,
+}
+
+/// Where splats come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Splats<'a> {
+    /// A draw list of that many records.
+    List(&'a dyn AnyBuffer, Packed, usize),
+    /// A list of that many records, of which compute draws the small ones.
+    Placed(&'a dyn AnyBuffer, Placed, usize),
+    /// All vertices of the scene, as quads or as points.
+    Vertices { as_quads: bool },
+}
+
+impl Fuzzy {
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        variant: Variant,
+        width: u32,
+        height: u32,
+    ) -> Result<Self, Error> {
+        let pipeline = |d: &Description<'_>| Pipeline::for_flags(gpu, d, variant.flags);
+        let colors: &[Format] = match (variant.sums, variant.sums_normals()) {
+            (sums, true) => &[sums; 2],
+            (sums, false) => &[sums],
+        };
+        let base = Description {
+            name: "",
+            vertex: &shaders::FUZZY_DEPTH_VERT,
+            fragment: None,
+            constants: &variant.constants(Topology::Triangles),
+            record: VERTEX,
+            topology: Topology::Triangles,
+            colors: &[],
+            depth: Depth::Nearest,
+            is_additive: false,
+        };
+        let blend = Description {
+            colors,
+            depth: Depth::TestOnly,
+            is_additive: true,
+            ..base
+        };
+        // A square needs no outline.
+        let outline =
+            (variant.footprint != Footprint::Square).then_some(&shaders::FUZZY_DEPTH_FRAG);
+        let (depth_vertex, blend_vertex, record): (&Shader, &Shader, Record) =
+            if variant.from_vertices {
+                (
+                    &shaders::FUZZY_DEPTH_POINTS_VERT,
+                    &shaders::FUZZY_BLEND_POINTS_VERT,
+                    VERTEX,
+                )
+            } else {
+                (
+                    &shaders::FUZZY_DEPTH_VERT,
+                    &shaders::FUZZY_BLEND_VERT,
+                    RECORD,
+                )
+            };
+        let pair = |name, description: Description<'_>| -> Result<Pair, Error> {
+            let make = |topology, record| {
+                pipeline(&Description {
+                    name,
+                    topology,
+                    record,
+                    constants: &variant.constants(topology),
+                    ..description
+                })
+            };
+            Ok(Pair {
+                points: make(Topology::Points, record)?,
+                quads: make(Topology::Quads, record)?,
+                large: match variant.by_compute {
+                    Some(_) => Some([
+                        make(Topology::Points, LARGE)?,
+                        make(Topology::Quads, LARGE)?,
+                    ]),
+                    None => None,
+                },
+            })
+        };
+        let depth_splats = Description {
+            vertex: depth_vertex,
+            fragment: outline,
+            ..base
+        };
+        let blend_splats = Description {
+            vertex: blend_vertex,
+            fragment: Some(&shaders::FUZZY_BLEND_FRAG),
+            ..blend
+        };
+        Ok(Self {
+            variant,
+            depth_triangles: pipeline(&Description {
+                name: "fuzzy.depth triangles",
+                vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
+                ..base
+            })?,
+            depth_splats: pair("fuzzy.depth splats", depth_splats)?,
+            blend_triangles: pipeline(&Description {
+                name: "fuzzy.blend triangles",
+                vertex: &shaders::TRIANGLES_DRAW_VERT,
+                fragment: Some(&shaders::FUZZY_BLEND_TRIANGLES_FRAG),
+                ..blend
+            })?,
+            blend_splats: pair("fuzzy.blend splats", blend_splats)?,
+            normalize: pipeline(&Description {
+                name: "fuzzy.normalize",
+                vertex: &shaders::FILTERED_NORMALIZE_VERT,
+                fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
+                record: Record::NOTHING,
+                colors: targets(variant.color, variant.writes_normals),
+                depth: Depth::None,
+                ..base
+            })?,
+            twin: match variant.by_compute {
+                None => None,
+                Some(is_gray) => {
+                    let constants = variant.constants(Topology::Points);
+                    Some(Twin::new(
+                        gpu,
+                        &compute::FUZZY,
+                        (width, height),
+                        (is_gray, variant.has_lamp, variant.color),
+                        &constants,
+                    )?)
+                }
+            },
+            sums: Target::new(gpu, "sums", variant.sums, width, height)?,
+            normals: variant
+                .sums_normals()
+                .then(|| Target::new(gpu, "sums of normals", variant.sums, width, height))
+                .transpose()?,
+        })
+    }
+
+    /// The passes of a frame.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of its parts.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let (Some(twin), Splats::Placed(splats, placed, _)) = (&self.twin, list.splats) else {
+            self.raster_depth(frame, targets, list, context, constants);
+            self.raster_blend(frame, targets, list, context, constants);
+            self.normalize(frame, targets, context, constants);
+            return Ok(());
+        };
+        let rastered = compute::Rastered {
+            depth: &|frame| self.raster_depth(frame, targets, list, context, constants),
+            blend: &|frame| self.raster_blend(frame, targets, list, context, constants),
+        };
+        let is_rastered = placed.points + placed.quads > 0 || !list.runs.is_empty();
+        let small = compute::Small {
+            splats,
+            splat_count: placed.small as u32,
+            triangles: list.small,
+        };
+        let rastered = (is_rastered.then_some(&rastered), &self.sums);
+        twin.record(frame, targets, small, rastered, context, constants)
+    }
+
+    /// Pass `fuzzy.depth` by the rasterizer.
+    fn raster_depth(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let pass = frame
+            .pass("fuzzy.depth")
+            .depth(targets.depth(), Load::Clear([0.0; 4]));
+        let pipelines = (&self.depth_triangles, &self.depth_splats);
+        raster(pass, list, pipelines, context, constants);
+    }
+
+    /// Pass `fuzzy.blend` by the rasterizer.
+    fn raster_blend(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let mut pass = frame
+            .pass("fuzzy.blend")
+            .color(&self.sums, Load::Clear([0.0; 4]));
+        if let Some(normals) = &self.normals {
+            pass = pass.color(normals, Load::Clear([0.0; 4]));
+        }
+        let pass = pass.depth_test(targets.depth());
+        let pipelines = (&self.blend_triangles, &self.blend_splats);
+        raster(pass, list, pipelines, context, constants);
+    }
+
+    /// Pass `fuzzy.normalize` of what was rastered.
+    fn normalize(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let [r, g, b] = context.background;
+        // Every binding must be written; without normals the second is not looked at.
+        let normals = self.normals.as_ref().unwrap_or(&self.sums);
+        let mut pass = frame
+            .pass("fuzzy.normalize")
+            .color(targets.color(), Load::Clear([r, g, b, 0.0]))
+            .sampled(&self.sums);
+        if self.normals.is_some() {
+            pass = pass.sampled(normals);
+        }
+        if let (true, Some(target)) = (self.variant.writes_normals, targets.normal()) {
+            pass = pass.color(target, Load::Clear([0.0; 4]));
+        }
+        pass.draw(
+            [0.0, 0.0, context.width as f32, context.height as f32],
+            |draw| {
+                draw.cull_back_faces(false, false);
+                draw.bind(&self.normalize, &[constants], &[&self.sums, normals]);
+                draw.draw(0, 3);
+            },
+        );
+    }
+}
+
+/// Draws a list in a pass whose targets are attached, without what compute draws of it.
+fn raster(
+    pass: Pass<'_>,
+    list: List<'_>,
+    (triangles, splats): (&Pipeline, &Pair),
+    context: &Context,
+    constants: Uniform,
+) {
+    let mut pass = pass.indices(list.indices);
+    if let Splats::List(splats, ..) | Splats::Placed(splats, ..) = list.splats {
+        pass = pass.vertices(splats);
+    }
+    for page in &list.scene.pages {
+        pass = pass.vertices(&page.vertices);
+    }
+    pass.draw(context.viewport(), |draw| {
+        let runs = (list.indices, list.runs);
+        triangle_runs::draw_runs(draw, triangles, list.scene, runs, context, constants);
+        draw.cull_back_faces(false, false);
+        match list.splats {
+            Splats::List(buffer, packed, capacity) => {
+                if packed.points > 0 {
+                    draw.bind(&splats.points, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw(0, packed.points as u32);
+                }
+                if packed.quads > 0 {
+                    draw.bind(&splats.quads, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
+                }
+            }
+            Splats::Placed(buffer, placed, capacity) => {
+                let Some([points, quads]) = &splats.large else {
+                    unreachable!("made for compute")
+                };
+                let first_quad = (capacity - placed.quads) as u32;
+                if placed.points > 0 {
+                    draw.bind(points, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw(first_quad - placed.points as u32, placed.points as u32);
+                }
+                if placed.quads > 0 {
+                    draw.bind(quads, &[constants], &[]);
+                    draw.vertices(buffer, 0);
+                    draw.draw_quads(first_quad, placed.quads as u32);
+                }
+            }
+            Splats::Vertices { as_quads } => {
+                let pipeline = if as_quads {
+                    &splats.quads
+                } else {
+                    &splats.points
+                };
+                draw.bind(pipeline, &[constants], &[]);
+                for page in &list.scene.pages {
+                    let vertices: &dyn AnyBuffer = &page.vertices;
+                    draw.vertices(vertices, 0);
+                    if as_quads {
+                        draw.draw_quads(0, page.vertex_count);
+                    } else {
+                        draw.draw(0, page.vertex_count);
+                    }
+                }
+            }
+        }
+    });
+}

@@ -1,0 +1,119 @@
+//! The tree of a scene on the device, for passes that look at nodes and leaves by their numbers.
+
+use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::{Error, Gpu};
+use crate::render::vulkan::scene::{Page, Scene};
+use crate::tree::{Leaf, Model, Node, NodeAttributes};
+use std::sync::Arc;
+
+/// The tree of a scene on the device.
+#[derive(Debug)]
+pub(crate) struct DeviceTree {
+    scene: u64,
+    /// As [`Node`].
+    pub(crate) nodes: Buffer,
+    /// As [`NodeAttributes`].
+    pub(crate) attributes: Buffer,
+    /// As [`Leaf`].
+    pub(crate) leaves: Buffer,
+    /// Three numbers of vertices for each leaf of a mesh.
+    pub(crate) corners: Buffer,
+}
+
+/// Storage buffers that the passes over it bind at most: `cut.leaves` and `lists.splats`.
+const MOST_BUFFERS: u32 = 7;
+
+impl DeviceTree {
+    /// Copies a tree to the device.
+    ///
+    /// # Errors
+    /// When it does not fit, or a Vulkan call fails.
+    pub(crate) fn new(gpu: &Arc<Gpu>, model: &Model, scene: &Scene) -> Result<Self, Error> {
+        let tree = &model.tree;
+        let page = page_of(scene)?;
+        if gpu.info().max_storage_buffers < MOST_BUFFERS {
+            return Err(too_large(
+                "the device binds too few storage buffers at once",
+            ));
+        }
+        let (nodes, attributes): (&[Node], &[NodeAttributes]) = (&tree.nodes, &tree.attributes);
+        let (leaves, corners): (&[Leaf], &[[u32; 3]]) = (&tree.leaves, page.corners(model));
+        let all: [&[u8]; 4] = [
+            bytemuck::cast_slice(nodes),
+            bytemuck::cast_slice(attributes),
+            bytemuck::cast_slice(leaves),
+            bytemuck::cast_slice(corners),
+        ];
+        let bytes = all.map(|data| data.len() as u64);
+        fits_bindings(gpu, bytes.into_iter().chain([page.vertices.bytes()]))?;
+        fits_memory(gpu, bytes.into_iter().sum())?;
+        let filled = |name: &str, data: &[u8]| {
+            // A buffer has a byte at least; nothing is looked at of what is not there.
+            let data = if data.is_empty() { &[0; 32][..] } else { data };
+            Buffer::with_data(gpu, name, Usage::Storage, data)
+        };
+        let [nodes, attributes, leaves, corners] = all;
+        Ok(Self {
+            scene: scene.id(),
+            nodes: filled("nodes", nodes)?,
+            attributes: filled("attributes of nodes", attributes)?,
+            leaves: filled("leaves", leaves)?,
+            corners: filled("corners", corners)?,
+        })
+    }
+
+    /// Whether it is that of the scene.
+    pub(crate) fn is_of(&self, scene: &Scene) -> bool {
+        self.scene == scene.id()
+    }
+
+    /// Bytes of all of it.
+    pub(crate) fn bytes(&self) -> u64 {
+        let all = [&self.nodes, &self.attributes, &self.leaves, &self.corners];
+        all.into_iter().map(AnyBuffer::bytes).sum()
+    }
+}
+
+/// The page that all of a scene lies in.
+///
+/// # Errors
+/// When there are several.
+pub(crate) fn page_of(scene: &Scene) -> Result<&Page, Error> {
+    match scene.pages.as_slice() {
+        [page] => Ok(page),
+        _ => Err(too_large(
+            "the vertices do not fit one buffer of the device",
+        )),
+    }
+}
+
+/// # Errors
+/// When one of so many bytes is too large to be bound as storage.
+pub(crate) fn fits_bindings(gpu: &Gpu, bytes: impl IntoIterator<Item = u64>) -> Result<(), Error> {
+    let info = gpu.info();
+    let limit = info.max_storage_range.min(info.max_buffer);
+    match bytes.into_iter().all(|bytes| bytes <= limit) {
+        true => Ok(()),
+        false => Err(too_large(
+            "a list does not fit one storage binding of the device",
+        )),
+    }
+}
+
+/// # Errors
+/// When so many bytes would leave no room: the model itself and the targets need some as well.
+pub(crate) fn fits_memory(gpu: &Gpu, bytes: u64) -> Result<(), Error> {
+    match bytes <= gpu.info().device_memory / 2 {
+        true => Ok(()),
+        false => Err(too_large(
+            "tree and lists take more than half of the device's memory",
+        )),
+    }
+}
+
+fn too_large(why: &str) -> Error {
+    Error::Unsupported {
+        what: "the tree on the device",
+        why: why.into(),
+    }
+}

@@ -1,0 +1,567 @@
+//! Draw lists in mapped memory: one set for each frame in flight, grown when a frame needs more, and kept as long as
+//! frames ask for the same.
+
+mod triangles;
+
+use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
+use crate::cut::{Cut, Stats};
+use crate::gpu::buffer::{AnyBuffer, Upload};
+use crate::gpu::{Error, Gpu};
+use crate::math::camera::View;
+use crate::pack::ColorBy;
+use crate::pack::splats;
+use crate::pack::splats::Packed;
+use crate::pack::{filtered, fuzzy, ids};
+use crate::render::cpu::filtered as cpu_filtered;
+use crate::render::cpu::filtered::Canvas;
+use crate::render::cpu::opaque;
+use crate::render::cpu::small_triangles;
+use crate::render::cpu::small_triangles::Screen;
+use crate::render::frame_plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
+use crate::render::vulkan::blended::compute::Share;
+use crate::render::vulkan::expand_ids;
+use crate::render::vulkan::expand_ids::Whole;
+use crate::render::vulkan::mapped_picture::Onto;
+use crate::render::vulkan::opaque::compute;
+use crate::render::vulkan::opaque::triangle_runs::Run;
+use crate::render::vulkan::scene::Scene;
+use crate::render::{Method, Path, Settings};
+use crate::tree::Model;
+use prefetch_index::prefetch_index;
+use std::sync::Arc;
+
+/// Mapped draw lists of one slot.
+#[derive(Debug)]
+pub(super) struct Lists {
+    splats: Upload,
+    indices: Upload,
+    pub(super) runs: Vec<Run>,
+    /// Triangles that are small on screen, where those are drawn by compute.
+    small: Upload,
+    pub(super) small_runs: Vec<Run>,
+    /// Triangles that stay such where others become samples.
+    rest: small_triangles::Rest,
+    rest_ids: Vec<u32>,
+    /// What the host draws itself: filtered splats.
+    pub(super) drawn: crate::render::vulkan::mapped_sums::Drawn,
+    /// The triangles among them.
+    faces: cpu_filtered::Triangles,
+    /// And opaque ones.
+    pub(super) nearest: crate::render::vulkan::mapped_picture::Drawn,
+    /// What the device makes of numbers.
+    whole: Option<Whole>,
+    /// None before the first frame, and after one that failed.
+    pub(super) held: Option<Held>,
+}
+
+/// What the lists of a slot hold.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Held {
+    key: Key,
+    pub(super) packed: Packed,
+    /// How many of them are triangles that cover one pixel.
+    pub(super) samples: usize,
+    /// How many of them have no area, and are not drawn.
+    pub(super) undrawn: usize,
+    /// Where compute draws fuzzy splats, what of them is where; then nothing is in `packed`.
+    pub(super) placed: Option<fuzzy::Placed>,
+    /// Records of the list of splats, with gaps.
+    pub(super) capacity: usize,
+    pub(super) splat_bytes: u64,
+    /// Of all triangles.
+    pub(super) index_bytes: u64,
+    pub(super) triangles: usize,
+    pub(super) ways: Ways,
+    /// What was packed are numbers, of which the device makes what is drawn.
+    pub(super) are_ids: bool,
+    /// It has.
+    pub(super) is_made: bool,
+    /// The host has drawn the splats.
+    pub(super) is_drawn: bool,
+    /// They are all there is, and the picture is [`crate::render::vulkan::mapped_picture::Drawn::image`].
+    pub(super) is_shown: bool,
+    /// Of the cut.
+    pub(super) stats: Stats,
+}
+
+/// What draws the primitives of a frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Ways {
+    /// Triangles that are small on screen have a list of their own, for compute.
+    pub(super) takes_triangles: bool,
+    /// Compute draws opaque splats.
+    pub(super) is_small: bool,
+    /// What it draws of blended ones, where that is known before they are packed.
+    pub(super) share: Option<Share>,
+}
+
+impl Ways {
+    /// Whether the rasterizer may draw all splats.
+    pub(super) fn is_rastered(&self) -> bool {
+        !self.is_small && self.share.is_none_or(|share| share == Share::Nothing)
+    }
+}
+
+/// What decides the lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same. Made of
+/// what cut and packing are told, and they are told nothing else but what follows from it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Key {
+    /// [`Scene::id`], and so the model.
+    scene: u64,
+    pub(super) choice: Choice,
+    view: View,
+    packing: Packing,
+    path: Path,
+    /// Compute may draw.
+    is_wanted: bool,
+    /// Triangles of the cut are drawn as such.
+    has_triangles: bool,
+    /// Those that cover one pixel may become splats.
+    may_sample: bool,
+    /// Splats and triangles are named by their numbers, if the lists can be bound.
+    by_id: bool,
+    /// What the host lights opaque splats by, where it may draw them: colors are part of what is packed then.
+    light: Option<opaque::Light>,
+}
+
+/// How the splats of a cut are written.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Packing {
+    /// Not at all.
+    Nothing,
+    /// As [`Splat`].
+    Splats(splats::Plan),
+    /// As [`WeightedSplat`].
+    Weighted(splats::Plan),
+    /// As [`FuzzySplat`] where compute draws them, else as [`WeightedSplat`].
+    Fuzzy(splats::Plan, fuzzy::Look),
+    /// As [`FilteredSplat`].
+    Filtered(filtered::Shade),
+}
+
+impl Packing {
+    /// With points of at most `max_point_px` pixels; `is_wanted`: compute may draw.
+    pub(super) fn of(
+        settings: &Settings,
+        model: &Model,
+        (max_point_px, is_wanted): (f32, bool),
+    ) -> Self {
+        match Drawing::of(settings) {
+            Drawing::Opaque | Drawing::Visibility => {
+                Self::Splats(splat_plan(settings, max_point_px))
+            }
+            Drawing::Fuzzy if is_wanted => Self::Fuzzy(
+                splat_plan(settings, max_point_px),
+                fuzzy_look(settings, model),
+            ),
+            Drawing::Fuzzy => Self::Weighted(splat_plan(settings, max_point_px)),
+            Drawing::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
+            Drawing::Nothing => Self::Nothing,
+        }
+    }
+}
+
+impl Key {
+    /// That of a frame whose points have at most `max_point_px` pixels, drawn by compute if it `is_wanted`, on a device that
+    /// `samples` triangles of one pixel, where the host may draw opaque splats by a `light`, or lists may be `by_id`; of settings
+    /// that [`for_view`](crate::render::frame_plan::for_view) gave.
+    pub(super) fn of(
+        settings: &Settings,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        (max_point_px, is_wanted, samples): (f32, bool, bool),
+        (light, by_id): (Option<opaque::Light>, bool),
+    ) -> Self {
+        Self {
+            scene: scene.id(),
+            choice: Choice::of(settings, model, view),
+            view: *view,
+            packing: Packing::of(settings, model, (max_point_px, is_wanted)),
+            path: settings.path,
+            is_wanted,
+            has_triangles: settings.method != Method::Splats,
+            may_sample: samples
+                && Drawing::of(settings) == Drawing::Opaque
+                && settings.method == Method::Pop
+                && settings.color_by == ColorBy::Shading
+                && !settings.holds_cut()
+                && !by_id,
+            by_id,
+            light,
+        }
+    }
+
+    /// What its cut is of, to be compared with others.
+    pub(super) fn cut(&self) -> (u64, Choice) {
+        (self.scene, self.choice)
+    }
+}
+
+/// Where the host draws splats, if it is to.
+#[derive(Clone, Copy)]
+pub(super) struct Host<'a> {
+    /// So many filtered ones and triangles, and in which light.
+    pub(super) filtered: &'a dyn Fn([usize; 2]) -> Option<(Canvas, Option<cpu_filtered::Light>)>,
+    /// Opaque squares and discs, and what they look like, if compute is to draw them.
+    pub(super) opaque: Option<(opaque::Look, (opaque::Screen, opaque::Light))>,
+}
+
+impl Lists {
+    /// # Errors
+    /// When memory runs out.
+    pub(super) fn new(gpu: &Arc<Gpu>, slot: usize) -> Result<Self, Error> {
+        let list = |name: &str| Upload::new(gpu, &format!("{name} of frame {slot}"), FIRST_BYTES);
+        Ok(Self {
+            splats: list("splats")?,
+            indices: list("triangles")?,
+            runs: Vec::new(),
+            small: list("small triangles")?,
+            small_runs: Vec::new(),
+            rest: small_triangles::Rest::new(),
+            rest_ids: Vec::new(),
+            drawn: crate::render::vulkan::mapped_sums::Drawn::new(gpu, slot)?,
+            faces: cpu_filtered::Triangles::default(),
+            nearest: crate::render::vulkan::mapped_picture::Drawn::new(gpu, slot)?,
+            whole: None,
+            held: None,
+        })
+    }
+
+    /// Whether they are those of `key`.
+    pub(super) fn hold(&self, key: &Key) -> bool {
+        self.held.as_ref().is_some_and(|held| held.key == *key)
+    }
+
+    /// Writes the lists of a cut. Nothing may be reading those that were there. Of a cut that is drawn as filtered splats
+    /// triangles may become leaves.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(super) fn pack(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (model, scene): (&Model, &Scene),
+        cut: &mut Cut,
+        (key, packing): (Key, Packing),
+        (ways, screen, by_host): (Ways, &Screen, Host<'_>),
+    ) -> Result<(), Error> {
+        self.held = None;
+        let view = &key.view;
+        let mut samples = None;
+        let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
+        let mut placed = None;
+        let mut is_filtered = false;
+        // Small triangles are the device's, and the keys with them, unless they become samples.
+        let may_sample = key.may_sample && ways.takes_triangles && ways.is_small;
+        let host_draws = by_host.opaque.filter(|_| {
+            let has_triangles =
+                key.has_triangles && ways.takes_triangles && !cut.triangles.is_empty();
+            let has_one_size = |plan: &splats::Plan| plan.has_one_size(model);
+            let may_sample =
+                may_sample && matches!(&packing, Packing::Splats(plan) if has_one_size(plan));
+            ways.is_small && (may_sample || !has_triangles)
+        });
+        let (mut is_drawn, mut is_shown, mut undrawn) = (false, false, 0);
+        let are_ids = self.are_ids(gpu, key.by_id, &packing, cut)?;
+        let (packed, capacity, record_bytes) = match &packing {
+            Packing::Splats(plan) | Packing::Weighted(plan) if are_ids => {
+                let count = splats::count(cut, plan);
+                let out = records::<SplatId>(gpu, &mut self.splats, count)?;
+                let packed = ids::pack(model, scene.undrawn(model), (cut, view, plan), out);
+                (packed, count, size_of::<SplatId>())
+            }
+            Packing::Splats(plan) => {
+                let may_sample = may_sample && plan.has_one_size(model);
+                let room = match may_sample {
+                    true => small_triangles::room(cut.triangles.len(), screen),
+                    false => 0,
+                };
+                let count = splats::count(cut, plan);
+                // What the host looks at in the cut itself is not written.
+                let by_cut = host_draws.is_some() && plan.has_one_size(model);
+                let own = if by_cut { 0 } else { count };
+                let out = records::<Splat>(gpu, &mut self.splats, own + room)?;
+                let mut packed = match by_cut {
+                    true => Packed::default(),
+                    false => splats::pack(model, cut, view, plan, &mut out[..count]),
+                };
+                if may_sample {
+                    // None is too large for a point: all have one size.
+                    let out = &mut out[packed.points..];
+                    let found =
+                        small_triangles::pack(model, &cut.triangles, screen, &mut self.rest, out);
+                    packed.points += found;
+                    self.rest_ids.clear();
+                    self.rest_ids.extend(self.rest.iter().flatten());
+                    samples = Some(found);
+                }
+                let written = packed.points;
+                if by_cut {
+                    packed.points += count;
+                }
+                if let Some((look, (screen, light))) = host_draws.filter(|_| packed.points > 0) {
+                    let has_triangles = match samples {
+                        Some(_) => !self.rest_ids.is_empty(),
+                        None => key.has_triangles && !cut.triangles.is_empty(),
+                    };
+                    let onto = match has_triangles || packed.quads > 0 {
+                        true => Onto::Storage,
+                        false => Onto::Image(view.width, view.height),
+                    };
+                    let (splats, frame) = (&out[..written], ((&screen, &light), onto));
+                    if by_cut {
+                        let all = scene.undrawn(model);
+                        undrawn = all.count_in(cut);
+                        let own = opaque::Splats {
+                            model,
+                            undrawn: all,
+                            cut,
+                            view,
+                            plan,
+                            are_discs: look.are_discs,
+                            are_seen: key.choice.hides(),
+                        };
+                        is_shown = self.nearest.draw_cut(gpu, (own, splats), frame)?;
+                    } else {
+                        is_shown = self.nearest.draw(gpu, splats, (look, 0), frame)?;
+                    }
+                    is_drawn = true;
+                }
+                // Quads end where splats without gaps would.
+                let capacity = own.max(written);
+                (packed, capacity, size_of::<Splat>())
+            }
+            Packing::Fuzzy(plan, look) if by_compute => {
+                let count = splats::count(cut, plan);
+                let out = records::<FuzzySplat>(gpu, &mut self.splats, count)?;
+                placed = Some(fuzzy::pack(model, cut, view, (plan, look), out));
+                (Packed::default(), count, size_of::<FuzzySplat>())
+            }
+            Packing::Weighted(plan) | Packing::Fuzzy(plan, _) => {
+                let count = splats::count(cut, plan);
+                let out = records::<WeightedSplat>(gpu, &mut self.splats, count)?;
+                let packed = splats::pack(model, cut, view, plan, out);
+                (packed, count, size_of::<WeightedSplat>())
+            }
+            Packing::Filtered(shade) => {
+                let large = filtered::take_triangles(model, view, shade, cut);
+                let most = filtered::splat_count(cut, large);
+                let out = records(gpu, &mut self.splats, most)?;
+                let splats = filtered::write(model, cut, large, view, *shade, out);
+                let count = splats.count();
+                is_filtered = true;
+                let triangles: &[u32] = match key.has_triangles {
+                    true => &cut.triangles,
+                    false => &[],
+                };
+                let canvas = (by_host.filtered)([count, triangles.len()]);
+                is_drawn = self.draw(gpu, (&splats, model, triangles), canvas)?;
+                let packed = Packed {
+                    points: count,
+                    quads: 0,
+                };
+                (packed, count, size_of::<FilteredSplat>())
+            }
+            Packing::Nothing => (Packed::default(), 0, 0),
+        };
+        // Of those that are left after samples most are large.
+        let has_small = ways.takes_triangles && samples.is_none();
+        let is_small = has_small
+            .then(|| triangles::are_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        let rest = std::mem::take(&mut self.rest_ids);
+        let triangles: &[u32] = match samples {
+            Some(_) => &rest,
+            // They are drawn.
+            None if is_filtered && is_drawn => &[],
+            None if key.has_triangles => &cut.triangles,
+            None => &[],
+        };
+        let triangle_bytes = if are_ids { 4 } else { 12 };
+        let index_bytes = triangle_bytes * triangles.len() as u64;
+        reserve(gpu, &mut self.indices, index_bytes)?;
+        if ways.takes_triangles {
+            reserve(gpu, &mut self.small, index_bytes)?;
+        }
+        let lists = (&mut *self, is_small);
+        if are_ids {
+            triangles::write(model, scene, triangles, lists, (|_, id| id, |_, _| {}));
+        } else {
+            let of = |corners: &[[u32; 3]], id| corners[id as usize];
+            let ahead = |corners: &[[u32; 3]], id| prefetch_index(corners, id as usize);
+            triangles::write(model, scene, triangles, lists, (of, ahead));
+        }
+        self.rest_ids = rest;
+        self.held = Some(Held {
+            packed,
+            samples: samples.unwrap_or(0),
+            undrawn,
+            placed,
+            capacity,
+            splat_bytes: (capacity * record_bytes) as u64,
+            index_bytes,
+            triangles: if key.has_triangles {
+                cut.triangles.len()
+            } else {
+                0
+            },
+            ways,
+            are_ids,
+            is_made: false,
+            is_drawn,
+            is_shown,
+            stats: cut.stats,
+            key,
+        });
+        Ok(())
+    }
+
+    /// Whether a cut is to be named by numbers, if it `may` be; makes room for what the device makes of them. Longer lists than
+    /// can be bound are not.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn are_ids(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        may: bool,
+        packing: &Packing,
+        cut: &Cut,
+    ) -> Result<bool, Error> {
+        let (plan, record) = match packing {
+            Packing::Splats(plan) => (plan, size_of::<Splat>()),
+            Packing::Weighted(plan) => (plan, size_of::<WeightedSplat>()),
+            _ => return Ok(false),
+        };
+        if !may {
+            return Ok(false);
+        }
+        let bytes = [
+            (splats::count(cut, plan) * record) as u64,
+            12 * cut.triangles.len() as u64,
+        ];
+        let fits = expand_ids::fits(gpu, bytes);
+        if fits {
+            Whole::reserve(gpu, &mut self.whole, bytes)?;
+        }
+        Ok(fits)
+    }
+
+    /// What the device makes of the numbers that the lists hold; none where they hold no numbers.
+    fn whole(&self) -> Option<&Whole> {
+        let held = self.held.as_ref()?;
+        self.whole.as_ref().filter(|_| held.are_ids)
+    }
+
+    /// The numbers that the lists hold, if the device is to make something of them: of splats, triangles and small triangles.
+    pub(super) fn named(&self) -> Option<([&Upload; 3], &Whole, &Held)> {
+        let held = self.held.as_ref().filter(|held| !held.is_made)?;
+        let ids = [&self.splats, &self.indices, &self.small];
+        Some((ids, self.whole()?, held))
+    }
+
+    /// A frame that makes it was submitted.
+    pub(super) fn are_made(&mut self) {
+        if let Some(held) = &mut self.held {
+            held.is_made = true;
+        }
+    }
+
+    /// Records of splats as they are drawn.
+    pub(super) fn splats(&self) -> &dyn AnyBuffer {
+        self.whole().map_or(&self.splats, |whole| &whole.splats)
+    }
+
+    /// Corners of the triangles of `runs`.
+    pub(super) fn indices(&self) -> &dyn AnyBuffer {
+        self.whole().map_or(&self.indices, |whole| &whole.indices)
+    }
+
+    /// Corners of the triangles of `small_runs`.
+    pub(super) fn small(&self) -> &dyn AnyBuffer {
+        self.whole().map_or(&self.small, |whole| &whole.small)
+    }
+
+    /// Draws the filtered splats that were written and these triangles, unless nothing says where, some splats are too large, or
+    /// some triangles are the device's to clip; whether it has. What the device is to draw it gets without gaps.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn draw(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (written, model, triangles): (&filtered::Written, &Model, &[u32]),
+        canvas: Option<(Canvas, Option<cpu_filtered::Light>)>,
+    ) -> Result<bool, Error> {
+        let splats: &mut [FilteredSplat] = whole_records(self.splats.bytes_mut());
+        let canvas = canvas.filter(|(_, light)| {
+            written.groups.are_small() && self.faces.set(model, triangles, *light)
+        });
+        let Some((canvas, _)) = canvas else {
+            written.close_gaps(splats);
+            return Ok(false);
+        };
+        let list = cpu_filtered::List {
+            splats: &*splats,
+            groups: &written.groups,
+            vertices: &model.vertices,
+            triangles: &self.faces,
+        };
+        self.drawn.draw(gpu, list, canvas)?;
+        Ok(true)
+    }
+
+    /// How long the host drew, milliseconds, and how many bytes.
+    pub(super) fn host(&self) -> (f64, u64) {
+        match &self.held {
+            Some(held) if held.is_drawn => match held.key.packing {
+                Packing::Filtered(_) => (self.drawn.ms(), self.drawn.bytes()),
+                _ => (self.nearest.ms(), self.nearest.bytes()),
+            },
+            _ => (0.0, 0),
+        }
+    }
+
+    /// Makes what was packed visible to the device.
+    pub(super) fn flush(&mut self) {
+        let Some(held) = self.held else { return };
+        self.splats.flush(0..held.splat_bytes);
+        match held.key.packing {
+            _ if !held.is_drawn => {}
+            Packing::Filtered(_) => self.drawn.flush(),
+            _ => self.nearest.flush(),
+        }
+        self.indices.flush(0..held.index_bytes);
+        if held.ways.takes_triangles {
+            self.small.flush(0..held.index_bytes);
+        }
+    }
+}
+
+/// First size of a draw list, bytes; it grows by half when a frame needs more.
+const FIRST_BYTES: u64 = 1 << 20;
+
+/// The records that fit a mapped buffer.
+fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
+    let whole = bytes.len() / size_of::<T>() * size_of::<T>();
+    bytemuck::cast_slice_mut(&mut bytes[..whole])
+}
+
+/// A mapped buffer as `count` records at least, grown if need be.
+pub(super) fn records<'a, T: bytemuck::Pod>(
+    gpu: &Arc<Gpu>,
+    buffer: &'a mut Upload,
+    count: usize,
+) -> Result<&'a mut [T], Error> {
+    reserve(gpu, buffer, (count * size_of::<T>()) as u64)?;
+    Ok(whole_records(buffer.bytes_mut()))
+}
+
+/// Grows a mapped buffer; its slot is free, so nothing reads it.
+fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
+    if bytes > buffer.bytes() {
+        let name = buffer.name().to_owned();
+        *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
+    }
+    Ok(())
+}

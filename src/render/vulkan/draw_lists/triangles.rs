@@ -1,0 +1,83 @@
+//! The triangles of a cut, written page by page.
+
+use crate::math::camera::View;
+use crate::pack::triangles;
+use crate::render::vulkan::draw_lists::{Lists, whole_records};
+use crate::render::vulkan::opaque::triangle_runs::Run;
+use crate::render::vulkan::scene::Scene;
+use crate::tree::Model;
+use prefetch_index::prefetch_index;
+
+/// Writes what `of` has of the chosen triangles, page by page; those that `is_small` go to a list of their own.
+pub(super) fn write<T: bytemuck::Pod + Send>(
+    model: &Model,
+    scene: &Scene,
+    ids: &[u32],
+    (lists, is_small): (&mut Lists, Option<impl Fn(u32) -> bool + Sync>),
+    (of, ahead): (
+        impl Fn(&[[u32; 3]], u32) -> T + Sync,
+        impl Fn(&[[u32; 3]], u32) + Sync,
+    ),
+) {
+    lists.runs.clear();
+    lists.small_runs.clear();
+    let out: &mut [T] = whole_records(lists.indices.bytes_mut());
+    let small: &mut [T] = whole_records(lists.small.bytes_mut());
+    // Triangles written so far, large and small.
+    let mut written = [0, 0];
+    let mut done = 0;
+    for (index, page) in scene.pages.iter().enumerate() {
+        let end = done + ids[done..].partition_point(|&id| id < page.triangles.end);
+        let (ids, corners) = (&ids[done..end], page.corners(model));
+        let first = page.triangles.start;
+        let of = |id| of(corners, id - first);
+        let before = written;
+        match &is_small {
+            Some(is_small) => {
+                let lists = [&mut out[written[0]..], &mut small[written[1]..]];
+                let is_large = |id| !is_small(id);
+                let prefetch = |id| {
+                    ahead(corners, id - first);
+                    prefetch_index(&*model.tree.leaves, id as usize);
+                };
+                let found = triangles::split_triangles(ids, of, (is_large, prefetch), lists);
+                written = [0, 1].map(|i| written[i] + found[i]);
+            }
+            None => {
+                triangles::triangles(ids, of, &mut out[written[0]..]);
+                written[0] += ids.len();
+            }
+        }
+        for (which, runs) in [&mut lists.runs, &mut lists.small_runs]
+            .into_iter()
+            .enumerate()
+        {
+            if written[which] > before[which] {
+                runs.push(Run {
+                    page: index,
+                    first: 3 * before[which] as u32,
+                    count: 3 * (written[which] - before[which]) as u32,
+                });
+            }
+        }
+        done = end;
+    }
+}
+
+/// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.
+pub(super) fn are_small_on_screen<'a>(
+    model: &'a Model,
+    view: &View,
+    most_px: f32,
+) -> impl Fn(u32) -> bool + use<'a> {
+    let row = view.view_from_model.row(2);
+    let (near, is_perspective) = (view.near, view.is_perspective);
+    // In view space; the bound of the size is that of the sphere's nearest point.
+    let ratio = 2.0 * view.focal_px() * view.model_scale / most_px;
+    let scale = view.model_scale;
+    move |leaf| {
+        let sphere = &model.tree.leaves[leaf as usize];
+        let nearest = -row.dot(sphere.center.extend(1.0)) - sphere.radius * scale;
+        nearest > near && ratio * sphere.radius <= if is_perspective { nearest } else { 1.0 }
+    }
+}

@@ -1,0 +1,484 @@
+//! Draw lists by number: the host writes which nodes and leaves a frame draws, and the device, which has the tree, makes
+//! the records and corners of them that its other passes draw.
+//!
+//! So the host looks at no attributes, and 8 bytes a splat and 4 a triangle go to the device instead of 24 (28 with areas)
+//! and 12. The records are the same to the bit, in the same places, but for roots and quotients on devices that round them
+//! otherwise. Records that depend on the view are no numbers of nodes: those of filtered splats, and of fuzzy ones that
+//! compute draws, come from the host.
+
+use crate::abi::{ListConstants, Splat, SplatId, WeightedSplat, shaders};
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{AnyBuffer, Buffer, Upload, Usage};
+use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::pipeline::Pipeline;
+use crate::gpu::{Error, Gpu};
+use crate::pack::splats::Packed;
+use crate::render::vulkan::device_tree::{DeviceTree, fits_bindings, page_of};
+use crate::render::vulkan::draw_lists::Lists;
+use crate::render::vulkan::opaque::triangle_runs::Run;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::storage_ranges;
+use crate::render::vulkan::targets::Context;
+use std::sync::Arc;
+
+/// What the device makes of the lists of one slot.
+#[derive(Debug)]
+pub(super) struct Whole {
+    /// Records of splats.
+    pub(super) splats: Buffer,
+    /// Corners of triangles.
+    pub(super) indices: Buffer,
+    /// And of those that are small on screen.
+    pub(super) small: Buffer,
+}
+
+/// First size of each, bytes; it grows by half when a frame needs more.
+const FIRST_BYTES: u64 = 1 << 16;
+
+/// Whether records and corners of so many bytes can be bound as storage.
+pub(super) fn fits(gpu: &Gpu, bytes: [u64; 2]) -> bool {
+    fits_bindings(gpu, bytes).is_ok()
+}
+
+impl Whole {
+    /// Makes room for records and corners of so many bytes, where nothing reads what was there.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(super) fn reserve(
+        gpu: &Arc<Gpu>,
+        place: &mut Option<Self>,
+        [splats, triangles]: [u64; 2],
+    ) -> Result<(), Error> {
+        let made = |name, bytes| Buffer::new(gpu, name, Usage::List, bytes);
+        let names = [
+            "splats by number",
+            "triangles by number",
+            "small triangles by number",
+        ];
+        let whole = match place {
+            Some(whole) => whole,
+            none => none.insert(Self {
+                splats: made(names[0], FIRST_BYTES)?,
+                indices: made(names[1], FIRST_BYTES)?,
+                small: made(names[2], FIRST_BYTES)?,
+            }),
+        };
+        let all = [
+            (&mut whole.splats, splats),
+            (&mut whole.indices, triangles),
+            (&mut whole.small, triangles),
+        ];
+        for ((buffer, bytes), name) in all.into_iter().zip(names) {
+            if bytes > buffer.bytes() {
+                let grown = (buffer.bytes() * 3 / 2).min(gpu.info().max_buffer);
+                *buffer = made(name, bytes.max(grown))?;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Pipelines that make records and corners.
+#[derive(Debug)]
+pub(super) struct ById {
+    /// Of splats of one size and with radii of their own, each without and with areas.
+    splats: [Pipeline; 4],
+    triangles: Pipeline,
+    has_triangles: bool,
+}
+
+/// What the records of a list have.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Kind {
+    /// Radii of their own.
+    pub(super) are_oriented: bool,
+    /// The areas that they stand for.
+    pub(super) have_areas: bool,
+}
+
+impl Kind {
+    /// Of one.
+    fn bytes(self) -> usize {
+        match self.have_areas {
+            true => size_of::<WeightedSplat>(),
+            false => size_of::<Splat>(),
+        }
+    }
+
+    fn index(self) -> usize {
+        2 * usize::from(self.are_oriented) + usize::from(self.have_areas)
+    }
+}
+
+impl ById {
+    /// Of trees whose leaves are triangles or, without, points.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(super) fn new(gpu: &Arc<Gpu>, has_triangles: bool) -> Result<Self, Error> {
+        let splats = |are_oriented, have_areas| {
+            let constants = [are_oriented, have_areas, has_triangles];
+            let shader = &shaders::LISTS_SPLATS_COMP;
+            Pipeline::compute(gpu, "lists.splats", shader, &constants)
+        };
+        let triangles = &shaders::LISTS_TRIANGLES_COMP;
+        Ok(Self {
+            splats: [
+                splats(false, false)?,
+                splats(false, true)?,
+                splats(true, false)?,
+                splats(true, true)?,
+            ],
+            triangles: Pipeline::compute(gpu, "lists.triangles", triangles, &[])?,
+            has_triangles,
+        })
+    }
+
+    /// Whether it is of such trees.
+    pub(super) fn is_of(&self, has_triangles: bool) -> bool {
+        self.has_triangles == has_triangles
+    }
+
+    /// Makes what a slot's lists name, unless that is there.
+    ///
+    /// # Errors
+    /// When the scene lies in several pages, or the frame has no room for constants.
+    pub(super) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        (tree, scene): (&DeviceTree, &Scene),
+        (lists, kind): (&Lists, Kind),
+        context: &Context,
+    ) -> Result<(), Error> {
+        let Some(([splats, large, small], whole, held)) = lists.named() else {
+            return Ok(());
+        };
+        let list = (splats, held.packed, held.capacity);
+        let constants = storage_ranges::constants(context);
+        self.splats(frame, (tree, scene), (list, &whole.splats, kind), constants)?;
+        let count = |runs: &[Run]| runs.iter().map(|run| run.count as usize / 3).sum();
+        let triangles = [
+            (large, &whole.indices, count(&lists.runs)),
+            (small, &whole.small, count(&lists.small_runs)),
+        ];
+        self.triangles(frame, tree, triangles, constants)
+    }
+
+    /// Pass `lists.splats`: writes the records of a list of numbers with so much room.
+    fn splats(
+        &self,
+        frame: &mut Frame<'_>,
+        (tree, scene): (&DeviceTree, &Scene),
+        ((ids, packed, capacity), out, kind): ((&Upload, Packed, usize), &Buffer, Kind),
+        constants: ListConstants,
+    ) -> Result<(), Error> {
+        let Packed { points, quads } = packed;
+        let mut parts = Vec::new();
+        for (first, count) in [(0, points), (capacity - quads, quads)] {
+            if count > 0 {
+                parts.push(part(frame, constants, first, count)?);
+            }
+        }
+        if parts.is_empty() {
+            return Ok(());
+        }
+        let page = page_of(scene)?;
+        let in_tree: [&dyn AnyBuffer; 5] = [
+            &tree.nodes,
+            &tree.attributes,
+            &tree.leaves,
+            &tree.corners,
+            &page.vertices,
+        ];
+        let mut pass = frame.pass("lists.splats").storage_read(ids);
+        for buffer in in_tree {
+            pass = pass.storage_read(buffer);
+        }
+        let [nodes, attributes, leaves, corners, vertices] = in_tree.map(Slice::whole);
+        let bound = [
+            first_bytes(ids, capacity * size_of::<SplatId>()),
+            nodes,
+            attributes,
+            leaves,
+            corners,
+            vertices,
+            first_bytes(out, capacity * kind.bytes()),
+        ];
+        pass.storage(out).compute(|compute| {
+            for (constants, count) in parts {
+                compute.bind(&self.splats[kind.index()], &[constants], &bound);
+                compute.items(count);
+            }
+        });
+        Ok(())
+    }
+
+    /// Pass `lists.triangles`: writes the corners of the triangles of lists, each of so many.
+    fn triangles(
+        &self,
+        frame: &mut Frame<'_>,
+        tree: &DeviceTree,
+        lists: [(&Upload, &Buffer, usize); 2],
+        constants: ListConstants,
+    ) -> Result<(), Error> {
+        let mut all = Vec::new();
+        for (ids, out, count) in lists {
+            if count > 0 {
+                all.push((ids, out, part(frame, constants, 0, count)?));
+            }
+        }
+        if all.is_empty() {
+            return Ok(());
+        }
+        let mut pass = frame.pass("lists.triangles").storage_read(&tree.corners);
+        for (ids, out, _) in &all {
+            pass = pass.storage_read(*ids).storage(*out);
+        }
+        pass.compute(|compute| {
+            for (ids, out, (constants, count)) in all {
+                let bound = [
+                    first_bytes(ids, 4 * count as usize),
+                    Slice::whole(&tree.corners),
+                    first_bytes(out, 12 * count as usize),
+                ];
+                compute.bind(&self.triangles, &[constants], &bound);
+                compute.items(count);
+            }
+        });
+        Ok(())
+    }
+}
+
+/// The first bytes of a list.
+fn first_bytes(buffer: &dyn AnyBuffer, bytes: usize) -> Slice<'_> {
+    Slice::new(buffer, 0, bytes as u64)
+}
+
+/// `count` items of a list, from the `first` on.
+fn part(
+    frame: &mut Frame<'_>,
+    constants: ListConstants,
+    first: usize,
+    count: usize,
+) -> Result<(Uniform, u32), Error> {
+    let count = count as u32;
+    let constants = frame.uniform(&ListConstants {
+        begin: first as u32,
+        count,
+        ..constants
+    })?;
+    Ok((constants, count))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
+    use super::*;
+    use crate::cut::{Cut, Selector, SizeMetric, Undrawn};
+    use crate::generate::{self, Shape, Spec};
+    use crate::gpu::buffer::Readback;
+    use crate::gpu::device::Kind as Device;
+    use crate::gpu::for_tests::{close_in_silence, device};
+    use crate::gpu::frame::Frames;
+    use crate::math::camera::{Camera, View};
+    use crate::pack::splats;
+    use crate::pack::splats::Plan;
+    use crate::pack::{Footprint, ids};
+    use crate::progress::Silent;
+    use crate::render::Settings;
+    use crate::render::frame_plan::cut_settings;
+    use crate::tree::{self, BuildOptions, Model};
+
+    fn model_of(shape: Shape, triangles: u64, is_cloud: bool) -> Model {
+        let mut mesh = generate::mesh(&Spec::with_triangles(shape, triangles).unwrap());
+        if is_cloud {
+            mesh.triangles.clear();
+        } else if let Some(&first) = mesh.triangles.first() {
+            // Patches without area, alone below a node and beside others.
+            mesh.triangles.extend([[first[0]; 3]; 40]);
+        }
+        tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    }
+
+    fn orbit(model: &Model, fill: f64, step: u32) -> View {
+        let center = model.origin + model.orbit_center.as_dvec3();
+        let radius = f64::from(model.orbit_radius);
+        let camera = Camera::orbit_view((320, 200), center, radius, fill, step, 5);
+        camera.view(model.origin).unwrap()
+    }
+
+    /// What the device makes of numbers, as words of records: the points, then the quads.
+    fn made(
+        gpu: &Arc<Gpu>,
+        (model, scene): (&Model, &Scene),
+        (named, packed): (&[SplatId], Packed),
+        kind: Kind,
+    ) -> Vec<u32> {
+        let tree = DeviceTree::new(gpu, model, scene).unwrap();
+        let by_id = ById::new(gpu, !model.triangles.is_empty()).unwrap();
+        let bytes: &[u8] = bytemuck::cast_slice(named);
+        let mut list = Upload::new(gpu, "numbers", bytes.len() as u64).unwrap();
+        list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
+        list.flush(0..bytes.len() as u64);
+        let size = (named.len() * kind.bytes()) as u64;
+        let out = Buffer::new(gpu, "records", Usage::List, size).unwrap();
+        let mut read = Readback::new(gpu, "read", size).unwrap();
+        let mut frames = Frames::new(gpu, 1, false).unwrap();
+        let mut frame = frames.begin().unwrap();
+        let list = (&list, packed, named.len());
+        let constants = bytemuck::Zeroable::zeroed();
+        by_id
+            .splats(&mut frame, (&tree, scene), (list, &out, kind), constants)
+            .unwrap();
+        frame.read_back_buffer("read", &out, &read);
+        let ticket = frame.submit().unwrap();
+        frames.finish(ticket).unwrap();
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(Readback::bytes(&mut read));
+        let of_one = kind.bytes() / 4;
+        let end = named.len() * of_one;
+        [
+            &words[..packed.points * of_one],
+            &words[end - packed.quads * of_one..end],
+        ]
+        .concat()
+    }
+
+    /// The words that the host writes, likewise.
+    fn written<R: splats::Record + bytemuck::Pod + Send>(
+        (model, cut): (&Model, &Cut),
+        (view, plan): (&View, &Plan),
+    ) -> (Vec<u32>, Packed) {
+        let mut records = vec![R::zeroed(); splats::count(cut, plan)];
+        let packed = splats::pack(model, cut, view, plan, &mut records);
+        let (points, rest) = records.split_at(packed.points);
+        let drawn = [points, &rest[rest.len() - packed.quads..]].concat();
+        (bytemuck::cast_slice(&drawn).to_vec(), packed)
+    }
+
+    /// Of every kind of splat of a cut, whatever decides its size, the device makes the very record that the host writes.
+    #[test]
+    fn numbers_become_the_records_that_the_host_writes() {
+        let Some(gpu) = device() else { return };
+        // Elsewhere roots and quotients may differ in the last place.
+        let is_exact = gpu.info().kind == Device::Cpu;
+        // Nodes, rows, leaves, leaves of their own size, leaves in their plane, quads.
+        let mut kinds = [0; 6];
+        for (shape, triangles, is_cloud) in [
+            (Shape::Statue, 40_000, false),
+            (Shape::Torus, 30_000, false),
+            (Shape::Statue, 20_000, true),
+            (Shape::Square, 2, false),
+        ] {
+            let model = model_of(shape, triangles, is_cloud);
+            let scene = Scene::new(&gpu, &model).unwrap();
+            let undrawn = Undrawn::new(&model);
+            for (step, fill) in [(0, 0.1), (1, 0.8), (2, 3.0)] {
+                let view = orbit(&model, fill, step);
+                for (threshold_px, footprint, size, draws_large_leaves, max_point_px) in [
+                    (1.0, Footprint::Square, SizeMetric::Exact, false, 255.0),
+                    (3.0, Footprint::Circle, SizeMetric::Nearest, false, 255.0),
+                    (4.0, Footprint::Oriented, SizeMetric::Exact, false, 255.0),
+                    (5.0, Footprint::Square, SizeMetric::Exact, true, 8.0),
+                    (5.0, Footprint::Oriented, SizeMetric::Exact, true, 9.0),
+                ] {
+                    let plan = Plan {
+                        footprint,
+                        threshold_px,
+                        size,
+                        draws_large_leaves,
+                        low_pass_px: 0.0,
+                        by_level: false,
+                        cut_view: None,
+                        max_point_px,
+                    };
+                    let settings = Settings {
+                        threshold_px,
+                        size,
+                        ..Settings::default()
+                    };
+                    let mut cut = Cut::default();
+                    let of_cut = cut_settings(&settings, &model);
+                    Selector::default().select(&model, &view, &of_cut, &mut cut);
+                    let mut named = vec![SplatId::node(0); splats::count(&cut, &plan)];
+                    let packed = ids::pack(&model, &undrawn, (&cut, &view, &plan), &mut named);
+                    let what = format!(
+                        "{shape:?}, cloud {is_cloud}, fill {fill}, {threshold_px} px {footprint:?}"
+                    );
+                    if named.is_empty() {
+                        continue;
+                    }
+                    for id in named[..packed.points]
+                        .iter()
+                        .chain(&named[named.len() - packed.quads..])
+                    {
+                        let has = |bit: u32| usize::from(id.part & bit != 0);
+                        let is_row = usize::from(id.part >> 16 != 0) - has(SplatId::LEAF);
+                        kinds[0] += usize::from(id.part == 0);
+                        kinds[1] += is_row;
+                        kinds[2] += has(SplatId::LEAF);
+                        kinds[3] += has(SplatId::OF_OWN_SIZE);
+                        kinds[4] += has(SplatId::IN_PLANE);
+                    }
+                    kinds[5] += packed.quads;
+                    for have_areas in [false, true] {
+                        let kind = Kind {
+                            are_oriented: footprint == Footprint::Oriented,
+                            have_areas,
+                        };
+                        let list = (&named[..], packed);
+                        let device = made(&gpu, (&model, &scene), list, kind);
+                        let (host, of_host) = match have_areas {
+                            true => written::<WeightedSplat>((&model, &cut), (&view, &plan)),
+                            false => written::<Splat>((&model, &cut), (&view, &plan)),
+                        };
+                        assert_eq!(packed, of_host, "{what}");
+                        assert!(!is_exact || device == host, "{what}, areas {have_areas}");
+                    }
+                }
+            }
+        }
+        assert!(kinds.iter().all(|&n| n > 100), "{kinds:?}");
+        close_in_silence(gpu);
+    }
+
+    /// Corners of triangles, of both lists.
+    #[test]
+    fn numbers_become_the_corners_of_triangles() {
+        let Some(gpu) = device() else { return };
+        let model = model_of(Shape::Torus, 5_000, false);
+        let scene = Scene::new(&gpu, &model).unwrap();
+        let tree = DeviceTree::new(&gpu, &model, &scene).unwrap();
+        let by_id = ById::new(&gpu, true).unwrap();
+        let mut frames = Frames::new(&gpu, 1, false).unwrap();
+        let lists: [Vec<u32>; 2] = [(0..777).map(|i| 3 * i).collect(), vec![4, 2, 999]];
+        let made = lists.each_ref().map(|ids| {
+            let bytes: &[u8] = bytemuck::cast_slice(ids);
+            let mut list = Upload::new(&gpu, "numbers", bytes.len() as u64).unwrap();
+            list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
+            list.flush(0..bytes.len() as u64);
+            let size = 12 * ids.len() as u64;
+            let out = Buffer::new(&gpu, "corners", Usage::List, size).unwrap();
+            (list, out, Readback::new(&gpu, "read", size).unwrap())
+        });
+        let mut frame = frames.begin().unwrap();
+        let of = |i: usize| (&made[i].0, &made[i].1, lists[i].len());
+        let constants = bytemuck::Zeroable::zeroed();
+        by_id
+            .triangles(&mut frame, &tree, [of(0), of(1)], constants)
+            .unwrap();
+        for (_, out, read) in &made {
+            frame.read_back_buffer("read", out, read);
+        }
+        let ticket = frame.submit().unwrap();
+        frames.finish(ticket).unwrap();
+        for (ids, (_, _, mut read)) in lists.iter().zip(made) {
+            let corners: Vec<[u32; 3]> = bytemuck::pod_collect_to_vec(Readback::bytes(&mut read));
+            let host: Vec<[u32; 3]> = ids.iter().map(|&id| model.triangles[id as usize]).collect();
+            assert_eq!(corners[..ids.len()], host);
+        }
+        drop((frames, by_id, tree, scene));
+        close_in_silence(gpu);
+    }
+}

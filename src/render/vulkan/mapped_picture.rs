@@ -1,0 +1,262 @@
+//! What the host drew of a frame's opaque splats, in mapped memory.
+
+use crate::abi::Splat;
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::Upload;
+use crate::gpu::image::Image;
+use crate::gpu::{Error, Gpu};
+use crate::render::cpu::opaque;
+use crate::render::cpu::opaque::{Look, Picture, Places};
+use crate::render::vulkan::draw_lists::records;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Depth and color of each pixel, see [`Picture`]. Empty until something is drawn.
+#[derive(Debug)]
+pub(crate) struct Drawn {
+    /// Colors of the pixels of the rectangle, unless they are in the image; then their depths.
+    words: Upload,
+    depths_at: usize,
+    places: Places,
+    pixels: usize,
+    image: Option<Shown>,
+    name: String,
+    ms: f64,
+}
+
+/// A whole picture.
+#[derive(Debug)]
+struct Shown {
+    image: Image,
+    /// Where anything may be but the background: left, top, and one past right and bottom, pixels.
+    rect_px: [u32; 4],
+    background: u32,
+}
+
+/// Where the colors go.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Onto {
+    /// To the storage of a pass that draws them beside others.
+    Storage,
+    /// To an image of this width and height, pixels, which becomes the picture of the frame, if the device lets the host write one.
+    Image(u32, u32),
+}
+
+impl Drawn {
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn new(gpu: &Arc<Gpu>, slot: usize) -> Result<Self, Error> {
+        // Most devices never need it.
+        let name = format!("splats by the host of frame {slot}");
+        Ok(Self {
+            words: Upload::new(gpu, &name, 8)?,
+            depths_at: 0,
+            places: Places::default(),
+            pixels: 0,
+            image: None,
+            name: format!("picture by the host of frame {slot}"),
+            ms: 0.0,
+        })
+    }
+
+    /// Draws splats, the last of which are samples. Nothing may be reading what was there. Whether the colors are in the image.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn draw(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        splats: &[Splat],
+        look: (Look, usize),
+        (frame, onto): (opaque::Frame<'_>, Onto),
+    ) -> Result<bool, Error> {
+        self.draw_by(gpu, (frame, onto), |places, picture| {
+            opaque::draw(splats, look, frame, places, picture);
+        })
+    }
+
+    /// Draws the splats of a cut and the samples after them: see [`opaque::draw_cut`]. Nothing may be reading what was there.
+    /// Whether the colors are in the image.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn draw_cut(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        (splats, samples): (opaque::Splats<'_>, &[Splat]),
+        (frame, onto): (opaque::Frame<'_>, Onto),
+    ) -> Result<bool, Error> {
+        self.draw_by(gpu, (frame, onto), |places, picture| {
+            opaque::draw_cut(splats, samples, frame, places, picture);
+        })
+    }
+
+    fn draw_by(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        ((screen, light), onto): (opaque::Frame<'_>, Onto),
+        draw: impl FnOnce(&mut Places, Picture<'_>),
+    ) -> Result<bool, Error> {
+        let start = Instant::now();
+        self.pixels = screen.pixels();
+        let is_shown = match onto {
+            Onto::Image(width, height) => self.make_image(gpu, width, height)?,
+            Onto::Storage => false,
+        };
+        self.depths_at = if is_shown { 0 } else { self.pixels };
+        let words = self.depths_at + self.pixels;
+        let words = records::<u32>(gpu, &mut self.words, words)?;
+        let (colors, depths) = words.split_at_mut(self.depths_at);
+        let depths = bytemuck::cast_slice_mut(depths);
+        let (colors, pitch) = match self.image.as_mut().filter(|_| is_shown) {
+            Some(shown) => shown.within(screen.rect_px(), light.background()),
+            None => (colors, screen.width().max(1)),
+        };
+        let picture = Picture {
+            colors,
+            pitch,
+            depths,
+        };
+        draw(&mut self.places, picture);
+        self.ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(is_shown)
+    }
+
+    /// Whether there is an image of this size.
+    fn make_image(&mut self, gpu: &Arc<Gpu>, width: u32, height: u32) -> Result<bool, Error> {
+        let is_there = |shown: &Shown| (shown.image.width, shown.image.height) == (width, height);
+        if !self.image.as_ref().is_some_and(is_there) {
+            let image = Image::mapped(gpu, &self.name, width, height)?;
+            self.image = image.map(|image| Shown {
+                image,
+                rect_px: [0, 0, width, height],
+                background: 0,
+            });
+        }
+        Ok(self.image.is_some())
+    }
+
+    /// Where the splats and the colors of the rectangle lie that are not in the image, colors first.
+    pub(crate) fn storage(&self) -> Slice<'_> {
+        Slice::new(&self.words, 0, 8 * self.pixels as u64)
+    }
+
+    /// The buffer of it.
+    pub(crate) fn buffer(&self) -> &Upload {
+        &self.words
+    }
+
+    /// The picture that the colors were drawn onto last.
+    pub(crate) fn image(&self) -> Option<&Image> {
+        self.image.as_ref().map(|shown| &shown.image)
+    }
+
+    /// The pixels of the picture, row by row, without gaps.
+    pub(crate) fn pixels(&mut self) -> Vec<[u8; 4]> {
+        let Some(Shown { image, .. }) = &mut self.image else {
+            return Vec::new();
+        };
+        let width = image.width as usize;
+        let (words, pitch) = image.words_mut();
+        let rows = words.chunks(pitch.max(1));
+        rows.flat_map(|row| row[..width].iter().map(|word| word.to_le_bytes()))
+            .collect()
+    }
+
+    /// The reversed depths, row by row of the rectangle.
+    pub(crate) fn depths(&mut self) -> &[f32] {
+        let (first, pixels) = (self.depths_at, self.pixels);
+        bytemuck::cast_slice(&self.words.bytes_mut()[4 * first..4 * (first + pixels)])
+    }
+
+    /// How long it took, milliseconds.
+    pub(crate) fn ms(&self) -> f64 {
+        self.ms
+    }
+
+    /// Bytes of all that was drawn.
+    pub(crate) fn bytes(&self) -> u64 {
+        8 * self.pixels as u64
+    }
+
+    /// Makes it visible to the device.
+    pub(crate) fn flush(&mut self) {
+        self.words
+            .flush(0..4 * (self.depths_at + self.pixels) as u64);
+        if let (Some(shown), 0) = (&mut self.image, self.depths_at) {
+            shown.image.flush();
+        }
+    }
+}
+
+impl Shown {
+    /// The pixels from the first of a rectangle on, and from row to row; what lies beside it becomes background.
+    fn within(&mut self, rect_px: [u32; 4], background: u32) -> (&mut [u32], usize) {
+        let (width, height) = (self.image.width, self.image.height);
+        let old = match self.background == background {
+            true => self.rect_px,
+            false => [0, 0, width, height],
+        };
+        (self.rect_px, self.background) = (rect_px, background);
+        let (words, pitch) = self.image.words_mut();
+        clear_beside(words, pitch, (old, rect_px), background);
+        let [left, top, ..] = rect_px.map(|v| v as usize);
+        let first = (top * pitch + left).min(words.len());
+        (&mut words[first..], pitch)
+    }
+}
+
+/// Fills what lies in the old rectangle of a picture and not in the new one.
+fn clear_beside(words: &mut [u32], pitch: usize, (old, new): ([u32; 4], [u32; 4]), value: u32) {
+    let [left, top, right, bottom] = old.map(|v| v as usize);
+    let [new_left, new_top, new_right, new_bottom] = new.map(|v| v as usize);
+    for y in top..bottom {
+        let row = &mut words[y * pitch..];
+        if (new_top..new_bottom).contains(&y) && new_left < new_right {
+            row[left..new_left.clamp(left, right)].fill(value);
+            row[new_right.clamp(left, right)..right].fill(value);
+        } else {
+            row[left..right].fill(value);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_beside_the_new_rectangle_is_cleared() {
+        const PITCH: usize = 11;
+        const ROWS: u32 = 7;
+        let sides = [0, 2, 3, 5, 8];
+        let spans: Vec<[u32; 2]> = (sides.iter())
+            .flat_map(|&a| sides.iter().map(move |&b| [a, b]))
+            .filter(|[a, b]| a <= b)
+            .collect();
+        for [left, right] in &spans {
+            for [new_left, new_right] in &spans {
+                for ([top, bottom], [new_top, new_bottom]) in [
+                    ([0, ROWS], [2, 5]),
+                    ([2, 5], [0, ROWS]),
+                    ([1, 4], [3, 6]),
+                    ([3, 6], [1, 4]),
+                    ([0, 3], [3, 3]),
+                ] {
+                    let mut words = vec![9; PITCH * ROWS as usize];
+                    let old = [*left, top, *right, bottom];
+                    let new = [*new_left, new_top, *new_right, new_bottom];
+                    clear_beside(&mut words, PITCH, (old, new), 4);
+                    for (i, word) in words.iter().enumerate() {
+                        let (x, y) = ((i % PITCH) as u32, (i / PITCH) as u32);
+                        let is_in = |[left, top, right, bottom]: [u32; 4]| {
+                            (left..right).contains(&x) && (top..bottom).contains(&y)
+                        };
+                        let wanted = if is_in(old) && !is_in(new) { 4 } else { 9 };
+                        assert_eq!(*word, wanted, "{old:?} {new:?} {x} {y}");
+                    }
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,43 @@
+//! The renderer on a Vulkan device. Each technique has its passes in a folder of its name; the shaders of a pass lie in
+//! `shaders` under the name of the pass.
+
+pub mod blended;
+pub(crate) mod device_cut;
+pub(crate) mod device_tree;
+pub(crate) mod draw_lists;
+pub(crate) mod expand_ids;
+pub(crate) mod mapped_picture;
+pub(crate) mod mapped_sums;
+pub mod opaque;
+pub mod overdraw;
+pub mod renderer;
+pub mod scene;
+pub(crate) mod storage_ranges;
+pub(crate) mod targets;
+pub mod triangles;
+pub(crate) mod visibility;
+
+use crate::gpu::image::Format;
+use crate::gpu::pipeline::{Record, record};
+
+/// Format of the color target: what the picture holds is what the target held.
+pub(crate) const COLOR: Format = Format::Rgba8;
+/// Format of the color target of pictures that are averaged: nothing is rounded before the mean is.
+pub(crate) const SAMPLES: Format = Format::Rgba32Float;
+/// Format of the normal target.
+pub(crate) const NORMAL: Format = Format::Rgba32Float;
+
+/// [`crate::abi::Vertex`] as pipelines see it.
+pub(crate) const VERTEX: Record = record!(crate::abi::Vertex {
+    position: Float3,
+    normal: Snorm16x2,
+    color: Unorm8x4,
+});
+
+/// [`crate::abi::Splat`] as pipelines see it.
+pub(crate) const SPLAT: Record = record!(crate::abi::Splat {
+    center: Float3,
+    radius: Float,
+    normal: Snorm16x2,
+    color: Unorm8x4,
+});

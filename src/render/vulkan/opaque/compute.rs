@@ -1,0 +1,489 @@
+//! Small primitives by compute: the picture of [`crate::render::vulkan::opaque::triangle_runs`]'s rasterized squares, discs, ellipses and triangles, at a
+//! fraction of their cost where they are a few pixels large.
+//!
+//! A rasterizer sets every primitive up before it draws it, which on a software device takes some 65 to 150 ns whatever
+//! its size. Here `small.triangles` and `small.splats` let each leave (depth, number) in the pixels it covers by a 64-bit
+//! atomic maximum, and `small.resolve` shades one of them a pixel. Source: Schütz, Kerbl and Wimmer, *Rendering Point
+//! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
+//! the near plane, goes to the rasterizer.
+
+pub(crate) use crate::render::vulkan::storage_ranges::List;
+
+use crate::abi::constants::{self, LARGEST_SMALL_BLENDED_PX};
+use crate::abi::shaders;
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::device::Kind;
+use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::{Error, Gpu};
+use crate::pack::Footprint;
+use crate::render::frame_plan::Drawing;
+use crate::render::screen_bounds;
+use crate::render::vulkan::COLOR;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::storage_ranges::Items;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::{blended, storage_ranges};
+use crate::render::{Method, Path, Settings, Shading, SplatKind};
+use std::sync::Arc;
+
+/// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
+/// atomics do.
+pub const LARGEST_SQUARE_PX: f32 = 6.0;
+/// Largest threshold at which ellipses are drawn this way, pixels: above it a rasterizer fills faster (docs/PERFORMANCE.md).
+pub const LARGEST_ELLIPSE_PX: f32 = 10.0;
+/// Largest footprint of a visibility splat that is drawn this way, as draw lists count it: in the plane of the surface a
+/// footprint may reach a diameter beyond its center to each side.
+pub(crate) const LARGEST_VISIBLE_PX: f32 =
+    2.0 * LARGEST_SMALL_BLENDED_PX + crate::pack::splats::SLACK_PX;
+/// Largest bounding circle of a triangle that is drawn this way, pixels.
+pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
+
+/// What decides the pipeline of splats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Variant {
+    footprint: Footprint,
+    /// Where none has a size of its own that of all, rounded up to pixels; else 0.
+    side_px: u32,
+    /// Those of the frame that a footprint in the plane of the surface asks for.
+    flags: u32,
+}
+
+impl Variant {
+    /// Squares of a pixel.
+    pub(crate) const SAMPLES: Self = Self {
+        footprint: Footprint::Square,
+        side_px: 1,
+        flags: 0,
+    };
+
+    /// Of splats of one size, pixels, at most [`LARGEST_SQUARE_PX`]; or of sizes of their own; in frames of these flags.
+    pub(crate) fn new(footprint: Footprint, one_size_px: Option<f32>, flags: u32) -> Self {
+        Self {
+            footprint,
+            side_px: one_size_px.map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32),
+            flags: match footprint {
+                Footprint::Oriented => flags & constants::FLAG_ORTHOGRAPHIC,
+                _ => 0,
+            },
+        }
+    }
+}
+
+/// Pipelines and the buffer of the nearest, for one picture size.
+#[derive(Debug)]
+pub(crate) struct Small {
+    gpu: Arc<Gpu>,
+    /// Those that were asked for.
+    splats: Vec<(Variant, Pipeline)>,
+    triangles: Pipeline,
+    resolve_splats: Pipeline,
+    resolve_triangles: Pipeline,
+    /// Of what the host draws, if it may.
+    resolve_drawn: Option<Pipeline>,
+    keys: Buffer,
+    max_binding: u64,
+}
+
+/// Bytes of the keys of a picture.
+fn key_bytes(targets: &Targets) -> u64 {
+    let color = targets.color();
+    8 * u64::from(color.width) * u64::from(color.height)
+}
+
+/// Whether the host may draw instead of compute: a software device, and values of a byte. Others are those of samples in a pixel.
+pub(crate) fn host_draws(gpu: &Gpu, targets: &Targets) -> bool {
+    gpu.info().kind == Kind::Cpu && targets.normal().is_none() && targets.color.format == COLOR
+}
+
+/// Whether `settings` want small primitives drawn by compute, and this device can. `host_px`: the largest opaque splat that the host
+/// draws in its place, pixels, where it draws all of them.
+///
+/// # Errors
+/// When they insist on it and it cannot be; the reason is in the error.
+pub(crate) fn is_wanted(
+    gpu: &Gpu,
+    settings: &Settings,
+    targets: &Targets,
+    host_px: Option<f32>,
+) -> Result<bool, Error> {
+    if settings.path == Path::Raster {
+        return Ok(false);
+    }
+    let info = gpu.info();
+    let color = targets.color();
+    let (why, bytes) = match Drawing::of(settings) {
+        Drawing::Opaque if settings.method == Method::Pop || host_px.is_some() => {
+            (not_as_opaque(settings, host_px), key_bytes(targets))
+        }
+        Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
+            let bytes = blended::compute::storage_bytes((color.width, color.height));
+            (not_as_blended(settings, targets), bytes)
+        }
+        Drawing::Visibility if settings.has_cut() => {
+            let bytes = crate::render::vulkan::visibility::compute::storage_bytes((
+                color.width,
+                color.height,
+            ));
+            (not_as_visible(settings), bytes)
+        }
+        _ => (
+            Some(
+                "it draws blended, filtered and visibility splats of a tree, and what pop does not blend",
+            ),
+            0,
+        ),
+    };
+    let why = if why.is_some() {
+        why
+    } else if !info.has_int64_atomics {
+        Some("the device has no 64-bit atomics on storage buffers")
+    } else if bytes > info.max_storage_range {
+        Some("the picture does not fit one storage binding of the device")
+    } else {
+        None
+    };
+    match why {
+        None => Ok(true),
+        Some(why) if settings.path == Path::Compute => Err(Error::Unsupported {
+            what: "drawing by compute",
+            why: why.into(),
+        }),
+        Some(_) => Ok(false),
+    }
+}
+
+/// The largest threshold with which splats are drawn by compute, pixels, or by the host in its place; 0 where there are none.
+pub(crate) fn largest_threshold_px(settings: &Settings, host_px: Option<f32>) -> f32 {
+    match Drawing::of(settings) {
+        Drawing::Nothing => 0.0,
+        Drawing::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
+        Drawing::Opaque => host_px.unwrap_or(LARGEST_SQUARE_PX),
+        Drawing::Visibility | Drawing::Fuzzy | Drawing::Filtered => LARGEST_SMALL_BLENDED_PX,
+    }
+}
+
+/// Why opaque splats are not drawn by compute.
+fn not_as_opaque(settings: &Settings, host_px: Option<f32>) -> Option<&'static str> {
+    if !settings.has_headlight() {
+        Some("it knows the headlight only, and no colors by level, normal or depth")
+    } else if settings.threshold_px <= largest_threshold_px(settings, host_px) {
+        None
+    } else if settings.splat == SplatKind::Ellipse {
+        Some("ellipses of this size are cheaper to rasterize; use a threshold of at most 10 pixels")
+    } else {
+        Some(
+            "squares and discs of this size are cheaper to rasterize; use a threshold of at most 6 pixels",
+        )
+    }
+}
+
+/// Why filtered and fuzzy splats are not drawn by compute.
+fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str> {
+    if settings.threshold_px > largest_threshold_px(settings, None) {
+        Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
+    } else if settings.shading == Shading::Deferred {
+        Some("it sums colors, not normals; leave --shading out")
+    } else if targets.normal().is_some() {
+        Some("it sums colors, not normals; leave --normals out")
+    } else if settings.color_by.is_data() {
+        Some("it knows no colors by level, normal or depth")
+    } else if settings.sums.is_some() {
+        Some("its sums are numbers of fixed point; leave --sums out")
+    } else {
+        None
+    }
+}
+
+/// Why visibility splats are not drawn by compute.
+fn not_as_visible(settings: &Settings) -> Option<&'static str> {
+    (settings.threshold_px > largest_threshold_px(settings, None)).then_some(
+        "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
+    )
+}
+
+/// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: round ones with their slack, and
+/// in the plane of the surface a diameter beyond the center to each side.
+pub(crate) fn largest_point_px(settings: &Settings, host_px: Option<f32>) -> f32 {
+    let facing_px = host_px.unwrap_or(LARGEST_SQUARE_PX);
+    match settings.footprint() {
+        Footprint::Square => facing_px,
+        Footprint::Circle => facing_px + crate::pack::splats::SLACK_PX,
+        Footprint::Oriented => 2.0 * LARGEST_ELLIPSE_PX + crate::pack::splats::SLACK_PX,
+    }
+}
+
+/// Whether `count` primitives are enough to pay for the pass that shades the picture, by a rule of thumb for devices whose
+/// costs are not known: `least` of them for each pixel of the rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
+/// (triangles), drawing a primitive by compute instead of the rasterizer saves it about 60 to 80.
+pub(crate) fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
+    settings.path == Path::Compute || count as f64 >= least * screen_bounds::pixels(rect_px) as f64
+}
+
+impl Small {
+    /// Whether the triangles of a scene can be drawn so: a page of vertices must fit one binding.
+    pub(crate) fn takes_triangles(gpu: &Gpu, scene: &Scene) -> bool {
+        let limit = gpu.info().max_storage_range;
+        scene
+            .pages
+            .iter()
+            .all(|page| page.vertices.bytes() <= limit)
+    }
+
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(crate) fn new(gpu: &Arc<Gpu>, targets: &Targets) -> Result<Self, Error> {
+        let normals = [targets.normal().is_some()];
+        let resolve = |name, fragment, constants| {
+            Pipeline::new(
+                gpu,
+                &Description {
+                    name,
+                    vertex: &shaders::COMPUTE_RESOLVE_VERT,
+                    fragment: Some(fragment),
+                    constants,
+                    record: Record::NOTHING,
+                    topology: Topology::Triangles,
+                    colors: targets.formats(),
+                    depth: Depth::Nearest,
+                    is_additive: false,
+                },
+            )
+        };
+        let drawn = || {
+            let fragment = &shaders::COMPUTE_RESOLVE_DRAWN_FRAG;
+            resolve("small.resolve drawn", fragment, &[])
+        };
+        Ok(Self {
+            gpu: gpu.clone(),
+            splats: Vec::new(),
+            triangles: Pipeline::compute(
+                gpu,
+                "small.triangles",
+                &shaders::COMPUTE_TRIANGLES_COMP,
+                &[],
+            )?,
+            resolve_splats: resolve(
+                "small.resolve splats",
+                &shaders::COMPUTE_RESOLVE_SPLATS_FRAG,
+                &normals,
+            )?,
+            resolve_triangles: resolve(
+                "small.resolve triangles",
+                &shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG,
+                &normals,
+            )?,
+            resolve_drawn: host_draws(gpu, targets).then(drawn).transpose()?,
+            keys: Buffer::new(
+                gpu,
+                "nearest small primitives",
+                Usage::Storage,
+                key_bytes(targets),
+            )?,
+            max_binding: gpu.info().max_storage_range,
+        })
+    }
+
+    /// Makes the pipeline of splats of a variant, outside of the frame.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(crate) fn ensure(&mut self, variant: Variant) -> Result<(), Error> {
+        if self.splats.iter().any(|made| made.0 == variant) {
+            return Ok(());
+        }
+        let gpu = &self.gpu;
+        let looks_first = gpu.info().kind != Kind::Cpu;
+        let side = |bit: u32| variant.side_px & bit != 0;
+        let of_one_size = |name, are_discs| {
+            let constants = [are_discs, looks_first, side(1), side(2), side(4)];
+            Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
+        };
+        let pipeline = match variant.footprint {
+            Footprint::Square => of_one_size("small squares", false)?,
+            Footprint::Circle => of_one_size("small discs", true)?,
+            Footprint::Oriented => Pipeline::compute_for_flags(
+                gpu,
+                "small ellipses",
+                &shaders::COMPUTE_ELLIPSES_COMP,
+                &[looks_first],
+                variant.flags,
+            )?,
+        };
+        self.splats.push((variant, pipeline));
+        Ok(())
+    }
+
+    /// Passes small.clear, small.triangles, small.splats and small.resolve; of a list that the host has drawn the last alone.
+    /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        (context, is_first): (&Context, bool),
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        if list.is_empty() {
+            return Ok(());
+        }
+        if let (Some(drawn), Some(pipeline)) = (list.drawn, &self.resolve_drawn) {
+            let uniform = frame.uniform(&storage_ranges::constants(context))?;
+            let pass = targets.attach_after(frame.pass("small.resolve"), context, is_first);
+            let picture = [0.0, 0.0, context.width as f32, context.height as f32];
+            let pass = pass.fragment_storage(drawn.buffer());
+            pass.draw(picture, |draw| {
+                draw.cull_back_faces(false, false);
+                draw.bind_storage(pipeline, &[constants, uniform], &[], &[drawn.storage()]);
+                list.cover(draw);
+            });
+            return Ok(());
+        }
+        let items = list.bound(frame, context, self.max_binding)?;
+        let Items {
+            splats, triangles, ..
+        } = &items;
+        let keys = Slice::whole(&self.keys);
+        frame.pass("small.clear").fill(
+            &[(&self.keys, 8 * screen_bounds::pixels(context.rect_px))],
+            0,
+        );
+        if !triangles.is_empty() {
+            let mut pass = frame
+                .pass("small.triangles")
+                .storage_read(list.corners)
+                .storage(&self.keys);
+            for page in &list.scene.pages {
+                pass = pass.storage_read(&page.vertices);
+            }
+            pass.compute(|compute| {
+                for &((part, uniform, count), vertices) in triangles {
+                    compute.bind(
+                        &self.triangles,
+                        &[constants, uniform],
+                        &[part, vertices, keys],
+                    );
+                    compute.items(count);
+                }
+            });
+        }
+        if !splats.is_empty() {
+            let pipeline = |variant: Variant| {
+                let made = self.splats.iter().find(|made| made.0 == variant);
+                let Some((_, pipeline)) = made else {
+                    unreachable!("ensure made the pipeline")
+                };
+                pipeline
+            };
+            frame
+                .pass("small.splats")
+                .storage_read(list.splats)
+                .storage(&self.keys)
+                .compute(|compute| {
+                    for &(variant, (part, uniform, count)) in splats {
+                        compute.bind(pipeline(variant), &[constants, uniform], &[part, keys]);
+                        compute.items(count);
+                    }
+                });
+        }
+        let keys = (&self.keys as _, keys);
+        self.resolve(
+            frame,
+            targets,
+            &list,
+            (&items, keys),
+            (context, is_first),
+            constants,
+        );
+        Ok(())
+    }
+
+    /// Pass small.resolve: shades what each pixel kept.
+    fn resolve(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: &List<'_>,
+        (items, (buffer, keys)): (&Items<'_>, (&dyn AnyBuffer, Slice<'_>)),
+        (context, is_first): (&Context, bool),
+        constants: Uniform,
+    ) {
+        let mut pass = targets
+            .attach_after(frame.pass("small.resolve"), context, is_first)
+            .fragment_storage(list.splats)
+            .fragment_storage(list.corners)
+            .fragment_storage(buffer);
+        for page in &list.scene.pages {
+            pass = pass.fragment_storage(&page.vertices);
+        }
+        let picture = [0.0, 0.0, context.width as f32, context.height as f32];
+        pass.draw(picture, |draw| {
+            draw.cull_back_faces(false, false);
+            for &((part, uniform, _), vertices) in &items.triangles {
+                draw.bind_storage(
+                    &self.resolve_triangles,
+                    &[constants, uniform],
+                    &[],
+                    &[part, vertices, keys],
+                );
+                list.cover(draw);
+            }
+            for &(part, uniform, _) in &items.all {
+                draw.bind_storage(
+                    &self.resolve_splats,
+                    &[constants, uniform],
+                    &[],
+                    &[part, keys],
+                );
+                list.cover(draw);
+            }
+        });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::Blend;
+
+    #[test]
+    fn compute_ends_where_its_splats_are_cheaper_to_rasterize() {
+        let of = |splat, blend| Settings {
+            splat,
+            blend: Some(blend),
+            ..Settings::default()
+        };
+        for (settings, largest) in [
+            (of(SplatKind::Square, Blend::Opaque), 6.0),
+            (of(SplatKind::Disc, Blend::Opaque), 6.0),
+            (of(SplatKind::Ellipse, Blend::Opaque), 10.0),
+            (of(SplatKind::Square, Blend::TwoPass), 16.0),
+            (of(SplatKind::Filtered, Blend::Opaque), 16.0),
+            (of(SplatKind::Visibility, Blend::Opaque), 16.0),
+        ] {
+            assert_eq!(
+                largest_threshold_px(&settings, None),
+                largest,
+                "{settings:?}"
+            );
+        }
+        let pixels = |threshold_px, splat| Settings {
+            threshold_px,
+            ..of(splat, Blend::Opaque)
+        };
+        for (splat, largest) in [(SplatKind::Square, 6.0), (SplatKind::Ellipse, 10.0)] {
+            assert_eq!(not_as_opaque(&pixels(largest, splat), None), None);
+            assert!(not_as_opaque(&pixels(largest + 0.01, splat), None).is_some());
+        }
+        // The host has no set-up of a primitive, and no atomics that a rasterizer could be faster than.
+        let (wide, host_px) = (pixels(20.0, SplatKind::Disc), Some(20.0));
+        assert_eq!(not_as_opaque(&wide, host_px), None);
+        assert!(not_as_opaque(&wide, None).is_some());
+        assert!(largest_point_px(&wide, host_px) > 20.0);
+        assert!(not_as_opaque(&pixels(20.5, SplatKind::Disc), host_px).is_some());
+    }
+}

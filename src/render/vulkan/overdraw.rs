@@ -1,0 +1,493 @@
+//! The heat map of overdraw: how many splats and triangles cover each pixel before they hide one another.
+//!
+//! The frame is drawn as ever, so depth and normals are those of the picture. Then `overdraw.count` draws the same lists
+//! again without a depth test, adding one to a float for every pixel that a primitive covers, and `overdraw.show` puts the
+//! counts as colors over the picture. Everything is rasterized, because counts are those of footprints and not of the way
+//! in which they are drawn: small triangles stay triangles, and what the cut left out is not there.
+//! [`crate::render::reference::count_overdraw`] says what a primitive covers.
+
+use crate::abi::constants::MOST_OVERDRAW;
+use crate::abi::{Shader, shaders};
+use crate::gpu::buffer::{AnyBuffer, Readback};
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::{Error, Gpu};
+use crate::pack::Footprint;
+use crate::pack::falsecolor;
+use crate::pack::splats::Packed;
+use crate::render::Settings;
+use crate::render::frame_plan::Drawing;
+use crate::render::vulkan::blended::filtered;
+use crate::render::vulkan::blended::fuzzy;
+use crate::render::vulkan::opaque::hardware::Source;
+use crate::render::vulkan::opaque::triangle_runs;
+use crate::render::vulkan::opaque::triangle_runs::Run;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::triangles::draw_pages;
+use crate::render::vulkan::{SPLAT, VERTEX};
+use std::sync::Arc;
+
+/// How many primitives cover the pixels of a picture.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Overdraw {
+    /// Pixels that one covers at least.
+    pub covered: u64,
+    /// Sum over all pixels.
+    pub primitives: u64,
+    /// The largest count of a pixel.
+    pub most: u32,
+}
+
+impl Overdraw {
+    /// That of counts of pixels.
+    pub fn of(counts: impl IntoIterator<Item = u32>) -> Self {
+        counts.into_iter().fold(Self::default(), |sum, count| Self {
+            covered: sum.covered + u64::from(count > 0),
+            primitives: sum.primitives + u64::from(count),
+            most: sum.most.max(count),
+        })
+    }
+
+    /// That of this picture and another together.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self {
+            covered: self.covered + other.covered,
+            primitives: self.primitives + other.primitives,
+            most: self.most.max(other.most),
+        }
+    }
+
+    /// Mean over the pixels that are covered; 0 of none.
+    pub fn mean(&self) -> f64 {
+        if self.covered > 0 {
+            self.primitives as f64 / self.covered as f64
+        } else {
+            0.0
+        }
+    }
+}
+
+impl std::fmt::Display for Overdraw {
+    /// In words, without an end of line.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "overdraw: mean {:.2} in {} covered pixels, most {}",
+            self.mean(),
+            self.covered,
+            self.most
+        )
+    }
+}
+
+/// What the colors mean: counts with their color and its name, each twice the one before.
+pub fn legend() -> impl Iterator<Item = (u32, [f32; 3], &'static str)> {
+    const NAMES: [&str; 7] = [
+        "dark violet",
+        "indigo",
+        "blue",
+        "teal",
+        "green",
+        "light green",
+        "yellow",
+    ];
+    NAMES.iter().enumerate().map(|(i, name)| {
+        let count = 1 << i;
+        (count, falsecolor::of_overdraw(count), *name)
+    })
+}
+
+/// [`legend`] in one line.
+pub fn legend_line() -> String {
+    let parts: Vec<String> = legend()
+        .map(|(count, _, name)| match count {
+            1 => format!("1 {name}"),
+            c if c as f32 >= MOST_OVERDRAW => format!("{c} and more {name}"),
+            c => format!("{c} {name}"),
+        })
+        .collect();
+    format!("splats and triangles in a pixel: {}", parts.join(", "))
+}
+
+/// Format of the counts: exact up to 16,777,216.
+const COUNTS: Format = Format::R32Float;
+
+/// What decides the pipelines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Variant {
+    kind: Kind,
+    /// Of the picture.
+    color: Format,
+    /// Of the frame.
+    flags: u32,
+}
+
+/// What is counted besides triangles.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Nothing,
+    Opaque(Footprint, Source),
+    Fuzzy(fuzzy::Variant),
+    Filtered,
+}
+
+/// Counts of one picture size.
+#[derive(Debug)]
+pub(crate) struct Counter {
+    gpu: Arc<Gpu>,
+    pipelines: Option<Pipelines>,
+    counts: Target,
+    /// One for each slot of the ring.
+    read: Vec<Readback>,
+}
+
+#[derive(Debug)]
+struct Pipelines {
+    variant: Variant,
+    triangles: Pipeline,
+    points: Option<Pipeline>,
+    quads: Option<Pipeline>,
+    show: Pipeline,
+}
+
+/// What a frame drew.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct List<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) triangles: Triangles<'a>,
+    pub(crate) splats: Splats<'a>,
+}
+
+/// Where triangles come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Triangles<'a> {
+    Nothing,
+    /// All of the scene.
+    Scene,
+    /// A draw list.
+    List(&'a dyn AnyBuffer, &'a [Run]),
+}
+
+/// Where splats come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Splats<'a> {
+    Nothing,
+    /// All vertices of the scene.
+    Vertices {
+        as_quads: bool,
+    },
+    /// A draw list of that many records.
+    List(&'a dyn AnyBuffer, Packed, usize),
+}
+
+impl Counter {
+    /// For frames in a ring of `in_flight` slots.
+    ///
+    /// # Errors
+    /// When the device cannot blend 32-bit floats, or memory runs out.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        (width, height): (u32, u32),
+        in_flight: usize,
+    ) -> Result<Self, Error> {
+        if !gpu.info().has_float_blend {
+            return Err(Error::Unsupported {
+                what: "color by overdraw",
+                why: format!(
+                    "{} cannot blend into 32-bit float targets; use --device mirror",
+                    gpu.info().name
+                ),
+            });
+        }
+        let counts = Target::new(gpu, "counts of overdraw", COUNTS, width, height)?;
+        let bytes = counts.bytes();
+        Ok(Self {
+            gpu: gpu.clone(),
+            pipelines: None,
+            counts,
+            read: (0..in_flight)
+                .map(|slot| Readback::new(gpu, &format!("overdraw of frame {slot}"), bytes))
+                .collect::<Result<_, _>>()?,
+        })
+    }
+
+    /// Makes the pipelines that frames of `settings` and these flags need; `fuzzy` is the variant of fuzzy splats.
+    ///
+    /// # Errors
+    /// When a Vulkan call fails.
+    pub(crate) fn ensure(
+        &mut self,
+        settings: &Settings,
+        targets: &Targets,
+        (flags, fuzzy): (u32, Option<fuzzy::Variant>),
+    ) -> Result<(), Error> {
+        let source = if settings.has_cut() {
+            Source::List
+        } else {
+            Source::Vertices
+        };
+        let kind = match (Drawing::of(settings), fuzzy) {
+            (Drawing::Nothing, _) => Kind::Nothing,
+            (Drawing::Fuzzy, Some(variant)) => Kind::Fuzzy(variant),
+            (Drawing::Filtered, _) => Kind::Filtered,
+            _ => Kind::Opaque(settings.footprint(), source),
+        };
+        let variant = Variant {
+            kind,
+            color: targets.color().format,
+            flags,
+        };
+        if self.pipelines.as_ref().is_none_or(|p| p.variant != variant) {
+            self.pipelines = Some(Pipelines::new(&self.gpu, variant)?);
+        }
+        Ok(())
+    }
+
+    /// Counts what a frame drew, shows it in place of its picture, and has the counts read back.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let Some(pipelines) = &self.pipelines else {
+            unreachable!("prepare made the pipelines")
+        };
+        self.count(frame, pipelines, list, context, constants);
+        let [r, g, b] = context.background;
+        frame
+            .pass("overdraw.show")
+            .color(targets.color(), Load::Clear([r, g, b, 0.0]))
+            .sampled(&self.counts)
+            .draw(
+                [0.0, 0.0, context.width as f32, context.height as f32],
+                |draw| {
+                    draw.cull_back_faces(false, false);
+                    draw.bind(&pipelines.show, &[constants], &[&self.counts]);
+                    draw.draw(0, 3);
+                },
+            );
+        let into = &self.read[frame.slot()];
+        frame.read_back("overdraw.read", &self.counts, into);
+    }
+
+    /// Pass `overdraw.count`.
+    fn count(
+        &self,
+        frame: &mut Frame<'_>,
+        pipelines: &Pipelines,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let mut pass = frame
+            .pass("overdraw.count")
+            .color(&self.counts, Load::Clear([0.0; 4]));
+        for page in &list.scene.pages {
+            pass = pass.vertices(&page.vertices);
+            if let (Triangles::Scene, Some(indices)) = (list.triangles, &page.indices) {
+                pass = pass.indices(indices);
+            }
+        }
+        if let Triangles::List(indices, _) = list.triangles {
+            pass = pass.indices(indices);
+        }
+        if let Splats::List(splats, ..) = list.splats {
+            pass = pass.vertices(splats);
+        }
+        pass.draw(context.viewport(), |draw| {
+            let triangles = &pipelines.triangles;
+            match list.triangles {
+                Triangles::Nothing => {}
+                Triangles::Scene => {
+                    draw.cull_back_faces(context.cull_back, context.is_mirrored);
+                    draw.bind(triangles, &[constants], &[]);
+                    draw_pages(draw, list.scene);
+                }
+                Triangles::List(indices, runs) => {
+                    let runs = (indices, runs);
+                    triangle_runs::draw_runs(draw, triangles, list.scene, runs, context, constants);
+                }
+            }
+            draw.cull_back_faces(false, false);
+            let (Some(points), quads) = (&pipelines.points, &pipelines.quads) else {
+                return;
+            };
+            match (list.splats, quads) {
+                (Splats::List(splats, packed, capacity), quads) => {
+                    if packed.points > 0 {
+                        draw.bind(points, &[constants], &[]);
+                        draw.vertices(splats, 0);
+                        draw.draw(0, packed.points as u32);
+                    }
+                    if let (Some(quads), true) = (quads, packed.quads > 0) {
+                        draw.bind(quads, &[constants], &[]);
+                        draw.vertices(splats, 0);
+                        draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
+                    }
+                }
+                (Splats::Vertices { as_quads }, Some(quads)) => {
+                    draw.bind(if as_quads { quads } else { points }, &[constants], &[]);
+                    for page in &list.scene.pages {
+                        draw.vertices(&page.vertices, 0);
+                        if as_quads {
+                            draw.draw_quads(0, page.vertex_count);
+                        } else {
+                            draw.draw(0, page.vertex_count);
+                        }
+                    }
+                }
+                (Splats::Vertices { .. } | Splats::Nothing, _) => {}
+            }
+        });
+    }
+
+    /// The counts of the last frame in a slot of the ring, which was waited for; row by row from the top left.
+    pub(crate) fn of_slot(&mut self, slot: usize) -> impl Iterator<Item = u32> {
+        let bytes = Readback::bytes(&mut self.read[slot]);
+        // The buffer may be longer than the picture.
+        let pixels = self.counts.width as usize * self.counts.height as usize;
+        bytes
+            .chunks_exact(size_of::<f32>())
+            .take(pixels)
+            .map(|value| bytemuck::pod_read_unaligned::<f32>(value) as u32)
+    }
+}
+
+impl Pipelines {
+    fn new(gpu: &Arc<Gpu>, variant: Variant) -> Result<Self, Error> {
+        let pipeline = |d: &Description<'_>| Pipeline::for_flags(gpu, d, variant.flags);
+        let base = Description {
+            name: "overdraw.count triangles",
+            vertex: &shaders::TRIANGLES_DRAW_VERT,
+            fragment: Some(&shaders::OVERDRAW_COUNT_FRAG),
+            constants: &[],
+            record: VERTEX,
+            topology: Topology::Triangles,
+            colors: &[COUNTS],
+            depth: Depth::None,
+            is_additive: true,
+        };
+        let (vertex, fragment, record): (&Shader, &Shader, Record) = match variant.kind {
+            Kind::Nothing => (base.vertex, &shaders::OVERDRAW_COUNT_FRAG, VERTEX),
+            Kind::Opaque(Footprint::Square, Source::List) => (
+                &shaders::SPLATS_SQUARE_VERT,
+                &shaders::OVERDRAW_COUNT_FRAG,
+                SPLAT,
+            ),
+            Kind::Opaque(Footprint::Square, Source::Vertices) => (
+                &shaders::POINTS_DRAW_VERT,
+                &shaders::OVERDRAW_COUNT_FRAG,
+                VERTEX,
+            ),
+            Kind::Opaque(_, Source::List) => (
+                &shaders::SPLATS_ROUND_VERT,
+                &shaders::OVERDRAW_ROUND_FRAG,
+                SPLAT,
+            ),
+            Kind::Opaque(_, Source::Vertices) => (
+                &shaders::POINTS_ROUND_VERT,
+                &shaders::OVERDRAW_ROUND_FRAG,
+                VERTEX,
+            ),
+            Kind::Fuzzy(fuzzy) if fuzzy.from_vertices => (
+                &shaders::FUZZY_BLEND_POINTS_VERT,
+                &shaders::OVERDRAW_FUZZY_FRAG,
+                VERTEX,
+            ),
+            Kind::Fuzzy(_) => (
+                &shaders::FUZZY_BLEND_VERT,
+                &shaders::OVERDRAW_FUZZY_FRAG,
+                fuzzy::RECORD,
+            ),
+            Kind::Filtered => (
+                &shaders::FILTERED_BLEND_VERT,
+                &shaders::OVERDRAW_FILTERED_FRAG,
+                filtered::RECORD,
+            ),
+        };
+        let splats = |topology: Topology| {
+            let is_oriented = matches!(variant.kind, Kind::Opaque(footprint, _) if footprint == Footprint::Oriented);
+            let opaque = [false, is_oriented, topology == Topology::Quads];
+            let fuzzy;
+            let constants: &[bool] = match variant.kind {
+                Kind::Fuzzy(variant) => {
+                    fuzzy = variant.constants(topology);
+                    &fuzzy
+                }
+                Kind::Filtered => &[],
+                _ => &opaque,
+            };
+            pipeline(&Description {
+                name: "overdraw.count splats",
+                vertex,
+                fragment: Some(fragment),
+                constants,
+                record,
+                topology,
+                ..base
+            })
+        };
+        Ok(Self {
+            variant,
+            triangles: pipeline(&base)?,
+            points: match variant.kind {
+                Kind::Nothing => None,
+                _ => Some(splats(Topology::Points)?),
+            },
+            quads: match variant.kind {
+                // Filtered splats are points, however large.
+                Kind::Nothing | Kind::Filtered => None,
+                _ => Some(splats(Topology::Quads)?),
+            },
+            show: pipeline(&Description {
+                name: "overdraw.show",
+                vertex: &shaders::FILTERED_NORMALIZE_VERT,
+                fragment: Some(&shaders::OVERDRAW_SHOW_FRAG),
+                record: Record::NOTHING,
+                colors: crate::render::vulkan::triangles::targets(variant.color, false),
+                is_additive: false,
+                ..base
+            })?,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn figures_are_those_of_the_pixels() {
+        let found = Overdraw::of([0, 3, 1, 0, 8]);
+        let expected = Overdraw {
+            covered: 3,
+            primitives: 12,
+            most: 8,
+        };
+        assert_eq!(found, expected);
+        assert!((found.mean() - 4.0).abs() < 1e-12);
+        assert_eq!(Overdraw::of([0; 5]).mean(), 0.0);
+        let both = found.with(Overdraw::of([1, 1, 2]));
+        assert_eq!((both.covered, both.primitives, both.most), (6, 16, 8));
+    }
+
+    #[test]
+    fn the_legend_goes_by_twos_to_the_end_of_the_ramp() {
+        let shown: Vec<(u32, [f32; 3], &str)> = legend().collect();
+        assert!(shown.windows(2).all(|w| w[1].0 == 2 * w[0].0));
+        let (last, color, _) = shown[shown.len() - 1];
+        assert_eq!(last as f32, MOST_OVERDRAW);
+        assert_eq!(color, falsecolor::ramp(1.0));
+        assert_eq!(color, falsecolor::of_overdraw(last + 1));
+        assert_ne!(color, falsecolor::of_overdraw(last - 1));
+        assert_eq!((shown[0].0, shown[0].1), (1, falsecolor::ramp(0.0)));
+        let line = legend_line();
+        assert!(line.contains("1 dark violet, 2 indigo") && line.ends_with("64 and more yellow"));
+    }
+}

@@ -1,0 +1,593 @@
+//! Draws frames of one size: targets, draw lists in mapped memory, passes, read-back.
+//!
+//! A frame goes: cut (CPU) -> pack into the mapped buffers of a free slot -> passes -> wait. Reading the
+//! picture back is a submission of its own, so that its cost is not part of the frame's.
+
+mod cut_frame;
+mod device_cut_frame;
+#[cfg(feature = "viewer")]
+pub mod present;
+mod readback;
+mod whole_model_frame;
+
+use crate::cut::{self, Cut};
+use crate::gpu::buffer::Readback;
+use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
+use crate::gpu::image::Image as Target;
+use crate::gpu::pipeline::Pipeline;
+use crate::gpu::{Error, Gpu};
+use crate::math::camera::View;
+use crate::pack;
+use crate::pack::ColorBy;
+use crate::render::cost::choose::Asked;
+use crate::render::cost::model::Costs;
+use crate::render::frame_plan::{
+    Choice, Drawing, LARGEST_HIDDEN_PX, check, for_view, frame_flags, splat_plan,
+};
+pub use crate::render::reference::Outputs;
+pub use crate::render::stats::FrameTimes;
+use crate::render::stats::{Kept, Stage};
+use crate::render::vulkan::blended::filtered;
+use crate::render::vulkan::blended::filtered::Filtered;
+use crate::render::vulkan::blended::fuzzy;
+use crate::render::vulkan::blended::fuzzy::Fuzzy;
+use crate::render::vulkan::device_cut::DeviceCut;
+use crate::render::vulkan::device_tree::DeviceTree;
+use crate::render::vulkan::draw_lists::Lists;
+use crate::render::vulkan::expand_ids::ById;
+use crate::render::vulkan::opaque::compute;
+use crate::render::vulkan::opaque::compute::Small;
+use crate::render::vulkan::opaque::hardware::{Source, Splats};
+use crate::render::vulkan::overdraw;
+use crate::render::vulkan::overdraw::Overdraw;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::triangles;
+use crate::render::vulkan::triangles::Variant;
+use crate::render::vulkan::visibility::hardware::Visibility;
+use crate::render::vulkan::{COLOR, SAMPLES};
+use crate::render::{Method, Occlusion, Settings};
+use crate::tree::Model;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Counts of one frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct Counts {
+    /// Nodes and leaves that the cut looked at, when it was chosen.
+    pub nodes_visited: u64,
+    /// Splats of the cut that are left out because nearer ones hide them, or because they are smaller than a pixel and contain
+    /// no center.
+    pub hidden: u64,
+    /// Triangles of the cut that are left out because they lie between the centers of pixels.
+    pub between: u64,
+    /// Splats drawn.
+    pub splats: u64,
+    /// Triangles drawn.
+    pub triangles: u64,
+    /// Vertices drawn as points.
+    pub points: u64,
+    /// Bytes of the draw lists.
+    pub draw_list_bytes: u64,
+}
+
+/// A frame on its way through the device.
+#[derive(Debug)]
+#[must_use = "a frame is finished only once it was waited for"]
+pub struct Submitted {
+    ticket: Ticket,
+    times: FrameTimes,
+    start: Instant,
+    /// The device chose its cut and knows its counts.
+    on_device: bool,
+    /// Slot of the ring in which overdraw was counted.
+    counted: Option<usize>,
+}
+
+/// Ends a frame: submits it, after passes of its own that may read the color target.
+type End<'e> = dyn FnMut(Frame<'_>, &Target) -> Result<Ticket, Error> + 'e;
+
+/// Draws frames of one size on one device.
+#[derive(Debug)]
+pub struct Renderer {
+    gpu: Arc<Gpu>,
+    frames: Frames,
+    targets: Targets,
+    outputs: Outputs,
+    lists: Vec<Lists>,
+    cut: Cut,
+    selector: cut::Selector,
+    costs: Option<Costs>,
+    /// In place of compute, too.
+    host_may_draw: bool,
+    device_tree: Option<DeviceTree>,
+    /// What makes records of numbers, once lists have held some.
+    by_id: Option<ById>,
+    device_cut: Option<DeviceCut>,
+    /// What its lists are of.
+    held_on_device: Option<(u64, Choice)>,
+    /// The scene whose cuts do not fit the device, and the one whose tree does not.
+    too_large: [Option<u64>; 2],
+    triangles: Option<(Variant, Pipeline)>,
+    spare_triangles: Vec<(Variant, Pipeline)>,
+    /// One for each variant that was drawn, those drawn last.
+    splats: Vec<Splats>,
+    small: Option<Small>,
+    filtered: Option<Filtered>,
+    spare_filtered: Vec<Filtered>,
+    visibility: Option<Visibility>,
+    fuzzy: Option<Fuzzy>,
+    spare_fuzzy: Vec<Fuzzy>,
+    /// Once overdraw was counted.
+    overdraw: Option<overdraw::Counter>,
+    /// Slot of the frame that was last waited for, where it was counted there.
+    counted: Option<usize>,
+    readback: Option<[Option<Readback>; 3]>,
+    /// Depth around one pixel, read for the viewer.
+    #[cfg(feature = "viewer")]
+    probe: Option<Readback>,
+    /// The slot whose lists have the picture of the last frame, and depths of a part of it, where they are not in the targets.
+    by_host: Option<(usize, [u32; 4])>,
+    /// The frame that showed such a picture again, from another slot.
+    shown_again: Option<Ticket>,
+    keeps_lists: bool,
+    /// What the present cut was chosen for, and in which scene; none where packing changed it.
+    chosen: Option<(u64, Choice)>,
+    /// Nodes and leaves that all cuts looked at.
+    visited: u64,
+    /// What was done for the next frame before it is drawn; none: nothing.
+    foreseen: Option<Ahead>,
+}
+
+/// Cuts that were chosen ahead of their frame.
+#[derive(Debug, Clone, Copy, Default)]
+struct Ahead {
+    /// What they took, milliseconds.
+    ms: f64,
+    /// There were any.
+    is_new: bool,
+}
+
+/// How far splats of this size may reach beyond the model, pixels.
+fn margin_px(largest_px: f32) -> f32 {
+    largest_px / 2.0 + 3.0
+}
+
+fn ms(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}
+
+impl Renderer {
+    /// A renderer for pictures of `width` x `height` pixels. With `timestamps` every pass is timed.
+    ///
+    /// # Errors
+    /// When a side is 0 or above the device's limit, or memory runs out.
+    pub fn new(
+        gpu: &Arc<Gpu>,
+        width: u32,
+        height: u32,
+        outputs: Outputs,
+        timestamps: bool,
+    ) -> Result<Self, Error> {
+        let frames = Frames::new(gpu, 2, timestamps)?;
+        let lists = (0..frames.in_flight())
+            .map(|slot| Lists::new(gpu, slot))
+            .collect::<Result<_, Error>>()?;
+        let color = if outputs.values { SAMPLES } else { COLOR };
+        Ok(Self {
+            gpu: gpu.clone(),
+            frames,
+            targets: Targets::new(gpu, width, height, (color, outputs.normal))?,
+            outputs,
+            lists,
+            cut: Cut::default(),
+            selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
+            costs: None,
+            host_may_draw: false,
+            device_tree: None,
+            by_id: None,
+            device_cut: None,
+            held_on_device: None,
+            too_large: [None; 2],
+            triangles: None,
+            spare_triangles: Vec::new(),
+            splats: Vec::new(),
+            small: None,
+            filtered: None,
+            spare_filtered: Vec::new(),
+            visibility: None,
+            fuzzy: None,
+            spare_fuzzy: Vec::new(),
+            overdraw: None,
+            counted: None,
+            readback: None,
+            #[cfg(feature = "viewer")]
+            probe: None,
+            by_host: None,
+            shown_again: None,
+            keeps_lists: false,
+            chosen: None,
+            visited: 0,
+            foreseen: None,
+        })
+    }
+
+    /// A renderer of the same size on the same device whose pictures have values and nothing else besides colors.
+    ///
+    /// # Errors
+    /// As [`Renderer::new`].
+    pub(crate) fn of_values(&self) -> Result<Self, Error> {
+        let outputs = Outputs {
+            values: true,
+            ..Outputs::default()
+        };
+        let color = &self.targets.color;
+        Self::new(&self.gpu, color.width, color.height, outputs, false)
+    }
+
+    /// What the frames from now on report; pass times at first, if the renderer was made with them.
+    ///
+    /// # Errors
+    /// When the device cannot make the queries.
+    pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
+        self.frames.measure(measure)
+    }
+
+    /// Whether a frame takes over what is there of one before it where that is the same: the draw lists of the last frame
+    /// in its slot of the ring, else the cut that was chosen last. A still camera then has no cut and no packing, and the
+    /// same picture to the bit. Off at first, so that who draws a frame again and again to measure it measures whole
+    /// frames; [`FrameTimes::kept`] says what was taken over.
+    pub fn keep_lists(&mut self, keep: bool) {
+        self.keeps_lists = keep;
+    }
+
+    /// Nodes and leaves that all cuts so far looked at.
+    pub fn nodes_visited(&self) -> u64 {
+        self.visited
+    }
+
+    /// What drawing costs on the renderer's device, as [`crate::bench::calibrate`] measures it: decides from the next frame
+    /// on what is drawn by compute where [`Path::Auto`](crate::render::Path::Auto) leaves it open, and which splats are quads
+    /// instead of points. Without, and for what was not measured, rules of thumb of a software device decide, and splats
+    /// are points as far as the device has them. The picture is the same within one level.
+    pub fn set_costs(&mut self, costs: Option<Costs>) {
+        if self.costs != costs {
+            // What was packed by others may be of other primitives.
+            self.lists.iter_mut().for_each(|lists| lists.held = None);
+            self.costs = costs;
+        }
+    }
+
+    /// Whether the host may draw what compute is asked for by name, where it does so for [`Path::Auto`](crate::render::Path::Auto) as
+    /// well: filtered splats, and opaque squares and discs, on a software device. The picture is the same. Not at first.
+    pub fn let_host_draw(&mut self, may: bool) {
+        self.host_may_draw = may;
+    }
+
+    /// The costs that decide.
+    pub fn costs(&self) -> Option<Costs> {
+        self.costs
+    }
+
+    /// What the cut asks for in a picture.
+    fn asked<'a>(&self, settings: &'a Settings, model: &Model, context: &Context) -> Asked<'a> {
+        let cut = &self.cut;
+        // Which plan does not matter to how many there are but for large leaves.
+        let splats = pack::splats::count(cut, &splat_plan(settings, f32::INFINITY));
+        let is_whole = settings.method == Method::Splats;
+        Asked {
+            settings,
+            costs: self.costs,
+            splats: splats + cut.stats.hidden as usize,
+            size_px: settings.threshold_px.max(1.0),
+            triangles: if is_whole { 0 } else { cut.triangles.len() },
+            rect_px: context.rect_px,
+            size: (context.width, context.height),
+            by_host: self.host_px(settings, model).is_some(),
+        }
+    }
+
+    /// The cut that was chosen last.
+    pub fn cut(&self) -> &Cut {
+        &self.cut
+    }
+
+    fn context(&self, view: &View, settings: &Settings, model: &Model, largest_px: f32) -> Context {
+        let linear = view.view_from_model;
+        Context {
+            width: view.width,
+            height: view.height,
+            guard_px: if largest_px > 0.0 {
+                (largest_px / 2.0).ceil() as u32 + 1
+            } else {
+                0
+            },
+            rect_px: crate::render::screen_bounds::rect_px(model, view, margin_px(largest_px)),
+            background: settings.background,
+            cull_back: settings.draws_fronts_only(model.is_closed),
+            is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
+            light: settings.light.in_model(model.origin),
+            depth_range: pack::falsecolor::depth_range(model, view),
+        }
+    }
+
+    /// Draws one frame and waits until it is finished on the device.
+    ///
+    /// # Errors
+    /// When the view's size is not the renderer's, points are larger than the device draws, memory runs out
+    /// or the device is lost.
+    pub fn draw(
+        &mut self,
+        model: &Model,
+        scene: &mut Scene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        let submitted =
+            self.submit(model, scene, view, settings, &mut |frame, _| frame.submit())?;
+        self.finish(submitted)
+    }
+
+    /// Waits until a frame is finished on the device and tells what it cost.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn finish(&mut self, submitted: Submitted) -> Result<FrameTimes, Error> {
+        let Submitted {
+            ticket,
+            mut times,
+            start,
+            on_device,
+            counted,
+        } = submitted;
+        let wait = Stage::Wait.begin();
+        let finished = self.frames.finish(ticket)?;
+        wait.end(&mut times);
+        times.frame_ms = ms(start);
+        times.starts.frame = Some(start);
+        times.starts.submission = finished.submitted;
+        times.passes = finished.passes;
+        times.device = finished.device;
+        times.counters = finished.counters;
+        if let (true, Some(cut)) = (on_device, &mut self.device_cut) {
+            let counts = cut.counts(ticket.slot);
+            times.counts = Counts {
+                nodes_visited: u64::from(counts.visited),
+                splats: u64::from(counts.splats[0]),
+                triangles: u64::from(counts.triangles[0] / 3),
+                ..Counts::default()
+            };
+            if times.kept != Kept::Lists {
+                self.visited += times.counts.nodes_visited;
+            }
+        }
+        times.uploaded_bytes = finished.uniform_bytes;
+        if times.kept != Kept::Lists {
+            times.uploaded_bytes += times.counts.draw_list_bytes;
+        }
+        self.counted = counted;
+        times.overdraw = self.counted().map(Overdraw::of);
+        Ok(times)
+    }
+
+    fn counted(&mut self) -> Option<impl Iterator<Item = u32>> {
+        let slot = self.counted?;
+        Some(self.overdraw.as_mut()?.of_slot(slot))
+    }
+
+    /// How many splats and triangles cover each pixel of the frame that was last waited for, row by row from the top left,
+    /// as [`ColorBy::Overdraw`] shows them; `None` of a frame that was drawn otherwise.
+    pub fn overdraw(&mut self) -> Option<Vec<u32>> {
+        Some(self.counted()?.collect())
+    }
+
+    /// Records and submits one frame that `end` ends.
+    fn submit(
+        &mut self,
+        model: &Model,
+        scene: &mut Scene,
+        view: &View,
+        settings: &Settings,
+        end: &mut End<'_>,
+    ) -> Result<Submitted, Error> {
+        for (what, value, limit) in [
+            (
+                "the width of the view",
+                view.width,
+                self.targets.color.width,
+            ),
+            (
+                "the height of the view",
+                view.height,
+                self.targets.color.height,
+            ),
+        ] {
+            if value != limit {
+                return Err(Error::Limit {
+                    what: what.into(),
+                    value: u64::from(value),
+                    limit: u64::from(limit),
+                });
+            }
+        }
+        let max_point = self.gpu.info().max_point_size_px;
+        check(model, settings, self.outputs, max_point)?;
+        let settings = &self.for_frame(settings, model, view);
+        self.prepare((model, scene), view, settings)?;
+        let on_device = self.prepare_cut(model, scene, settings)?;
+        let by_id = !on_device && self.prepare_lists(model, scene, settings)?;
+        self.by_host = None;
+        let start = Instant::now();
+        let is_counted = settings.color_by == ColorBy::Overdraw;
+        let counted = is_counted.then(|| self.frames.next_slot());
+        let (ticket, times) = match settings.method {
+            Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
+            Method::Points => self.draw_points(model, scene, view, settings, end)?,
+            Method::Pop if on_device => self.draw_on_device(model, scene, view, settings, end)?,
+            Method::Splats | Method::Pop => {
+                self.draw_pop((model, scene), view, (settings, by_id), end)?
+            }
+        };
+        Ok(Submitted {
+            ticket,
+            times,
+            start,
+            on_device,
+            counted,
+        })
+    }
+
+    /// The settings of a frame, see [`for_view`]. Where the host draws splats of more than a pixel, that takes it less time than
+    /// to look for hidden ones.
+    fn for_frame(&self, settings: &Settings, model: &Model, view: &View) -> Settings {
+        let mut settings = for_view(settings, model, view);
+        let is_large = settings.threshold_px > LARGEST_HIDDEN_PX[2];
+        if settings.occlusion == Occlusion::Auto
+            && is_large
+            && Drawing::of(&settings) == Drawing::Opaque
+            && self.host_may_draw_opaque(&settings)
+            && self.wants_compute(&settings, model).unwrap_or(false)
+        {
+            settings.occlusion = Occlusion::Off;
+        }
+        settings
+    }
+
+    /// Makes the pipelines and buffers that `settings` need, outside of the frame.
+    fn prepare(
+        &mut self,
+        (model, scene): (&Model, &mut Scene),
+        view: &View,
+        settings: &Settings,
+    ) -> Result<(), Error> {
+        let normals = self.outputs.normal;
+        let lamp = !settings.has_headlight();
+        let flags = frame_flags(view, settings, settings.draws_fronts_only(model.is_closed));
+        if settings.method == Method::Triangles {
+            scene.ensure_indices(model)?;
+        }
+        if settings.method != Method::Points {
+            let variant = Variant {
+                color: self.targets.color.format,
+                normals,
+                colors: scene.has_colors,
+                lamp,
+                flags,
+            };
+            let spare = &mut self.spare_triangles;
+            exchange(&mut self.triangles, spare, |t| t.0 == variant);
+            if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
+                self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
+            }
+        }
+        let by_compute = self.wants_compute(settings, model)?;
+        let is_opaque = Drawing::of(settings) == Drawing::Opaque;
+        let is_gray =
+            settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);
+        if by_compute && is_opaque {
+            let small = match &mut self.small {
+                Some(made) => made,
+                none => none.insert(Small::new(&self.gpu, &self.targets)?),
+            };
+            small.ensure(cut_frame::compute_variant(settings, model, flags))?;
+            small.ensure(compute::Variant::SAMPLES)?;
+        }
+        let by_host = by_compute && is_opaque && self.host_may_draw_opaque(settings);
+        let asks = || Choice::of(settings, model, view).needs_undrawn();
+        if settings.has_cut() && (by_host || asks()) {
+            // Looks at the whole model, once.
+            scene.undrawn(model);
+        }
+        let source = if settings.method == Method::Points {
+            Source::Vertices
+        } else {
+            Source::List
+        };
+        match Drawing::of(settings) {
+            Drawing::Nothing => {}
+            Drawing::Visibility => {
+                let (width, height) = (self.targets.color.width, self.targets.color.height);
+                let visibility = match &mut self.visibility {
+                    Some(made) => made,
+                    none => none.insert(Visibility::new(&self.gpu, width, height, normals)?),
+                };
+                let how = (flags, by_compute);
+                visibility.ensure(source, settings.reconstruction, how)?;
+            }
+            Drawing::Opaque => {
+                let variant = Splats::variant_of(settings, flags);
+                if self.splats.iter().all(|s| s.variant != variant) {
+                    if self.splats.len() == MOST_SPLATS {
+                        self.splats.remove(0);
+                    }
+                    self.splats
+                        .push(Splats::new(&self.gpu, variant, &self.targets)?);
+                }
+            }
+            Drawing::Fuzzy => {
+                let has_triangles = !model.triangles.is_empty();
+                let variant = fuzzy::Variant::new(
+                    &self.gpu,
+                    settings,
+                    has_triangles,
+                    &self.targets,
+                    (flags, by_compute.then_some(is_gray)),
+                )?;
+                exchange(&mut self.fuzzy, &mut self.spare_fuzzy, |f| {
+                    f.variant == variant
+                });
+                if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
+                    let (width, height) = (self.targets.color.width, self.targets.color.height);
+                    self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
+                }
+            }
+            Drawing::Filtered => {
+                let variant = filtered::Variant {
+                    has_lamp: lamp,
+                    color: self.targets.color.format,
+                    by_compute: by_compute.then_some(is_gray),
+                };
+                let spare = &mut self.spare_filtered;
+                exchange(&mut self.filtered, spare, |f| f.variant == variant);
+                if self.filtered.as_ref().is_none_or(|f| f.variant != variant) {
+                    let size = (self.targets.color.width, self.targets.color.height);
+                    self.filtered = Some(Filtered::new(&self.gpu, size, variant)?);
+                }
+            }
+        }
+        if settings.color_by == ColorBy::Overdraw {
+            let size = (self.targets.color.width, self.targets.color.height);
+            let counter = match &mut self.overdraw {
+                Some(made) => made,
+                none => none.insert(overdraw::Counter::new(
+                    &self.gpu,
+                    size,
+                    self.frames.in_flight(),
+                )?),
+            };
+            let fuzzy = self.fuzzy.as_ref().map(|fuzzy| fuzzy.variant);
+            counter.ensure(settings, &self.targets, (flags, fuzzy))?;
+        }
+        Ok(())
+    }
+}
+
+/// Variants of opaque splats that are kept; pipelines alone take little.
+const MOST_SPLATS: usize = 16;
+
+/// Variants that are kept besides the present one.
+const MOST_SPARE: usize = 2;
+
+/// Puts the one that `is_it` into `place`, if it is there or among the spare ones, and else none; what was there is spare
+/// then. Variants that are drawn in turn, as charts do, are so made once.
+fn exchange<T>(place: &mut Option<T>, spare: &mut Vec<T>, is_it: impl Fn(&T) -> bool) {
+    if place.as_ref().is_some_and(&is_it) {
+        return;
+    }
+    let found = spare.iter().position(is_it).map(|i| spare.remove(i));
+    spare.extend(std::mem::replace(place, found));
+    if spare.len() > MOST_SPARE {
+        // The one that was last drawn longest ago.
+        spare.remove(0);
+    }
+}

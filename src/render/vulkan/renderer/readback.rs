@@ -1,0 +1,125 @@
+//! Pictures read back from the device.
+
+use crate::gpu::Error;
+use crate::gpu::buffer::Readback;
+use crate::gpu::image::Image as Target;
+use crate::image::{Image, unorm8};
+use crate::math::camera::View;
+use crate::render::vulkan::renderer::Renderer;
+
+impl Renderer {
+    /// Reads the last drawn frame back, with the outputs that the renderer was made for.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn read(&mut self, view: &View) -> Result<Image, Error> {
+        if let Some(by_host) = self.by_host {
+            return Ok(self.read_by_host(by_host, view));
+        }
+        let gpu = &self.gpu;
+        if self.readback.is_none() {
+            let make = |name: &str, target: Option<&Target>| {
+                target
+                    .map(|t| Readback::new(gpu, name, t.bytes()))
+                    .transpose()
+            };
+            self.readback = Some([
+                make("readback of color", Some(&self.targets.color))?,
+                make(
+                    "readback of depth",
+                    self.outputs.depth.then_some(&self.targets.depth),
+                )?,
+                make("readback of normal", self.targets.normal.as_ref())?,
+            ]);
+        }
+        let Some([color, depth, normal]) = &mut self.readback else {
+            unreachable!("made above")
+        };
+        let mut frame = self.frames.begin()?;
+        if let Some(color) = color {
+            frame.read_back("readback.color", &self.targets.color, color);
+        }
+        if let Some(depth) = depth {
+            frame.read_back("readback.depth", &self.targets.depth, depth);
+        }
+        if let (Some(normal), Some(target)) = (normal.as_ref(), &self.targets.normal) {
+            frame.read_back("readback.normal", target, normal);
+        }
+        let ticket = frame.submit()?;
+        self.frames.finish(ticket)?;
+        let (width, height) = (self.targets.color.width, self.targets.color.height);
+        let mut image = Image {
+            width,
+            height,
+            ..Image::default()
+        };
+        if let Some(color) = color {
+            if self.outputs.values {
+                image.values = bytemuck::pod_collect_to_vec(color.bytes());
+                let bytes = |c: &[f32; 4]| c.map(|v| unorm8(f64::from(v)));
+                image.color = image.values.iter().map(bytes).collect();
+            } else {
+                image.color = bytemuck::pod_collect_to_vec(color.bytes());
+            }
+        }
+        if let Some(depth) = depth {
+            let raw: Vec<f32> = bytemuck::pod_collect_to_vec(depth.bytes());
+            image.depth = distances(view, &raw, &image.color);
+        }
+        if let Some(normal) = normal {
+            let raw: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(normal.bytes());
+            image.normal = raw.into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
+        }
+        Ok(image)
+    }
+
+    /// The same of a picture that the host drew, which has color, and depths of a part of it, and nothing else.
+    fn read_by_host(&mut self, (slot, rect_px): (usize, [u32; 4]), view: &View) -> Image {
+        let (width, height) = (self.targets.color.width, self.targets.color.height);
+        let color = self.lists[slot].nearest.pixels();
+        let depth = match self.outputs.depth {
+            true => {
+                let all = [0, 0, width, height];
+                let raw = self.depths_by_host((slot, rect_px), all);
+                distances(view, &raw, &color)
+            }
+            false => Vec::new(),
+        };
+        Image {
+            width,
+            height,
+            color,
+            depth,
+            ..Image::default()
+        }
+    }
+
+    /// Reversed depths of a part of the picture, left, top, width and height, of which the host drew the pixels of a rectangle.
+    pub(super) fn depths_by_host(
+        &mut self,
+        (slot, rect_px): (usize, [u32; 4]),
+        part: [u32; 4],
+    ) -> Vec<f32> {
+        let depths = self.lists[slot].nearest.depths();
+        let [left, top, right, bottom] = rect_px;
+        let [first_x, first_y, width, height] = part;
+        let rows = (first_y..first_y + height).flat_map(|y| {
+            (first_x..first_x + width).map(move |x| {
+                let is_in = (left..right).contains(&x) && (top..bottom).contains(&y);
+                is_in.then(|| (y - top) as usize * (right - left) as usize + (x - left) as usize)
+            })
+        });
+        rows.map(|at| at.and_then(|at| depths.get(at)).map_or(0.0, |&depth| depth))
+            .collect()
+    }
+}
+
+/// Distances by reversed depths. Nothing drawn, or nothing of any weight: none.
+fn distances(view: &View, depths: &[f32], colors: &[[u8; 4]]) -> Vec<f32> {
+    let all = depths.iter().zip(colors);
+    all.map(|(&depth, color)| match color[3] {
+        0 => f32::INFINITY,
+        _ => view.distance_of_depth(depth),
+    })
+    .collect()
+}

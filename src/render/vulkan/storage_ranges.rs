@@ -1,0 +1,237 @@
+//! Draw lists as storage: in parts that fit the device's bindings, each with its uniform block.
+
+use crate::abi::{ListConstants, Splat};
+use crate::gpu::Error;
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::AnyBuffer;
+use crate::gpu::frame::{Draw, Frame, Uniform};
+use crate::render::screen_bounds;
+use crate::render::vulkan::mapped_picture::Drawn;
+use crate::render::vulkan::opaque::compute::Variant;
+use crate::render::vulkan::opaque::triangle_runs::Run;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::targets::Context;
+
+/// What a frame draws.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct List<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) corners: &'a dyn AnyBuffer,
+    pub(crate) runs: &'a [Run],
+    pub(crate) splats: &'a dyn AnyBuffer,
+    pub(crate) splat_count: u32,
+    /// So many of them, the last, are samples: squares of a pixel.
+    pub(crate) sample_count: u32,
+    /// What the others are.
+    pub(crate) variant: Variant,
+    /// Parts of the picture in which anything can be.
+    pub(crate) areas: &'a [[u32; 4]],
+    /// What the host has drawn of it: all, and there are no triangles.
+    pub(crate) drawn: Option<&'a Drawn>,
+}
+
+/// Triangles of a scene: their corner indices, page by page.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Triangles<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) corners: &'a dyn AnyBuffer,
+    pub(crate) runs: &'a [Run],
+}
+
+impl List<'_> {
+    /// Whether nothing is drawn.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.runs.is_empty() && self.splat_count == 0
+    }
+
+    /// Draws a triangle over all parts of the picture in which anything can be.
+    pub(super) fn cover(&self, draw: &mut Draw<'_>) {
+        for &area in self.areas {
+            draw.scissor(screen_bounds::area(area));
+            draw.draw(0, 3);
+        }
+    }
+}
+
+impl<'a> Triangles<'a> {
+    /// Parts of the list, each with the vertices of its page.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(super) fn bound(
+        &self,
+        frame: &mut Frame<'_>,
+        context: &Context,
+        max_binding: u64,
+    ) -> Result<Vec<(Bound<'a>, Slice<'a>)>, Error> {
+        let mut triangles = Vec::new();
+        for run in self.runs {
+            let range = (run.first / 3, run.count / 3);
+            let own = bound(frame, context, max_binding, (self.corners, 12), range)?;
+            let vertices = Slice::whole(&self.scene.pages[run.page].vertices);
+            triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
+        }
+        Ok(triangles)
+    }
+}
+
+/// A part with its uniform block, ready to be bound.
+pub(crate) type Bound<'a> = (Slice<'a>, Uniform, u32);
+
+/// The items of a frame, ready to be bound.
+pub(super) struct Items<'a> {
+    /// Each with what its splats are.
+    pub(super) splats: Vec<(Variant, Bound<'a>)>,
+    /// All of them, whatever they are.
+    pub(super) all: Vec<Bound<'a>>,
+    /// Each with the vertices of its page.
+    pub(super) triangles: Vec<(Bound<'a>, Slice<'a>)>,
+}
+
+/// The uniform block of a pass over a picture without items.
+pub(crate) fn constants(context: &Context) -> ListConstants {
+    ListConstants {
+        rect_px: context.rect_px,
+        size_px: [context.width, context.height],
+        guard_px: context.guard_px as f32,
+        first: 0,
+        count: 0,
+        begin: 0,
+        // Clockwise is positive. Fronts turn counter-clockwise unless the camera mirrors.
+        dropped_sign: match (context.cull_back, context.is_mirrored) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => -1,
+        },
+    }
+}
+
+impl<'a> List<'a> {
+    /// Binds everything.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(super) fn bound(
+        &self,
+        frame: &mut Frame<'_>,
+        context: &Context,
+        max_binding: u64,
+    ) -> Result<Items<'a>, Error> {
+        let others = self.splat_count - self.sample_count;
+        let records: (&dyn AnyBuffer, u64) = (self.splats, size_of::<Splat>() as u64);
+        let mut of = |range| bound(frame, context, max_binding, records, range);
+        let (own, samples) = (of((0, others))?, of((others, self.sample_count))?);
+        let all = of((0, self.splat_count))?;
+        let own = own.into_iter().map(|bound| (self.variant, bound));
+        let samples = samples.into_iter().map(|bound| (Variant::SAMPLES, bound));
+        let splats = own.chain(samples).collect();
+        let triangles = Triangles {
+            scene: self.scene,
+            corners: self.corners,
+            runs: self.runs,
+        };
+        let triangles = triangles.bound(frame, context, max_binding)?;
+        Ok(Items {
+            splats,
+            all,
+            triangles,
+        })
+    }
+}
+
+/// Binds the records `first .. first + count` of a buffer, each of `record` bytes.
+///
+/// # Errors
+/// When the frame has no room for the constants of so many parts.
+pub(crate) fn bound<'a>(
+    frame: &mut Frame<'_>,
+    context: &Context,
+    max_binding: u64,
+    (buffer, record): (&'a dyn AnyBuffer, u64),
+    (first, count): (u32, u32),
+) -> Result<Vec<Bound<'a>>, Error> {
+    parts(first, count, record, max_binding)
+        .map(|part| {
+            let uniform = frame.uniform(&ListConstants {
+                first: part.first,
+                count: part.count,
+                begin: part.begin,
+                ..constants(context)
+            })?;
+            Ok((part.slice(buffer, record), uniform, part.count))
+        })
+        .collect()
+}
+
+/// Items of a list that fit one binding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Part {
+    first: u32,
+    count: u32,
+    /// First byte of the binding.
+    offset: u64,
+    /// Items in the binding before the first.
+    begin: u32,
+}
+
+/// The items `first .. first + count`, of `record` bytes each (a multiple of 4), in parts that fit bindings of
+/// `max_binding` bytes.
+fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator<Item = Part> {
+    // So many records fill whole alignments, which are a power of two.
+    let step = Slice::ALIGNMENT
+        >> record
+            .trailing_zeros()
+            .min(Slice::ALIGNMENT.trailing_zeros());
+    let most = (max_binding / (step * record)).saturating_sub(1) * step;
+    let most = most.clamp(1, u64::from(u32::MAX / 2)) as u32;
+    let end = first + count;
+    (first..end).step_by(most as usize).map(move |first| {
+        let aligned = u64::from(first) / step * step;
+        Part {
+            first,
+            count: most.min(end - first),
+            offset: aligned * record,
+            begin: (u64::from(first) - aligned) as u32,
+        }
+    })
+}
+
+impl Part {
+    fn slice<'a>(&self, buffer: &'a dyn AnyBuffer, record: u64) -> Slice<'a> {
+        let bytes = u64::from(self.begin + self.count) * record;
+        Slice::new(buffer, self.offset, bytes)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parts_cover_a_list_once_in_order_and_fit_their_bindings() {
+        for (first, count, record, limit) in [
+            (0, 0, 24, 4096),
+            (0, 1, 24, 4096),
+            (3, 1000, 44, 8192),
+            (3, 1000, 32, 4096),
+            (5, 400, 24, 4096),
+            (77, 1000, 12, 4096),
+            (64, 64, 12, 1 << 27),
+        ] {
+            let parts: Vec<Part> = parts(first, count, record, limit).collect();
+            let numbers: Vec<u32> = parts
+                .iter()
+                .flat_map(|p| p.first..p.first + p.count)
+                .collect();
+            assert_eq!(numbers, (first..first + count).collect::<Vec<_>>());
+            for part in parts {
+                assert!(part.offset.is_multiple_of(Slice::ALIGNMENT));
+                assert_eq!(
+                    part.offset + u64::from(part.begin) * record,
+                    u64::from(part.first) * record
+                );
+                assert!(u64::from(part.begin + part.count) * record <= limit);
+            }
+        }
+    }
+}

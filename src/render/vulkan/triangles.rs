@@ -1,0 +1,87 @@
+//! Every triangle of the mesh: the reference that the other methods are compared with.
+
+use crate::abi::shaders;
+use crate::gpu::frame::{Draw, Frame, Uniform};
+use crate::gpu::image::Format;
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
+use crate::gpu::{Error, Gpu};
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::{COLOR, NORMAL, SAMPLES, VERTEX};
+use std::sync::Arc;
+
+/// Variant of the triangle pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Variant {
+    pub(crate) color: Format,
+    pub(crate) normals: bool,
+    pub(crate) colors: bool,
+    /// A lamp instead of the headlight.
+    pub(crate) lamp: bool,
+    /// Those of the frame.
+    pub(crate) flags: u32,
+}
+
+/// The color targets of a pass whose first is [`COLOR`] or [`SAMPLES`].
+pub(crate) fn targets(color: Format, normals: bool) -> &'static [Format] {
+    match (color, normals) {
+        (SAMPLES, false) => &[SAMPLES],
+        (SAMPLES, true) => &[SAMPLES, NORMAL],
+        (_, false) => &[COLOR],
+        (_, true) => &[COLOR, NORMAL],
+    }
+}
+
+/// The pipeline that draws indexed mesh triangles.
+pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Error> {
+    Pipeline::for_flags(
+        gpu,
+        &Description {
+            name: "triangles.draw",
+            vertex: &shaders::TRIANGLES_DRAW_VERT,
+            fragment: Some(&shaders::TRIANGLES_DRAW_FRAG),
+            constants: &[variant.normals, variant.colors, variant.lamp],
+            record: VERTEX,
+            topology: Topology::Triangles,
+            colors: targets(variant.color, variant.normals),
+            depth: Depth::Nearest,
+            is_additive: false,
+        },
+        variant.flags,
+    )
+}
+
+/// Pass `triangles.draw`: all triangles of all pages.
+pub(crate) fn record(
+    frame: &mut Frame<'_>,
+    pipeline: &Pipeline,
+    targets: &Targets,
+    scene: &Scene,
+    context: &Context,
+    constants: Uniform,
+) {
+    let mut pass = targets.attach(frame.pass("triangles.draw"), context);
+    for page in &scene.pages {
+        pass = pass.vertices(&page.vertices);
+        if let Some(indices) = &page.indices {
+            pass = pass.indices(indices);
+        }
+    }
+    pass.draw(context.viewport(), |draw| {
+        draw.cull_back_faces(context.cull_back, context.is_mirrored);
+        draw.bind(pipeline, &[constants], &[]);
+        draw_pages(draw, scene);
+    });
+}
+
+/// Draws all triangles of a scene with the pipeline that is bound, in a pass that has declared its pages.
+pub(crate) fn draw_pages(draw: &mut Draw<'_>, scene: &Scene) {
+    for page in &scene.pages {
+        let Some(indices) = &page.indices else {
+            continue;
+        };
+        draw.vertices(&page.vertices, 0);
+        draw.indices(indices, 0);
+        draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
+    }
+}

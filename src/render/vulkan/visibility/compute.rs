@@ -1,0 +1,144 @@
+//! The first two passes by compute: atomics in the place of the depth tests.
+//!
+//! `visibility.splats` leaves (pushed depth, number) of each footprint in the pixels that it covers, and (depth, number) of
+//! each center in its own; `visibility.resolve` shades one splat a pixel. A rasterizer sets every splat up twice, which a
+//! software device does in some 130 ns each, and shades all that pass. Triangles, and splats that are too large, are left
+//! to the passes of the rasterizer.
+
+use crate::abi::{Splat, shaders};
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::device::Kind;
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::image::Image as Target;
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::{Error, Gpu};
+use crate::render::screen_bounds;
+use crate::render::vulkan::NORMAL;
+use crate::render::vulkan::storage_ranges;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED};
+use std::sync::Arc;
+
+/// Pipelines and what is kept of each pixel.
+#[derive(Debug)]
+pub(super) struct Twin {
+    splats: Pipeline,
+    resolve: Pipeline,
+    footprints: Buffer,
+    centers: Buffer,
+    max_binding: u64,
+}
+
+/// Bytes of one of the two storages of a picture.
+pub(crate) fn storage_bytes((width, height): (u32, u32)) -> u64 {
+    8 * u64::from(width) * u64::from(height)
+}
+
+impl Twin {
+    /// For frames of these flags.
+    ///
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(super) fn new(
+        gpu: &Arc<Gpu>,
+        (normals, flags): (bool, u32),
+        size: (u32, u32),
+    ) -> Result<Self, Error> {
+        let looks_first = gpu.info().kind != Kind::Cpu;
+        let formats = [PICKED, FRONTS, NORMAL];
+        let storage = |name| Buffer::new(gpu, name, Usage::Storage, storage_bytes(size));
+        Ok(Self {
+            splats: Pipeline::compute_for_flags(
+                gpu,
+                "visibility.splats",
+                &shaders::VISIBILITY_SPLATS_COMP,
+                &[looks_first],
+                flags,
+            )?,
+            resolve: Pipeline::for_flags(
+                gpu,
+                &Description {
+                    name: "visibility.resolve",
+                    vertex: &shaders::COMPUTE_RESOLVE_VERT,
+                    fragment: Some(&shaders::VISIBILITY_RESOLVE_FRAG),
+                    constants: &[normals],
+                    record: Record::NOTHING,
+                    topology: Topology::Triangles,
+                    colors: &formats[..if normals { 3 } else { 2 }],
+                    depth: Depth::NotFarther,
+                    is_additive: false,
+                },
+                flags,
+            )?,
+            footprints: storage("nearest footprints")?,
+            centers: storage("nearest centers")?,
+            max_binding: gpu.info().max_storage_range,
+        })
+    }
+
+    /// Passes visibility.clear, visibility.splats and visibility.resolve: the first `count` records of a list. Keeps what
+    /// the targets hold where it is nearer, if the rasterizer drew before (`is_first`: it did not).
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    pub(super) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        (targets, [picked, fronts]): (&Targets, [&Target; 2]),
+        (records, count): (&dyn AnyBuffer, u32),
+        (areas, is_first): (&[[u32; 4]], bool),
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let list = (records, size_of::<Splat>() as u64);
+        let parts = storage_ranges::bound(frame, context, self.max_binding, list, (0, count))?;
+        let kept = [&self.footprints, &self.centers].map(|buffer| Slice::whole(buffer));
+        let bytes = 8 * screen_bounds::pixels(context.rect_px);
+        frame
+            .pass("visibility.clear")
+            .fill(&[(&self.footprints, bytes), (&self.centers, bytes)], 0);
+        frame
+            .pass("visibility.splats")
+            .storage_read(records)
+            .storage(&self.footprints)
+            .storage(&self.centers)
+            .compute(|compute| {
+                for &(part, uniform, count) in &parts {
+                    let storage = [part, kept[0], kept[1]];
+                    compute.bind(&self.splats, &[constants, uniform], &storage);
+                    compute.items(count);
+                }
+            });
+        let load = || match is_first {
+            true => Load::Clear([0.0; 4]),
+            false => Load::Keep,
+        };
+        let mut pass = frame
+            .pass("visibility.resolve")
+            .color(picked, load())
+            .color(fronts, load());
+        if let Some(normal) = targets.normal() {
+            pass = pass.color(normal, load());
+        }
+        pass.depth(targets.depth(), load())
+            .fragment_storage(records)
+            .fragment_storage(&self.footprints)
+            .fragment_storage(&self.centers)
+            .draw(
+                crate::render::vulkan::visibility::hardware::whole(picked),
+                |draw| {
+                    draw.cull_back_faces(false, false);
+                    for &(part, uniform, _) in &parts {
+                        let storage = [part, kept[0], kept[1]];
+                        draw.bind_storage(&self.resolve, &[constants, uniform], &[], &storage);
+                        for &area in areas {
+                            draw.scissor(screen_bounds::area(area));
+                            draw.draw(0, 3);
+                        }
+                    }
+                },
+            );
+        Ok(())
+    }
+}

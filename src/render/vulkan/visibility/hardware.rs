@@ -1,0 +1,436 @@
+//! Visibility splatting: one pixel for every splat whose center is seen, the rest is reconstructed on the picture.
+//!
+//! Sources: Benda, *Point Based Rendering*, section 3.3.4; Pfister et al., *Surfels* (SIGGRAPH 2000), section 7; Grossman
+//! and Dally, *Point Sample Rendering* (1998). `visibility.depth` draws the whole footprints, pushed away from the eye by
+//! a depth offset, and so finds which pixels are covered, and by what; `visibility.centers` draws each center as one
+//! pixel where no footprint hides it. Triangles are drawn in both and count as centers. Then one of the
+//! [`Reconstruction`]s fills the covered pixels without a center.
+//!
+//! Ours: both passes leave color, class, distance and offset in every pixel, so that no reconstruction takes color across
+//! a step in depth, and a hole that nothing fills shows the footprint that made it.
+
+use crate::abi::{Shader, shaders};
+use crate::gpu::buffer::AnyBuffer;
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::{Error, Gpu};
+use crate::pack::splats::Packed;
+use crate::render::Reconstruction;
+use crate::render::screen_bounds;
+use crate::render::vulkan::opaque::hardware::Source;
+use crate::render::vulkan::opaque::triangle_runs;
+use crate::render::vulkan::opaque::triangle_runs::Run;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::visibility::compute::Twin;
+use crate::render::vulkan::visibility::pull_push::Pyramid;
+use crate::render::vulkan::{COLOR, NORMAL, SPLAT, VERTEX, triangles};
+use std::sync::Arc;
+
+/// Colors, with the class in alpha.
+pub(crate) const PICKED: Format = Format::Rgba8;
+/// Distance along the view direction and depth offset.
+pub(crate) const FRONTS: Format = Format::Rg32Float;
+
+/// The splats of a frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Splats<'a> {
+    /// Records of a draw list, how many of which kind, and of how many records.
+    List(&'a dyn AnyBuffer, Packed, usize),
+    /// Every vertex of the scene.
+    Vertices {
+        /// Footprints may be too large for points.
+        as_quads: bool,
+    },
+}
+
+/// What a frame draws.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct List<'a> {
+    pub(crate) scene: &'a Scene,
+    /// Triangles; none for clouds and methods without.
+    pub(crate) triangles: Option<(&'a dyn AnyBuffer, &'a [Run])>,
+    pub(crate) splats: Splats<'a>,
+    /// Compute draws those of the list that are points; parts of the picture in which they can be.
+    pub(crate) by_compute: Option<&'a [[u32; 4]]>,
+    /// No splat is larger, pixels.
+    pub(crate) largest_px: f32,
+}
+
+/// The pipelines of splats from one source.
+#[derive(Debug)]
+struct SplatPipelines {
+    /// Footprints as points.
+    points: Pipeline,
+    /// Footprints as quads.
+    quads: Pipeline,
+    /// One pixel each.
+    centers: Pipeline,
+}
+
+/// Pipelines and targets, for one picture size.
+#[derive(Debug)]
+pub(crate) struct Visibility {
+    gpu: Arc<Gpu>,
+    normals: bool,
+    /// Of the first and of the second pass, and of which flags of a frame they are, as those of splats.
+    triangles: Option<(u32, [Pipeline; 2])>,
+    from_list: Option<SplatPipelines>,
+    from_vertices: Option<SplatPipelines>,
+    /// For frames that compute may draw.
+    twin: Option<Twin>,
+    picked: Target,
+    fronts: Target,
+    gaussian: Option<Pipeline>,
+    density: Option<Pipeline>,
+    pyramid: Option<Pyramid>,
+}
+
+/// A pipeline of one of the first two passes.
+fn first_pass(
+    gpu: &Arc<Gpu>,
+    (normals, flags): (bool, u32),
+    is_center: bool,
+    (vertex, record): (&Shader, Record),
+    topology: Topology,
+) -> Result<Pipeline, Error> {
+    let formats = [PICKED, FRONTS, NORMAL];
+    let pass = if is_center { "centers" } else { "depth" };
+    Pipeline::for_flags(
+        gpu,
+        &Description {
+            name: &format!("visibility.{pass} {topology:?}"),
+            vertex,
+            fragment: Some(match topology {
+                Topology::Triangles => &shaders::VISIBILITY_TRIANGLES_FRAG,
+                Topology::Points | Topology::Quads => &shaders::VISIBILITY_SPLATS_FRAG,
+            }),
+            constants: &[is_center, normals, topology == Topology::Quads],
+            record,
+            topology,
+            colors: &formats[..if normals { 3 } else { 2 }],
+            // A center may lie exactly in its own footprint, where the offset is 0.
+            depth: if is_center {
+                Depth::NotFarther
+            } else {
+                Depth::Nearest
+            },
+            is_additive: false,
+        },
+        flags,
+    )
+}
+
+impl SplatPipelines {
+    fn new(gpu: &Arc<Gpu>, how: (bool, u32), source: Source) -> Result<Self, Error> {
+        let from = match source {
+            Source::List => (&shaders::VISIBILITY_SPLATS_VERT, SPLAT),
+            Source::Vertices => (&shaders::VISIBILITY_POINTS_VERT, VERTEX),
+        };
+        Ok(Self {
+            points: first_pass(gpu, how, false, from, Topology::Points)?,
+            quads: first_pass(gpu, how, false, from, Topology::Quads)?,
+            centers: first_pass(gpu, how, true, from, Topology::Points)?,
+        })
+    }
+}
+
+/// A pass over the whole picture that ends it.
+pub(crate) fn last_pass(gpu: &Arc<Gpu>, name: &str, fragment: &Shader) -> Result<Pipeline, Error> {
+    Pipeline::new(
+        gpu,
+        &Description {
+            name,
+            vertex: &shaders::FILTERED_NORMALIZE_VERT,
+            fragment: Some(fragment),
+            constants: &[],
+            record: Record::NOTHING,
+            topology: Topology::Triangles,
+            colors: triangles::targets(COLOR, false),
+            depth: Depth::Nearest,
+            is_additive: false,
+        },
+    )
+}
+
+impl Visibility {
+    /// Targets; [`Visibility::ensure`] makes the pipelines.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn new(
+        gpu: &Arc<Gpu>,
+        width: u32,
+        height: u32,
+        normals: bool,
+    ) -> Result<Self, Error> {
+        Ok(Self {
+            gpu: gpu.clone(),
+            normals,
+            triangles: None,
+            from_list: None,
+            from_vertices: None,
+            twin: None,
+            picked: Target::new(gpu, "picked", PICKED, width, height)?,
+            fronts: Target::new(gpu, "fronts", FRONTS, width, height)?,
+            gaussian: None,
+            density: None,
+            pyramid: None,
+        })
+    }
+
+    /// Makes what splats from `source` and `reconstruction` need in frames of these flags, that compute may draw or may not,
+    /// outside of the frame.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(crate) fn ensure(
+        &mut self,
+        source: Source,
+        reconstruction: Reconstruction,
+        (flags, by_compute): (u32, bool),
+    ) -> Result<(), Error> {
+        let how = (self.normals, flags);
+        if self.triangles.as_ref().is_none_or(|made| made.0 != flags) {
+            let make = |is_center| {
+                let from = (&shaders::VISIBILITY_TRIANGLES_VERT, VERTEX);
+                first_pass(&self.gpu, how, is_center, from, Topology::Triangles)
+            };
+            self.triangles = Some((flags, [make(false)?, make(true)?]));
+            (self.from_list, self.from_vertices) = (None, None);
+            self.twin = None;
+        }
+        if by_compute && self.twin.is_none() {
+            let size = (self.picked.width, self.picked.height);
+            self.twin = Some(Twin::new(&self.gpu, how, size)?);
+        }
+        let pipelines = match source {
+            Source::List => &mut self.from_list,
+            Source::Vertices => &mut self.from_vertices,
+        };
+        if pipelines.is_none() {
+            *pipelines = Some(SplatPipelines::new(&self.gpu, how, source)?);
+        }
+        let gpu = &self.gpu;
+        match reconstruction {
+            Reconstruction::Gaussian if self.gaussian.is_none() => {
+                let shader = &shaders::VISIBILITY_GAUSSIAN_FRAG;
+                self.gaussian = Some(last_pass(gpu, "visibility.gaussian", shader)?);
+            }
+            Reconstruction::Density if self.density.is_none() => {
+                let shader = &shaders::VISIBILITY_DENSITY_FRAG;
+                self.density = Some(last_pass(gpu, "visibility.density", shader)?);
+            }
+            Reconstruction::PullPush if self.pyramid.is_none() => {
+                let size = (self.picked.width, self.picked.height);
+                self.pyramid = Some(Pyramid::new(gpu, size)?);
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// The passes of a frame.
+    ///
+    /// # Errors
+    /// When the frame has no room for the constants of so many parts.
+    ///
+    /// # Panics
+    /// When [`Visibility::ensure`] was not called for this reconstruction.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        reconstruction: Reconstruction,
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        self.record_first(frame, targets, list, context, constants)?;
+        // Only quads may be larger than the margin that the rectangle has.
+        let has_quads = match list.splats {
+            Splats::List(_, packed, _) => packed.quads > 0,
+            Splats::Vertices { as_quads } => as_quads,
+        };
+        let rect_px = if has_quads {
+            [0, 0, context.width, context.height]
+        } else {
+            context.rect_px
+        };
+        let pipeline = match (reconstruction, &self.gaussian, &self.density, &self.pyramid) {
+            (Reconstruction::Gaussian, Some(pipeline), _, _)
+            | (Reconstruction::Density, _, Some(pipeline), _) => pipeline,
+            (Reconstruction::PullPush, _, _, Some(pyramid)) => {
+                let finest = [&self.picked, &self.fronts];
+                let largest = list.largest_px;
+                let how = (context, rect_px);
+                pyramid.record(frame, targets, finest, largest, how, constants);
+                return Ok(());
+            }
+            _ => unreachable!("ensure made what the reconstruction needs"),
+        };
+        let name = match reconstruction {
+            Reconstruction::Density => "visibility.density",
+            _ => "visibility.gaussian",
+        };
+        attach_last(frame, name, targets, context)
+            .sampled(&self.picked)
+            .sampled(&self.fronts)
+            .draw(whole(targets.color()), |draw| {
+                draw.cull_back_faces(false, false);
+                draw.scissor(screen_bounds::area(rect_px));
+                draw.bind(pipeline, &[constants], &[&self.picked, &self.fronts]);
+                draw.draw(0, 3);
+            });
+        Ok(())
+    }
+
+    /// What finds the class of each pixel: by the rasterizer, and by compute what it draws.
+    fn record_first(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) -> Result<(), Error> {
+        let (records, packed, capacity, areas, twin) =
+            match (list.splats, list.by_compute, &self.twin) {
+                (Splats::List(records, packed, capacity), Some(areas), Some(twin))
+                    if packed.points > 0 =>
+                {
+                    (records, packed, capacity, areas, twin)
+                }
+                _ => {
+                    self.record_splats(frame, targets, list, context, constants);
+                    return Ok(());
+                }
+            };
+        let count = packed.points as u32;
+        let rest = List {
+            splats: Splats::List(
+                records,
+                Packed {
+                    points: 0,
+                    ..packed
+                },
+                capacity,
+            ),
+            ..list
+        };
+        let has_triangles = list.triangles.is_some_and(|(_, runs)| !runs.is_empty());
+        let is_first = !has_triangles && packed.quads == 0;
+        if !is_first {
+            self.record_splats(frame, targets, rest, context, constants);
+        }
+        let onto = (targets, [&self.picked, &self.fronts]);
+        let small = (records, count);
+        twin.record(frame, onto, small, (areas, is_first), context, constants)
+    }
+
+    /// `visibility.depth` and `visibility.centers`.
+    fn record_splats(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        list: List<'_>,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let splats = match list.splats {
+            Splats::List(..) => &self.from_list,
+            Splats::Vertices { .. } => &self.from_vertices,
+        };
+        let (Some(splats), Some((_, triangles))) = (splats, &self.triangles) else {
+            unreachable!("ensure made the pipelines")
+        };
+        for (name, triangles, is_center) in [
+            ("visibility.depth", &triangles[0], false),
+            ("visibility.centers", &triangles[1], true),
+        ] {
+            let load = |clear| match is_center {
+                false => Load::Clear(clear),
+                true => Load::Keep,
+            };
+            let mut pass = frame
+                .pass(name)
+                .color(&self.picked, load([0.0; 4]))
+                .color(&self.fronts, load([0.0; 4]));
+            if let Some(normal) = targets.normal() {
+                pass = pass.color(normal, load([0.0; 4]));
+            }
+            pass = pass.depth(targets.depth(), load([0.0; 4]));
+            for page in &list.scene.pages {
+                pass = pass.vertices(&page.vertices);
+            }
+            if let Some((indices, _)) = list.triangles {
+                pass = pass.indices(indices);
+            }
+            if let Splats::List(records, ..) = list.splats {
+                pass = pass.vertices(records);
+            }
+            pass.draw(context.viewport(), |draw| {
+                if let Some(runs) = list.triangles {
+                    triangle_runs::draw_runs(draw, triangles, list.scene, runs, context, constants);
+                }
+                draw.cull_back_faces(false, false);
+                let footprints = if is_center {
+                    &splats.centers
+                } else {
+                    &splats.points
+                };
+                match list.splats {
+                    Splats::List(records, packed, capacity) => {
+                        let first = (capacity - packed.quads) as u32;
+                        let (points, quads) = (packed.points as u32, packed.quads as u32);
+                        if points > 0 || quads > 0 {
+                            draw.bind(footprints, &[constants], &[]);
+                            draw.vertices(records, 0);
+                            draw.draw(0, points);
+                        }
+                        if quads > 0 && is_center {
+                            draw.draw(first, quads);
+                        } else if quads > 0 {
+                            draw.bind(&splats.quads, &[constants], &[]);
+                            draw.vertices(records, 0);
+                            draw.draw_quads(first, quads);
+                        }
+                    }
+                    Splats::Vertices { as_quads } => {
+                        let as_quads = as_quads && !is_center;
+                        let pipeline = if as_quads { &splats.quads } else { footprints };
+                        draw.bind(pipeline, &[constants], &[]);
+                        for page in &list.scene.pages {
+                            draw.vertices(&page.vertices, 0);
+                            if as_quads {
+                                draw.draw_quads(0, page.vertex_count);
+                            } else {
+                                draw.draw(0, page.vertex_count);
+                            }
+                        }
+                    }
+                }
+            });
+        }
+    }
+}
+
+/// The description of a pass that ends the picture: color and depth anew.
+pub(crate) fn attach_last<'f>(
+    frame: &'f mut Frame<'_>,
+    name: &'static str,
+    targets: &Targets,
+    context: &Context,
+) -> crate::gpu::frame::Pass<'f> {
+    let [r, g, b] = context.background;
+    frame
+        .pass(name)
+        .color(targets.color(), Load::Clear([r, g, b, 0.0]))
+        .depth(targets.depth(), Load::Clear([0.0; 4]))
+}
+
+/// The viewport of all of a target.
+pub(crate) fn whole(target: &Target) -> [f32; 4] {
+    [0.0, 0.0, target.width as f32, target.height as f32]
+}
