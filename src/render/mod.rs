@@ -4,6 +4,7 @@
 pub mod cost;
 pub mod cpu;
 pub mod engine;
+pub(crate) mod frame_constants;
 pub mod frame_plan;
 pub mod reference;
 pub(crate) mod screen_bounds;

@@ -99,7 +99,10 @@ fn draw_by(
     tiles: &mut Vec<[f32; 2]>,
 ) {
     assert!(list.groups.are_small(), "large splats are the rasterizer's");
-    assert!(list.triangles.are_of(&canvas), "they are of another part");
+    assert!(
+        list.triangles.are_within(canvas.rect_px),
+        "they are of another part"
+    );
     let mut bands = bands(canvas, front, sums);
     let many = list.splats.len() + list.triangles.count();
     parallel::share(many, bands.iter_mut(), |band| {

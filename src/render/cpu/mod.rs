@@ -1,6 +1,7 @@
 //! The fast renderer of the processor: opaque squares and discs, filtered splats and triangles, by vectors as wide as the
 //! processor has them.
 
+pub(crate) mod clip;
 pub mod filtered;
 pub mod opaque;
 pub mod small_triangles;

@@ -14,11 +14,13 @@ mod deferred_shading;
 mod framebuffer;
 mod headlight;
 mod splat_bounds;
+mod triangles;
 mod viewport;
 
 pub use crate::render::cpu::opaque::bands::Places;
 pub use crate::render::cpu::opaque::framebuffer::Picture;
 pub use crate::render::cpu::opaque::headlight::Light;
+pub use crate::render::cpu::opaque::triangles::draw as draw_triangles;
 pub use crate::render::cpu::opaque::viewport::Screen;
 
 use crate::abi::Splat;
@@ -158,7 +160,8 @@ fn paint(screen: &Screen, count: usize, places: &Places, picture: Picture<'_>) {
     parallel::share(count, picture.bands(screen), |mut band| {
         let rows = band.rows(width);
         let shown = rows.flat_map(|(colors, depths)| colors.iter_mut().zip(depths));
-        for (color, _) in shown.filter(|(_, depth)| **depth != 0.0) {
+        let keys = shown.filter(|(color, depth)| **depth != 0.0 && **color & SPLAT_BIT == 0);
+        for (color, _) in keys {
             let number = !*color & !SPLAT_BIT;
             *color = colors[number as usize] as u32;
         }
@@ -284,6 +287,7 @@ mod tests {
                 colors: &mut self.colors,
                 pitch: self.pitch,
                 depths: &mut self.depths,
+                is_begun: false,
             }
         }
 

@@ -22,7 +22,7 @@ use crate::render::cpu::small_triangles::coverage::Covered;
 use crate::render::cpu::small_triangles::shading::Queue;
 use crate::tree::Model;
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
-use glam::Vec3;
+use glam::{Vec3, Vec4};
 use prefetch_index::prefetch_index;
 
 /// Where the device places corners.
@@ -70,18 +70,40 @@ impl Screen {
     /// Where a corner is, in the steps of [`Covered::ask`]; none before the near or behind the far plane.
     #[inline]
     pub(super) fn place(&self, position: Vec3) -> Option<Placed> {
+        self.place_clip(self.clip(position))
+    }
+
+    /// A position in the clip space of the viewport: x, y, z (reversed depth times w) and w.
+    #[inline]
+    pub(super) fn clip(&self, position: Vec3) -> Vec4 {
         let Vec3 { x, y, z } = position;
         let [x, y, z] = (self.view).map(|row| x * row[0] + (y * row[1] + (z * row[2] + row[3])));
         let [to_x, to_y, to_z, to_w] = self.along.map(|row| z * row[0] + row[1]);
-        let (x, y) = (x * self.across[0] + to_x, y * self.across[1] + to_y);
+        Vec4::new(
+            x * self.across[0] + to_x,
+            y * self.across[1] + to_y,
+            to_z,
+            to_w,
+        )
+    }
+
+    /// As [`Screen::place`], of a position in clip space.
+    #[inline]
+    pub(super) fn place_clip(&self, clip: Vec4) -> Option<Placed> {
+        let [x, y, z, w] = clip.to_array();
         let step = |v: f32, axis: usize| {
-            ((v / to_w * 0.5 + 0.5) * self.viewport_px[axis] - self.guard_px) * 256.0
+            ((v / w * 0.5 + 0.5) * self.viewport_px[axis] - self.guard_px) * 256.0
         };
-        (to_w > 0.0 && to_z >= 0.0 && to_z <= to_w).then(|| Placed {
+        (w > 0.0 && z >= 0.0 && z <= w).then(|| Placed {
             steps: [step(x, 0), step(y, 1)],
-            depth: to_z / to_w,
-            inverse_w: 1.0 / to_w,
+            depth: z / w,
+            inverse_w: 1.0 / w,
         })
+    }
+
+    /// Width and height of the viewport, pixels.
+    pub(super) fn viewport_px(&self) -> [f32; 2] {
+        self.viewport_px
     }
 
     /// The part of the picture that is drawn: left, top, and one past right and bottom, pixels.

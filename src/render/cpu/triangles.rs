@@ -12,8 +12,9 @@ use crate::abi::constants::{
 use crate::abi::{FrameConstants, Vertex};
 use crate::math::octahedral;
 use crate::pack::{ALBEDO, parallel};
+use crate::render::cpu::clip;
 use crate::render::cpu::filtered::{Band, Canvas};
-use crate::render::cpu::small_triangles::Screen;
+use crate::render::cpu::small_triangles::{Placed, Screen};
 use crate::tree::Model;
 use glam::{Mat3, Vec2, Vec3};
 use prefetch_index::prefetch_index;
@@ -21,7 +22,7 @@ use prefetch_index::prefetch_index;
 /// What triangles are tinted with when coloring by primitive.
 const TINT: Vec3 = Vec3::new(0.2, 0.35, 1.0);
 
-/// Corners farther out, 16,384 pixels, are the device's. Up to there a sum with [`WHOLE`] has no places behind the point, and
+/// Corners farther out, 16,384 pixels, are clipped. Up to there a sum with [`WHOLE`] has no places behind the point, and
 /// is rounded to even.
 const MOST_STEPS: f32 = (1 << 22) as f32;
 const WHOLE: f32 = 3.0 * MOST_STEPS;
@@ -39,13 +40,13 @@ pub struct Light {
     /// From model to view space.
     turn: Mat3,
     /// As [`FrameConstants::ray_scale`] and `ray_offset`.
-    ray_scale: Vec2,
-    ray_offset: Vec2,
-    is_parallel: bool,
-    is_two_sided: bool,
+    pub(super) ray_scale: Vec2,
+    pub(super) ray_offset: Vec2,
+    pub(super) is_parallel: bool,
+    pub(super) is_two_sided: bool,
     /// Of white; and whether surfaces have colors of their own.
-    albedo: Vec3,
-    has_colors: bool,
+    pub(super) albedo: Vec3,
+    pub(super) has_colors: bool,
 }
 
 impl Light {
@@ -76,17 +77,22 @@ impl Light {
 
 /// A triangle that may cover a center of a pixel, clockwise in the picture.
 #[derive(Debug, Clone, Copy)]
-struct Face {
+pub(super) struct Face {
     /// The first corner, steps of 1/256 pixel from the corner of the picture, and the others from there.
-    origin: [i32; 2],
-    others: [[i32; 2]; 2],
+    pub(super) origin: [i32; 2],
+    pub(super) others: [[i32; 2]; 2],
     /// Reversed depth and 1 / w of the corners, and which vertices they are.
-    depth: Vec3,
-    inverse_w: Vec3,
+    pub(super) depth: Vec3,
+    pub(super) inverse_w: Vec3,
     corners: [u32; 3],
     /// Pixels that it may cover: left, top, and one past right and bottom.
-    pixels: [u32; 4],
+    pub(super) pixels: [u32; 4],
+    /// Index into [`Part::clipped`] of a piece of a clipped triangle; else [`WHOLE_TRIANGLE`].
+    clipped: u32,
 }
+
+/// The index of a triangle that is not clipped.
+const WHOLE_TRIANGLE: u32 = u32::MAX;
 
 /// The triangles of a cut, as [`crate::render::cpu::filtered::draw`] draws them; none by default. Memory is kept from cut to cut.
 #[derive(Debug, Default)]
@@ -98,36 +104,29 @@ pub struct Triangles {
 
 /// What one thread sets up.
 #[derive(Debug, Default)]
-struct Part {
+pub(super) struct Part {
     faces: Vec<Face>,
     /// The first row that those of each [`GROUP`] may cover, and one past the last.
     rows: Vec<[u32; 2]>,
-    /// No triangle was the device's.
-    is_whole: bool,
+    /// Of pieces of clipped triangles: the weights of the triangle's corners at those of the piece, a column each.
+    clipped: Vec<Mat3>,
 }
 
 impl Triangles {
-    /// Becomes those with these ids in the light of a frame, and says whether it could: none of them is cut by the near or the far
-    /// plane or reaches farther out than any picture, which is the device's to clip. Else there are none.
+    /// Becomes those with these ids in the light of a frame, clipped to what the frame can show. Without a light, of which
+    /// [`Light::new`] has none, it says so and becomes none, unless there are none.
     #[must_use]
     pub fn set(&mut self, model: &Model, ids: &[u32], light: Option<Light>) -> bool {
+        self.light = light;
+        let Some(light) = &self.light else {
+            self.parts.clear();
+            return ids.is_empty();
+        };
         self.parts
             .resize_with(ids.len().div_ceil(parallel::PART), Part::default);
-        self.light = light;
-        let could = match &self.light {
-            Some(light) => {
-                let jobs = ids.chunks(parallel::PART).zip(&mut self.parts);
-                parallel::share(ids.len(), jobs, |(ids, part)| {
-                    part.is_whole = light.fill(part, model, ids).is_some();
-                });
-                self.parts.iter().all(|part| part.is_whole)
-            }
-            None => ids.is_empty(),
-        };
-        if !could {
-            self.parts.clear();
-        }
-        could
+        let jobs = ids.chunks(parallel::PART).zip(&mut self.parts);
+        parallel::share(ids.len(), jobs, |(ids, part)| light.fill(part, model, ids));
+        true
     }
 
     /// How many may cover a pixel.
@@ -135,23 +134,31 @@ impl Triangles {
         self.parts.iter().map(|part| part.faces.len()).sum()
     }
 
-    /// Whether they are of this part of a picture.
-    pub(super) fn are_of(&self, canvas: &Canvas) -> bool {
-        (self.light).is_none_or(|light| light.screen.rect_px() == canvas.rect_px)
+    /// Whether they are of this part of a picture: left, top, and one past right and bottom, pixels.
+    pub(super) fn are_within(&self, rect_px: [u32; 4]) -> bool {
+        (self.light).is_none_or(|light| light.screen.rect_px() == rect_px)
     }
 
-    /// Those of a band.
-    fn near(&self, rows: [u32; 2]) -> impl Iterator<Item = &Face> {
+    /// Those that may cover a pixel of some rows, in their order, each with the part that it is of.
+    pub(super) fn near(&self, rows: [u32; 2]) -> impl Iterator<Item = (&Part, &Face)> {
         let are_near = move |[first, end]: [u32; 2]| first < rows[1] && end > rows[0];
-        let groups = (self.parts.iter()).flat_map(|part| part.faces.chunks(GROUP).zip(&part.rows));
-        let near = groups.filter(move |(_, rows)| are_near(**rows));
-        near.flat_map(|(faces, _)| faces)
-            .filter(move |face| are_near(face.rows()))
+        self.parts.iter().flat_map(move |part| {
+            let groups = part.faces.chunks(GROUP).zip(&part.rows);
+            let near = groups.filter(move |(_, rows)| are_near(**rows));
+            near.flat_map(|(faces, _)| faces)
+                .filter(move |face| are_near(face.rows()))
+                .map(move |face| (part, face))
+        })
+    }
+
+    /// The light that they are in; none where there are none.
+    pub(super) fn light(&self) -> Option<&Light> {
+        self.light.as_ref()
     }
 
     /// Leaves their depths in the pixels that they cover.
     pub(super) fn leave_depths(&self, canvas: &Canvas, band: &mut Band<'_>) {
-        for face in self.near(band.rows) {
+        for (_, face) in self.near(band.rows) {
             face.for_each_pixel(band.rows, |[x, y], weights| {
                 let depth = face.depth_at(weights).to_bits();
                 let at = canvas.index(band.rows, [x, y]);
@@ -163,7 +170,7 @@ impl Triangles {
     /// Adds their shades with weight 1 where nothing hides them.
     pub(super) fn blend(&self, vertices: &[Vertex], canvas: &Canvas, band: &mut Band<'_>) {
         let Some(light) = &self.light else { return };
-        for face in self.near(band.rows) {
+        for (part, face) in self.near(band.rows) {
             // Most are hidden, or share what they are like with no other pixel.
             let mut surface = None;
             face.for_each_pixel(band.rows, |[x, y], weights| {
@@ -171,7 +178,8 @@ impl Triangles {
                 if band.front[at] > face.depth_at(weights).to_bits() {
                     return;
                 }
-                let surface = surface.get_or_insert_with(|| Surface::of(face, vertices, light));
+                let surface =
+                    surface.get_or_insert_with(|| Surface::of(face, part, vertices, light));
                 let color = light.shade(surface, [x, y], weights * face.inverse_w);
                 let [red, green, blue] = color.to_array().map(in_steps);
                 let weight = in_steps(1.0);
@@ -209,18 +217,9 @@ impl Face {
     /// window.
     #[inline]
     fn for_each_pixel(&self, rows: [u32; 2], mut visit: impl FnMut([u32; 2], Vec3)) {
-        let [second, third] = self.others.map(|corner| corner.map(i64::from));
-        let area = (second[0] * third[1] - second[1] * third[0]) as f32;
-        let [left, top, right, bottom] = self.pixels;
-        let (top, bottom) = (top.max(rows[0]), bottom.min(rows[1]));
-        let center =
-            |pixel: u32, axis: usize| 256 * i64::from(pixel) + 128 - i64::from(self.origin[axis]);
-        let first = [center(left, 0), center(top, 1)];
-        let edges = [
-            Edge::new(second, third, first),
-            Edge::new(third, [0; 2], first),
-            Edge::new([0; 2], second, first),
-        ];
+        let [left, _, right, _] = self.pixels;
+        let (top, bottom) = (self.pixels[1].max(rows[0]), self.pixels[3].min(rows[1]));
+        let (area, edges) = self.edges_from([left, top]);
         let mut starts = edges.map(|edge| edge.first);
         for y in top..bottom {
             let [mut a, mut b, mut c] = starts;
@@ -243,6 +242,23 @@ impl Face {
         }
     }
 
+    /// Twice the area, steps^2 of 1/256 pixel, and the functions of the edges opposite the corners, which are at their first
+    /// value at the center of a pixel.
+    #[inline]
+    pub(super) fn edges_from(&self, pixel: [u32; 2]) -> (f32, [Edge; 3]) {
+        let [second, third] = self.others.map(|corner| corner.map(i64::from));
+        let area = (second[0] * third[1] - second[1] * third[0]) as f32;
+        let center =
+            |axis: usize| 256 * i64::from(pixel[axis]) + 128 - i64::from(self.origin[axis]);
+        let first = [center(0), center(1)];
+        let edges = [
+            Edge::new(second, third, first),
+            Edge::new(third, [0; 2], first),
+            Edge::new([0; 2], second, first),
+        ];
+        (area, edges)
+    }
+
     #[inline]
     fn depth_at(&self, weights: Vec3) -> f32 {
         let of = weights * self.depth;
@@ -252,13 +268,13 @@ impl Face {
 
 /// A function that is positive inside of an edge and proportional to the weight of the corner opposite.
 #[derive(Clone, Copy)]
-struct Edge {
+pub(super) struct Edge {
     /// At the first pixel, and by how much it grows to the next one of the row and of the column.
-    first: i64,
-    right: i64,
-    down: i64,
+    pub(super) first: i64,
+    pub(super) right: i64,
+    pub(super) down: i64,
     /// The least value inside: 1 where a center exactly on the edge belongs to the neighbor.
-    least: i64,
+    pub(super) least: i64,
 }
 
 impl Edge {
@@ -275,15 +291,20 @@ impl Edge {
     }
 }
 
+/// Whether whole steps can say where a corner is.
+fn is_within_reach(placed: &Placed) -> bool {
+    placed.steps.iter().all(|steps| steps.abs() <= MOST_STEPS)
+}
+
 /// What the corners of a triangle are like.
-struct Surface {
+pub(super) struct Surface {
     /// In view space; zero where there is none, which leaves the others to decide.
-    normals: Mat3,
-    colors: Mat3,
+    pub(super) normals: Mat3,
+    pub(super) colors: Mat3,
 }
 
 impl Surface {
-    fn of(face: &Face, vertices: &[Vertex], light: &Light) -> Self {
+    pub(super) fn of(face: &Face, part: &Part, vertices: &[Vertex], light: &Light) -> Self {
         let vertex = face.corners.map(|corner| &vertices[corner as usize]);
         let [a, b, c] = vertex.map(|v| match v.color[3] {
             0 => Vec3::ZERO,
@@ -295,14 +316,21 @@ impl Surface {
             Vec3::new(red, green, blue) / 255.0
         });
         let colors = Mat3::from_cols(a, b, c);
-        Self { normals, colors }
+        match part.clipped.get(face.clipped as usize) {
+            Some(weights) => Self {
+                normals: normals * *weights,
+                colors: colors * *weights,
+            },
+            None => Self { normals, colors },
+        }
     }
 }
 
 impl Light {
-    /// Those of these triangles that may cover a pixel; none at all where [`Triangles::set`] gives up.
-    fn fill(&self, part: &mut Part, model: &Model, ids: &[u32]) -> Option<()> {
+    /// Fills a part with those of these triangles that may cover a pixel.
+    fn fill(&self, part: &mut Part, model: &Model, ids: &[u32]) {
         part.faces.clear();
+        part.clipped.clear();
         for (index, &id) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + AHEAD) {
                 prefetch_index(&model.triangles, next as usize);
@@ -312,35 +340,59 @@ impl Light {
                     prefetch_index(&model.vertices, corner as usize);
                 }
             }
-            part.faces.extend(self.face(model, id)?);
+            let corners = model.triangles[id as usize];
+            let positions = corners.map(|vertex| model.vertices[vertex as usize].position);
+            match positions.map(|position| self.screen.place(position)) {
+                [Some(a), Some(b), Some(c)] if [a, b, c].iter().all(is_within_reach) => {
+                    part.faces.extend(self.face([a, b, c], corners));
+                }
+                _ => self.add_clipped(part, corners, positions),
+            }
         }
         part.rows.clear();
         part.rows.extend(part.faces.chunks(GROUP).map(|group| {
             let rows = group.iter().map(Face::rows);
             rows.fold([u32::MAX, 0], |a, b| [a[0].min(b[0]), a[1].max(b[1])])
         }));
-        Some(())
     }
 
-    /// A triangle, if it may cover a pixel; none at all where [`Triangles::set`] gives up.
-    fn face(&self, model: &Model, id: u32) -> Option<Option<Face>> {
-        let [first, mut second, mut third] = model.triangles[id as usize];
-        let corner = |vertex: u32| {
-            let mut placed = self
-                .screen
-                .place(model.vertices[vertex as usize].position)?;
-            let is_near = placed.steps.iter().all(|steps| steps.abs() <= MOST_STEPS);
-            placed.steps = placed.steps.map(|steps| steps + WHOLE - WHOLE);
-            is_near.then_some(placed)
-        };
-        let (a, mut b, mut c) = (corner(first)?, corner(second)?, corner(third)?);
-        let origin = a.steps.map(|steps| steps as i32);
-        let from_origin = |steps: [f32; 2]| [0, 1].map(|axis| steps[axis] as i32 - origin[axis]);
-        let mut others = [from_origin(b.steps), from_origin(c.steps)];
+    /// Adds the pieces of a triangle that are between the near and the far plane and within reach of whole steps.
+    #[cold]
+    fn add_clipped(&self, part: &mut Part, corners: [u32; 3], positions: [Vec3; 3]) {
+        let clip = positions.map(|position| self.screen.clip(position));
+        let polygon = clip::clipped(clip, self.screen.viewport_px());
+        for pieces in 1..polygon.len().max(2) - 1 {
+            let piece = [&polygon[0], &polygon[pieces], &polygon[pieces + 1]];
+            let placed = piece.map(|corner| self.screen.place_clip(corner.clip));
+            let [Some(a), Some(b), Some(c)] = placed else {
+                continue;
+            };
+            // Which corner of the piece the face has second is decided by how it turns.
+            let numbers = [0, 1, 2];
+            if let Some(face) = self.face([a, b, c], numbers) {
+                let weights = face.corners.map(|number| piece[number as usize].weights);
+                part.faces.push(Face {
+                    corners,
+                    clipped: part.clipped.len() as u32,
+                    ..face
+                });
+                part.clipped
+                    .push(Mat3::from_cols(weights[0], weights[1], weights[2]));
+            }
+        }
+    }
+
+    /// A triangle of corners that are within reach, if it may cover a pixel.
+    fn face(&self, placed: [Placed; 3], [first, mut second, mut third]: [u32; 3]) -> Option<Face> {
+        let steps = placed.map(|corner| corner.steps.map(|steps| (steps + WHOLE - WHOLE) as i32));
+        let [a, mut b, mut c] = placed;
+        let origin = steps[0];
+        let from_origin = |steps: [i32; 2]| [0, 1].map(|axis| steps[axis] - origin[axis]);
+        let mut others = [from_origin(steps[1]), from_origin(steps[2])];
         let [[bx, by], [cx, cy]] = others.map(|other| other.map(i64::from));
         let area = bx * cy - by * cx;
         if area == 0 || self.screen.is_dropped(area.signum()) {
-            return Some(None);
+            return None;
         }
         if area < 0 {
             others.swap(0, 1);
@@ -360,14 +412,15 @@ impl Light {
             [first as u32, end.max(first) as u32]
         };
         let ([left, right], [top, bottom]) = (range(0, least_x, most_x), range(1, least_y, most_y));
-        Some((left < right && top < bottom).then(|| Face {
+        (left < right && top < bottom).then(|| Face {
             origin,
             others,
             depth: Vec3::new(a.depth, b.depth, c.depth),
             inverse_w: Vec3::new(a.inverse_w, b.inverse_w, c.inverse_w),
             corners: [first, second, third],
             pixels: [left, top, right, bottom],
-        }))
+            clipped: WHOLE_TRIANGLE,
+        })
     }
 
     /// What it makes of a surface at a pixel, where corners have weights in proportion to these.

@@ -116,6 +116,7 @@ impl Drawn {
             colors,
             pitch,
             depths,
+            is_begun: false,
         };
         draw(&mut self.places, picture);
         self.ms = start.elapsed().as_secs_f64() * 1e3;

@@ -21,9 +21,8 @@ use crate::pack;
 use crate::pack::ColorBy;
 use crate::render::cost::choose::Asked;
 use crate::render::cost::model::Costs;
-use crate::render::frame_plan::{
-    Choice, Drawing, LARGEST_HIDDEN_PX, check, for_view, frame_flags, splat_plan,
-};
+use crate::render::frame_constants::frame_flags;
+use crate::render::frame_plan::{Choice, Drawing, LARGEST_HIDDEN_PX, check, for_view, splat_plan};
 pub use crate::render::reference::Outputs;
 pub use crate::render::stats::FrameTimes;
 use crate::render::stats::{Kept, Stage};

@@ -97,12 +97,7 @@ pub(crate) fn constants(context: &Context) -> ListConstants {
         first: 0,
         count: 0,
         begin: 0,
-        // Clockwise is positive. Fronts turn counter-clockwise unless the camera mirrors.
-        dropped_sign: match (context.cull_back, context.is_mirrored) {
-            (false, _) => 0,
-            (true, false) => 1,
-            (true, true) => -1,
-        },
+        dropped_sign: context.dropped_sign(),
     }
 }
 

@@ -233,6 +233,16 @@ impl Band<'_> {
         is_nearer.select(shown, nearest).store_slice(all_shown);
     }
 
+    /// Begins with what a picture of the band shows.
+    pub(super) fn read(&mut self, picture: &mut Picture<'_>) {
+        let own = self.depth.chunks_mut(self.stride);
+        let own = own.zip(self.shown.chunks_mut(self.stride));
+        for ((shown, depths), (own_depths, own_shown)) in picture.rows(self.width).zip(own) {
+            own_depths[..self.width].copy_from_slice(depths);
+            own_shown[..self.width].copy_from_slice(bytemuck::cast_slice(shown));
+        }
+    }
+
     /// What the pixels show, row by row, and `background` where nothing is.
     #[inline(always)]
     pub(super) fn write<S: Simd>(&self, _: S, background: u32, picture: &mut Picture<'_>) {

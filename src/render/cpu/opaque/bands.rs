@@ -137,6 +137,9 @@ pub(super) fn draw_by(
         let first_row = number * BAND_PX;
         let rows = picture.depths.len() / width;
         let mut band = fronts.band(width, [first_row, first_row + rows]);
+        if picture.is_begun {
+            band.read(&mut picture);
+        }
         dispatch!(level, simd => {
             for list in &lists {
                 band.draw(simd, list, has_colors);
@@ -152,7 +155,8 @@ pub(super) fn draw_by(
 /// Marks those of the first splats of a list that are the nearest somewhere.
 fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
     let mut last = u32::MAX;
-    for &color in picture.shown(width) {
+    // Colors are covered, so they have the bit that keys have not.
+    for &color in picture.shown(width).filter(|&&color| color & SPLAT_BIT == 0) {
         let number = !color & !SPLAT_BIT;
         if number != last
             && let Some(seen) = seen.get(number as usize)

@@ -13,6 +13,8 @@ pub struct Picture<'a> {
     pub pitch: usize,
     /// Reversed; 0 where nothing is. Row by row.
     pub depths: &'a mut [f32],
+    /// What is there stays where nothing nearer is drawn; else it is replaced.
+    pub is_begun: bool,
 }
 
 impl Picture<'_> {
@@ -22,12 +24,14 @@ impl Picture<'_> {
             colors: self.colors,
             pitch: self.pitch,
             depths: self.depths,
+            is_begun: self.is_begun,
         }
     }
 
     /// Bands of rows.
     pub(super) fn bands(self, screen: &Screen) -> impl ExactSizeIterator<Item = Self> {
         let (pixels, width, pitch) = (screen.pixels(), screen.width(), self.pitch);
+        let is_begun = self.is_begun;
         let behind = match pixels {
             0 => 0,
             _ => pixels / width * pitch - (pitch - width),
@@ -39,6 +43,7 @@ impl Picture<'_> {
             colors,
             pitch,
             depths,
+            is_begun,
         })
     }
 

@@ -1,0 +1,176 @@
+//! The uniform block of a frame, and the few values from which it is made. No device is asked.
+
+use crate::abi::{FrameConstants, constants};
+use crate::math::camera::{Light, View};
+use crate::pack::{ColorBy, Lighting, Phong, Source};
+use crate::render::Settings;
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
+
+/// What every pass of a frame needs besides its resources.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FrameContext {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Pixels by which the viewport reaches beyond the picture on every side.
+    pub(crate) guard_px: u32,
+    /// The part of the picture that something may be drawn in: left, top, and one past right and bottom, pixels.
+    pub(crate) rect_px: [u32; 4],
+    pub(crate) background: [f32; 3],
+    pub(crate) cull_back: bool,
+    /// The camera mirrors the picture, so that fronts turn clockwise.
+    pub(crate) is_mirrored: bool,
+    /// Positions in model space.
+    pub(crate) light: Lighting,
+    /// Of colors by depth.
+    pub(crate) depth_range: [f32; 2],
+}
+
+impl FrameContext {
+    /// The viewport: larger than the picture by the guard band. A point is dropped by the device when its
+    /// center leaves the view volume, even if its square still reaches into the picture; with the view volume
+    /// widened by half the largest square, none of those is lost.
+    pub(crate) fn viewport(&self) -> [f32; 4] {
+        let guard = self.guard_px as f32;
+        [
+            -guard,
+            -guard,
+            self.width as f32 + 2.0 * guard,
+            self.height as f32 + 2.0 * guard,
+        ]
+    }
+
+    /// The sign of the area of triangles that are not drawn (clockwise is positive); 0 where all are. Fronts turn
+    /// counter-clockwise unless the camera mirrors.
+    pub(crate) fn dropped_sign(&self) -> i32 {
+        match (self.cull_back, self.is_mirrored) {
+            (false, _) => 0,
+            (true, false) => 1,
+            (true, true) => -1,
+        }
+    }
+}
+
+/// The flags of a frame; `cull_back`: no triangle that shows its back is drawn.
+pub(crate) fn frame_flags(view: &View, settings: &Settings, cull_back: bool) -> u32 {
+    let mut flags = 0;
+    for (on, flag) in [
+        (settings.use_colors, constants::FLAG_USE_COLORS),
+        (settings.two_sided, constants::FLAG_TWO_SIDED),
+        (
+            settings.color_by == ColorBy::Primitive,
+            constants::FLAG_COLOR_BY_PRIMITIVE,
+        ),
+        (
+            settings.color_by == ColorBy::Classification,
+            constants::FLAG_COLOR_BY_CLASSIFICATION,
+        ),
+        (
+            settings.color_by == ColorBy::Level,
+            constants::FLAG_COLOR_BY_LEVEL,
+        ),
+        (
+            settings.color_by == ColorBy::Normal,
+            constants::FLAG_COLOR_BY_NORMAL,
+        ),
+        (
+            settings.color_by == ColorBy::Depth,
+            constants::FLAG_COLOR_BY_DEPTH,
+        ),
+        (
+            view.light == Light::Directional || !view.is_perspective,
+            constants::FLAG_PARALLEL_LIGHT,
+        ),
+        (!view.is_perspective, constants::FLAG_ORTHOGRAPHIC),
+        (cull_back, constants::FLAG_CULLS_BACK),
+        (
+            matches!(settings.light, Lighting::Phong(_)),
+            constants::FLAG_PHONG,
+        ),
+    ] {
+        if on {
+            flags |= flag;
+        }
+    }
+    flags
+}
+
+/// The uniform block of a frame.
+pub(crate) fn frame_constants(
+    view: &View,
+    settings: &Settings,
+    context: &FrameContext,
+) -> FrameConstants {
+    let [_, _, width, height] = context.viewport();
+    // Maps the picture's clip space into the middle of the wider viewport.
+    let shrink = Mat4::from_scale(Vec3::new(
+        view.width as f32 / width,
+        view.height as f32 / height,
+        1.0,
+    ));
+    let clip = shrink * view.clip_from_view();
+    // x_ndc = 2 px / W - 1 and x_ndc = (sx x + ox z) / -z with z = -1: x = (x_ndc + ox) / sx.
+    let [sx, sy] = view.scale;
+    let [ox, oy] = view.offset;
+    let phong = match context.light {
+        Lighting::Phong(phong) => phong,
+        // Not looked at.
+        Lighting::Headlight => Phong::default(),
+    };
+    let lamp = match phong.lamp.in_view(view) {
+        Source::Direction(direction) => direction.as_vec3().extend(0.0),
+        Source::Point(position) => position.as_vec3().extend(1.0),
+    }
+    .to_array();
+    let columns = |m: Mat4| -> [[f32; 4]; 4] {
+        [m.x_axis, m.y_axis, m.z_axis, m.w_axis].map(|c: Vec4| c.to_array())
+    };
+    let flags = frame_flags(view, settings, context.cull_back);
+    FrameConstants {
+        view_from_model: columns(view.view_from_model),
+        clip_from_view: columns(clip),
+        ray_scale: [
+            2.0 / (view.width as f32 * sx),
+            -2.0 / (view.height as f32 * sy),
+        ],
+        // Orthographic: x_ndc = sx x + ox.
+        ray_offset: if view.is_perspective {
+            [(ox - 1.0) / sx, (oy + 1.0) / sy]
+        } else {
+            [(-ox - 1.0) / sx, (1.0 - oy) / sy]
+        },
+        focal_px: view.focal_px(),
+        splat_size_px: settings.threshold_px.max(1.0),
+        model_scale: view.model_scale,
+        flags,
+        background: {
+            let [r, g, b] = settings.background;
+            [r, g, b, settings.depth_offset()]
+        },
+        lamp,
+        ambient: phong.ambient,
+        specular: phong.specular,
+        shininess: phong.shininess,
+        low_pass_px: settings.low_pass_px(),
+        depth_range: context.depth_range,
+        unused: [0.0; 2],
+        window_from_model: columns(window_from_model(view)),
+        headlight: if flags & constants::FLAG_PARALLEL_LIGHT != 0 {
+            view.backward.extend(0.0)
+        } else {
+            view.eye.extend(1.0)
+        }
+        .to_array(),
+    }
+}
+
+/// From model space to pixels and reversed depth, both times the last component; multiplied in double precision.
+fn window_from_model(view: &View) -> Mat4 {
+    let half = DVec3::new(
+        f64::from(view.width) / 2.0,
+        f64::from(view.height) / 2.0,
+        1.0,
+    );
+    let window_from_clip = DMat4::from_translation(half.with_z(0.0)) * DMat4::from_scale(half);
+    (window_from_clip * view.clip_from_view().as_dmat4() * view.view_from_model.as_dmat4())
+        .as_mat4()
+}
