@@ -205,6 +205,8 @@ pub(super) struct Host<'a> {
     pub(super) filtered: &'a dyn Fn([usize; 2]) -> Option<(Canvas, Option<cpu_filtered::Light>)>,
     /// Opaque squares and discs, and what they look like, if compute is to draw them.
     pub(super) opaque: Option<(opaque::Look, (opaque::Screen, opaque::Light))>,
+    /// What opaque triangles are lit by, if the host draws them too.
+    pub(super) triangle_light: Option<cpu_filtered::Light>,
 }
 
 impl Lists {
@@ -260,9 +262,10 @@ impl Lists {
             let has_one_size = |plan: &splats::Plan| plan.has_one_size(model);
             let may_sample =
                 may_sample && matches!(&packing, Packing::Splats(plan) if has_one_size(plan));
-            ways.is_small && (may_sample || !has_triangles)
+            ways.is_small && (may_sample || !has_triangles || by_host.triangle_light.is_some())
         });
         let (mut is_drawn, mut is_shown, mut undrawn) = (false, false, 0);
+        let mut faces_drawn = false;
         let are_ids = self.are_ids(gpu, key.by_id, &packing, cut)?;
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan) | Packing::Weighted(plan) if are_ids => {
@@ -300,16 +303,21 @@ impl Lists {
                 if by_cut {
                     packed.points += count;
                 }
-                if let Some((look, (screen, light))) = host_draws.filter(|_| packed.points > 0) {
-                    let has_triangles = match samples {
-                        Some(_) => !self.rest_ids.is_empty(),
-                        None => key.has_triangles && !cut.triangles.is_empty(),
+                if let Some((look, (screen, light))) = host_draws {
+                    let rest: &[u32] = match samples {
+                        Some(_) => &self.rest_ids,
+                        None if key.has_triangles => &cut.triangles,
+                        None => &[],
                     };
+                    faces_drawn = self.faces.set(model, rest, by_host.triangle_light);
+                    let has_triangles = !faces_drawn && !rest.is_empty();
                     let onto = match has_triangles || packed.quads > 0 {
                         true => Onto::Storage,
                         false => Onto::Image(view.width, view.height),
                     };
                     let (splats, frame) = (&out[..written], ((&screen, &light), onto));
+                    let under = (faces_drawn && !rest.is_empty())
+                        .then_some((&self.faces, model.vertices.as_slice()));
                     if by_cut {
                         let all = scene.undrawn(model);
                         undrawn = all.count_in(cut);
@@ -322,9 +330,9 @@ impl Lists {
                             are_discs: look.are_discs,
                             are_seen: key.choice.hides(),
                         };
-                        is_shown = self.nearest.draw_cut(gpu, (own, splats), frame)?;
+                        is_shown = self.nearest.draw_cut(gpu, (own, splats), under, frame)?;
                     } else {
-                        is_shown = self.nearest.draw(gpu, splats, (look, 0), frame)?;
+                        is_shown = self.nearest.draw(gpu, splats, (look, 0), under, frame)?;
                     }
                     is_drawn = true;
                 }
@@ -371,6 +379,7 @@ impl Lists {
             .then(|| triangles::are_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
         let rest = std::mem::take(&mut self.rest_ids);
         let triangles: &[u32] = match samples {
+            _ if faces_drawn && is_shown => &[],
             Some(_) => &rest,
             // They are drawn.
             None if is_filtered && is_drawn => &[],

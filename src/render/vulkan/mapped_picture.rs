@@ -1,10 +1,11 @@
 //! What the host drew of a frame's opaque splats, in mapped memory.
 
-use crate::abi::Splat;
+use crate::abi::{Splat, Vertex};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::Upload;
 use crate::gpu::image::Image;
 use crate::gpu::{Error, Gpu};
+use crate::render::cpu::filtered::Triangles;
 use crate::render::cpu::opaque;
 use crate::render::cpu::opaque::{Look, Picture, Places};
 use crate::render::vulkan::draw_lists::records;
@@ -42,6 +43,9 @@ pub(crate) enum Onto {
     Image(u32, u32),
 }
 
+/// Triangles that are drawn before the splats, and the vertices of their model.
+pub(crate) type Under<'a> = (&'a Triangles, &'a [Vertex]);
+
 impl Drawn {
     /// # Errors
     /// When memory runs out.
@@ -68,9 +72,10 @@ impl Drawn {
         gpu: &Arc<Gpu>,
         splats: &[Splat],
         look: (Look, usize),
+        under: Option<Under<'_>>,
         (frame, onto): (opaque::Frame<'_>, Onto),
     ) -> Result<bool, Error> {
-        self.draw_by(gpu, (frame, onto), |places, picture| {
+        self.draw_by(gpu, under, (frame, onto), |places, picture| {
             opaque::draw(splats, look, frame, places, picture);
         })
     }
@@ -84,9 +89,10 @@ impl Drawn {
         &mut self,
         gpu: &Arc<Gpu>,
         (splats, samples): (opaque::Splats<'_>, &[Splat]),
+        under: Option<Under<'_>>,
         (frame, onto): (opaque::Frame<'_>, Onto),
     ) -> Result<bool, Error> {
-        self.draw_by(gpu, (frame, onto), |places, picture| {
+        self.draw_by(gpu, under, (frame, onto), |places, picture| {
             opaque::draw_cut(splats, samples, frame, places, picture);
         })
     }
@@ -94,6 +100,7 @@ impl Drawn {
     fn draw_by(
         &mut self,
         gpu: &Arc<Gpu>,
+        under: Option<Under<'_>>,
         ((screen, light), onto): (opaque::Frame<'_>, Onto),
         draw: impl FnOnce(&mut Places, Picture<'_>),
     ) -> Result<bool, Error> {
@@ -112,12 +119,22 @@ impl Drawn {
             Some(shown) => shown.within(screen.rect_px(), light.background()),
             None => (colors, screen.width().max(1)),
         };
-        let picture = Picture {
+        let mut picture = Picture {
             colors,
             pitch,
             depths,
             is_begun: false,
         };
+        if let Some((triangles, vertices)) = under {
+            let picture = Picture {
+                colors: picture.colors,
+                pitch,
+                depths: picture.depths,
+                is_begun: false,
+            };
+            opaque::draw_triangles(triangles, vertices, screen, light.background(), picture);
+        }
+        picture.is_begun = under.is_some();
         draw(&mut self.places, picture);
         self.ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(is_shown)

@@ -156,7 +156,10 @@ pub(super) fn draw_by(
 fn mark(picture: &Picture<'_>, width: usize, seen: &[AtomicU8]) {
     let mut last = u32::MAX;
     // Colors are covered, so they have the bit that keys have not.
-    for &color in picture.shown(width).filter(|&&color| color & SPLAT_BIT == 0) {
+    for &color in picture
+        .shown(width)
+        .filter(|&&color| color & SPLAT_BIT == 0)
+    {
         let number = !color & !SPLAT_BIT;
         if number != last
             && let Some(seen) = seen.get(number as usize)

@@ -124,7 +124,10 @@ impl Renderer {
                 size_px: choose::size_px(settings, (model, view), &self.cut),
                 ..asked
             };
-            let ways = self.ways(&sized, scene, (is_wanted, has_large));
+            let mut ways = self.ways(&sized, scene, (is_wanted, has_large));
+            if light.is_some() && Light::new(&constants, screen(&constants, &context)).is_some() {
+                (ways.takes_triangles, ways.is_small) = (true, true);
+            }
             // Where the rasterizer draws, what is cheaper as a quad is one. Of visibility splats it draws quads alone beside compute.
             let max_point = match &self.costs {
                 _ if ways.is_small && drawing == Drawing::Visibility => {
@@ -160,6 +163,7 @@ impl Renderer {
             let host = Host {
                 filtered: &filtered,
                 opaque,
+                triangle_light: Light::new(&constants, screen),
             };
             let how = (ways, &screen, host);
             lists.pack(&gpu, (model, scene), cut, (key, packing), how)?;
