@@ -2,6 +2,8 @@
 //!
 //! * `shaders/<folder>/<pass>.{vert,frag,comp}` becomes SPIR-V 1.6 for Vulkan 1.3; `shaders/common` holds
 //!   what is only included. `#include "path"` is relative to `shaders/` and takes effect once per shader.
+//! * A shader that asks `#ifdef NORMALS` has two variants, see [`VARIANT`]: a fragment shader may have no output
+//!   that its pass has no target for, and a specialization constant takes none away.
 //! * The offsets of every block that a shader declares go into `layout::<block>`, which `src/abi.rs` compares
 //!   with the Rust structure at compile time. Two shaders that disagree about a block stop the build.
 //! * Constants in `shaders/common/constants.glsl` become Rust constants.
@@ -20,6 +22,10 @@ use glslang::{
 };
 use rspirv::dr::{Module, Operand};
 use rspirv::spirv::{Decoration, ExecutionMode, Op, StorageClass};
+
+/// The macro that tells the variants of a shader apart: it is compiled without it and with it, and becomes a
+/// `ShaderVariants`, of which each pass takes the one whose outputs are its targets.
+const VARIANT: &str = "NORMALS";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
@@ -43,9 +49,12 @@ fn main() {
             continue;
         }
         match compile(&root, path, &relative) {
-            Ok(words) => {
-                let module = parse(&words, &relative);
-                for (name, block) in blocks(&module) {
+            Ok(variants) => {
+                let modules: Vec<_> = variants
+                    .iter()
+                    .map(|words| (words.as_slice(), parse(words, &relative)))
+                    .collect();
+                for (name, block) in modules.iter().flat_map(|(_, module)| blocks(module)) {
                     match layouts.get(&name) {
                         Some((known, first)) if *known != block => failures.push(format!(
                             "shaders/{relative}:1: error: block {name} differs from the one in shaders/{first}:\n  here:  {block:?}\n  there: {known:?}"
@@ -56,7 +65,7 @@ fn main() {
                         }
                     }
                 }
-                write_shader(&mut out, &relative, &words, &module);
+                write_shader(&mut out, &relative, &modules);
             }
             Err(text) => failures.push(text),
         }
@@ -165,7 +174,8 @@ fn expand(
     Ok(())
 }
 
-fn compile(root: &Path, path: &Path, name: &str) -> Result<Vec<u32>, String> {
+/// SPIR-V of the shader, and where it has variants of that with [`VARIANT`] after it.
+fn compile(root: &Path, path: &Path, name: &str) -> Result<Vec<Vec<u32>>, String> {
     let mut expanded = Expanded {
         text: String::new(),
         origin: Vec::new(),
@@ -191,13 +201,21 @@ fn compile(root: &Path, path: &Path, name: &str) -> Result<Vec<u32>, String> {
         ..CompilerOptions::default()
     };
     let source = ShaderSource::from(expanded.text.as_str());
-    let no_defines: Option<&[(&str, Option<&str>)]> = None;
-    let input = ShaderInput::new(&source, stage, &options, no_defines, None)
-        .map_err(|e| format!("shaders/{name}:1: error: {e}"))?;
-    compiler
-        .create_shader(input)
-        .and_then(|shader| shader.compile())
-        .map_err(|e| place(&e.to_string(), name, &expanded))
+    let asks = format!("#ifdef {VARIANT}");
+    let has_variants = expanded.text.lines().any(|line| line.trim() == asks);
+    let compiled = |defines: &[(&str, Option<&str>)]| {
+        let input = ShaderInput::new(&source, stage, &options, Some(defines), None)
+            .map_err(|e| format!("shaders/{name}:1: error: {e}"))?;
+        compiler
+            .create_shader(input)
+            .and_then(|shader| shader.compile())
+            .map_err(|e| place(&e.to_string(), name, &expanded))
+    };
+    let mut variants = vec![compiled(&[])?];
+    if has_variants {
+        variants.push(compiled(&[(VARIANT, None)])?);
+    }
+    Ok(variants)
 }
 
 /// Turns `ERROR: 0:LINE: text` of the compiler into `shaders/file:line: error: text`.
@@ -355,11 +373,41 @@ fn size_of(module: &Module, id: u32) -> u32 {
     }
 }
 
-fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module) {
+/// A `Shader`, or `ShaderVariants` where there are two.
+fn write_shader(out: &mut String, relative: &str, modules: &[(&[u32], Module)]) {
     let (stem, ending) = relative
         .rsplit_once('.')
         .expect("a shader file has an ending");
     let constant = format!("{}_{}", stem.replace(['/', '-', '.'], "_"), ending).to_uppercase();
+    let name = format!("{}.{ending}", stem.replace('/', "."));
+    let literal = |name: &str, (words, module): &(&[u32], Module)| {
+        shader_literal((relative, name), ending, words, module)
+    };
+    let (kind, value) = match modules {
+        [plain, variant] => (
+            "ShaderVariants",
+            format!(
+                "ShaderVariants {{\nplain: &{},\nwith_normals: &{} }}",
+                literal(&name, plain),
+                literal(&format!("{name} with normals"), variant)
+            ),
+        ),
+        [plain, ..] => ("Shader", literal(&name, plain)),
+        [] => panic!("shaders/{relative} has no module"),
+    };
+    let _ = writeln!(
+        out,
+        "/// `shaders/{relative}`.\npub const {constant}: {kind} = {value};\n"
+    );
+}
+
+/// The Rust text of a `Shader`: what its module declares, and its words.
+fn shader_literal(
+    (relative, name): (&str, &str),
+    ending: &str,
+    words: &[u32],
+    module: &Module,
+) -> String {
     let stage = match ending {
         "vert" => "Vertex",
         "frag" => "Fragment",
@@ -367,6 +415,7 @@ fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module
     };
     let mut bindings = Vec::new();
     let mut inputs = Vec::new();
+    let mut outputs = 0;
     let mut push = 0;
     for i in &module.types_global_values {
         let (Op::Variable, Some(id)) = (i.class.opcode, i.result_id) else {
@@ -419,6 +468,11 @@ fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module
                     inputs.push((location, name_of(module, id)));
                 }
             }
+            StorageClass::Output if ending == "frag" => {
+                if let Some(location) = decoration(module, id, Decoration::Location) {
+                    outputs = outputs.max(location + 1);
+                }
+            }
             _ => {}
         }
     }
@@ -438,31 +492,23 @@ fn write_shader(out: &mut String, relative: &str, words: &[u32], module: &Module
             _ => None,
         })
         .unwrap_or([1, 1, 1]);
-    let _ = writeln!(
-        out,
-        "/// `shaders/{relative}`.\npub const {constant}: Shader = Shader {{"
-    );
-    let _ = writeln!(
-        out,
-        "    name: {:?},\n    stage: Stage::{stage},",
-        format!("{}.{ending}", stem.replace('/', "."))
-    );
-    let _ = writeln!(
-        out,
-        "    push_constant_bytes: {push},\n    local_size: {local:?},"
-    );
-    let list: Vec<String> = bindings
+    let bindings: Vec<String> = bindings
         .iter()
         .map(|(b, k)| format!("({b}, BindingKind::{k})"))
         .collect();
-    let _ = writeln!(out, "    bindings: &[{}],", list.join(", "));
-    let list: Vec<String> = inputs
+    let inputs: Vec<String> = inputs
         .iter()
         .map(|(l, n)| format!("({l}, {n:?})"))
         .collect();
-    let _ = writeln!(out, "    inputs: &[{}],", list.join(", "));
-    let list: Vec<String> = words.iter().map(|w| format!("{w:#x}")).collect();
-    let _ = writeln!(out, "    words: &[{}],\n}};\n", list.join(","));
+    let words: Vec<String> = words.iter().map(|w| format!("{w:#x}")).collect();
+    format!(
+        "Shader {{\n    name: {name:?},\n    stage: Stage::{stage},\n    push_constant_bytes: {push},\n    \
+         local_size: {local:?},\n    bindings: &[{}],\n    inputs: &[{}],\n    outputs: {outputs},\n    \
+         words: &[{}],\n}}",
+        bindings.join(", "),
+        inputs.join(", "),
+        words.join(",")
+    )
 }
 
 fn write_layouts(out: &mut String, layouts: &BTreeMap<String, (Block, String)>) {

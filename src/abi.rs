@@ -285,7 +285,7 @@ pub struct CutCounters {
 /// Shaders as compiled by `build.rs`, with what they declare.
 mod generated {
     #![allow(clippy::unreadable_literal, reason = "written by build.rs")]
-    use super::{BindingKind, Shader, Stage};
+    use super::{BindingKind, Shader, ShaderVariants, Stage};
     include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 }
 
@@ -332,10 +332,32 @@ pub struct Shader {
     pub bindings: &'static [(u32, BindingKind)],
     /// Vertex inputs, ascending by location.
     pub inputs: &'static [(u32, &'static str)],
+    /// Number of color outputs of a fragment shader: their locations are 0 up to it.
+    pub outputs: u32,
     /// Size of the push constant block, bytes.
     pub push_constant_bytes: u32,
     /// Workgroup size of a compute shader.
     pub local_size: [u32; 3],
+}
+
+/// A fragment shader with and without its last output, the normals; `build.rs` makes both.
+#[derive(Debug, Clone, Copy)]
+pub struct ShaderVariants {
+    /// For passes without a target for normals.
+    pub plain: &'static Shader,
+    /// For passes with one.
+    pub with_normals: &'static Shader,
+}
+
+impl ShaderVariants {
+    /// The variant of passes with (`normals`) or without a target for normals.
+    pub const fn of(self, normals: bool) -> &'static Shader {
+        if normals {
+            self.with_normals
+        } else {
+            self.plain
+        }
+    }
 }
 
 /// Stops the build when a field of a structure here is not where the shaders have it.

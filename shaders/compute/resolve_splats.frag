@@ -11,10 +11,9 @@ layout(set = 0, binding = 3, std430) readonly buffer Nearest {
 };
 
 layout(location = 0) out vec4 color;
+#ifdef NORMALS
 layout(location = 1) out vec4 normal;
-
-// Whether the pass has a target for normals.
-layout(constant_id = 0) const bool WRITE_NORMALS = false;
+#endif
 
 // Where a splat has no radius, its lower bits may be what the normal's code leaves out.
 vec2 code_of(SplatRecord splat) {
@@ -37,8 +36,8 @@ void main() {
     vec3 normal_in_model = rgba.a == 0.0 ? vec3(0.0) : octahedral_decode(code_of(splat));
     vec3 to_light = normalize(frame.headlight.xyz - frame.headlight.w * center);
     color = vec4(headlight(normal_in_model, to_light, rgba.rgb, vec3(1.0, 0.2, 0.2)), 1.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(normal_in_model, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(normal_in_model, 1.0);
+#endif
     gl_FragDepth = uintBitsToFloat(uint(key >> 32));
 }

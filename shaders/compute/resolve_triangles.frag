@@ -8,10 +8,9 @@ layout(set = 0, binding = 4, std430) readonly buffer Nearest {
 };
 
 layout(location = 0) out vec4 color;
+#ifdef NORMALS
 layout(location = 1) out vec4 normal;
-
-// Whether the pass has a target for normals.
-layout(constant_id = 0) const bool WRITE_NORMALS = false;
+#endif
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -24,8 +23,8 @@ void main() {
     Small small = set_up(list.begin + item);
     Surface surface = surface_at(small, edges(small, pixel));
     color = vec4(shade_pixel(false, gl_FragCoord, surface.normal, surface.color, TRIANGLE_TINT), 1.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(surface.normal * mat3(frame.view_from_model) / frame.model_scale, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(surface.normal * mat3(frame.view_from_model) / frame.model_scale, 1.0);
+#endif
     gl_FragDepth = uintBitsToFloat(uint(key >> 32));
 }

@@ -6,13 +6,13 @@ layout(location = 0) in vec3 normal_in_view;
 layout(location = 1) in vec3 vertex_color;
 
 layout(location = 0) out vec4 sums;
+#ifdef NORMALS
 layout(location = 1) out vec4 normals;
+#endif
 
 layout(constant_id = 4) const bool IS_DEFERRED = false;
 // The frame has a lamp instead of the headlight.
 layout(constant_id = 6) const bool HAS_LAMP = false;
-// Normals are summed too: to be lit once a pixel, or asked for.
-layout(constant_id = 9) const bool HAS_NORMALS = false;
 
 void main() {
     float squared = dot(normal_in_view, normal_in_view);
@@ -30,7 +30,7 @@ void main() {
     } else {
         sums = vec4(shade_pixel(HAS_LAMP, gl_FragCoord, n, vertex_color, tint), 1.0);
     }
-    if (HAS_NORMALS) {
-        normals = vec4(n, gl_FragCoord.z);
-    }
+#ifdef NORMALS
+    normals = vec4(n, gl_FragCoord.z);
+#endif
 }

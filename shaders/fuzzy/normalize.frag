@@ -8,15 +8,18 @@ layout(set = 0, binding = 1) uniform sampler2D sums;
 layout(set = 0, binding = 2) uniform sampler2D normals;
 
 layout(location = 0) out vec4 color;
+#ifdef NORMALS
 layout(location = 1) out vec4 normal;
+const bool WRITE_NORMALS = true;
+#else
+const bool WRITE_NORMALS = false;
+#endif
 
 layout(constant_id = 4) const bool IS_DEFERRED = false;
 // The weights are areas.
 layout(constant_id = 5) const bool HAS_COVERAGE = false;
 // The frame has a lamp instead of the headlight.
 layout(constant_id = 6) const bool HAS_LAMP = false;
-// The pass has a target for normals.
-layout(constant_id = 10) const bool WRITE_NORMALS = false;
 
 // Where on the ray of the pixel a surface of that depth is, view space.
 vec3 position_at(vec2 at, float depth) {
@@ -32,7 +35,9 @@ void main() {
     // Also for what is not a number.
     if (!(sum.a >= LEAST_FUZZY_WEIGHT)) {
         color = vec4(frame.background.rgb, 0.0);
+#ifdef NORMALS
         normal = vec4(0.0);
+#endif
         return;
     }
     float covered = 1.0;
@@ -54,9 +59,9 @@ void main() {
         geometry = texelFetch(normals, pixel, 0);
         n = unit_or_zero(geometry.xyz);
     }
-    if (WRITE_NORMALS) {
-        normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
+#endif
     if (IS_DEFERRED) {
         vec2 at = gl_FragCoord.xy * frame.ray_scale + frame.ray_offset;
         if (HAS_LAMP) {

@@ -4,14 +4,13 @@ layout(location = 0) flat in vec3 shade;
 layout(location = 1) flat in vec3 normal_in_model;
 
 layout(location = 0) out vec4 color;
+#ifdef NORMALS
 layout(location = 1) out vec4 normal;
-
-// Whether the pass has a target for normals.
-layout(constant_id = 0) const bool WRITE_NORMALS = false;
+#endif
 
 void main() {
     color = vec4(shade, 1.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(normal_in_model, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(normal_in_model, 1.0);
+#endif
 }

@@ -9,17 +9,16 @@ layout(location = 3) flat in vec3 form;
 layout(location = 4) flat in vec2 skew;
 
 layout(location = 0) out vec4 color;
+#ifdef NORMALS
 layout(location = 1) out vec4 normal;
-
-// Whether the pass has a target for normals.
-layout(constant_id = 0) const bool WRITE_NORMALS = false;
+#endif
 
 void main() {
     if (rho_squared(form, skew, gl_FragCoord.xy - center_px) > 1.0) {
         discard;
     }
     color = vec4(shade, 1.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(normal_in_model, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(normal_in_model, 1.0);
+#endif
 }

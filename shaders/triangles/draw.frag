@@ -6,10 +6,10 @@ layout(location = 0) in vec3 normal_in_view;
 layout(location = 1) in vec3 vertex_color;
 
 layout(location = 0) out vec4 color;
+#ifdef NORMALS
 layout(location = 1) out vec4 normal;
+#endif
 
-// Whether the pass has a target for normals.
-layout(constant_id = 0) const bool WRITE_NORMALS = false;
 // Whether vertices have colors.
 layout(constant_id = 1) const bool HAS_COLORS = true;
 // Whether a lamp lights the surface instead of the headlight.
@@ -20,7 +20,7 @@ void main() {
     vec3 n = squared > 0.0 ? normal_in_view * inversesqrt(squared) : vec3(0.0);
     vec3 base = HAS_COLORS ? vertex_color : vec3(1.0);
     color = vec4(shade_pixel(HAS_LAMP, gl_FragCoord, n, base, vec3(0.2, 0.35, 1.0)), 1.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
+#endif
 }

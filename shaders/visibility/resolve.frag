@@ -18,10 +18,9 @@ layout(set = 0, binding = 4, std430) readonly buffer Centers {
 
 layout(location = 0) out vec4 picked;
 layout(location = 1) out vec4 fronts;
+#ifdef NORMALS
 layout(location = 2) out vec4 normal;
-
-// Whether the pass has a target for normals.
-layout(constant_id = 0) const bool WRITE_NORMALS = false;
+#endif
 
 void main() {
     uint pixel = index_of(ivec2(gl_FragCoord.xy));
@@ -37,9 +36,9 @@ void main() {
     Seen seen = seen_record(splat, unpackUnorm4x8(splat.color));
     picked = vec4(seen.shade, is_center ? FOREGROUND : HOLE);
     fronts = vec4(seen.front, 0.0, 0.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(seen.normal_in_model, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(seen.normal_in_model, 1.0);
+#endif
     // Passes the test where it is not farther. A footprint must be nearer: a step less, so that of equals it is hidden.
     gl_FragDepth = uintBitsToFloat(is_center ? depth : depth - 1u);
 }

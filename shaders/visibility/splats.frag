@@ -12,12 +12,12 @@ layout(location = 5) flat in vec2 skew;
 
 layout(location = 0) out vec4 picked;
 layout(location = 1) out vec4 fronts;
+#ifdef NORMALS
 layout(location = 2) out vec4 normal;
+#endif
 
 // Whether this is the pass of centers.
 layout(constant_id = 0) const bool IS_CENTER = false;
-// Whether the pass has a target for normals.
-layout(constant_id = 1) const bool WRITE_NORMALS = false;
 
 void main() {
     if (!IS_CENTER && rho_squared(form, skew, gl_FragCoord.xy - center_px) > 1.0) {
@@ -25,7 +25,7 @@ void main() {
     }
     picked = vec4(shade, IS_CENTER ? FOREGROUND : HOLE);
     fronts = vec4(front, 0.0, 0.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(normal_in_model, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(normal_in_model, 1.0);
+#endif
 }

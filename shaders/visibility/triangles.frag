@@ -9,12 +9,12 @@ layout(location = 2) in float view_distance;
 
 layout(location = 0) out vec4 picked;
 layout(location = 1) out vec4 fronts;
+#ifdef NORMALS
 layout(location = 2) out vec4 normal;
+#endif
 
 // Whether this is the pass of centers.
 layout(constant_id = 0) const bool IS_CENTER = false;
-// Whether the pass has a target for normals.
-layout(constant_id = 1) const bool WRITE_NORMALS = false;
 
 void main() {
     float squared = dot(normal_in_view, normal_in_view);
@@ -25,7 +25,7 @@ void main() {
     vec3 base = shows_data() ? ramp(1.0) : vertex_color;
     picked = vec4(shade_at(at, n, base, vec3(0.2, 0.35, 1.0)), IS_CENTER ? FOREGROUND : HOLE);
     fronts = vec4(view_distance, depth_offset(splat_radius(view_distance), facing), 0.0, 0.0);
-    if (WRITE_NORMALS) {
-        normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
-    }
+#ifdef NORMALS
+    normal = vec4(n * mat3(frame.view_from_model) / frame.model_scale, 1.0);
+#endif
 }

@@ -121,8 +121,8 @@ impl Pipeline {
     /// When a Vulkan call fails.
     ///
     /// # Panics
-    /// When a shader wants a vertex input that the record lacks, or the shaders disagree about a binding:
-    /// broken promises of this crate, found by the first test that draws.
+    /// When a shader wants a vertex input that the record lacks, the shaders disagree about a binding, or the fragment
+    /// shader has more or fewer outputs than there are color targets: broken promises of this crate, found by the first test that draws.
     pub fn new(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
         Self::with(gpu, description, 0, false)
     }
@@ -320,6 +320,12 @@ fn compile(
     (flags, is_over): (u32, bool),
 ) -> Result<vk::Pipeline, Error> {
     let name = description.name;
+    let outputs = description.fragment.map_or(0, |fragment| fragment.outputs);
+    assert!(
+        outputs as usize == description.colors.len(),
+        "{name}: its fragment shader has {outputs} outputs, its pass {} color targets",
+        description.colors.len()
+    );
     let vertex = Module::new(gpu, description.vertex)?;
     let fragment = description
         .fragment

@@ -129,8 +129,8 @@ impl Stand {
             &Description {
                 name: "self-test",
                 vertex: &shaders::SPLATS_SQUARE_VERT,
-                fragment: Some(&shaders::POINTS_DRAW_FRAG),
-                constants: &[false],
+                fragment: Some(shaders::POINTS_DRAW_FRAG.of(false)),
+                constants: &[],
                 record: Record {
                     stride: size_of::<Splat>() as u32,
                     attributes: &[

@@ -39,8 +39,8 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Err
         &Description {
             name: "triangles.draw",
             vertex: &shaders::TRIANGLES_DRAW_VERT,
-            fragment: Some(&shaders::TRIANGLES_DRAW_FRAG),
-            constants: &[variant.normals, variant.colors, variant.lamp],
+            fragment: Some(shaders::TRIANGLES_DRAW_FRAG.of(variant.normals)),
+            constants: &[false, variant.colors, variant.lamp],
             record: VERTEX,
             topology: Topology::Triangles,
             colors: targets(variant.color, variant.normals),

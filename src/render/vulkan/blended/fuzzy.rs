@@ -121,8 +121,8 @@ impl Variant {
             self.has_lamp,
             self.by_compute == Some(true),
             false,
-            self.sums_normals(),
-            self.writes_normals,
+            false,
+            false,
             self.is_widened,
         ]
     }
@@ -255,7 +255,7 @@ impl Fuzzy {
         };
         let blend_splats = Description {
             vertex: blend_vertex,
-            fragment: Some(&shaders::FUZZY_BLEND_FRAG),
+            fragment: Some(shaders::FUZZY_BLEND_FRAG.of(variant.sums_normals())),
             ..blend
         };
         Ok(Self {
@@ -269,14 +269,14 @@ impl Fuzzy {
             blend_triangles: pipeline(&Description {
                 name: "fuzzy.blend triangles",
                 vertex: &shaders::TRIANGLES_DRAW_VERT,
-                fragment: Some(&shaders::FUZZY_BLEND_TRIANGLES_FRAG),
+                fragment: Some(shaders::FUZZY_BLEND_TRIANGLES_FRAG.of(variant.sums_normals())),
                 ..blend
             })?,
             blend_splats: pair("fuzzy.blend splats", blend_splats)?,
             normalize: pipeline(&Description {
                 name: "fuzzy.normalize",
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
-                fragment: Some(&shaders::FUZZY_NORMALIZE_FRAG),
+                fragment: Some(shaders::FUZZY_NORMALIZE_FRAG.of(variant.writes_normals)),
                 record: Record::NOTHING,
                 colors: targets(variant.color, variant.writes_normals),
                 depth: Depth::None,

@@ -234,15 +234,15 @@ impl Small {
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(gpu: &Arc<Gpu>, targets: &Targets) -> Result<Self, Error> {
-        let normals = [targets.normal().is_some()];
-        let resolve = |name, fragment, constants| {
+        let normals = targets.normal().is_some();
+        let resolve = |name, fragment| {
             Pipeline::new(
                 gpu,
                 &Description {
                     name,
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
                     fragment: Some(fragment),
-                    constants,
+                    constants: &[],
                     record: Record::NOTHING,
                     topology: Topology::Triangles,
                     colors: targets.formats(),
@@ -253,7 +253,7 @@ impl Small {
         };
         let drawn = || {
             let fragment = &shaders::COMPUTE_RESOLVE_DRAWN_FRAG;
-            resolve("small.resolve drawn", fragment, &[])
+            resolve("small.resolve drawn", fragment)
         };
         Ok(Self {
             gpu: gpu.clone(),
@@ -266,13 +266,11 @@ impl Small {
             )?,
             resolve_splats: resolve(
                 "small.resolve splats",
-                &shaders::COMPUTE_RESOLVE_SPLATS_FRAG,
-                &normals,
+                shaders::COMPUTE_RESOLVE_SPLATS_FRAG.of(normals),
             )?,
             resolve_triangles: resolve(
                 "small.resolve triangles",
-                &shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG,
-                &normals,
+                shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG.of(normals),
             )?,
             resolve_drawn: host_draws(gpu, targets).then(drawn).transpose()?,
             keys: Buffer::new(

@@ -62,10 +62,11 @@ impl Splats {
             (Source::Vertices, false) => (&shaders::POINTS_ROUND_VERT, VERTEX),
         };
         let fragment = if is_square {
-            &shaders::POINTS_DRAW_FRAG
+            shaders::POINTS_DRAW_FRAG
         } else {
-            &shaders::SPLATS_ROUND_FRAG
+            shaders::SPLATS_ROUND_FRAG
         };
+        let fragment = fragment.of(targets.normal().is_some());
         let is_oriented = footprint == Footprint::Oriented;
         let pipeline = |name, topology| {
             Pipeline::for_flags(
@@ -74,11 +75,7 @@ impl Splats {
                     name,
                     vertex,
                     fragment: Some(fragment),
-                    constants: &[
-                        targets.normal().is_some(),
-                        is_oriented,
-                        topology == Topology::Quads,
-                    ],
+                    constants: &[false, is_oriented, topology == Topology::Quads],
                     record,
                     topology,
                     colors: targets.formats(),

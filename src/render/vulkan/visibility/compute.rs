@@ -61,8 +61,8 @@ impl Twin {
                 &Description {
                     name: "visibility.resolve",
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
-                    fragment: Some(&shaders::VISIBILITY_RESOLVE_FRAG),
-                    constants: &[normals],
+                    fragment: Some(shaders::VISIBILITY_RESOLVE_FRAG.of(normals)),
+                    constants: &[],
                     record: Record::NOTHING,
                     topology: Topology::Triangles,
                     colors: &formats[..if normals { 3 } else { 2 }],

@@ -103,10 +103,10 @@ fn first_pass(
             name: &format!("visibility.{pass} {topology:?}"),
             vertex,
             fragment: Some(match topology {
-                Topology::Triangles => &shaders::VISIBILITY_TRIANGLES_FRAG,
-                Topology::Points | Topology::Quads => &shaders::VISIBILITY_SPLATS_FRAG,
+                Topology::Triangles => shaders::VISIBILITY_TRIANGLES_FRAG.of(normals),
+                Topology::Points | Topology::Quads => shaders::VISIBILITY_SPLATS_FRAG.of(normals),
             }),
-            constants: &[is_center, normals, topology == Topology::Quads],
+            constants: &[is_center, false, topology == Topology::Quads],
             record,
             topology,
             colors: &formats[..if normals { 3 } else { 2 }],
