@@ -7,6 +7,8 @@
 //! * The offsets of every block that a shader declares go into `layout::<block>`, which `src/abi.rs` compares
 //!   with the Rust structure at compile time. Two shaders that disagree about a block stop the build.
 //! * Constants in `shaders/common/constants.glsl` become Rust constants.
+//! * Specialization constants are given values by their names, which go into `specialization`; numbers matter to
+//!   their shader alone. Two of a shader with one number, or two kinds under one name, stop the build.
 //!
 //! Programs whose figures are kept (release builds) are also told the commit that they are built from.
 //!
@@ -38,6 +40,7 @@ fn main() {
     let mut layouts: BTreeMap<String, (Block, String)> = BTreeMap::new();
     let mut out = String::from("// Written by build.rs from shaders/.\n\n");
     let mut failures = Vec::new();
+    let mut specialization: BTreeMap<String, (&str, String)> = BTreeMap::new();
     for path in &sources {
         println!("cargo::rerun-if-changed={}", path.display());
         let relative = path
@@ -65,6 +68,26 @@ fn main() {
                         }
                     }
                 }
+                for constant in modules.iter().flat_map(|(_, module)| specialized(module)) {
+                    let (kind, first) = specialization
+                        .entry(constant.name.clone())
+                        .or_insert((constant.kind, relative.clone()));
+                    if *kind != constant.kind {
+                        failures.push(format!(
+                            "shaders/{relative}:1: error: constant {} is of another kind in shaders/{first}",
+                            constant.name
+                        ));
+                    }
+                }
+                for (_, module) in &modules {
+                    let constants = specialized(module);
+                    for pair in constants.windows(2).filter(|pair| pair[0].id == pair[1].id) {
+                        failures.push(format!(
+                            "shaders/{relative}:1: error: constants {} and {} have the same number",
+                            pair[0].name, pair[1].name
+                        ));
+                    }
+                }
                 write_shader(&mut out, &relative, &modules);
             }
             Err(text) => failures.push(text),
@@ -77,6 +100,7 @@ fn main() {
         std::process::exit(1);
     }
     write_layouts(&mut out, &layouts);
+    write_specialization(&mut out, &specialization);
     write_constants(&mut out, &root.join("common/constants.glsl"));
     let target = PathBuf::from(env("OUT_DIR")).join("shaders.rs");
     std::fs::write(&target, out)
@@ -295,6 +319,37 @@ fn definition(module: &Module, id: u32) -> Option<&rspirv::dr::Instruction> {
         .find(|i| i.result_id == Some(id))
 }
 
+/// A specialization constant.
+struct Specialized {
+    id: u32,
+    name: String,
+    /// The Rust type of its name.
+    kind: &'static str,
+}
+
+/// Those that a module declares, ascending by number.
+fn specialized(module: &Module) -> Vec<Specialized> {
+    let mut found: Vec<_> = module
+        .types_global_values
+        .iter()
+        .filter_map(|i| {
+            let kind = match i.class.opcode {
+                Op::SpecConstantTrue | Op::SpecConstantFalse => "BoolConstant",
+                Op::SpecConstant => "UintConstant",
+                _ => return None,
+            };
+            let target = i.result_id?;
+            Some(Specialized {
+                id: decoration(module, target, Decoration::SpecId)?,
+                name: name_of(module, target),
+                kind,
+            })
+        })
+        .collect();
+    found.sort_by_key(|constant| constant.id);
+    found
+}
+
 /// Every structure with explicit offsets, by name.
 fn blocks(module: &Module) -> Vec<(String, Block)> {
     let mut out = Vec::new();
@@ -500,13 +555,19 @@ fn shader_literal(
         .iter()
         .map(|(l, n)| format!("({l}, {n:?})"))
         .collect();
+    let constants: Vec<String> = specialized(module)
+        .iter()
+        .map(|c| format!("({}, {:?})", c.id, c.name))
+        .collect();
     let words: Vec<String> = words.iter().map(|w| format!("{w:#x}")).collect();
     format!(
         "Shader {{\n    name: {name:?},\n    stage: Stage::{stage},\n    push_constant_bytes: {push},\n    \
          local_size: {local:?},\n    bindings: &[{}],\n    inputs: &[{}],\n    outputs: {outputs},\n    \
+         constants: &[{}],\n    \
          words: &[{}],\n}}",
         bindings.join(", "),
         inputs.join(", "),
+        constants.join(", "),
         words.join(",")
     )
 }
@@ -543,6 +604,21 @@ fn write_layouts(out: &mut String, layouts: &BTreeMap<String, (Block, String)>) 
             out,
             "        /// Number of fields.\n        pub const FIELDS: usize = {};\n    }}",
             block.fields.len()
+        );
+    }
+    out.push_str("}\n\n");
+}
+
+/// The names of specialization constants, each with the type of its values.
+fn write_specialization(out: &mut String, constants: &BTreeMap<String, (&str, String)>) {
+    out.push_str(
+        "/// Specialization constants of the shaders, by name.\npub mod specialization {\n    \
+         use super::{BoolConstant, UintConstant};\n",
+    );
+    for (name, (kind, first)) in constants {
+        let _ = writeln!(
+            out,
+            "    /// First seen in `shaders/{first}`.\n    pub const {name}: {kind} = {kind}({name:?});"
         );
     }
     out.push_str("}\n\n");

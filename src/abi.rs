@@ -285,11 +285,11 @@ pub struct CutCounters {
 /// Shaders as compiled by `build.rs`, with what they declare.
 mod generated {
     #![allow(clippy::unreadable_literal, reason = "written by build.rs")]
-    use super::{BindingKind, Shader, ShaderVariants, Stage};
+    use super::{BindingKind, BoolConstant, Shader, ShaderVariants, Stage, UintConstant};
     include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 }
 
-pub use generated::constants;
+pub use generated::{constants, specialization};
 /// The compiled shaders: `<FOLDER>_<FILE>_<STAGE>`.
 pub mod shaders {
     pub use super::generated::*;
@@ -334,10 +334,49 @@ pub struct Shader {
     pub inputs: &'static [(u32, &'static str)],
     /// Number of color outputs of a fragment shader: their locations are 0 up to it.
     pub outputs: u32,
+    /// Numbers and names of the specialization constants, ascending.
+    pub constants: &'static [(u32, &'static str)],
     /// Size of the push constant block, bytes.
     pub push_constant_bytes: u32,
     /// Workgroup size of a compute shader.
     pub local_size: [u32; 3],
+}
+
+/// Name of a specialization constant that is a truth value; all are in [`specialization`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BoolConstant(&'static str);
+
+impl BoolConstant {
+    /// Gives it a value.
+    pub const fn is(self, value: bool) -> ConstantValue {
+        ConstantValue {
+            name: self.0,
+            value: value as u32,
+        }
+    }
+}
+
+/// Name of a specialization constant that is an unsigned number; all are in [`specialization`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UintConstant(&'static str);
+
+impl UintConstant {
+    /// Gives it a value.
+    pub const fn is(self, value: u32) -> ConstantValue {
+        ConstantValue {
+            name: self.0,
+            value,
+        }
+    }
+}
+
+/// A specialization constant with its value, for the shaders of a pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct ConstantValue {
+    /// Name in the shaders.
+    pub name: &'static str,
+    /// A number, or 1 and 0 for true and false.
+    pub value: u32,
 }
 
 /// A fragment shader with and without its last output, the normals; `build.rs` makes both.

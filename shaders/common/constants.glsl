@@ -26,8 +26,6 @@ const uint FLAG_COLOR_BY_NORMAL = 512u;
 const uint FLAG_COLOR_BY_DEPTH = 1024u;
 // Beside flags that a pipeline was made for: they are what the frame has.
 const uint FLAGS_ARE_KNOWN = 0x80000000u;
-// Number of the specialization constant that has such flags.
-const uint FLAGS_CONSTANT = 31u;
 // Diffuse albedo.
 const float ALBEDO = 0.8;
 // A pixel of fuzzy splats shows something when the sum of its weights is at least this.

@@ -38,7 +38,7 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
 
 // The flags of the frames that a pipeline is made for, with FLAGS_ARE_KNOWN; 0: the block says. Where larger parts of a shader
 // depend on them, a device may have to compile it anew for every frame otherwise.
-layout(constant_id = FLAGS_CONSTANT) const uint KNOWN_FLAGS = 0u;
+layout(constant_id = 31) const uint KNOWN_FLAGS = 0u;
 
 bool has_flag(uint flag) {
     return ((KNOWN_FLAGS != 0u ? KNOWN_FLAGS : frame.flags) & flag) != 0u;

@@ -15,13 +15,11 @@ layout(constant_id = 0) const bool ARE_DISCS = false;
 // Look at a key before the atomic. Most squares of a dense surface lose, and where many invocations want one pixel only
 // atomics make them wait for each other. On a software device the look costs more than it spares.
 layout(constant_id = 1) const bool LOOKS_FIRST = false;
-// None has a radius of its own, and the one size, rounded up, is that many pixels: three bits of 1 to 7; else 0.
-layout(constant_id = 2) const bool HAS_SIDE_1 = false;
-layout(constant_id = 3) const bool HAS_SIDE_2 = false;
-layout(constant_id = 4) const bool HAS_SIDE_4 = false;
+// None has a radius of its own, and the one size, rounded up, is that many pixels: 1 to 7; else 0.
+layout(constant_id = 2) const uint SIDE_PX = 0u;
 // Larger ones count their pixels.
 const int MOST_UNROLLED = 4;
-const int SIDE = int(HAS_SIDE_1) + 2 * int(HAS_SIDE_2) + 4 * int(HAS_SIDE_4);
+const int SIDE = int(SIDE_PX);
 
 layout(set = 0, binding = 3, std430) buffer Nearest {
     // Reversed depth as bits (non-negative floats order like integers) above the complement of the number; 0: nothing.

@@ -334,6 +334,16 @@ impl<'f> Pass<'f> {
         self.barriers.declared = declared;
     }
 
+    /// As [`draw`](Pass::draw), with a viewport that is the whole of the targets.
+    ///
+    /// # Panics
+    /// As there.
+    pub fn draw_whole(self, record: impl FnOnce(&mut Draw<'_>)) {
+        let extent = self.extent.unwrap_or_default();
+        let viewport = [0.0, 0.0, extent.width as f32, extent.height as f32];
+        self.draw(viewport, record);
+    }
+
     /// Opens the label and the span, writes the first timestamp and the barriers, which are the pass's own cost.
     pub(super) fn begin(&mut self) -> Timing {
         let commands = self.slot.commands;

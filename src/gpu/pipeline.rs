@@ -7,7 +7,7 @@ pub use attributes::{Attribute, AttributeFormat, Record};
 
 use super::image::Format;
 use super::{Error, Gpu, Remains};
-use crate::abi::{BindingKind, Shader, Stage, constants};
+use crate::abi::{BindingKind, ConstantValue, Shader, Stage, constants, specialization};
 use ash::vk;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -33,8 +33,8 @@ pub struct Description<'a> {
     pub vertex: &'a Shader,
     /// Fragment shader; none for a pass that writes depth only.
     pub fragment: Option<&'a Shader>,
-    /// Boolean specialization constants 0, 1, ... of both shaders; a shader ignores those it does not have.
-    pub constants: &'a [bool],
+    /// Values of all specialization constants of both shaders but the frame's flags.
+    pub constants: &'a [ConstantValue],
     /// Vertex record.
     pub record: Record,
     /// What is drawn.
@@ -121,8 +121,9 @@ impl Pipeline {
     /// When a Vulkan call fails.
     ///
     /// # Panics
-    /// When a shader wants a vertex input that the record lacks, the shaders disagree about a binding, or the fragment
-    /// shader has more or fewer outputs than there are color targets: broken promises of this crate, found by the first test that draws.
+    /// When a shader wants a vertex input that the record lacks, the shaders disagree about a binding, a specialization
+    /// constant has no value or a value no constant, or the fragment shader has more or fewer outputs than there are color
+    /// targets: broken promises of this crate, found by the first test that draws.
     pub fn new(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
         Self::with(gpu, description, 0, false)
     }
@@ -165,15 +166,19 @@ impl Pipeline {
         Ok(pipeline)
     }
 
-    /// Compiles a compute pipeline with the boolean specialization constants 0, 1, ... Not for the frame loop.
+    /// Compiles a compute pipeline with values of all specialization constants of its shader but the frame's flags. Not for
+    /// the frame loop.
     ///
     /// # Errors
     /// When a Vulkan call fails.
+    ///
+    /// # Panics
+    /// When a specialization constant has no value or a value no constant.
     pub fn compute(
         gpu: &Arc<Gpu>,
         name: &str,
         shader: &Shader,
-        constants: &[bool],
+        constants: &[ConstantValue],
     ) -> Result<Self, Error> {
         Self::compute_with(gpu, name, shader, (constants, 0))
     }
@@ -186,25 +191,24 @@ impl Pipeline {
         gpu: &Arc<Gpu>,
         name: &str,
         shader: &Shader,
-        booleans: &[bool],
+        values: &[ConstantValue],
         flags: u32,
     ) -> Result<Self, Error> {
         let flags = flags | constants::FLAGS_ARE_KNOWN;
-        Self::compute_with(gpu, name, shader, (booleans, flags))
+        Self::compute_with(gpu, name, shader, (values, flags))
     }
 
     fn compute_with(
         gpu: &Arc<Gpu>,
         name: &str,
         shader: &Shader,
-        (constants, flags): (&[bool], u32),
+        (constants, flags): (&[ConstantValue], u32),
     ) -> Result<Self, Error> {
+        check_constants(name, &[shader], constants);
         let mut pipeline = Self::with_layout(gpu, name, std::iter::once(shader))?;
         let module = Module::new(gpu, shader)?;
-        let (values, entries) = specialized(constants, flags);
-        let specialization = vk::SpecializationInfo::default()
-            .map_entries(&entries)
-            .data(&values);
+        let specialized = Specialized::new(shader, constants, flags);
+        let specialization = specialized.info();
         let info = vk::ComputePipelineCreateInfo::default()
             .stage(
                 vk::PipelineShaderStageCreateInfo::default()
@@ -294,23 +298,61 @@ impl Pipeline {
     }
 }
 
-/// Boolean specialization constants 0, 1, ... and the flags of the frame (0: not known), and where they lie.
-fn specialized(booleans: &[bool], flags: u32) -> (Vec<u8>, Vec<vk::SpecializationMapEntry>) {
-    let values = (booleans.iter().map(|&b| u32::from(b)))
-        .chain([flags])
-        .flat_map(u32::to_ne_bytes)
-        .collect();
-    let entries = (0..booleans.len() as u32)
-        .chain([constants::FLAGS_CONSTANT])
-        .enumerate()
-        .map(|(i, id)| {
-            vk::SpecializationMapEntry::default()
-                .constant_id(id)
-                .offset(4 * i as u32)
-                .size(4)
-        })
-        .collect();
-    (values, entries)
+/// The values of one shader's specialization constants.
+struct Specialized {
+    values: Vec<u8>,
+    entries: Vec<vk::SpecializationMapEntry>,
+}
+
+impl Specialized {
+    /// Those that `shader` has of `constants`, and the flags of the frame (0: not known).
+    fn new(shader: &Shader, constants: &[ConstantValue], flags: u32) -> Self {
+        let flags = specialization::KNOWN_FLAGS.is(flags);
+        let all = constants.iter().chain([&flags]);
+        let found = shader.constants.iter().filter_map(|(id, name)| {
+            let value = all.clone().find(|constant| constant.name == *name)?.value;
+            Some((*id, value))
+        });
+        let (mut values, mut entries) = (Vec::new(), Vec::new());
+        for (id, value) in found {
+            entries.push(
+                vk::SpecializationMapEntry::default()
+                    .constant_id(id)
+                    .offset(values.len() as u32)
+                    .size(size_of::<u32>()),
+            );
+            values.extend(value.to_ne_bytes());
+        }
+        Self { values, entries }
+    }
+
+    fn info(&self) -> vk::SpecializationInfo<'_> {
+        vk::SpecializationInfo::default()
+            .map_entries(&self.entries)
+            .data(&self.values)
+    }
+}
+
+/// Holds values to the specialization constants of the shaders of a pipeline: each but the flags of the frame has one, and
+/// there are no others.
+///
+/// # Panics
+/// When that is not so.
+fn check_constants(pipeline: &str, shaders: &[&Shader], constants: &[ConstantValue]) {
+    let declared = || shaders.iter().flat_map(|shader| shader.constants);
+    for (_, name) in declared() {
+        let is_given = constants.iter().any(|constant| constant.name == *name);
+        assert!(
+            is_given || *name == specialization::KNOWN_FLAGS.is(0).name,
+            "{pipeline}: specialization constant {name} has no value"
+        );
+    }
+    for ConstantValue { name, .. } in constants {
+        assert!(
+            declared().any(|(_, declared)| declared == name),
+            "{pipeline}: its shaders have no specialization constant {name}"
+        );
+    }
 }
 
 fn compile(
@@ -331,26 +373,28 @@ fn compile(
         .fragment
         .map(|f| Module::new(gpu, f))
         .transpose()?;
-    let (values, entries) = specialized(description.constants, flags);
-    let specialization = vk::SpecializationInfo::default()
-        .map_entries(&entries)
-        .data(&values);
-    let stages = [
-        vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::VERTEX)
-            .module(vertex.handle)
-            .name(c"main")
-            .specialization_info(&specialization),
-        vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::FRAGMENT)
-            .module(
-                fragment
-                    .as_ref()
-                    .map_or(vk::ShaderModule::null(), |f| f.handle),
-            )
-            .name(c"main")
-            .specialization_info(&specialization),
-    ];
+    let shaders: Vec<&Shader> = std::iter::once(description.vertex)
+        .chain(description.fragment)
+        .collect();
+    check_constants(name, &shaders, description.constants);
+    let specialized: Vec<Specialized> = shaders
+        .iter()
+        .map(|shader| Specialized::new(shader, description.constants, flags))
+        .collect();
+    let specialization: Vec<_> = specialized.iter().map(Specialized::info).collect();
+    let modules = std::iter::once(&vertex).chain(&fragment);
+    let stages: Vec<_> = shaders
+        .iter()
+        .zip(modules)
+        .zip(&specialization)
+        .map(|((shader, module), specialization)| {
+            vk::PipelineShaderStageCreateInfo::default()
+                .stage(stage_flags(shader.stage))
+                .module(module.handle)
+                .name(c"main")
+                .specialization_info(specialization)
+        })
+        .collect();
     let attributes: Vec<_> = description
         .vertex
         .inputs
@@ -434,7 +478,7 @@ fn compile(
         rendering = rendering.depth_attachment_format(Format::Depth32.vk());
     }
     let info = vk::GraphicsPipelineCreateInfo::default()
-        .stages(&stages[..1 + usize::from(fragment.is_some())])
+        .stages(&stages)
         .vertex_input_state(&input)
         .input_assembly_state(&assembly)
         .viewport_state(&viewport)
@@ -552,6 +596,33 @@ pub(super) fn store_cache(gpu: &Gpu) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_specialization_constant_has_a_value_and_no_other() {
+        use crate::abi::shaders::{POINTS_DRAW_VERT, SPLATS_ROUND_VERT};
+        use crate::abi::specialization::{IS_GAUSS, IS_ORIENTED, IS_QUAD};
+        let both = [IS_QUAD.is(true), IS_ORIENTED.is(false)];
+        check_constants("whole", &[&SPLATS_ROUND_VERT], &both);
+        let faulty = |shader: &Shader, constants: &[ConstantValue]| {
+            std::panic::catch_unwind(|| check_constants("faulty", &[shader], constants)).is_err()
+        };
+        assert!(faulty(&SPLATS_ROUND_VERT, &both[..1]));
+        assert!(faulty(&POINTS_DRAW_VERT, &both));
+        assert!(faulty(
+            &SPLATS_ROUND_VERT,
+            &[both[0], both[1], IS_GAUSS.is(true)]
+        ));
+        // Each gets its own, by name and not by place.
+        let values = |shader| Specialized::new(shader, &both, 7).values;
+        let bytes = |words: &[u32]| {
+            words
+                .iter()
+                .flat_map(|w| w.to_ne_bytes())
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(values(&SPLATS_ROUND_VERT), bytes(&[0, 1, 7]));
+        assert_eq!(values(&POINTS_DRAW_VERT), bytes(&[1, 7]));
+    }
 
     #[test]
     fn a_damaged_or_foreign_cache_is_not_trusted() {

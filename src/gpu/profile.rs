@@ -5,6 +5,7 @@ use super::frame::{Finished, Frames, Load, Measure, PassCounters, PipelineStatis
 use super::image::{Format, Image};
 use super::pipeline::{Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology};
 use super::{Error, Gpu};
+use crate::abi::specialization::IS_QUAD;
 use crate::abi::{FrameConstants, Splat, shaders};
 use bytemuck::Zeroable;
 use glam::Mat4;
@@ -130,7 +131,7 @@ impl Stand {
                 name: "self-test",
                 vertex: &shaders::SPLATS_SQUARE_VERT,
                 fragment: Some(shaders::POINTS_DRAW_FRAG.of(false)),
-                constants: &[],
+                constants: &[IS_QUAD.is(false)],
                 record: Record {
                     stride: size_of::<Splat>() as u32,
                     attributes: &[

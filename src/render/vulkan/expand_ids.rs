@@ -6,6 +6,7 @@
 //! otherwise. Records that depend on the view are no numbers of nodes: those of filtered splats, and of fuzzy ones that
 //! compute draws, come from the host.
 
+use crate::abi::specialization::{ARE_ORIENTED, HAVE_AREAS, HAVE_TRIANGLES};
 use crate::abi::{ListConstants, Splat, SplatId, WeightedSplat, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Upload, Usage};
@@ -118,7 +119,11 @@ impl ById {
     /// When a Vulkan call fails.
     pub(super) fn new(gpu: &Arc<Gpu>, has_triangles: bool) -> Result<Self, Error> {
         let splats = |are_oriented, have_areas| {
-            let constants = [are_oriented, have_areas, has_triangles];
+            let constants = [
+                ARE_ORIENTED.is(are_oriented),
+                HAVE_AREAS.is(have_areas),
+                HAVE_TRIANGLES.is(has_triangles),
+            ];
             let shader = &shaders::LISTS_SPLATS_COMP;
             Pipeline::compute(gpu, "lists.splats", shader, &constants)
         };

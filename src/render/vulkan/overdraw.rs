@@ -7,7 +7,8 @@
 //! [`crate::render::reference::count_overdraw`] says what a primitive covers.
 
 use crate::abi::constants::MOST_OVERDRAW;
-use crate::abi::{Shader, shaders};
+use crate::abi::specialization::{IS_ORIENTED, IS_QUAD, LARGE_ONLY};
+use crate::abi::{ConstantValue, Shader, shaders};
 use crate::gpu::buffer::{AnyBuffer, Readback};
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
@@ -413,15 +414,20 @@ impl Pipelines {
         };
         let splats = |topology: Topology| {
             let is_oriented = matches!(variant.kind, Kind::Opaque(footprint, _) if footprint == Footprint::Oriented);
-            let opaque = [false, is_oriented, topology == Topology::Quads];
+            let opaque = [
+                IS_QUAD.is(topology == Topology::Quads),
+                IS_ORIENTED.is(is_oriented),
+            ];
             let fuzzy;
-            let constants: &[bool] = match variant.kind {
+            let constants: &[ConstantValue] = match variant.kind {
+                Kind::Nothing => &[],
                 Kind::Fuzzy(variant) => {
-                    fuzzy = variant.constants(topology);
+                    fuzzy = variant.of_blend(topology);
                     &fuzzy
                 }
-                Kind::Filtered => &[],
-                _ => &opaque,
+                Kind::Filtered => &[LARGE_ONLY.is(false)],
+                Kind::Opaque(Footprint::Square, _) => &opaque[..1],
+                Kind::Opaque(..) => &opaque,
             };
             pipeline(&Description {
                 name: "overdraw.count splats",

@@ -1,6 +1,7 @@
 //! Every triangle of the mesh: the reference that the other methods are compared with.
 
 use crate::abi::shaders;
+use crate::abi::specialization::{HAS_COLORS, HAS_LAMP};
 use crate::gpu::frame::{Draw, Frame, Uniform};
 use crate::gpu::image::Format;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
@@ -40,7 +41,7 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Err
             name: "triangles.draw",
             vertex: &shaders::TRIANGLES_DRAW_VERT,
             fragment: Some(shaders::TRIANGLES_DRAW_FRAG.of(variant.normals)),
-            constants: &[false, variant.colors, variant.lamp],
+            constants: &[HAS_COLORS.is(variant.colors), HAS_LAMP.is(variant.lamp)],
             record: VERTEX,
             topology: Topology::Triangles,
             colors: targets(variant.color, variant.normals),

@@ -9,7 +9,8 @@
 //! begin from, and its sums are added to theirs.
 
 use crate::abi::constants::FILTERED_TILE_PX;
-use crate::abi::{FilteredSplat, FuzzySplat, Shader, shaders};
+use crate::abi::specialization::{HAS_LAMP, HAS_LARGE, IS_GRAY, IS_PUSHED};
+use crate::abi::{ConstantValue, FilteredSplat, FuzzySplat, Shader, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
@@ -74,11 +75,21 @@ impl Share {
     }
 }
 
+/// Names of the passes of one kind of splats.
+#[derive(Debug)]
+struct PassNames {
+    clear: &'static str,
+    front: &'static str,
+    depth: &'static str,
+    merge: &'static str,
+    blend: &'static str,
+    normalize: &'static str,
+}
+
 /// The passes of one kind of splats.
 #[derive(Debug)]
 pub(crate) struct Kind {
-    /// Names of the passes clear, front, depth, merge, blend and normalize.
-    names: [&'static str; 6],
+    passes: PassNames,
     depth: &'static Shader,
     blend: &'static Shader,
     normalize: &'static Shader,
@@ -94,14 +105,14 @@ pub(crate) struct Kind {
 
 /// Filtered splats.
 pub(crate) const FILTERED: Kind = Kind {
-    names: [
-        "filtered.clear",
-        "filtered.front",
-        "filtered.depth",
-        "filtered.merge",
-        "filtered.blend",
-        "filtered.normalize",
-    ],
+    passes: PassNames {
+        clear: "filtered.clear",
+        front: "filtered.front",
+        depth: "filtered.depth",
+        merge: "filtered.merge",
+        blend: "filtered.blend",
+        normalize: "filtered.normalize",
+    },
     depth: &shaders::FILTERED_DEPTH_COMP,
     blend: &shaders::FILTERED_BLEND_COMP,
     normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
@@ -113,14 +124,14 @@ pub(crate) const FILTERED: Kind = Kind {
 
 /// Fuzzy splats.
 pub(crate) const FUZZY: Kind = Kind {
-    names: [
-        "fuzzy.clear",
-        "fuzzy.front",
-        "fuzzy.depth",
-        "fuzzy.merge",
-        "fuzzy.blend",
-        "fuzzy.normalize",
-    ],
+    passes: PassNames {
+        clear: "fuzzy.clear",
+        front: "fuzzy.front",
+        depth: "fuzzy.depth",
+        merge: "fuzzy.merge",
+        blend: "fuzzy.blend",
+        normalize: "fuzzy.normalize",
+    },
     depth: &shaders::FUZZY_DEPTH_COMP,
     blend: &shaders::FUZZY_BLEND_COMP,
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
@@ -131,16 +142,16 @@ pub(crate) const FUZZY: Kind = Kind {
     blend_needs_frame: true,
 };
 
-/// Places of those of triangles: a lamp instead of the headlight; they are pushed away.
-const HAS_LAMP: usize = 0;
-const IS_PUSHED: usize = 1;
-/// Place of the specialization constant that says that red, green and blue are the same.
-const IS_GRAY: usize = 7;
-/// Place of the one that says that the rasterizer draws as well, and in vertex shaders of filtered splats that it draws what is
-/// large only.
-pub(crate) const HAS_LARGE: usize = 8;
-/// How many there are.
-pub(crate) const CONSTANTS: usize = 12;
+/// Values of the specialization constants that the shaders of one kind have and others have not.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct OwnConstants<'a> {
+    /// Of [`Kind::depth`].
+    pub(crate) depth: &'a [ConstantValue],
+    /// Of [`Kind::blend`].
+    pub(crate) blend: &'a [ConstantValue],
+    /// Of [`Kind::normalize`].
+    pub(crate) normalize: &'a [ConstantValue],
+}
 
 /// Pipelines and the sums, for one picture size.
 #[derive(Debug)]
@@ -210,8 +221,6 @@ pub(crate) fn storage_bytes((width, height): (u32, u32)) -> u64 {
 }
 
 impl Twin {
-    /// `constants` are the specialization constants of the shaders, as those of the rasterizer have them.
-    ///
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(
@@ -219,16 +228,13 @@ impl Twin {
         kind: &'static Kind,
         (width, height): (u32, u32),
         (is_gray, has_lamp, color): (bool, bool, Format),
-        constants: &[bool],
+        constants: OwnConstants<'_>,
     ) -> Result<Self, Error> {
-        let mut all = [false; CONSTANTS];
-        all[..constants.len()].copy_from_slice(constants);
-        all[IS_GRAY] = is_gray;
-        let mut of_triangles = [false; CONSTANTS];
-        of_triangles[HAS_LAMP] = has_lamp;
-        of_triangles[IS_PUSHED] = kind.pushes_triangles;
-        of_triangles[IS_GRAY] = is_gray;
-        let triangles = |name, shader| Pipeline::compute(gpu, name, shader, &of_triangles);
+        let gray = IS_GRAY.is(is_gray);
+        let of_normalize = |has_large| {
+            let of_all = [gray, HAS_LARGE.is(has_large)];
+            [constants.normalize, &of_all].concat()
+        };
         let base = Description {
             name: "merge of small splats",
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
@@ -242,44 +248,52 @@ impl Twin {
         };
         let last = Description {
             fragment: Some(kind.normalize),
-            constants: &all,
             colors: targets(color, false),
             // Also where there is no depth: kernels may reach beyond what hides.
             depth: Depth::NotFarther,
             ..base
         };
         let normalize = |name, has_large| {
-            let mut constants = all;
-            constants[HAS_LARGE] = has_large;
             Pipeline::new(
                 gpu,
                 &Description {
                     name,
-                    constants: &constants,
+                    constants: &of_normalize(has_large),
                     ..last
                 },
             )
         };
+        let of_tiles = of_normalize(false);
         let tiles = Description {
             name: "normalize of tiles",
             vertex: &shaders::FILTERED_NORMALIZE_TILES_VERT,
             record: TILE,
+            constants: &of_tiles,
             topology: Topology::Points,
             ..last
         };
         let pixels = u64::from(width) * u64::from(height);
+        let compute = |name, shader, constants: &[ConstantValue]| {
+            Pipeline::compute(gpu, name, shader, constants)
+        };
         let storage = |name, bytes| Buffer::new(gpu, name, Usage::Storage, bytes);
         Ok(Self {
             kind,
-            depth: Pipeline::compute(gpu, "depth of small splats", kind.depth, &all)?,
-            depth_triangles: triangles(
+            depth: compute("depth of small splats", kind.depth, constants.depth)?,
+            depth_triangles: compute(
                 "depth of small triangles",
                 &shaders::COMPUTE_DEPTH_TRIANGLES_COMP,
+                &[IS_PUSHED.is(kind.pushes_triangles)],
             )?,
-            blend: Pipeline::compute(gpu, "blend of small splats", kind.blend, &all)?,
-            blend_triangles: triangles(
+            blend: compute(
+                "blend of small splats",
+                kind.blend,
+                &[constants.blend, &[gray]].concat(),
+            )?,
+            blend_triangles: compute(
                 "blend of small triangles",
                 &shaders::COMPUTE_BLEND_TRIANGLES_COMP,
+                &[HAS_LAMP.is(has_lamp), gray],
             )?,
             merge: Pipeline::new(gpu, &base)?,
             normalize: normalize("normalize of small splats", false)?,
@@ -352,7 +366,7 @@ impl Twin {
         let tile = FILTERED_TILE_PX as f32;
         let viewport = [x, y, width + tile, height + tile];
         targets
-            .attach(frame.pass(self.kind.names[5]), context)
+            .attach(frame.pass(self.kind.passes.normalize), context)
             .sampled(none)
             .fragment_storage(front)
             .fragment_storage(sums)
@@ -374,12 +388,12 @@ impl Twin {
         let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
         match rastered {
             None => frame
-                .pass(self.kind.names[0])
+                .pass(self.kind.passes.clear)
                 .fill(&[sums, (&self.front, 4 * pixels)], 0),
             Some(depth) => {
-                frame.pass(self.kind.names[0]).fill(&[sums], 0);
+                frame.pass(self.kind.passes.clear).fill(&[sums], 0);
                 let part = screen_bounds::area(context.rect_px);
-                frame.copy_part(self.kind.names[1], depth, part, &self.front);
+                frame.copy_part(self.kind.passes.front, depth, part, &self.front);
             }
         }
     }
@@ -387,7 +401,7 @@ impl Twin {
     /// Pass `depth`: the nearest pushed depth of each pixel.
     fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
         let front = Slice::whole(&self.front);
-        list.declared(frame.pass(self.kind.names[2]))
+        list.declared(frame.pass(self.kind.passes.depth))
             .storage(&self.front)
             .compute(|compute| {
                 for &((part, uniform, count), vertices) in &list.triangles {
@@ -409,7 +423,7 @@ impl Twin {
     fn merge(&self, frame: &mut Frame<'_>, depth: &Target, context: &Context) -> Result<(), Error> {
         let picture = frame.uniform(&storage_ranges::constants(context))?;
         frame
-            .pass(self.kind.names[3])
+            .pass(self.kind.passes.merge)
             .depth(depth, Load::Keep)
             .fragment_storage(&self.front)
             .draw(whole(context), |draw| {
@@ -424,7 +438,7 @@ impl Twin {
     /// Pass `blend`, once the depth of all is known.
     fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
         let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
-        list.declared(frame.pass(self.kind.names[4]))
+        list.declared(frame.pass(self.kind.passes.blend))
             .storage_read(&self.front)
             .storage(&self.sums)
             .compute(|compute| {
@@ -467,7 +481,7 @@ impl Twin {
             &self.normalize
         };
         targets
-            .attach(frame.pass(self.kind.names[5]), context)
+            .attach(frame.pass(self.kind.passes.normalize), context)
             .sampled(large)
             .fragment_storage(&self.front)
             .fragment_storage(&self.sums)

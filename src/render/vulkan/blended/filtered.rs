@@ -8,6 +8,7 @@
 #[cfg(test)]
 mod tests;
 
+use crate::abi::specialization::{HAS_LAMP, LARGE_ONLY};
 use crate::abi::{FilteredSplat, shaders};
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
@@ -17,7 +18,7 @@ use crate::gpu::{Error, Gpu};
 use crate::render::screen_bounds;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
-use crate::render::vulkan::blended::compute::{Share, Twin};
+use crate::render::vulkan::blended::compute::{OwnConstants, Share, Twin};
 use crate::render::vulkan::mapped_sums::Drawn;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::opaque::triangle_runs::Run;
@@ -118,17 +119,12 @@ impl Filtered {
             is_additive: true,
             ..base
         };
-        let large_only = |value| {
-            let mut constants = [false; compute::CONSTANTS];
-            constants[compute::HAS_LARGE] = value;
-            constants
-        };
         let depth_splats = |value| {
             Pipeline::new(
                 gpu,
                 &Description {
                     name: "filtered.depth splats",
-                    constants: &large_only(value),
+                    constants: &[LARGE_ONLY.is(value)],
                     ..base
                 },
             )
@@ -140,7 +136,7 @@ impl Filtered {
                     name: "filtered.blend splats",
                     vertex: &shaders::FILTERED_BLEND_VERT,
                     fragment: Some(&shaders::FILTERED_BLEND_FRAG),
-                    constants: &large_only(value),
+                    constants: &[LARGE_ONLY.is(value)],
                     ..blend
                 },
             )
@@ -153,7 +149,7 @@ impl Filtered {
                     &compute::FILTERED,
                     (width, height),
                     (is_gray, variant.has_lamp, variant.color),
-                    &[],
+                    OwnConstants::default(),
                 )?,
                 depth_splats: depth_splats(true)?,
                 blend_splats: blend_splats(true)?,
@@ -178,7 +174,7 @@ impl Filtered {
                     name: "filtered.blend triangles",
                     vertex: &shaders::TRIANGLES_DRAW_VERT,
                     fragment: Some(&shaders::FILTERED_BLEND_TRIANGLES_FRAG),
-                    constants: &[variant.has_lamp],
+                    constants: &[HAS_LAMP.is(variant.has_lamp)],
                     record: VERTEX,
                     topology: Topology::Triangles,
                     ..blend

@@ -5,7 +5,10 @@
 //! `fuzzy.blend` sums (color * weight, weight) of all that is not behind it, `fuzzy.normalize` divides. With
 //! deferred shading the sums are those of albedo and normals, and the last pass lights their mean.
 
-use crate::abi::{FuzzySplat, Shader, WeightedSplat, shaders};
+use crate::abi::specialization::{
+    HAS_COVERAGE, HAS_LAMP, IS_DEFERRED, IS_GAUSS, IS_ORIENTED, IS_QUAD, IS_SQUARE, IS_WIDENED,
+};
+use crate::abi::{ConstantValue, FuzzySplat, Shader, WeightedSplat, shaders};
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
@@ -16,7 +19,7 @@ use crate::pack::fuzzy::Placed;
 use crate::pack::splats::Packed;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
-use crate::render::vulkan::blended::compute::Twin;
+use crate::render::vulkan::blended::compute::{OwnConstants, Twin};
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::opaque::triangle_runs::Run;
 use crate::render::vulkan::scene::Scene;
@@ -109,22 +112,27 @@ impl Variant {
         })
     }
 
-    /// The specialization constants of all shaders of fuzzy splats.
-    pub(crate) fn constants(&self, topology: Topology) -> [bool; compute::CONSTANTS] {
+    /// Values of the specialization constants of shaders that place footprints.
+    fn of_footprints(&self, topology: Topology) -> [ConstantValue; 4] {
         [
-            self.is_gauss,
-            self.footprint == Footprint::Oriented,
-            topology == Topology::Quads,
-            self.footprint == Footprint::Square,
-            self.is_deferred,
-            self.has_coverage,
-            self.has_lamp,
-            self.by_compute == Some(true),
-            false,
-            false,
-            false,
-            self.is_widened,
+            IS_GAUSS.is(self.is_gauss),
+            IS_ORIENTED.is(self.footprint == Footprint::Oriented),
+            IS_QUAD.is(topology == Topology::Quads),
+            IS_SQUARE.is(self.footprint == Footprint::Square),
         ]
+    }
+
+    /// The same of those that blend them as well.
+    pub(crate) fn of_blend(&self, topology: Topology) -> [ConstantValue; 7] {
+        let [gauss, oriented, quad, square] = self.of_footprints(topology);
+        let [deferred, lamp] = self.of_light();
+        let widened = IS_WIDENED.is(self.is_widened);
+        [gauss, oriented, quad, square, deferred, lamp, widened]
+    }
+
+    /// The same of those that light pixels.
+    fn of_light(&self) -> [ConstantValue; 2] {
+        [IS_DEFERRED.is(self.is_deferred), HAS_LAMP.is(self.has_lamp)]
     }
 
     fn sums_normals(&self) -> bool {
@@ -196,7 +204,7 @@ impl Fuzzy {
             name: "",
             vertex: &shaders::FUZZY_DEPTH_VERT,
             fragment: None,
-            constants: &variant.constants(Topology::Triangles),
+            constants: &[],
             record: VERTEX,
             topology: Topology::Triangles,
             colors: &[],
@@ -226,13 +234,15 @@ impl Fuzzy {
                     RECORD,
                 )
             };
-        let pair = |name, description: Description<'_>| -> Result<Pair, Error> {
+        let pair = |name, description: Description<'_>, is_blend: bool| -> Result<Pair, Error> {
             let make = |topology, record| {
+                let constants = variant.of_blend(topology);
+                let footprints = variant.of_footprints(topology);
                 pipeline(&Description {
                     name,
                     topology,
                     record,
-                    constants: &variant.constants(topology),
+                    constants: if is_blend { &constants } else { &footprints },
                     ..description
                 })
             };
@@ -258,6 +268,8 @@ impl Fuzzy {
             fragment: Some(shaders::FUZZY_BLEND_FRAG.of(variant.sums_normals())),
             ..blend
         };
+        let [deferred, lamp] = variant.of_light();
+        let coverage = HAS_COVERAGE.is(variant.has_coverage);
         Ok(Self {
             variant,
             depth_triangles: pipeline(&Description {
@@ -265,18 +277,20 @@ impl Fuzzy {
                 vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
                 ..base
             })?,
-            depth_splats: pair("fuzzy.depth splats", depth_splats)?,
+            depth_splats: pair("fuzzy.depth splats", depth_splats, false)?,
             blend_triangles: pipeline(&Description {
                 name: "fuzzy.blend triangles",
                 vertex: &shaders::TRIANGLES_DRAW_VERT,
                 fragment: Some(shaders::FUZZY_BLEND_TRIANGLES_FRAG.of(variant.sums_normals())),
+                constants: &variant.of_light(),
                 ..blend
             })?,
-            blend_splats: pair("fuzzy.blend splats", blend_splats)?,
+            blend_splats: pair("fuzzy.blend splats", blend_splats, true)?,
             normalize: pipeline(&Description {
                 name: "fuzzy.normalize",
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
                 fragment: Some(shaders::FUZZY_NORMALIZE_FRAG.of(variant.writes_normals)),
+                constants: &[deferred, lamp, coverage],
                 record: Record::NOTHING,
                 colors: targets(variant.color, variant.writes_normals),
                 depth: Depth::None,
@@ -285,13 +299,17 @@ impl Fuzzy {
             twin: match variant.by_compute {
                 None => None,
                 Some(is_gray) => {
-                    let constants = variant.constants(Topology::Points);
+                    let [gauss, _, _, square] = variant.of_footprints(Topology::Points);
                     Some(Twin::new(
                         gpu,
                         &compute::FUZZY,
                         (width, height),
                         (is_gray, variant.has_lamp, variant.color),
-                        &constants,
+                        OwnConstants {
+                            depth: &[gauss, square],
+                            blend: &[gauss, square, lamp],
+                            normalize: &[coverage],
+                        },
                     )?)
                 }
             },

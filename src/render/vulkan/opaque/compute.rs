@@ -11,6 +11,7 @@ pub(crate) use crate::render::vulkan::storage_ranges::List;
 
 use crate::abi::constants::{self, LARGEST_SMALL_BLENDED_PX};
 use crate::abi::shaders;
+use crate::abi::specialization::{ARE_DISCS, LOOKS_FIRST, SIDE_PX};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::device::Kind;
@@ -293,9 +294,12 @@ impl Small {
         }
         let gpu = &self.gpu;
         let looks_first = gpu.info().kind != Kind::Cpu;
-        let side = |bit: u32| variant.side_px & bit != 0;
         let of_one_size = |name, are_discs| {
-            let constants = [are_discs, looks_first, side(1), side(2), side(4)];
+            let constants = [
+                ARE_DISCS.is(are_discs),
+                LOOKS_FIRST.is(looks_first),
+                SIDE_PX.is(variant.side_px),
+            ];
             Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
         };
         let pipeline = match variant.footprint {
@@ -305,7 +309,7 @@ impl Small {
                 gpu,
                 "small ellipses",
                 &shaders::COMPUTE_ELLIPSES_COMP,
-                &[looks_first],
+                &[LOOKS_FIRST.is(looks_first)],
                 variant.flags,
             )?,
         };

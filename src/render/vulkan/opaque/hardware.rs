@@ -2,6 +2,7 @@
 //!
 //! A footprint up to the device's largest point is a point sprite; a larger one is a quad with the same shaders.
 
+use crate::abi::specialization::{IS_ORIENTED, IS_QUAD};
 use crate::abi::{Shader, shaders};
 use crate::gpu::buffer::{AnyBuffer, Buffer};
 use crate::gpu::frame::{Frame, Load, Uniform};
@@ -69,13 +70,18 @@ impl Splats {
         let fragment = fragment.of(targets.normal().is_some());
         let is_oriented = footprint == Footprint::Oriented;
         let pipeline = |name, topology| {
+            // A square has no plane.
+            let constants = [
+                IS_QUAD.is(topology == Topology::Quads),
+                IS_ORIENTED.is(is_oriented),
+            ];
             Pipeline::for_flags(
                 gpu,
                 &Description {
                     name,
                     vertex,
                     fragment: Some(fragment),
-                    constants: &[false, is_oriented, topology == Topology::Quads],
+                    constants: &constants[..1 + usize::from(!is_square)],
                     record,
                     topology,
                     colors: targets.formats(),

@@ -5,6 +5,7 @@
 //! software device does in some 130 ns each, and shades all that pass. Triangles, and splats that are too large, are left
 //! to the passes of the rasterizer.
 
+use crate::abi::specialization::LOOKS_FIRST;
 use crate::abi::{Splat, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
@@ -53,7 +54,7 @@ impl Twin {
                 gpu,
                 "visibility.splats",
                 &shaders::VISIBILITY_SPLATS_COMP,
-                &[looks_first],
+                &[LOOKS_FIRST.is(looks_first)],
                 flags,
             )?,
             resolve: Pipeline::for_flags(

@@ -9,6 +9,8 @@
 //! Ours: both passes leave color, class, distance and offset in every pixel, so that no reconstruction takes color across
 //! a step in depth, and a hole that nothing fills shows the footprint that made it.
 
+
+use crate::abi::specialization::{IS_CENTER, IS_QUAD};
 use crate::abi::{Shader, shaders};
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Load, Uniform};
@@ -97,6 +99,11 @@ fn first_pass(
 ) -> Result<Pipeline, Error> {
     let formats = [PICKED, FRONTS, NORMAL];
     let pass = if is_center { "centers" } else { "depth" };
+    // Triangles are no quads.
+    let constants = [
+        IS_CENTER.is(is_center),
+        IS_QUAD.is(topology == Topology::Quads),
+    ];
     Pipeline::for_flags(
         gpu,
         &Description {
@@ -106,7 +113,7 @@ fn first_pass(
                 Topology::Triangles => shaders::VISIBILITY_TRIANGLES_FRAG.of(normals),
                 Topology::Points | Topology::Quads => shaders::VISIBILITY_SPLATS_FRAG.of(normals),
             }),
-            constants: &[is_center, false, topology == Topology::Quads],
+            constants: &constants[..1 + usize::from(topology != Topology::Triangles)],
             record,
             topology,
             colors: &formats[..if normals { 3 } else { 2 }],
