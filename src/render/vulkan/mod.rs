@@ -10,6 +10,7 @@ pub(crate) mod mapped_picture;
 pub(crate) mod mapped_sums;
 pub mod opaque;
 pub mod overdraw;
+pub(crate) mod raster_pass;
 pub mod renderer;
 pub mod scene;
 pub(crate) mod storage_ranges;

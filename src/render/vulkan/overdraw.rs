@@ -9,24 +9,21 @@
 use crate::abi::constants::MOST_OVERDRAW;
 use crate::abi::specialization::{IS_ORIENTED, IS_QUAD, LARGE_ONLY};
 use crate::abi::{ConstantValue, Shader, shaders};
-use crate::gpu::buffer::{AnyBuffer, Readback};
+use crate::gpu::buffer::Readback;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
 use crate::pack::falsecolor;
-use crate::pack::splats::Packed;
 use crate::render::Settings;
 use crate::render::frame_plan::Drawing;
 use crate::render::vulkan::blended::filtered;
 use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::opaque::hardware::Source;
-use crate::render::vulkan::opaque::triangle_runs;
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
 use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::vulkan::triangles::draw_pages;
 use crate::render::vulkan::{SPLAT, VERTEX};
 use std::sync::Arc;
 
@@ -154,36 +151,6 @@ struct Pipelines {
     show: Pipeline,
 }
 
-/// What a frame drew.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct List<'a> {
-    pub(crate) scene: &'a Scene,
-    pub(crate) triangles: Triangles<'a>,
-    pub(crate) splats: Splats<'a>,
-}
-
-/// Where triangles come from.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Triangles<'a> {
-    Nothing,
-    /// All of the scene.
-    Scene,
-    /// A draw list.
-    List(&'a dyn AnyBuffer, &'a [Run]),
-}
-
-/// Where splats come from.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Splats<'a> {
-    Nothing,
-    /// All vertices of the scene.
-    Vertices {
-        as_quads: bool,
-    },
-    /// A draw list of that many records.
-    List(&'a dyn AnyBuffer, Packed, usize),
-}
-
 impl Counter {
     /// For frames in a ring of `in_flight` slots.
     ///
@@ -252,100 +219,31 @@ impl Counter {
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
-        list: List<'_>,
+        list: &RasterList<'_>,
         context: &Context,
         constants: Uniform,
     ) {
         let Some(pipelines) = &self.pipelines else {
             unreachable!("prepare made the pipelines")
         };
-        self.count(frame, pipelines, list, context, constants);
-        let [r, g, b] = context.background;
-        frame
-            .pass("overdraw.show")
-            .color(targets.color(), Load::Clear([r, g, b, 0.0]))
-            .sampled(&self.counts)
-            .draw(
-                [0.0, 0.0, context.width as f32, context.height as f32],
-                |draw| {
-                    draw.cull_back_faces(false, false);
-                    draw.bind(&pipelines.show, &[constants], &[&self.counts]);
-                    draw.draw(0, 3);
-                },
-            );
-        let into = &self.read[frame.slot()];
-        frame.read_back("overdraw.read", &self.counts, into);
-    }
-
-    /// Pass `overdraw.count`.
-    fn count(
-        &self,
-        frame: &mut Frame<'_>,
-        pipelines: &Pipelines,
-        list: List<'_>,
-        context: &Context,
-        constants: Uniform,
-    ) {
-        let mut pass = frame
+        let pass = frame
             .pass("overdraw.count")
             .color(&self.counts, Load::Clear([0.0; 4]));
-        for page in &list.scene.pages {
-            pass = pass.vertices(&page.vertices);
-            if let (Triangles::Scene, Some(indices)) = (list.triangles, &page.indices) {
-                pass = pass.indices(indices);
-            }
-        }
-        if let Triangles::List(indices, _) = list.triangles {
-            pass = pass.indices(indices);
-        }
-        if let Splats::List(splats, ..) = list.splats {
-            pass = pass.vertices(splats);
-        }
-        pass.draw(context.viewport(), |draw| {
-            let triangles = &pipelines.triangles;
-            match list.triangles {
-                Triangles::Nothing => {}
-                Triangles::Scene => {
-                    draw.cull_back_faces(context.cull_back, context.is_mirrored);
-                    draw.bind(triangles, &[constants], &[]);
-                    draw_pages(draw, list.scene);
-                }
-                Triangles::List(indices, runs) => {
-                    let runs = (indices, runs);
-                    triangle_runs::draw_runs(draw, triangles, list.scene, runs, context, constants);
-                }
-            }
-            draw.cull_back_faces(false, false);
-            let (Some(points), quads) = (&pipelines.points, &pipelines.quads) else {
-                return;
-            };
-            match (list.splats, quads) {
-                (Splats::List(splats, packed, capacity), quads) => {
-                    if packed.points > 0 {
-                        draw.bind(points, &[constants], &[]);
-                        draw.vertices(splats, 0);
-                        draw.draw(0, packed.points as u32);
-                    }
-                    if let (Some(quads), true) = (quads, packed.quads > 0) {
-                        draw.bind(quads, &[constants], &[]);
-                        draw.vertices(splats, 0);
-                        draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
-                    }
-                }
-                (Splats::Vertices { as_quads }, Some(quads)) => {
-                    draw.bind(if as_quads { quads } else { points }, &[constants], &[]);
-                    for page in &list.scene.pages {
-                        draw.vertices(&page.vertices, 0);
-                        if as_quads {
-                            draw.draw_quads(0, page.vertex_count);
-                        } else {
-                            draw.draw(0, page.vertex_count);
-                        }
-                    }
-                }
-                (Splats::Vertices { .. } | Splats::Nothing, _) => {}
-            }
-        });
+        let counting = RasterPipelines {
+            triangles: Some(&pipelines.triangles),
+            points: pipelines.points.as_ref(),
+            quads: pipelines.quads.as_ref(),
+        };
+        raster_pass::draw(pass, list, counting, context, constants);
+        let [r, g, b] = context.background;
+        let pass = frame
+            .pass("overdraw.show")
+            .color(targets.color(), Load::Clear([r, g, b, 0.0]));
+        let (uniforms, images) = ([constants], [&self.counts]);
+        let screen = ScreenDraw::of_images(&pipelines.show, &uniforms, &images);
+        raster_pass::full_screen(pass, &screen, context.whole_px());
+        let into = &self.read[frame.slot()];
+        frame.read_back("overdraw.read", &self.counts, into);
     }
 
     /// The counts of the last frame in a slot of the ring, which was waited for; row by row from the top left.

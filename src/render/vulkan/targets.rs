@@ -84,3 +84,42 @@ impl Targets {
         pass.depth(&self.depth, load([0.0; 4]))
     }
 }
+
+/// What every pass of a frame needs besides its resources.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Context {
+    pub(crate) width: u32,
+    pub(crate) height: u32,
+    /// Pixels by which the viewport reaches beyond the picture on every side.
+    pub(crate) guard_px: u32,
+    /// The part of the picture that something may be drawn in: left, top, and one past right and bottom, pixels.
+    pub(crate) rect_px: [u32; 4],
+    pub(crate) background: [f32; 3],
+    pub(crate) cull_back: bool,
+    /// The camera mirrors the picture, so that fronts turn clockwise.
+    pub(crate) is_mirrored: bool,
+    /// Positions in model space.
+    pub(crate) light: Lighting,
+    /// Of colors by depth.
+    pub(crate) depth_range: [f32; 2],
+}
+
+impl Context {
+    /// All of the picture: left, top, and one past right and bottom, pixels.
+    pub(crate) fn whole_px(&self) -> [u32; 4] {
+        [0, 0, self.width, self.height]
+    }
+
+    /// The viewport: larger than the picture by the guard band. A point is dropped by the device when its
+    /// center leaves the view volume, even if its square still reaches into the picture; with the view volume
+    /// widened by half the largest square, none of those is lost.
+    pub(crate) fn viewport(&self) -> [f32; 4] {
+        let guard = self.guard_px as f32;
+        [
+            -guard,
+            -guard,
+            self.width as f32 + 2.0 * guard,
+            self.height as f32 + 2.0 * guard,
+        ]
+    }
+}

@@ -3,22 +3,13 @@
 //! Source: Benda, *Point Based Rendering*, section 3.3. Both kinds go into one color and one depth target;
 //! triangles come first, so that the depth test spares the splats behind them.
 
+pub(crate) use crate::render::vulkan::raster_pass::Run;
+
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Draw, Frame, Uniform};
 use crate::gpu::pipeline::Pipeline;
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
-
-/// A run of indices in the draw list that belongs to one page.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Run {
-    /// Page of the scene.
-    pub(crate) page: usize,
-    /// First index.
-    pub(crate) first: u32,
-    /// Number of indices.
-    pub(crate) count: u32,
-}
 
 /// Pass `hybrid.triangles`: the leaves that are large on screen. Clears the targets. A frame without any begins with the pass
 /// after it.

@@ -18,16 +18,17 @@ use crate::render::stats::{Kept, Stage};
 use crate::render::vulkan::blended::compute::Share;
 use crate::render::vulkan::blended::{filtered, fuzzy};
 use crate::render::vulkan::draw_lists::{Held, Host, Key, Packing, Ways};
+use crate::render::vulkan::expand_ids;
 use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::opaque::compute::Small;
 use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::opaque::triangle_runs;
+use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
 use crate::render::vulkan::renderer::{Counts, End, FrameTimes, Renderer, margin_px};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Triangles;
 use crate::render::vulkan::targets::Context;
 use crate::render::vulkan::visibility::hardware;
-use crate::render::vulkan::{expand_ids, overdraw};
 use crate::render::{Method, Path, Settings, SplatKind};
 use crate::tree::Model;
 
@@ -230,6 +231,12 @@ impl Renderer {
             corners: lists.small(),
             runs: &lists.small_runs,
         };
+        let records = SplatRecords::packed(lists.splats(), packed, capacity);
+        let raster = RasterList {
+            scene,
+            triangles: RasterTriangles::Runs(lists.indices(), &lists.runs),
+            splats: RasterSplats::Records(records),
+        };
         let variant = Splats::variant_of(settings, flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         self.by_host = held.is_shown.then_some((slot, context.rect_px));
@@ -318,12 +325,7 @@ impl Renderer {
             _ => unreachable!("prepare made the pipelines"),
         }
         if let (ColorBy::Overdraw, Some(counter)) = (settings.color_by, &self.overdraw) {
-            let list = overdraw::List {
-                scene,
-                triangles: overdraw::Triangles::List(lists.indices(), &lists.runs),
-                splats: overdraw::Splats::List(lists.splats(), packed, capacity),
-            };
-            counter.record(&mut frame, &self.targets, list, &context, constants);
+            counter.record(&mut frame, &self.targets, &raster, &context, constants);
         }
         let picture = lists.nearest.image().filter(|_| held.is_shown);
         let ticket = end(frame, picture.unwrap_or(&self.targets.color))?;

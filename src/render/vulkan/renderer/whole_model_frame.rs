@@ -12,12 +12,13 @@ use crate::render::frame_plan::{Drawing, largest_splat_px, splat_plan};
 use crate::render::stats::Stage;
 use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::opaque::hardware::Splats;
+use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles};
 use crate::render::vulkan::renderer::{Counts, End, FrameTimes, Renderer};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Triangles;
 use crate::render::vulkan::targets::Targets;
+use crate::render::vulkan::triangles;
 use crate::render::vulkan::visibility::hardware;
-use crate::render::vulkan::{overdraw, triangles};
 use crate::tree::Model;
 
 impl Renderer {
@@ -52,12 +53,12 @@ impl Renderer {
             |frame, c| {
                 triangles::record(frame, pipeline, targets, scene, &context, c);
                 if let Some(counter) = counter {
-                    let list = overdraw::List {
+                    let list = RasterList {
                         scene,
-                        triangles: overdraw::Triangles::Scene,
-                        splats: overdraw::Splats::Nothing,
+                        triangles: RasterTriangles::Scene,
+                        splats: RasterSplats::Nothing,
                     };
-                    counter.record(frame, targets, list, &context, c);
+                    counter.record(frame, targets, &list, &context, c);
                 }
                 Ok(())
             },
@@ -94,6 +95,11 @@ impl Renderer {
             .filter(|_| settings.color_by == ColorBy::Overdraw);
         let variant = Splats::variant_of(settings, constants.flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
+        let raster = RasterList {
+            scene,
+            triangles: RasterTriangles::Nothing,
+            splats: RasterSplats::Vertices { as_quads },
+        };
         // Declared by the pass, not read.
         let indices = self.lists[0].indices();
         submit_whole(
@@ -138,12 +144,7 @@ impl Renderer {
                     _ => unreachable!("prepare made the pipelines"),
                 }
                 if let Some(counter) = counter {
-                    let list = overdraw::List {
-                        scene,
-                        triangles: overdraw::Triangles::Nothing,
-                        splats: overdraw::Splats::Vertices { as_quads },
-                    };
-                    counter.record(frame, targets, list, &context, c);
+                    counter.record(frame, targets, &raster, &context, c);
                 }
                 Ok(())
             },

@@ -1,0 +1,293 @@
+//! What the passes of all techniques have in common: a list that the rasterizer draws, and a triangle over the picture.
+//!
+//! A technique says which targets a pass has, which pipelines draw its list, and what it leaves to others; how a list is
+//! declared and drawn stands here once.
+
+use crate::gpu::bind::Slice;
+use crate::gpu::buffer::AnyBuffer;
+use crate::gpu::frame::{Draw, Pass, Uniform};
+use crate::gpu::image::Image;
+use crate::gpu::pipeline::Pipeline;
+use crate::pack::fuzzy::Placed;
+use crate::pack::splats::Packed;
+use crate::render::screen_bounds;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::targets::Context;
+
+/// A run of indices in the draw list that belongs to one page.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Run {
+    /// Page of the scene.
+    pub(crate) page: usize,
+    /// First index.
+    pub(crate) first: u32,
+    /// Number of indices.
+    pub(crate) count: u32,
+}
+
+/// What the rasterizer draws of a scene in a pass: triangles, then splats.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct RasterList<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) triangles: RasterTriangles<'a>,
+    pub(crate) splats: RasterSplats<'a>,
+}
+
+/// Where triangles come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum RasterTriangles<'a> {
+    /// All of the scene.
+    Scene,
+    /// Runs of a buffer of indices; there may be none.
+    Runs(&'a dyn AnyBuffer, &'a [Run]),
+    Nothing,
+}
+
+impl RasterTriangles<'_> {
+    /// There are none to draw.
+    pub(crate) fn is_empty(&self) -> bool {
+        match self {
+            Self::Scene => false,
+            Self::Runs(_, runs) => runs.is_empty(),
+            Self::Nothing => true,
+        }
+    }
+}
+
+/// Where splats come from.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum RasterSplats<'a> {
+    /// Records of a draw list.
+    Records(SplatRecords<'a>),
+    /// All vertices of the scene, as quads or as points.
+    Vertices {
+        /// They may be too large for points.
+        as_quads: bool,
+    },
+    Nothing,
+}
+
+/// Records of a draw list, one after the other.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct RecordRange {
+    pub(crate) first: u32,
+    pub(crate) count: u32,
+}
+
+impl RecordRange {
+    fn new(first: usize, count: usize) -> Self {
+        Self {
+            first: first as u32,
+            count: count as u32,
+        }
+    }
+}
+
+/// Records of a draw list, some as points and some as quads.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct SplatRecords<'a> {
+    pub(crate) buffer: &'a dyn AnyBuffer,
+    pub(crate) points: RecordRange,
+    pub(crate) quads: RecordRange,
+}
+
+impl<'a> SplatRecords<'a> {
+    /// Those of a list with room for `capacity`: points from its start, quads up to its end.
+    pub(crate) fn packed(buffer: &'a dyn AnyBuffer, packed: Packed, capacity: usize) -> Self {
+        Self {
+            buffer,
+            points: RecordRange::new(0, packed.points),
+            quads: RecordRange::new(capacity - packed.quads, packed.quads),
+        }
+    }
+}
+
+/// What draws a list; a pipeline that the list never needs is none.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct RasterPipelines<'a> {
+    pub(crate) triangles: Option<&'a Pipeline>,
+    pub(crate) points: Option<&'a Pipeline>,
+    /// Without, what may be quads is drawn as points too.
+    pub(crate) quads: Option<&'a Pipeline>,
+}
+
+impl RasterList<'_> {
+    /// Declares what a pass reads of the list.
+    fn declared<'f>(&self, mut pass: Pass<'f>) -> Pass<'f> {
+        let has_vertices = matches!(self.splats, RasterSplats::Vertices { .. });
+        if has_vertices || !self.triangles.is_empty() {
+            for page in &self.scene.pages {
+                pass = pass.vertices(&page.vertices);
+                if let (RasterTriangles::Scene, Some(indices)) = (self.triangles, &page.indices) {
+                    pass = pass.indices(indices);
+                }
+            }
+        }
+        if let RasterTriangles::Runs(indices, _) = self.triangles {
+            pass = pass.indices(indices);
+        }
+        match &self.splats {
+            RasterSplats::Records(records) => pass.vertices(records.buffer),
+            RasterSplats::Vertices { .. } | RasterSplats::Nothing => pass,
+        }
+    }
+}
+
+/// Records a pass whose targets are attached: the triangles of a list, then its splats.
+///
+/// # Panics
+/// When something is in the list that no pipeline draws.
+pub(crate) fn draw(
+    pass: Pass<'_>,
+    list: &RasterList<'_>,
+    pipelines: RasterPipelines<'_>,
+    context: &Context,
+    constants: Uniform,
+) {
+    list.declared(pass).draw(context.viewport(), |draw| {
+        if !list.triangles.is_empty() {
+            draw.cull_back_faces(context.cull_back, context.is_mirrored);
+            draw.bind(needed(pipelines.triangles), &[constants], &[]);
+            draw_triangles(draw, list);
+        }
+        draw.cull_back_faces(false, false);
+        draw_splats(draw, list, pipelines, constants);
+    });
+}
+
+fn needed<'a>(pipeline: Option<&'a Pipeline>) -> &'a Pipeline {
+    let Some(pipeline) = pipeline else {
+        unreachable!("a pass has the pipelines that its list needs")
+    };
+    pipeline
+}
+
+fn draw_triangles(draw: &mut Draw<'_>, list: &RasterList<'_>) {
+    let pages = &list.scene.pages;
+    match list.triangles {
+        RasterTriangles::Scene => {
+            for page in pages {
+                let Some(indices) = &page.indices else {
+                    continue;
+                };
+                draw.vertices(&page.vertices, 0);
+                draw.indices(indices, 0);
+                draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
+            }
+        }
+        RasterTriangles::Runs(indices, runs) => {
+            draw.indices(indices, 0);
+            for run in runs {
+                draw.vertices(&pages[run.page].vertices, 0);
+                draw.draw_indexed(run.first, run.count, 0);
+            }
+        }
+        RasterTriangles::Nothing => {}
+    }
+}
+
+fn draw_splats(
+    draw: &mut Draw<'_>,
+    list: &RasterList<'_>,
+    pipelines: RasterPipelines<'_>,
+    constants: Uniform,
+) {
+    match list.splats {
+        RasterSplats::Records(records) => {
+            for (range, may_be_quads) in [(records.points, false), (records.quads, true)] {
+                if range.count > 0 {
+                    let are_quads = bind_splats(draw, pipelines, may_be_quads, constants);
+                    draw.vertices(records.buffer, 0);
+                    draw_range(draw, range, are_quads);
+                }
+            }
+        }
+        RasterSplats::Vertices { as_quads } => {
+            let are_quads = bind_splats(draw, pipelines, as_quads, constants);
+            for page in &list.scene.pages {
+                draw.vertices(&page.vertices, 0);
+                draw_range(
+                    draw,
+                    RecordRange::new(0, page.vertex_count as usize),
+                    are_quads,
+                );
+            }
+        }
+        RasterSplats::Nothing => {}
+    }
+}
+
+/// Binds what draws splats that may be quads or not. Whether they are.
+fn bind_splats(
+    draw: &mut Draw<'_>,
+    pipelines: RasterPipelines<'_>,
+    may_be_quads: bool,
+    constants: Uniform,
+) -> bool {
+    let quads = pipelines.quads.filter(|_| may_be_quads);
+    let pipeline = quads.unwrap_or_else(|| needed(pipelines.points));
+    draw.bind(pipeline, &[constants], &[]);
+    quads.is_some()
+}
+
+fn draw_range(draw: &mut Draw<'_>, range: RecordRange, are_quads: bool) {
+    if are_quads {
+        draw.draw_quads(range.first, range.count);
+    } else {
+        draw.draw(range.first, range.count);
+    }
+}
+
+/// What a triangle over the picture is drawn with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ScreenDraw<'a> {
+    pub(crate) pipeline: &'a Pipeline,
+    pub(crate) uniforms: &'a [Uniform],
+    /// Images that it samples.
+    pub(crate) images: &'a [&'a Image],
+    /// Storage that it reads, which the pass has declared.
+    pub(crate) storage: &'a [Slice<'a>],
+}
+
+impl<'a> ScreenDraw<'a> {
+    /// One that reads images and no storage.
+    pub(crate) fn of_images(
+        pipeline: &'a Pipeline,
+        uniforms: &'a [Uniform],
+        images: &'a [&'a Image],
+    ) -> Self {
+        Self {
+            pipeline,
+            uniforms,
+            images,
+            storage: &[],
+        }
+    }
+}
+
+/// Records a pass whose targets are attached: a triangle over them, which shows within `rect_px` only (left, top, and one past
+/// right and bottom).
+pub(crate) fn full_screen(pass: Pass<'_>, screen: &ScreenDraw<'_>, rect_px: [u32; 4]) {
+    let pass = screen
+        .images
+        .iter()
+        .fold(pass, |pass, image| pass.sampled(image));
+    pass.draw_whole(|draw| {
+        draw.bind_storage(
+            screen.pipeline,
+            screen.uniforms,
+            screen.images,
+            screen.storage,
+        );
+        cover(draw, &[rect_px]);
+    });
+}
+
+/// Draws a triangle over each of some parts of the picture, with the pipeline that is bound in a pass over the whole of it.
+pub(crate) fn cover(draw: &mut Draw<'_>, areas: &[[u32; 4]]) {
+    draw.cull_back_faces(false, false);
+    for &area in areas {
+        draw.scissor(screen_bounds::area(area));
+        draw.draw(0, 3);
+    }
+}
