@@ -100,6 +100,21 @@ impl<'a> SplatRecords<'a> {
             quads: RecordRange::new(capacity - packed.quads, packed.quads),
         }
     }
+
+    /// Those that compute leaves of such a list: points before the quads, which end it.
+    pub(crate) fn large(buffer: &'a dyn AnyBuffer, placed: Placed, capacity: usize) -> Self {
+        let first_quad = capacity - placed.quads;
+        Self {
+            buffer,
+            points: RecordRange::new(first_quad - placed.points, placed.points),
+            quads: RecordRange::new(first_quad, placed.quads),
+        }
+    }
+
+    /// There are none.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.points.count == 0 && self.quads.count == 0
+    }
 }
 
 /// What draws a list; a pipeline that the list never needs is none.
@@ -112,6 +127,16 @@ pub(crate) struct RasterPipelines<'a> {
 }
 
 impl RasterList<'_> {
+    /// There is nothing to draw.
+    pub(crate) fn is_empty(&self) -> bool {
+        let has_splats = match &self.splats {
+            RasterSplats::Records(records) => !records.is_empty(),
+            RasterSplats::Vertices { .. } => true,
+            RasterSplats::Nothing => false,
+        };
+        self.triangles.is_empty() && !has_splats
+    }
+
     /// Declares what a pass reads of the list.
     fn declared<'f>(&self, mut pass: Pass<'f>) -> Pass<'f> {
         let has_vertices = matches!(self.splats, RasterSplats::Vertices { .. });

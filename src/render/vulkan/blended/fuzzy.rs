@@ -9,21 +9,16 @@ use crate::abi::specialization::{
     HAS_COVERAGE, HAS_LAMP, IS_DEFERRED, IS_GAUSS, IS_ORIENTED, IS_QUAD, IS_SQUARE, IS_WIDENED,
 };
 use crate::abi::{ConstantValue, FuzzySplat, Shader, WeightedSplat, shaders};
-use crate::gpu::buffer::AnyBuffer;
-use crate::gpu::frame::{Frame, Load, Pass, Uniform};
+use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
-use crate::pack::fuzzy::Placed;
-use crate::pack::splats::Packed;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
 use crate::render::vulkan::blended::compute::{OwnConstants, Twin};
-use crate::render::vulkan::opaque::triangle_runs;
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::storage_ranges::Triangles;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::triangles::targets;
 use crate::render::{Settings, Shading, SplatKind, SumFormat};
@@ -164,26 +159,28 @@ pub(crate) struct Fuzzy {
     twin: Option<Twin>,
 }
 
+impl Pair {
+    /// What draws a list, or what compute leaves of it, beside triangles.
+    fn with<'a>(&'a self, triangles: &'a Pipeline, is_left: bool) -> RasterPipelines<'a> {
+        let [points, quads] = match (&self.large, is_left) {
+            (Some([points, quads]), true) => [points, quads],
+            _ => [&self.points, &self.quads],
+        };
+        RasterPipelines {
+            triangles: Some(triangles),
+            points: Some(points),
+            quads: Some(quads),
+        }
+    }
+}
+
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct List<'a> {
-    pub(crate) scene: &'a Scene,
-    pub(crate) indices: &'a dyn AnyBuffer,
-    pub(crate) runs: &'a [Run],
-    /// Triangles that compute draws; none where it draws nothing.
-    pub(crate) small: Triangles<'a>,
-    pub(crate) splats: Splats<'a>,
-}
-
-/// Where splats come from.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Splats<'a> {
-    /// A draw list of that many records.
-    List(&'a dyn AnyBuffer, Packed, usize),
-    /// A list of that many records, of which compute draws the small ones.
-    Placed(&'a dyn AnyBuffer, Placed, usize),
-    /// All vertices of the scene, as quads or as points.
-    Vertices { as_quads: bool },
+    /// By the rasterizer.
+    pub(crate) raster: RasterList<'a>,
+    /// By compute; none where it draws nothing.
+    pub(crate) small: Option<compute::Small<'a>>,
 }
 
 impl Fuzzy {
@@ -333,7 +330,7 @@ impl Fuzzy {
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        let (Some(twin), Splats::Placed(splats, placed, _)) = (&self.twin, list.splats) else {
+        let (Some(twin), Some(small)) = (&self.twin, list.small) else {
             self.raster_depth(frame, targets, list, context, constants);
             self.raster_blend(frame, targets, list, context, constants);
             self.normalize(frame, targets, context, constants);
@@ -343,12 +340,7 @@ impl Fuzzy {
             depth: &|frame| self.raster_depth(frame, targets, list, context, constants),
             blend: &|frame| self.raster_blend(frame, targets, list, context, constants),
         };
-        let is_rastered = placed.points + placed.quads > 0 || !list.runs.is_empty();
-        let small = compute::Small {
-            splats,
-            splat_count: placed.small as u32,
-            triangles: list.small,
-        };
+        let is_rastered = !list.raster.is_empty();
         let rastered = (is_rastered.then_some(&rastered), &self.sums);
         twin.record(frame, targets, small, rastered, context, constants)
     }
@@ -365,8 +357,9 @@ impl Fuzzy {
         let pass = frame
             .pass("fuzzy.depth")
             .depth(targets.depth(), Load::Clear([0.0; 4]));
-        let pipelines = (&self.depth_triangles, &self.depth_splats);
-        raster(pass, list, pipelines, context, constants);
+        let triangles = &self.depth_triangles;
+        let pipelines = self.depth_splats.with(triangles, list.small.is_some());
+        raster_pass::draw(pass, &list.raster, pipelines, context, constants);
     }
 
     /// Pass `fuzzy.blend` by the rasterizer.
@@ -385,8 +378,9 @@ impl Fuzzy {
             pass = pass.color(normals, Load::Clear([0.0; 4]));
         }
         let pass = pass.depth_test(targets.depth());
-        let pipelines = (&self.blend_triangles, &self.blend_splats);
-        raster(pass, list, pipelines, context, constants);
+        let triangles = &self.blend_triangles;
+        let pipelines = self.blend_splats.with(triangles, list.small.is_some());
+        raster_pass::draw(pass, &list.raster, pipelines, context, constants);
     }
 
     /// Pass `fuzzy.normalize` of what was rastered.
@@ -402,90 +396,12 @@ impl Fuzzy {
         let normals = self.normals.as_ref().unwrap_or(&self.sums);
         let mut pass = frame
             .pass("fuzzy.normalize")
-            .color(targets.color(), Load::Clear([r, g, b, 0.0]))
-            .sampled(&self.sums);
-        if self.normals.is_some() {
-            pass = pass.sampled(normals);
-        }
+            .color(targets.color(), Load::Clear([r, g, b, 0.0]));
         if let (true, Some(target)) = (self.variant.writes_normals, targets.normal()) {
             pass = pass.color(target, Load::Clear([0.0; 4]));
         }
-        pass.draw(
-            [0.0, 0.0, context.width as f32, context.height as f32],
-            |draw| {
-                draw.cull_back_faces(false, false);
-                draw.bind(&self.normalize, &[constants], &[&self.sums, normals]);
-                draw.draw(0, 3);
-            },
-        );
+        let (uniforms, images) = ([constants], [&self.sums, normals]);
+        let screen = ScreenDraw::of_images(&self.normalize, &uniforms, &images);
+        raster_pass::full_screen(pass, &screen, context.whole_px());
     }
-}
-
-/// Draws a list in a pass whose targets are attached, without what compute draws of it.
-fn raster(
-    pass: Pass<'_>,
-    list: List<'_>,
-    (triangles, splats): (&Pipeline, &Pair),
-    context: &Context,
-    constants: Uniform,
-) {
-    let mut pass = pass.indices(list.indices);
-    if let Splats::List(splats, ..) | Splats::Placed(splats, ..) = list.splats {
-        pass = pass.vertices(splats);
-    }
-    for page in &list.scene.pages {
-        pass = pass.vertices(&page.vertices);
-    }
-    pass.draw(context.viewport(), |draw| {
-        let runs = (list.indices, list.runs);
-        triangle_runs::draw_runs(draw, triangles, list.scene, runs, context, constants);
-        draw.cull_back_faces(false, false);
-        match list.splats {
-            Splats::List(buffer, packed, capacity) => {
-                if packed.points > 0 {
-                    draw.bind(&splats.points, &[constants], &[]);
-                    draw.vertices(buffer, 0);
-                    draw.draw(0, packed.points as u32);
-                }
-                if packed.quads > 0 {
-                    draw.bind(&splats.quads, &[constants], &[]);
-                    draw.vertices(buffer, 0);
-                    draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
-                }
-            }
-            Splats::Placed(buffer, placed, capacity) => {
-                let Some([points, quads]) = &splats.large else {
-                    unreachable!("made for compute")
-                };
-                let first_quad = (capacity - placed.quads) as u32;
-                if placed.points > 0 {
-                    draw.bind(points, &[constants], &[]);
-                    draw.vertices(buffer, 0);
-                    draw.draw(first_quad - placed.points as u32, placed.points as u32);
-                }
-                if placed.quads > 0 {
-                    draw.bind(quads, &[constants], &[]);
-                    draw.vertices(buffer, 0);
-                    draw.draw_quads(first_quad, placed.quads as u32);
-                }
-            }
-            Splats::Vertices { as_quads } => {
-                let pipeline = if as_quads {
-                    &splats.quads
-                } else {
-                    &splats.points
-                };
-                draw.bind(pipeline, &[constants], &[]);
-                for page in &list.scene.pages {
-                    let vertices: &dyn AnyBuffer = &page.vertices;
-                    draw.vertices(vertices, 0);
-                    if as_quads {
-                        draw.draw_quads(0, page.vertex_count);
-                    } else {
-                        draw.draw(0, page.vertex_count);
-                    }
-                }
-            }
-        }
-    });
 }

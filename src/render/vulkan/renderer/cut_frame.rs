@@ -15,6 +15,7 @@ use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_constants::frame_constants;
 use crate::render::frame_plan::{Choice, Drawing, largest_splat_px, splat_plan};
 use crate::render::stats::{Kept, Stage};
+use crate::render::vulkan::blended::compute;
 use crate::render::vulkan::blended::compute::Share;
 use crate::render::vulkan::blended::{filtered, fuzzy};
 use crate::render::vulkan::draw_lists::{Held, Host, Key, Packing, Ways};
@@ -226,6 +227,16 @@ impl Renderer {
             areas: &areas,
             drawn: (held.is_drawn && drawing == Drawing::Opaque).then_some(&lists.nearest),
         };
+        // What compute draws of blended splats.
+        let small_of = |splats: usize| compute::Small {
+            splats: lists.splats(),
+            splat_count: splats as u32,
+            triangles: Triangles {
+                scene,
+                corners: lists.small(),
+                runs: &lists.small_runs,
+            },
+        };
         let small_triangles = Triangles {
             scene,
             corners: lists.small(),
@@ -285,14 +296,18 @@ impl Renderer {
                     unreachable!("prepare made the pipelines")
                 };
                 let list = fuzzy::List {
-                    scene,
-                    indices: lists.indices(),
-                    runs: &lists.runs,
-                    small: small_triangles,
-                    splats: match placed {
-                        Some(placed) => fuzzy::Splats::Placed(lists.splats(), placed, capacity),
-                        None => fuzzy::Splats::List(lists.splats(), packed, capacity),
+                    raster: match placed {
+                        Some(placed) => RasterList {
+                            splats: RasterSplats::Records(SplatRecords::large(
+                                lists.splats(),
+                                placed,
+                                capacity,
+                            )),
+                            ..raster
+                        },
+                        None => raster,
                     },
+                    small: placed.map(|placed| small_of(placed.small)),
                 };
                 fuzzy.record(&mut frame, &self.targets, list, &context, constants)?;
             }

@@ -15,7 +15,6 @@ use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles};
 use crate::render::vulkan::renderer::{Counts, End, FrameTimes, Renderer};
 use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::storage_ranges::Triangles;
 use crate::render::vulkan::targets::Targets;
 use crate::render::vulkan::triangles;
 use crate::render::vulkan::visibility::hardware;
@@ -100,8 +99,6 @@ impl Renderer {
             triangles: RasterTriangles::Nothing,
             splats: RasterSplats::Vertices { as_quads },
         };
-        // Declared by the pass, not read.
-        let indices = self.lists[0].indices();
         submit_whole(
             &mut self.frames,
             targets,
@@ -115,15 +112,8 @@ impl Renderer {
                     }
                     (Drawing::Fuzzy, _, Some(fuzzy)) => {
                         let list = fuzzy::List {
-                            scene,
-                            indices,
-                            runs: &[],
-                            small: Triangles {
-                                scene,
-                                corners: indices,
-                                runs: &[],
-                            },
-                            splats: fuzzy::Splats::Vertices { as_quads },
+                            raster,
+                            small: None,
                         };
                         fuzzy.record(frame, targets, list, &context, c)?;
                     }
