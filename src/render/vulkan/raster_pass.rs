@@ -137,6 +137,14 @@ impl RasterList<'_> {
         self.triangles.is_empty() && !has_splats
     }
 
+    /// The same list without its splats.
+    pub(crate) fn only_triangles(self) -> Self {
+        Self {
+            splats: RasterSplats::Nothing,
+            ..self
+        }
+    }
+
     /// Declares what a pass reads of the list.
     fn declared<'f>(&self, mut pass: Pass<'f>) -> Pass<'f> {
         let has_vertices = matches!(self.splats, RasterSplats::Vertices { .. });

@@ -10,20 +10,16 @@ mod tests;
 
 use crate::abi::specialization::{HAS_LAMP, LARGE_ONLY};
 use crate::abi::{FilteredSplat, shaders};
-use crate::gpu::buffer::AnyBuffer;
-use crate::gpu::frame::{Frame, Load, Pass, Uniform};
+use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
 use crate::gpu::{Error, Gpu};
-use crate::render::screen_bounds;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
 use crate::render::vulkan::blended::compute::{OwnConstants, Share, Twin};
 use crate::render::vulkan::mapped_sums::Drawn;
-use crate::render::vulkan::opaque::triangle_runs;
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::storage_ranges::Triangles;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
@@ -77,13 +73,10 @@ struct ByCompute {
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct List<'a> {
-    pub(crate) scene: &'a Scene,
-    pub(crate) indices: &'a dyn AnyBuffer,
-    pub(crate) runs: &'a [Run],
-    /// Triangles that compute draws; none where it draws nothing.
-    pub(crate) small: Triangles<'a>,
-    pub(crate) splats: &'a dyn AnyBuffer,
-    pub(crate) splat_count: u32,
+    /// All of it, as the rasterizer draws it.
+    pub(crate) raster: RasterList<'a>,
+    /// The same splats and small triangles for compute.
+    pub(crate) small: compute::Small<'a>,
     /// All of it, where the host has drawn it.
     pub(crate) drawn: Option<&'a Drawn>,
 }
@@ -217,9 +210,10 @@ impl Filtered {
             let none = &self.sums;
             return (by_compute.twin).finish(frame, targets, (drawn, none), context, constants);
         }
+        let all = &list.raster;
         let (Some(by_compute), Share::Small | Share::All) = (&self.by_compute, share) else {
-            self.raster_depth(frame, targets, list, &self.depth_splats, context, constants);
-            self.raster_blend(frame, targets, list, &self.blend_splats, context, constants);
+            self.raster_depth(frame, targets, all, &self.depth_splats, context, constants);
+            self.raster_blend(frame, targets, all, &self.blend_splats, context, constants);
             self.normalize(frame, targets, context, constants);
             return Ok(());
         };
@@ -228,30 +222,20 @@ impl Filtered {
             depth_splats,
             blend_splats,
         } = by_compute;
-        let large = List {
-            splat_count: if share == Share::Small {
-                list.splat_count
-            } else {
-                0
-            },
-            ..list
+        let large = match share {
+            Share::Small => *all,
+            _ => all.only_triangles(),
         };
         let rastered = compute::Rastered {
             depth: &|frame| {
-                self.raster_depth(frame, targets, large, depth_splats, context, constants);
+                self.raster_depth(frame, targets, &large, depth_splats, context, constants);
             },
             blend: &|frame| {
-                self.raster_blend(frame, targets, large, blend_splats, context, constants);
+                self.raster_blend(frame, targets, &large, blend_splats, context, constants);
             },
         };
-        let is_rastered = large.splat_count > 0 || !list.runs.is_empty();
-        let small = compute::Small {
-            splats: list.splats,
-            splat_count: list.splat_count,
-            triangles: list.small,
-        };
-        let rastered = (is_rastered.then_some(&rastered), &self.sums);
-        twin.record(frame, targets, small, rastered, context, constants)
+        let rastered = ((!large.is_empty()).then_some(&rastered), &self.sums);
+        twin.record(frame, targets, list.small, rastered, context, constants)
     }
 
     /// Pass `filtered.depth` by the rasterizer: the pushed depth of splats, that of triangles.
@@ -259,7 +243,7 @@ impl Filtered {
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
-        list: List<'_>,
+        list: &RasterList<'_>,
         splats: &Pipeline,
         context: &Context,
         constants: Uniform,
@@ -267,13 +251,8 @@ impl Filtered {
         let pass = frame
             .pass("filtered.depth")
             .depth(targets.depth(), Load::Clear([0.0; 4]));
-        raster(
-            pass,
-            list,
-            (&self.depth_triangles, splats),
-            context,
-            constants,
-        );
+        let pipelines = pipelines(&self.depth_triangles, splats);
+        raster_pass::draw(pass, list, pipelines, context, constants);
     }
 
     /// Pass `filtered.blend` by the rasterizer: sums of what is not behind that depth.
@@ -281,7 +260,7 @@ impl Filtered {
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
-        list: List<'_>,
+        list: &RasterList<'_>,
         splats: &Pipeline,
         context: &Context,
         constants: Uniform,
@@ -290,13 +269,8 @@ impl Filtered {
             .pass("filtered.blend")
             .color(&self.sums, Load::Clear([0.0; 4]))
             .depth_test(targets.depth());
-        raster(
-            pass,
-            list,
-            (&self.blend_triangles, splats),
-            context,
-            constants,
-        );
+        let pipelines = pipelines(&self.blend_triangles, splats);
+        raster_pass::draw(pass, list, pipelines, context, constants);
     }
 
     /// Pass `filtered.normalize` of what was rastered.
@@ -308,47 +282,20 @@ impl Filtered {
         constants: Uniform,
     ) {
         let [r, g, b] = context.background;
-        frame
+        let pass = frame
             .pass("filtered.normalize")
-            .color(targets.color(), Load::Clear([r, g, b, 0.0]))
-            .sampled(&self.sums)
-            .sampled(targets.depth())
-            .draw(
-                [0.0, 0.0, context.width as f32, context.height as f32],
-                |draw| {
-                    draw.cull_back_faces(false, false);
-                    draw.scissor(screen_bounds::area(context.rect_px));
-                    draw.bind(
-                        &self.normalize,
-                        &[constants],
-                        &[&self.sums, targets.depth()],
-                    );
-                    draw.draw(0, 3);
-                },
-            );
+            .color(targets.color(), Load::Clear([r, g, b, 0.0]));
+        let (uniforms, images) = ([constants], [&self.sums, targets.depth()]);
+        let screen = ScreenDraw::of_images(&self.normalize, &uniforms, &images);
+        raster_pass::full_screen(pass, &screen, context.rect_px);
     }
 }
 
-/// Draws a list in a pass whose targets are attached.
-fn raster(
-    pass: Pass<'_>,
-    list: List<'_>,
-    (triangles, splats): (&Pipeline, &Pipeline),
-    context: &Context,
-    constants: Uniform,
-) {
-    let mut pass = pass.indices(list.indices).vertices(list.splats);
-    for page in &list.scene.pages {
-        pass = pass.vertices(&page.vertices);
+/// What draws a list: filtered splats are points, however large.
+fn pipelines<'a>(triangles: &'a Pipeline, splats: &'a Pipeline) -> RasterPipelines<'a> {
+    RasterPipelines {
+        triangles: Some(triangles),
+        points: Some(splats),
+        quads: None,
     }
-    pass.draw(context.viewport(), |draw| {
-        let runs = (list.indices, list.runs);
-        triangle_runs::draw_runs(draw, triangles, list.scene, runs, context, constants);
-        if list.splat_count > 0 {
-            draw.cull_back_faces(false, false);
-            draw.bind(splats, &[constants], &[]);
-            draw.vertices(list.splats, 0);
-            draw.draw(0, list.splat_count);
-        }
-    });
 }

@@ -237,11 +237,6 @@ impl Renderer {
                 runs: &lists.small_runs,
             },
         };
-        let small_triangles = Triangles {
-            scene,
-            corners: lists.small(),
-            runs: &lists.small_runs,
-        };
         let records = SplatRecords::packed(lists.splats(), packed, capacity);
         let raster = RasterList {
             scene,
@@ -313,12 +308,8 @@ impl Renderer {
             }
             (Drawing::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
-                    scene,
-                    indices: lists.indices(),
-                    runs: &lists.runs,
-                    small: small_triangles,
-                    splats: lists.splats(),
-                    splat_count: packed.points as u32,
+                    raster,
+                    small: small_of(packed.points),
                     drawn: held.is_drawn.then_some(&lists.drawn),
                 };
                 filtered.record(&mut frame, &self.targets, list, share, &context, constants)?;

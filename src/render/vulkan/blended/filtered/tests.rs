@@ -11,15 +11,17 @@ use crate::math::camera::{Camera, View};
 use crate::pack::FilteredList;
 use crate::pack::filtered::FilteredPatch;
 use crate::pack::filtered::ScreenGroups;
+use crate::pack::splats::Packed;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::Canvas;
 use crate::render::engine::style;
 use crate::render::frame_plan::frame_constants;
 use crate::render::reference::{Outputs, render_filtered};
 use crate::render::vulkan::COLOR;
-use crate::render::vulkan::blended::compute::Share;
+use crate::render::vulkan::blended::compute::{Share, Small};
 use crate::render::vulkan::blended::filtered::{Filtered, List, Variant};
 use crate::render::vulkan::mapped_sums::Drawn;
+use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Triangles;
 use crate::render::vulkan::targets::{Context, Targets};
@@ -132,17 +134,25 @@ fn picture(
     let constants = frame
         .uniform(&frame_constants(view, &settings(), &context))
         .unwrap();
+    let packed = Packed {
+        points: splats.len(),
+        quads: 0,
+    };
     let what = List {
-        scene: &scene,
-        indices: &indices,
-        runs: &[],
-        small: Triangles {
+        raster: RasterList {
             scene: &scene,
-            corners: &indices,
-            runs: &[],
+            triangles: RasterTriangles::Nothing,
+            splats: RasterSplats::Records(SplatRecords::packed(&list, packed, splats.len())),
         },
-        splats: &list,
-        splat_count: splats.len() as u32,
+        small: Small {
+            splats: &list,
+            splat_count: splats.len() as u32,
+            triangles: Triangles {
+                scene: &scene,
+                corners: &indices,
+                runs: &[],
+            },
+        },
         drawn: by_host.then_some(&host),
     };
     filtered
