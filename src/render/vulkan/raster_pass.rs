@@ -115,6 +115,14 @@ impl<'a> SplatRecords<'a> {
     pub(crate) fn is_empty(&self) -> bool {
         self.points.count == 0 && self.quads.count == 0
     }
+
+    /// The same list without its points.
+    pub(crate) fn without_points(self) -> Self {
+        Self {
+            points: RecordRange::default(),
+            ..self
+        }
+    }
 }
 
 /// What draws a list; a pipeline that the list never needs is none.

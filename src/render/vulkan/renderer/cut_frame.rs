@@ -319,9 +319,7 @@ impl Renderer {
                     unreachable!("prepare made the pipelines")
                 };
                 let list = hardware::List {
-                    scene,
-                    triangles: Some((lists.indices(), &lists.runs)),
-                    splats: hardware::Splats::List(lists.splats(), packed, capacity),
+                    raster,
                     by_compute: ways.is_small.then_some(&areas),
                     largest_px: largest_splat_px(model, settings),
                 };

@@ -122,9 +122,7 @@ impl Renderer {
                             unreachable!("prepare made the pipelines")
                         };
                         let list = hardware::List {
-                            scene,
-                            triangles: None,
-                            splats: hardware::Splats::Vertices { as_quads },
+                            raster,
                             by_compute: None,
                             largest_px: largest_splat_px(model, settings),
                         };

@@ -16,6 +16,7 @@ use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::render::screen_bounds;
 use crate::render::vulkan::NORMAL;
+use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED};
@@ -126,20 +127,13 @@ impl Twin {
             .fragment_storage(records)
             .fragment_storage(&self.footprints)
             .fragment_storage(&self.centers)
-            .draw(
-                crate::render::vulkan::visibility::hardware::whole(picked),
-                |draw| {
-                    draw.cull_back_faces(false, false);
-                    for &(part, uniform, _) in &parts {
-                        let storage = [part, kept[0], kept[1]];
-                        draw.bind_storage(&self.resolve, &[constants, uniform], &[], &storage);
-                        for &area in areas {
-                            draw.scissor(screen_bounds::area(area));
-                            draw.draw(0, 3);
-                        }
-                    }
-                },
-            );
+            .draw_whole(|draw| {
+                for &(part, uniform, _) in &parts {
+                    let storage = [part, kept[0], kept[1]];
+                    draw.bind_storage(&self.resolve, &[constants, uniform], &[], &storage);
+                    raster_pass::cover(draw, areas);
+                }
+            });
         Ok(())
     }
 }

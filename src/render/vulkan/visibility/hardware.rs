@@ -12,18 +12,14 @@
 
 use crate::abi::specialization::{IS_CENTER, IS_QUAD};
 use crate::abi::{Shader, shaders};
-use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
-use crate::pack::splats::Packed;
 use crate::render::Reconstruction;
-use crate::render::screen_bounds;
 use crate::render::vulkan::opaque::hardware::Source;
-use crate::render::vulkan::opaque::triangle_runs;
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, RasterSplats, ScreenDraw};
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::visibility::compute::Twin;
 use crate::render::vulkan::visibility::pull_push::Pyramid;
@@ -35,25 +31,10 @@ pub(crate) const PICKED: Format = Format::Rgba8;
 /// Distance along the view direction and depth offset.
 pub(crate) const FRONTS: Format = Format::Rg32Float;
 
-/// The splats of a frame.
-#[derive(Debug, Clone, Copy)]
-pub(crate) enum Splats<'a> {
-    /// Records of a draw list, how many of which kind, and of how many records.
-    List(&'a dyn AnyBuffer, Packed, usize),
-    /// Every vertex of the scene.
-    Vertices {
-        /// Footprints may be too large for points.
-        as_quads: bool,
-    },
-}
-
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct List<'a> {
-    pub(crate) scene: &'a Scene,
-    /// Triangles; none for clouds and methods without.
-    pub(crate) triangles: Option<(&'a dyn AnyBuffer, &'a [Run])>,
-    pub(crate) splats: Splats<'a>,
+    pub(crate) raster: RasterList<'a>,
     /// Compute draws those of the list that are points; parts of the picture in which they can be.
     pub(crate) by_compute: Option<&'a [[u32; 4]]>,
     /// No splat is larger, pixels.
@@ -256,12 +237,13 @@ impl Visibility {
     ) -> Result<(), Error> {
         self.record_first(frame, targets, list, context, constants)?;
         // Only quads may be larger than the margin that the rectangle has.
-        let has_quads = match list.splats {
-            Splats::List(_, packed, _) => packed.quads > 0,
-            Splats::Vertices { as_quads } => as_quads,
+        let has_quads = match list.raster.splats {
+            RasterSplats::Records(records) => records.quads.count > 0,
+            RasterSplats::Vertices { as_quads } => as_quads,
+            RasterSplats::Nothing => false,
         };
         let rect_px = if has_quads {
-            [0, 0, context.width, context.height]
+            context.whole_px()
         } else {
             context.rect_px
         };
@@ -281,15 +263,10 @@ impl Visibility {
             Reconstruction::Density => "visibility.density",
             _ => "visibility.gaussian",
         };
-        attach_last(frame, name, targets, context)
-            .sampled(&self.picked)
-            .sampled(&self.fronts)
-            .draw(whole(targets.color()), |draw| {
-                draw.cull_back_faces(false, false);
-                draw.scissor(screen_bounds::area(rect_px));
-                draw.bind(pipeline, &[constants], &[&self.picked, &self.fronts]);
-                draw.draw(0, 3);
-            });
+        let (uniforms, images) = ([constants], [&self.picked, &self.fronts]);
+        let screen = ScreenDraw::of_images(pipeline, &uniforms, &images);
+        let pass = attach_last(frame, name, targets, context);
+        raster_pass::full_screen(pass, &screen, rect_px);
         Ok(())
     }
 
@@ -302,37 +279,28 @@ impl Visibility {
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        let (records, packed, capacity, areas, twin) =
-            match (list.splats, list.by_compute, &self.twin) {
-                (Splats::List(records, packed, capacity), Some(areas), Some(twin))
-                    if packed.points > 0 =>
-                {
-                    (records, packed, capacity, areas, twin)
-                }
-                _ => {
-                    self.record_splats(frame, targets, list, context, constants);
-                    return Ok(());
-                }
-            };
-        let count = packed.points as u32;
-        let rest = List {
-            splats: Splats::List(
-                records,
-                Packed {
-                    points: 0,
-                    ..packed
-                },
-                capacity,
-            ),
-            ..list
+        let all = &list.raster;
+        let (records, areas, twin) = match (all.splats, list.by_compute, &self.twin) {
+            (RasterSplats::Records(records), Some(areas), Some(twin))
+                if records.points.count > 0 =>
+            {
+                (records, areas, twin)
+            }
+            _ => {
+                self.record_splats(frame, targets, all, context, constants);
+                return Ok(());
+            }
         };
-        let has_triangles = list.triangles.is_some_and(|(_, runs)| !runs.is_empty());
-        let is_first = !has_triangles && packed.quads == 0;
+        let rest = RasterList {
+            splats: RasterSplats::Records(records.without_points()),
+            ..*all
+        };
+        let is_first = rest.is_empty();
         if !is_first {
-            self.record_splats(frame, targets, rest, context, constants);
+            self.record_splats(frame, targets, &rest, context, constants);
         }
         let onto = (targets, [&self.picked, &self.fronts]);
-        let small = (records, count);
+        let small = (records.buffer, records.points.count);
         twin.record(frame, onto, small, (areas, is_first), context, constants)
     }
 
@@ -341,13 +309,13 @@ impl Visibility {
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
-        list: List<'_>,
+        list: &RasterList<'_>,
         context: &Context,
         constants: Uniform,
     ) {
         let splats = match list.splats {
-            Splats::List(..) => &self.from_list,
-            Splats::Vertices { .. } => &self.from_vertices,
+            RasterSplats::Vertices { .. } => &self.from_vertices,
+            RasterSplats::Records(_) | RasterSplats::Nothing => &self.from_list,
         };
         let (Some(splats), Some((_, triangles))) = (splats, &self.triangles) else {
             unreachable!("ensure made the pipelines")
@@ -367,58 +335,18 @@ impl Visibility {
             if let Some(normal) = targets.normal() {
                 pass = pass.color(normal, load([0.0; 4]));
             }
-            pass = pass.depth(targets.depth(), load([0.0; 4]));
-            for page in &list.scene.pages {
-                pass = pass.vertices(&page.vertices);
-            }
-            if let Some((indices, _)) = list.triangles {
-                pass = pass.indices(indices);
-            }
-            if let Splats::List(records, ..) = list.splats {
-                pass = pass.vertices(records);
-            }
-            pass.draw(context.viewport(), |draw| {
-                if let Some(runs) = list.triangles {
-                    triangle_runs::draw_runs(draw, triangles, list.scene, runs, context, constants);
-                }
-                draw.cull_back_faces(false, false);
-                let footprints = if is_center {
+            let pass = pass.depth(targets.depth(), load([0.0; 4]));
+            let pipelines = RasterPipelines {
+                triangles: Some(triangles),
+                points: Some(if is_center {
                     &splats.centers
                 } else {
                     &splats.points
-                };
-                match list.splats {
-                    Splats::List(records, packed, capacity) => {
-                        let first = (capacity - packed.quads) as u32;
-                        let (points, quads) = (packed.points as u32, packed.quads as u32);
-                        if points > 0 || quads > 0 {
-                            draw.bind(footprints, &[constants], &[]);
-                            draw.vertices(records, 0);
-                            draw.draw(0, points);
-                        }
-                        if quads > 0 && is_center {
-                            draw.draw(first, quads);
-                        } else if quads > 0 {
-                            draw.bind(&splats.quads, &[constants], &[]);
-                            draw.vertices(records, 0);
-                            draw.draw_quads(first, quads);
-                        }
-                    }
-                    Splats::Vertices { as_quads } => {
-                        let as_quads = as_quads && !is_center;
-                        let pipeline = if as_quads { &splats.quads } else { footprints };
-                        draw.bind(pipeline, &[constants], &[]);
-                        for page in &list.scene.pages {
-                            draw.vertices(&page.vertices, 0);
-                            if as_quads {
-                                draw.draw_quads(0, page.vertex_count);
-                            } else {
-                                draw.draw(0, page.vertex_count);
-                            }
-                        }
-                    }
-                }
-            });
+                }),
+                // A center is a pixel, however large its footprint.
+                quads: (!is_center).then_some(&splats.quads),
+            };
+            raster_pass::draw(pass, list, pipelines, context, constants);
         }
     }
 }
@@ -435,9 +363,4 @@ pub(crate) fn attach_last<'f>(
         .pass(name)
         .color(targets.color(), Load::Clear([r, g, b, 0.0]))
         .depth(targets.depth(), Load::Clear([0.0; 4]))
-}
-
-/// The viewport of all of a target.
-pub(crate) fn whole(target: &Target) -> [f32; 4] {
-    [0.0, 0.0, target.width as f32, target.height as f32]
 }

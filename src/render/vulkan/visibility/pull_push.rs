@@ -8,9 +8,10 @@ use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
-use crate::render::screen_bounds;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::ScreenDraw;
 use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED, attach_last, last_pass, whole};
+use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED, attach_last, last_pass};
 use std::sync::Arc;
 
 /// Names of the passes by level: the profiler adds up nothing.
@@ -142,20 +143,15 @@ impl Pyramid {
             Some(pushed) if at < top => pushed,
             _ => &levels[at].pulled,
         };
+        let uniforms = [constants];
         let mut from = finest;
         for (at, (level, [name, _])) in levels.iter().zip(NAMES).enumerate() {
-            frame
+            let pass = frame
                 .pass(name)
                 .color(&level.pulled, Load::Clear([0.0; 4]))
-                .color(&level.fronts, Load::Clear([0.0; 4]))
-                .sampled(from[0])
-                .sampled(from[1])
-                .draw(whole(&level.pulled), |draw| {
-                    draw.cull_back_faces(false, false);
-                    draw.scissor(screen_bounds::area(halved(rect_px, at + 1)));
-                    draw.bind(&self.pull, &[constants], &from);
-                    draw.draw(0, 3);
-                });
+                .color(&level.fronts, Load::Clear([0.0; 4]));
+            let screen = ScreenDraw::of_images(&self.pull, &uniforms, &from);
+            raster_pass::full_screen(pass, &screen, halved(rect_px, at + 1));
             from = [&level.pulled, &level.fronts];
         }
         for (at, [_, name]) in (0..top).zip(NAMES).rev() {
@@ -166,27 +162,13 @@ impl Pyramid {
                 filled(at + 1),
                 &levels[at + 1].fronts,
             ];
-            let mut pass = frame.pass(name).color(pushed, Load::Clear([0.0; 4]));
-            for image in images {
-                pass = pass.sampled(image);
-            }
-            pass.draw(whole(pushed), |draw| {
-                draw.cull_back_faces(false, false);
-                draw.scissor(screen_bounds::area(halved(rect_px, at + 1)));
-                draw.bind(&self.push, &[constants], &images);
-                draw.draw(0, 3);
-            });
+            let pass = frame.pass(name).color(pushed, Load::Clear([0.0; 4]));
+            let screen = ScreenDraw::of_images(&self.push, &uniforms, &images);
+            raster_pass::full_screen(pass, &screen, halved(rect_px, at + 1));
         }
         let images = [finest[0], finest[1], filled(0), &levels[0].fronts];
-        let mut pass = attach_last(frame, "visibility.fill", targets, context);
-        for image in images {
-            pass = pass.sampled(image);
-        }
-        pass.draw(whole(targets.color()), |draw| {
-            draw.cull_back_faces(false, false);
-            draw.scissor(screen_bounds::area(rect_px));
-            draw.bind(&self.fill, &[constants], &images);
-            draw.draw(0, 3);
-        });
+        let pass = attach_last(frame, "visibility.fill", targets, context);
+        let screen = ScreenDraw::of_images(&self.fill, &uniforms, &images);
+        raster_pass::full_screen(pass, &screen, rect_px);
     }
 }
