@@ -153,6 +153,14 @@ impl RasterList<'_> {
         }
     }
 
+    /// The same list without its triangles.
+    pub(crate) fn only_splats(self) -> Self {
+        Self {
+            triangles: RasterTriangles::Nothing,
+            ..self
+        }
+    }
+
     /// Declares what a pass reads of the list.
     fn declared<'f>(&self, mut pass: Pass<'f>) -> Pass<'f> {
         let has_vertices = matches!(self.splats, RasterSplats::Vertices { .. });

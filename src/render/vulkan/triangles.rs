@@ -2,10 +2,14 @@
 
 use crate::abi::shaders;
 use crate::abi::specialization::{HAS_COLORS, HAS_LAMP};
-use crate::gpu::frame::{Draw, Frame, Uniform};
+use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::image::Format;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
 use crate::gpu::{Error, Gpu};
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{
+    RasterList, RasterPipelines, RasterSplats, RasterTriangles,
+};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::{COLOR, NORMAL, SAMPLES, VERTEX};
@@ -61,28 +65,15 @@ pub(crate) fn record(
     context: &Context,
     constants: Uniform,
 ) {
-    let mut pass = targets.attach(frame.pass("triangles.draw"), context);
-    for page in &scene.pages {
-        pass = pass.vertices(&page.vertices);
-        if let Some(indices) = &page.indices {
-            pass = pass.indices(indices);
-        }
-    }
-    pass.draw(context.viewport(), |draw| {
-        draw.cull_back_faces(context.cull_back, context.is_mirrored);
-        draw.bind(pipeline, &[constants], &[]);
-        draw_pages(draw, scene);
-    });
-}
-
-/// Draws all triangles of a scene with the pipeline that is bound, in a pass that has declared its pages.
-pub(crate) fn draw_pages(draw: &mut Draw<'_>, scene: &Scene) {
-    for page in &scene.pages {
-        let Some(indices) = &page.indices else {
-            continue;
-        };
-        draw.vertices(&page.vertices, 0);
-        draw.indices(indices, 0);
-        draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
-    }
+    let list = RasterList {
+        scene,
+        triangles: RasterTriangles::Scene,
+        splats: RasterSplats::Nothing,
+    };
+    let pipelines = RasterPipelines {
+        triangles: Some(pipeline),
+        ..RasterPipelines::default()
+    };
+    let pass = targets.attach(frame.pass("triangles.draw"), context);
+    raster_pass::draw(pass, &list, pipelines, context, constants);
 }

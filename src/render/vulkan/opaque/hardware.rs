@@ -4,13 +4,16 @@
 
 use crate::abi::specialization::{IS_ORIENTED, IS_QUAD};
 use crate::abi::{Shader, shaders};
-use crate::gpu::buffer::{AnyBuffer, Buffer};
+use crate::gpu::buffer::Buffer;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
-use crate::pack::splats::Packed;
 use crate::render::Settings;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{
+    RasterList, RasterPipelines, RasterSplats, RasterTriangles,
+};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::{SPLAT, VERTEX};
@@ -98,35 +101,30 @@ impl Splats {
         })
     }
 
-    /// Pass `hybrid.splats`: the splats of a draw list of `capacity` records. Keeps what the triangles left, unless it is the
-    /// first pass of the frame.
+    fn pipelines(&self) -> RasterPipelines<'_> {
+        RasterPipelines {
+            points: Some(&self.points),
+            quads: Some(&self.quads),
+            ..RasterPipelines::default()
+        }
+    }
+
+    /// Pass `hybrid.splats`: the splats of a list, if there are any. Keeps what the triangles left, unless it is the first pass
+    /// of the frame.
     pub(crate) fn record_list(
         &self,
         frame: &mut Frame<'_>,
         targets: &Targets,
-        (list, packed, capacity): (&dyn AnyBuffer, Packed, usize),
+        list: &RasterList<'_>,
         (context, is_first): (&Context, bool),
         constants: Uniform,
     ) {
-        if packed == Packed::default() {
+        let list = list.only_splats();
+        if list.is_empty() {
             return;
         }
-        let pass = targets
-            .attach_after(frame.pass("hybrid.splats"), context, is_first)
-            .vertices(list);
-        pass.draw(context.viewport(), |draw| {
-            draw.cull_back_faces(false, false);
-            if packed.points > 0 {
-                draw.bind(&self.points, &[constants], &[]);
-                draw.vertices(list, 0);
-                draw.draw(0, packed.points as u32);
-            }
-            if packed.quads > 0 {
-                draw.bind(&self.quads, &[constants], &[]);
-                draw.vertices(list, 0);
-                draw.draw_quads((capacity - packed.quads) as u32, packed.quads as u32);
-            }
-        });
+        let pass = targets.attach_after(frame.pass("hybrid.splats"), context, is_first);
+        raster_pass::draw(pass, &list, self.pipelines(), context, constants);
     }
 
     /// Pass `hybrid.splats`: the points of a list by the arguments at an offset of a buffer. Keeps what the triangles left.
@@ -160,22 +158,12 @@ impl Splats {
         context: &Context,
         constants: Uniform,
     ) {
-        let mut pass = targets.attach(frame.pass("points.draw"), context);
-        for page in &scene.pages {
-            pass = pass.vertices(&page.vertices);
-        }
-        pass.draw(context.viewport(), |draw| {
-            draw.cull_back_faces(false, false);
-            let pipeline = if as_quads { &self.quads } else { &self.points };
-            draw.bind(pipeline, &[constants], &[]);
-            for page in &scene.pages {
-                draw.vertices(&page.vertices, 0);
-                if as_quads {
-                    draw.draw_quads(0, page.vertex_count);
-                } else {
-                    draw.draw(0, page.vertex_count);
-                }
-            }
-        });
+        let list = RasterList {
+            scene,
+            triangles: RasterTriangles::Nothing,
+            splats: RasterSplats::Vertices { as_quads },
+        };
+        let pass = targets.attach(frame.pass("points.draw"), context);
+        raster_pass::draw(pass, &list, self.pipelines(), context, constants);
     }
 }

@@ -5,10 +5,10 @@
 
 pub(crate) use crate::render::vulkan::raster_pass::Run;
 
-use crate::gpu::buffer::AnyBuffer;
-use crate::gpu::frame::{Draw, Frame, Uniform};
+use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::Pipeline;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines};
 use crate::render::vulkan::targets::{Context, Targets};
 
 /// Pass `hybrid.triangles`: the leaves that are large on screen. Clears the targets. A frame without any begins with the pass
@@ -17,39 +17,14 @@ pub(crate) fn record_triangles(
     frame: &mut Frame<'_>,
     pipeline: &Pipeline,
     targets: &Targets,
-    scene: &Scene,
-    (indices, runs): (&dyn AnyBuffer, &[Run]),
+    list: &RasterList<'_>,
     context: &Context,
     constants: Uniform,
 ) {
-    let mut pass = targets
-        .attach(frame.pass("hybrid.triangles"), context)
-        .indices(indices);
-    for page in &scene.pages {
-        pass = pass.vertices(&page.vertices);
-    }
-    pass.draw(context.viewport(), |draw| {
-        draw_runs(draw, pipeline, scene, (indices, runs), context, constants);
-    });
-}
-
-/// Draws triangles of a list, if there are any, in a pass that has declared it and the pages of the scene.
-pub(crate) fn draw_runs(
-    draw: &mut Draw<'_>,
-    pipeline: &Pipeline,
-    scene: &Scene,
-    (indices, runs): (&dyn AnyBuffer, &[Run]),
-    context: &Context,
-    constants: Uniform,
-) {
-    if runs.is_empty() {
-        return;
-    }
-    draw.cull_back_faces(context.cull_back, context.is_mirrored);
-    draw.bind(pipeline, &[constants], &[]);
-    draw.indices(indices, 0);
-    for run in runs {
-        draw.vertices(&scene.pages[run.page].vertices, 0);
-        draw.draw_indexed(run.first, run.count, 0);
-    }
+    let pipelines = RasterPipelines {
+        triangles: Some(pipeline),
+        ..RasterPipelines::default()
+    };
+    let pass = targets.attach(frame.pass("hybrid.triangles"), context);
+    raster_pass::draw(pass, &list.only_triangles(), pipelines, context, constants);
 }

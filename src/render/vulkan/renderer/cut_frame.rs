@@ -5,7 +5,7 @@ use crate::gpu::Error;
 use crate::gpu::device::Kind;
 use crate::gpu::frame::Ticket;
 use crate::math::camera::View;
-use crate::pack::splats::{Packed, SLACK_PX};
+use crate::pack::splats::SLACK_PX;
 use crate::pack::{ColorBy, Footprint};
 use crate::render::cost::choose;
 use crate::render::cost::choose::Asked;
@@ -255,12 +255,16 @@ impl Renderer {
             (Drawing::Opaque, ..) if held.is_shown => {}
             (Drawing::Opaque, Some((_, pipeline)), Some(splats), _) => {
                 let small = self.small.as_ref().filter(|_| ways.is_small);
-                let mut packed_left = packed;
-                if small.is_some() {
-                    packed_left.points = 0;
-                }
+                let records = match small {
+                    Some(_) => records.without_points(),
+                    None => records,
+                };
+                let list = RasterList {
+                    splats: RasterSplats::Records(records),
+                    ..raster
+                };
                 let has_small = small.is_some() && !small_list.is_empty();
-                let has_splats = packed_left != Packed::default();
+                let has_splats = !records.is_empty();
                 // The first pass clears, be there triangles or not.
                 let has_triangles = !lists.runs.is_empty() || !(has_small || has_splats);
                 if has_triangles {
@@ -268,8 +272,7 @@ impl Renderer {
                         &mut frame,
                         pipeline,
                         &self.targets,
-                        scene,
-                        (lists.indices(), &lists.runs),
+                        &list,
                         &context,
                         constants,
                     );
@@ -281,7 +284,7 @@ impl Renderer {
                 splats.record_list(
                     &mut frame,
                     &self.targets,
-                    (lists.splats(), packed_left, capacity),
+                    &list,
                     (&context, !has_triangles && !has_small),
                     constants,
                 );
