@@ -4,8 +4,7 @@ use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::AnyBuffer;
-use crate::gpu::frame::{Draw, Frame, Uniform};
-use crate::render::screen_bounds;
+use crate::gpu::frame::{Frame, Uniform};
 use crate::render::vulkan::mapped_picture::Drawn;
 use crate::render::vulkan::opaque::compute::Variant;
 use crate::render::vulkan::opaque::triangle_runs::Run;
@@ -42,14 +41,6 @@ impl List<'_> {
     /// Whether nothing is drawn.
     pub(crate) fn is_empty(&self) -> bool {
         self.runs.is_empty() && self.splat_count == 0
-    }
-
-    /// Draws a triangle over all parts of the picture in which anything can be.
-    pub(super) fn cover(&self, draw: &mut Draw<'_>) {
-        for &area in self.areas {
-            draw.scissor(screen_bounds::area(area));
-            draw.draw(0, 3);
-        }
     }
 }
 

@@ -21,6 +21,8 @@ use crate::gpu::pipeline::{
 use crate::gpu::{Error, Gpu};
 use crate::render::screen_bounds;
 use crate::render::vulkan::mapped_sums::Drawn;
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::ScreenDraw;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::storage_ranges::{Bound, Triangles};
 use crate::render::vulkan::targets::{Context, Targets};
@@ -362,9 +364,9 @@ impl Twin {
         let picture = frame.uniform(&storage_ranges::constants(context))?;
         let [front, sums] = drawn.buffers();
         // See the vertex shader.
-        let [x, y, width, height] = whole(context);
-        let tile = FILTERED_TILE_PX as f32;
-        let viewport = [x, y, width + tile, height + tile];
+        let size_px = [context.width, context.height];
+        let [width, height] = size_px.map(|side| (side + FILTERED_TILE_PX) as f32);
+        let viewport = [0.0, 0.0, width, height];
         targets
             .attach(frame.pass(self.kind.passes.normalize), context)
             .sampled(none)
@@ -422,16 +424,17 @@ impl Twin {
     /// When the frame has no room for constants.
     fn merge(&self, frame: &mut Frame<'_>, depth: &Target, context: &Context) -> Result<(), Error> {
         let picture = frame.uniform(&storage_ranges::constants(context))?;
-        frame
+        let pass = frame
             .pass(self.kind.passes.merge)
             .depth(depth, Load::Keep)
-            .fragment_storage(&self.front)
-            .draw(whole(context), |draw| {
-                draw.cull_back_faces(false, false);
-                draw.scissor(screen_bounds::area(context.rect_px));
-                draw.bind_storage(&self.merge, &[picture], &[], &[Slice::whole(&self.front)]);
-                draw.draw(0, 3);
-            });
+            .fragment_storage(&self.front);
+        let screen = ScreenDraw {
+            pipeline: &self.merge,
+            uniforms: &[picture],
+            images: &[],
+            storage: &[Slice::whole(&self.front)],
+        };
+        raster_pass::full_screen(pass, &screen, context.rect_px);
         Ok(())
     }
 
@@ -480,22 +483,17 @@ impl Twin {
         } else {
             &self.normalize
         };
-        targets
+        let pass = targets
             .attach(frame.pass(self.kind.passes.normalize), context)
-            .sampled(large)
             .fragment_storage(&self.front)
-            .fragment_storage(&self.sums)
-            .draw(whole(context), |draw| {
-                draw.cull_back_faces(false, false);
-                draw.scissor(screen_bounds::area(context.rect_px));
-                draw.bind_storage(pipeline, &[constants, picture], &[large], &[front, sums]);
-                draw.draw(0, 3);
-            });
+            .fragment_storage(&self.sums);
+        let screen = ScreenDraw {
+            pipeline,
+            uniforms: &[constants, picture],
+            images: &[large],
+            storage: &[front, sums],
+        };
+        raster_pass::full_screen(pass, &screen, context.rect_px);
         Ok(())
     }
-}
-
-/// The viewport of a pass over the picture.
-fn whole(context: &Context) -> [f32; 4] {
-    [0.0, 0.0, context.width as f32, context.height as f32]
 }

@@ -22,6 +22,7 @@ use crate::pack::Footprint;
 use crate::render::frame_plan::Drawing;
 use crate::render::screen_bounds;
 use crate::render::vulkan::COLOR;
+use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Items;
 use crate::render::vulkan::targets::{Context, Targets};
@@ -336,12 +337,10 @@ impl Small {
         if let (Some(drawn), Some(pipeline)) = (list.drawn, &self.resolve_drawn) {
             let uniform = frame.uniform(&storage_ranges::constants(context))?;
             let pass = targets.attach_after(frame.pass("small.resolve"), context, is_first);
-            let picture = [0.0, 0.0, context.width as f32, context.height as f32];
             let pass = pass.fragment_storage(drawn.buffer());
-            pass.draw(picture, |draw| {
-                draw.cull_back_faces(false, false);
+            pass.draw_whole(|draw| {
                 draw.bind_storage(pipeline, &[constants, uniform], &[], &[drawn.storage()]);
-                list.cover(draw);
+                raster_pass::cover(draw, list.areas);
             });
             return Ok(());
         }
@@ -422,9 +421,7 @@ impl Small {
         for page in &list.scene.pages {
             pass = pass.fragment_storage(&page.vertices);
         }
-        let picture = [0.0, 0.0, context.width as f32, context.height as f32];
-        pass.draw(picture, |draw| {
-            draw.cull_back_faces(false, false);
+        pass.draw_whole(|draw| {
             for &((part, uniform, _), vertices) in &items.triangles {
                 draw.bind_storage(
                     &self.resolve_triangles,
@@ -432,7 +429,7 @@ impl Small {
                     &[],
                     &[part, vertices, keys],
                 );
-                list.cover(draw);
+                raster_pass::cover(draw, list.areas);
             }
             for &(part, uniform, _) in &items.all {
                 draw.bind_storage(
@@ -441,7 +438,7 @@ impl Small {
                     &[],
                     &[part, keys],
                 );
-                list.cover(draw);
+                raster_pass::cover(draw, list.areas);
             }
         });
     }
