@@ -26,6 +26,11 @@ pub(crate) struct FrameContext {
 }
 
 impl FrameContext {
+    /// All of the picture: left, top, and one past right and bottom, pixels.
+    pub(crate) fn whole_px(&self) -> [u32; 4] {
+        [0, 0, self.width, self.height]
+    }
+
     /// The viewport: larger than the picture by the guard band. A point is dropped by the device when its
     /// center leaves the view volume, even if its square still reaches into the picture; with the view volume
     /// widened by half the largest square, none of those is lost.

@@ -15,7 +15,7 @@ use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_constants::frame_constants;
 use crate::render::frame_plan::{Choice, Drawing, largest_splat_px, splat_plan};
 use crate::render::stats::{Kept, Stage};
-use crate::render::vulkan::blended::compute;
+use crate::render::vulkan::blended::compute as blended_compute;
 use crate::render::vulkan::blended::compute::Share;
 use crate::render::vulkan::blended::{filtered, fuzzy};
 use crate::render::vulkan::draw_lists::{Held, Host, Key, Packing, Ways};
@@ -228,7 +228,7 @@ impl Renderer {
             drawn: (held.is_drawn && drawing == Drawing::Opaque).then_some(&lists.nearest),
         };
         // What compute draws of blended splats.
-        let small_of = |splats: usize| compute::Small {
+        let small_of = |splats: usize| blended_compute::Small {
             splats: lists.splats(),
             splat_count: splats as u32,
             triangles: Triangles {

@@ -9,7 +9,6 @@
 //! Ours: both passes leave color, class, distance and offset in every pixel, so that no reconstruction takes color across
 //! a step in depth, and a hole that nothing fills shows the footprint that made it.
 
-
 use crate::abi::specialization::{IS_CENTER, IS_QUAD};
 use crate::abi::{Shader, shaders};
 use crate::gpu::frame::{Frame, Load, Uniform};
