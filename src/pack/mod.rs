@@ -92,6 +92,9 @@ pub struct Style {
     pub use_colors: bool,
     /// Factor of the depth offset of splats that are blended, see [`crate::render::Settings::depth_offset`].
     pub depth_offset: f32,
+    /// Binary places of window positions after snapping, 4..=8: those of the device that the picture is compared with
+    /// (`subPixelPrecisionBits`). 8 is what lavapipe and the common GPUs report.
+    pub subpixel_bits: u32,
 }
 
 impl Default for Style {
@@ -110,6 +113,7 @@ impl Default for Style {
             two_sided: true,
             use_colors: true,
             depth_offset: 3.0,
+            subpixel_bits: 8,
         }
     }
 }

@@ -1,28 +1,19 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use crate::abi::{FilteredSplat, Splat, WeightedSplat};
-use crate::cut::{Cut, Selector, Undrawn};
 use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
-use crate::pack;
-use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style, triangles};
+use crate::render::Settings;
 use crate::render::cost::model::Costs;
-use crate::render::frame_plan::{
-    Choice, Drawing, check, filtered_shade, for_view, largest_splat_px, splat_plan,
-};
-use crate::render::reference::{Drawn, count_overdraw};
-use crate::render::stats::Stage;
-use crate::render::vulkan::overdraw::Overdraw;
-use crate::render::vulkan::renderer::{Counts, FrameTimes, Outputs, Renderer};
+use crate::render::frame_plan::{check, for_view};
+use crate::render::reference::engine::MirrorEngine;
+pub use crate::render::reference::engine::style;
+use crate::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
 use crate::render::vulkan::scene::Scene;
-use crate::render::{Blend, Method, Settings, Shading, SplatKind, reference};
 use crate::tree::Model;
-use bytemuck::Zeroable;
-use std::sync::{Arc, OnceLock};
-use std::time::Instant;
+use std::sync::Arc;
 
 /// Where pictures are made.
 #[derive(Debug, Clone)]
@@ -76,18 +67,6 @@ enum Kind {
     Mirror(Box<MirrorEngine>),
 }
 
-#[derive(Debug, Default)]
-struct MirrorEngine {
-    outputs: Outputs,
-    selector: Selector,
-    cut: Cut,
-    /// Of the engine's model.
-    undrawn: OnceLock<Undrawn>,
-    image: Image,
-    /// Of the last frame, where overdraw was counted.
-    counts: Option<Vec<u32>>,
-}
-
 impl<'m> Engine<'m> {
     /// Readies a model for pictures of `width` x `height` pixels.
     ///
@@ -105,13 +84,19 @@ impl<'m> Engine<'m> {
                 samples: None,
                 scene: Scene::new(gpu, model)?,
             },
-            Backend::Mirror => Kind::Mirror(Box::new(MirrorEngine {
-                outputs,
-                selector: Selector::default().with_subpixel_bits(reference::SUBPIXEL_BITS),
-                ..MirrorEngine::default()
-            })),
+            Backend::Mirror => Kind::Mirror(Box::new(MirrorEngine::new(outputs))),
         };
         Ok(Self { model, kind })
+    }
+
+    /// Lets the mirror snap positions to so many binary places of a pixel, 4..=8, in pictures that are compared with those
+    /// of a device ([`Gpu::info`] has its number); 8 at first. A device has its own.
+    #[must_use]
+    pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
+        if let Kind::Mirror(mirror) = &mut self.kind {
+            mirror.set_subpixel_bits(bits);
+        }
+        self
     }
 
     /// Draws a frame and waits until it is finished.
@@ -258,157 +243,5 @@ impl<'m> Engine<'m> {
             }
         }
         Ok(mean.mean())
-    }
-}
-
-impl MirrorEngine {
-    fn draw(&mut self, model: &Model, view: &View, settings: &Settings) -> FrameTimes {
-        let start = Instant::now();
-        let mut times = FrameTimes::default();
-        times.starts.frame = Some(start);
-        let style = Style {
-            depth_range: pack::falsecolor::depth_range(model, view),
-            ..style(settings, model)
-        };
-        let used = &model.vertices[..model.used_vertices as usize];
-        let mut splats = Vec::new();
-        let mut filtered = Vec::new();
-        let mut weighted = Vec::new();
-        let mut triangles = Vec::new();
-        let mut list = DrawList {
-            vertices: used,
-            ..DrawList::default()
-        };
-        match settings.method {
-            Method::Triangles => list.triangles = &model.triangles,
-            Method::Points => list.points = used,
-            Method::Splats | Method::Pop => {
-                let cut = Stage::Cut.begin();
-                let undrawn = || self.undrawn.get_or_init(|| Undrawn::new(model));
-                let (selector, chosen) = (&mut self.selector, &mut self.cut);
-                Choice::of(settings, model, view).select(selector, model, undrawn, chosen);
-                cut.end(&mut times);
-                let packing = Stage::Pack.begin();
-                let is_whole = settings.method == Method::Splats;
-                let cut = &mut self.cut;
-                match Drawing::of(settings) {
-                    Drawing::Opaque | Drawing::Visibility => {
-                        let plan = splat_plan(settings, f32::INFINITY);
-                        splats.resize(pack::splats::count(cut, &plan), Splat::zeroed());
-                        let packed = pack::splats::pack(model, cut, view, &plan, &mut splats);
-                        splats.truncate(packed.points);
-                    }
-                    Drawing::Fuzzy => {
-                        let plan = splat_plan(settings, f32::INFINITY);
-                        let count = pack::splats::count(cut, &plan);
-                        weighted.resize(count, WeightedSplat::zeroed());
-                        let packed = pack::splats::pack(model, cut, view, &plan, &mut weighted);
-                        weighted.truncate(packed.points);
-                    }
-                    Drawing::Filtered => {
-                        let shade = filtered_shade(settings, model, f32::INFINITY);
-                        let large = pack::filtered::take_triangles(model, view, &shade, cut);
-                        let most = pack::filtered::splat_count(cut, large);
-                        filtered.resize(most, FilteredSplat::zeroed());
-                        let out = &mut filtered;
-                        let count = pack::filtered::splats(model, cut, large, view, shade, out);
-                        filtered.truncate(count);
-                    }
-                    Drawing::Nothing => {}
-                }
-                let ids: &[u32] = if is_whole { &[] } else { &cut.triangles };
-                triangles.resize(ids.len(), [0; 3]);
-                triangles::triangles(ids, |id| model.triangles[id as usize], &mut triangles);
-                packing.end(&mut times);
-                list.splats = &splats;
-                list.triangles = &triangles;
-            }
-        }
-        times.counts = Counts {
-            nodes_visited: if settings.has_cut() {
-                self.cut.stats.visited
-            } else {
-                0
-            },
-            hidden: if settings.has_cut() {
-                self.cut.stats.hidden
-            } else {
-                0
-            },
-            between: if settings.has_cut() {
-                self.cut.stats.between
-            } else {
-                0
-            },
-            splats: (list.splats.len() + filtered.len() + weighted.len()) as u64,
-            triangles: list.triangles.len() as u64,
-            points: list.points.len() as u64,
-            draw_list_bytes: (size_of_val(list.splats)
-                + size_of_val(filtered.as_slice())
-                + size_of_val(weighted.as_slice())
-                + size_of_val(triangles.as_slice())) as u64,
-        };
-        let is_counted = settings.color_by == ColorBy::Overdraw;
-        let count = |drawn: Drawn<'_>| is_counted.then(|| count_overdraw(view, drawn, &style));
-        self.image = if settings.draws_filtered() {
-            let list = FilteredList {
-                vertices: list.vertices,
-                triangles: list.triangles,
-                splats: &filtered,
-            };
-            self.counts = count(Drawn::Filtered(&list));
-            reference::render_filtered(view, &list, &style, self.outputs).image
-        } else if settings.draws_visibility() {
-            let how = reference::Filling {
-                reconstruction: settings.reconstruction,
-                largest_px: largest_splat_px(model, settings),
-            };
-            self.counts = count(Drawn::Opaque(&list));
-            reference::render_visibility(view, &list, &style, how, self.outputs).image
-        } else if Drawing::of(settings) == Drawing::Fuzzy {
-            let list = FuzzyList {
-                vertices: list.vertices,
-                triangles: list.triangles,
-                splats: &weighted,
-                points: list.points,
-                has_coverage: settings.sums_coverage(!model.triangles.is_empty()),
-            };
-            let passes = match settings.blend() {
-                Blend::DepthThreshold => reference::Passes::DepthThreshold,
-                Blend::DepthRange => reference::Passes::DepthRange,
-                Blend::TwoPass | Blend::Opaque => reference::Passes::Two,
-            };
-            self.counts = count(Drawn::Fuzzy(&list));
-            reference::render_fuzzy(view, &list, &style, passes, self.outputs).image
-        } else {
-            self.counts = count(Drawn::Opaque(&list));
-            reference::render(view, &list, &style, self.outputs)
-        };
-        if let Some(counts) = &self.counts {
-            times.overdraw = Some(Overdraw::of(counts.iter().copied()));
-            self.image.color = reference::show_overdraw(counts, &style);
-        }
-        times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
-        times
-    }
-}
-
-/// How primitives look under `settings`, but for [`Style::depth_range`].
-pub fn style(settings: &Settings, model: &Model) -> Style {
-    Style {
-        splat_size_px: settings.threshold_px.max(1.0),
-        footprint: settings.footprint(),
-        is_gauss: settings.splat == SplatKind::Gauss,
-        low_pass_px: settings.low_pass_px(),
-        is_deferred: settings.shading == Shading::Deferred,
-        background: settings.background,
-        color_by: settings.color_by,
-        // Of the frame, whose camera is not known here.
-        depth_range: Style::default().depth_range,
-        cull_back_faces: settings.draws_fronts_only(model.is_closed),
-        light: settings.light.in_model(model.origin),
-        two_sided: settings.two_sided,
-        use_colors: settings.use_colors,
-        depth_offset: settings.depth_offset(),
     }
 }

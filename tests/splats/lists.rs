@@ -5,7 +5,7 @@ use surfel::abi::{Splat, WeightedSplat};
 use surfel::math::camera::{Camera, View};
 use surfel::math::octahedral;
 use surfel::pack::{Footprint, FuzzyList, Style};
-use surfel::render::reference::{Fuzzy, Outputs, Passes, render_fuzzy};
+use surfel::render::reference::{BlendPasses, FuzzyRendering, Outputs, render_fuzzy};
 
 fn view() -> View {
     Camera::look_at(
@@ -42,7 +42,7 @@ fn gauss() -> Style {
     }
 }
 
-fn render(splats: &[WeightedSplat], style: &Style, passes: Passes) -> Fuzzy {
+fn render(splats: &[WeightedSplat], style: &Style, passes: BlendPasses) -> FuzzyRendering {
     let list = FuzzyList {
         splats,
         ..FuzzyList::default()
@@ -62,7 +62,7 @@ fn depth_and_sums_are_those_of_the_formula() {
     let done = render(
         &[splat(Vec3::new(0.0, 0.0, -10.0), 1.0, Vec3::Z, [255; 3])],
         &gauss(),
-        Passes::Two,
+        BlendPasses::Two,
     );
     let view = view();
     let f = f64::from(view.focal_px());
@@ -103,7 +103,7 @@ fn weights_of_areas_add_up_to_the_area() {
             low_pass_px,
             ..gauss()
         };
-        let done = render(&[one], &style, Passes::Two);
+        let done = render(&[one], &style, BlendPasses::Two);
         let sum: f64 = done.sums.iter().map(|s| f64::from(s[3])).sum();
         let expected = 30.0 * f64::from(normal.z) * (f / 20.0).powi(2);
         // The perspective across the patch, and pixels along the cut at exp(-2).
@@ -122,7 +122,7 @@ fn a_second_layer_is_seen_exactly_within_the_offset() {
         let splats: Vec<_> = layer(-10.0, [255, 0, 0])
             .chain(layer(-10.0 - gap, [0, 255, 0]))
             .collect();
-        let done = render(&splats, &gauss(), Passes::Two);
+        let done = render(&splats, &gauss(), BlendPasses::Two);
         // The middle of the picture, where rays are almost parallel to the normals.
         let [r, g, _, _] = done.sums[32 * 64 + 32];
         let share = g / (r + g);
@@ -148,7 +148,7 @@ fn shuffled(splats: &[WeightedSplat], seed: u64) -> Vec<WeightedSplat> {
 }
 
 /// Largest difference of a channel over 100 orders, in levels.
-fn order_sensitivity(splats: &[WeightedSplat], passes: Passes) -> u8 {
+fn order_sensitivity(splats: &[WeightedSplat], passes: BlendPasses) -> u8 {
     let first = render(splats, &gauss(), passes).image.color;
     (1..100)
         .map(|seed| {
@@ -180,8 +180,8 @@ fn order_matters_in_one_pass_only() {
             splats.push(splat(at, 1.0, Vec3::Z, color));
         }
     }
-    let two = order_sensitivity(&splats, Passes::Two);
-    let threshold = order_sensitivity(&splats, Passes::DepthThreshold);
+    let two = order_sensitivity(&splats, BlendPasses::Two);
+    let threshold = order_sensitivity(&splats, BlendPasses::DepthThreshold);
     println!("largest difference over 100 orders: two passes {two}, threshold {threshold} levels");
     assert!(two <= 1);
     assert!(threshold > 50, "{threshold}");
@@ -201,7 +201,7 @@ fn ranges_of_depth_chain() {
             )
         })
         .collect();
-    let done = render(&row, &gauss(), Passes::DepthRange);
+    let done = render(&row, &gauss(), BlendPasses::DepthRange);
     let view = view();
     let i = 32 * 64 + 32;
     let chain =
@@ -209,7 +209,7 @@ fn ranges_of_depth_chain() {
     println!("a chain of {chain:.2} diameters");
     assert!(chain > 4.0, "{chain}");
     // Two passes stop at the offset of the first: 1 / 0.312.
-    let two = render(&row, &gauss(), Passes::Two);
+    let two = render(&row, &gauss(), BlendPasses::Two);
     assert!(two.sums[i][3] < done.sums[i][3]);
 }
 
@@ -222,7 +222,11 @@ fn what_is_no_place_draws_nothing() {
         splat(Vec3::new(0.0, 0.0, -90.0), 1.0, Vec3::Z, [255; 3]),
         splat(Vec3::new(0.0, 0.0, -10.0), nan, Vec3::Z, [255; 3]),
     ];
-    for passes in [Passes::Two, Passes::DepthThreshold, Passes::DepthRange] {
+    for passes in [
+        BlendPasses::Two,
+        BlendPasses::DepthThreshold,
+        BlendPasses::DepthRange,
+    ] {
         let done = render(&splats, &gauss(), passes);
         assert!(done.image.color.iter().all(|c| *c == [0; 4]));
         assert!(done.sums.iter().flatten().all(|s| *s == 0.0));

@@ -3,12 +3,12 @@
 //! Near and far planes clip as in Vulkan. The sides of the picture do not: pixels outside are simply never
 //! visited. Only a guard band far outside bounds the integers of the rasterizer.
 
-use crate::render::reference::Frame;
+use crate::render::reference::frame::ReferenceFrame;
 use glam::{DVec3, DVec4};
 
 /// A corner of a clipped triangle.
 #[derive(Clone, Copy)]
-pub(super) struct Corner {
+pub(super) struct ClipCorner {
     /// Clip space.
     pub(super) clip: DVec4,
     /// Distance along the view direction.
@@ -21,7 +21,7 @@ pub(super) struct Corner {
     pub(super) color: DVec3,
 }
 
-impl Corner {
+impl ClipCorner {
     /// The point at `t` from `self` to `other`; clip space is linear in the surface, so everything is.
     fn towards(&self, other: &Self, t: f64) -> Self {
         Self {
@@ -40,12 +40,12 @@ const GUARD_BAND_PX: f64 = (1u64 << 20) as f64;
 
 /// Clips a triangle to a convex polygon, at most one more corner for each of the six planes; `None` when
 /// nothing is left. Every corner has w > 0 and a window position inside the guard band.
-pub(super) fn clip(frame: &Frame, corners: [Corner; 3]) -> Option<Vec<Corner>> {
+pub(super) fn clip(frame: &ReferenceFrame, corners: [ClipCorner; 3]) -> Option<Vec<ClipCorner>> {
     let limit_x = 2.0 * GUARD_BAND_PX / f64::from(frame.view.width);
     let limit_y = 2.0 * GUARD_BAND_PX / f64::from(frame.view.height);
     let (near, far) = (f64::from(frame.view.near), f64::from(frame.view.far));
     // Each is linear in the surface and not negative inside. Near comes first: it makes w positive.
-    let planes: [&dyn Fn(&Corner) -> f64; 6] = [
+    let planes: [&dyn Fn(&ClipCorner) -> f64; 6] = [
         &|c| c.distance - near,
         &|c| far - c.distance,
         &|c| limit_x * c.clip.w - c.clip.x,

@@ -13,7 +13,7 @@
 //! The shaders have the same footprint as a quadratic form (`shaders/common/disc.glsl`); here it is computed as it is
 //! defined.
 
-use crate::render::reference::{Frame, pixels_between, snap};
+use crate::render::reference::frame::ReferenceFrame;
 use glam::{DVec2, DVec3, Vec3};
 use std::ops::Range;
 
@@ -26,7 +26,7 @@ const LEAST_ROUND_PX: f64 = std::f64::consts::SQRT_2;
 
 /// A patch of surface in view space, as footprints see it.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Patch {
+pub(super) struct SurfacePatch {
     pub(super) center: Vec3,
     /// Unit, or zero where there is none.
     pub(super) normal: DVec3,
@@ -38,8 +38,8 @@ pub(super) struct Patch {
 
 /// The pixels that a round splat covers.
 #[derive(Debug, Clone)]
-pub(super) struct Disc {
-    shape: Shape,
+pub(super) struct DiscFootprint {
+    shape: DiscShape,
     /// Projected center, pixels.
     center_px: DVec2,
     /// Area of the ellipse of the form at the center.
@@ -53,7 +53,7 @@ pub(super) struct Disc {
 }
 
 #[derive(Debug, Clone)]
-enum Shape {
+enum DiscShape {
     /// All of the square: what is so small that it might lie between the centers of pixels.
     Square,
     /// A disc in a plane of view space.
@@ -70,15 +70,15 @@ enum Shape {
 }
 
 /// A footprint whose pixels are not looked for yet.
-struct Unbounded {
+struct UnboundedDisc {
     center: DVec3,
-    shape: Shape,
+    shape: DiscShape,
     /// Those of `shape`, of which they give the bounds.
     form: DVec3,
     skew: DVec2,
 }
 
-impl Unbounded {
+impl UnboundedDisc {
     fn of_form(center: DVec3, form: DVec3, skew: DVec2, low_pass_px: f64) -> Self {
         let form = if low_pass_px > 0.0 {
             let widened = 4.0 * low_pass_px * low_pass_px;
@@ -88,14 +88,14 @@ impl Unbounded {
         };
         Self {
             center,
-            shape: Shape::Form { form, skew },
+            shape: DiscShape::Form { form, skew },
             form,
             skew,
         }
     }
 
     /// With `is_pixel_at_least` what is small becomes a square.
-    fn bounded(self, frame: &Frame, is_pixel_at_least: bool) -> Option<Disc> {
+    fn bounded(self, frame: &ReferenceFrame, is_pixel_at_least: bool) -> Option<DiscFootprint> {
         let Self {
             center,
             shape,
@@ -111,18 +111,19 @@ impl Unbounded {
         let (shape, size) = if size >= LEAST_ROUND_PX || !is_pixel_at_least {
             (shape, (size + 1.0 / 64.0).max(1.0))
         } else {
-            (Shape::Square, size.max(1.0))
+            (DiscShape::Square, size.max(1.0))
         };
         // Far beyond any picture, yet sums of two stay far inside an i64.
         const LIMIT_PX: f64 = (1u64 << 40) as f64;
         if center_px.abs().max_element() >= LIMIT_PX {
             return None;
         }
-        let side = snap(size.min(LIMIT_PX));
-        let [left, top] = [center_px.x, center_px.y].map(|c| snap(c) - side / 2);
-        let columns = pixels_between(left, left + side, frame.view.width);
-        let rows = pixels_between(top, top + side, frame.view.height);
-        (!columns.is_empty() && !rows.is_empty()).then_some(Disc {
+        let grid = frame.grid;
+        let side = grid.snap(size.min(LIMIT_PX));
+        let [left, top] = [center_px.x, center_px.y].map(|c| grid.snap(c) - side / 2);
+        let columns = grid.pixels_between(left, left + side, frame.view.width);
+        let rows = grid.pixels_between(top, top + side, frame.view.height);
+        (!columns.is_empty() && !rows.is_empty()).then_some(DiscFootprint {
             shape,
             center_px,
             area_px: std::f64::consts::PI / (form.x * form.z - form.y * form.y).sqrt(),
@@ -138,21 +139,29 @@ pub(super) fn thickness_of([.., alpha]: [u8; 4]) -> f64 {
     f64::from(255 - alpha) / 254.0
 }
 
-impl Disc {
+impl DiscFootprint {
     /// The footprint of a patch; `None` when it covers no pixel of the picture. Where the patch reaches the near
     /// plane it is a circle of the radius that a facing disc would have in the middle of the picture.
     ///
     /// `low_pass_px` widens it by a Gaussian of that standard deviation, where rho = 1 stands for two of them.
-    pub(super) fn new(frame: &Frame, patch: &Patch, low_pass_px: f64) -> Option<Self> {
+    pub(super) fn new(
+        frame: &ReferenceFrame,
+        patch: &SurfacePatch,
+        low_pass_px: f64,
+    ) -> Option<Self> {
         Self::unbounded(frame, patch, low_pass_px)?.bounded(frame, true)
     }
 
     /// The footprint as it is: it may lie between the centers of pixels.
-    pub(super) fn exact(frame: &Frame, patch: &Patch) -> Option<Self> {
+    pub(super) fn exact(frame: &ReferenceFrame, patch: &SurfacePatch) -> Option<Self> {
         Self::unbounded(frame, patch, 0.0)?.bounded(frame, false)
     }
 
-    fn unbounded(frame: &Frame, patch: &Patch, low_pass_px: f64) -> Option<Unbounded> {
+    fn unbounded(
+        frame: &ReferenceFrame,
+        patch: &SurfacePatch,
+        low_pass_px: f64,
+    ) -> Option<UnboundedDisc> {
         let view = frame.view;
         let center = patch.center.as_dvec3();
         let distance = if view.is_perspective { -center.z } else { 1.0 };
@@ -160,11 +169,16 @@ impl Disc {
         if view.is_perspective && distance - patch.radius <= near {
             let radius_px = patch.radius * f64::from(view.focal_px()) / distance.max(near);
             let form = DVec3::new(1.0, 0.0, 1.0) / (radius_px * radius_px);
-            return Some(Unbounded::of_form(center, form, DVec2::ZERO, low_pass_px));
+            return Some(UnboundedDisc::of_form(
+                center,
+                form,
+                DVec2::ZERO,
+                low_pass_px,
+            ));
         }
         let normal = footprint_normal(patch, view.is_perspective);
         let ray = rays(frame);
-        let plane = Shape::Plane {
+        let plane = DiscShape::Plane {
             center,
             normal,
             radius: patch.radius,
@@ -173,9 +187,9 @@ impl Disc {
         };
         let (form, skew) = form_of_plane(center, normal, patch.radius, ray, view.is_perspective);
         if low_pass_px > 0.0 {
-            return Some(Unbounded::of_form(center, form, skew, low_pass_px));
+            return Some(UnboundedDisc::of_form(center, form, skew, low_pass_px));
         }
-        Some(Unbounded {
+        Some(UnboundedDisc {
             center,
             shape: plane,
             form,
@@ -184,9 +198,9 @@ impl Disc {
     }
 
     /// A circle of `radius_px` on the picture, around a view-space center.
-    pub(super) fn circle(frame: &Frame, center: Vec3, radius_px: f64) -> Option<Self> {
+    pub(super) fn circle(frame: &ReferenceFrame, center: Vec3, radius_px: f64) -> Option<Self> {
         let form = DVec3::new(1.0, 0.0, 1.0) / (radius_px * radius_px);
-        Unbounded::of_form(center.as_dvec3(), form, DVec2::ZERO, 0.0).bounded(frame, true)
+        UnboundedDisc::of_form(center.as_dvec3(), form, DVec2::ZERO, 0.0).bounded(frame, true)
     }
 
     /// The square of the distance from the center in the plane of the disc, in radii, where the ray of pixel
@@ -194,8 +208,8 @@ impl Disc {
     pub(super) fn rho_squared(&self, x: u32, y: u32) -> f64 {
         let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         match &self.shape {
-            Shape::Square => 0.0,
-            Shape::Form { form, skew } => {
+            DiscShape::Square => 0.0,
+            DiscShape::Form { form, skew } => {
                 let offset = at - self.center_px;
                 let w = 1.0 + skew.dot(offset);
                 if w > 0.0 {
@@ -207,7 +221,7 @@ impl Disc {
                     f64::INFINITY
                 }
             }
-            Shape::Plane {
+            DiscShape::Plane {
                 center,
                 normal,
                 radius,
@@ -236,29 +250,16 @@ impl Disc {
     /// times (1 - exp(-2)) / 2. Of a square its area.
     pub(super) fn gaussian_px(&self) -> f64 {
         let ellipse = self.area_px * (1.0 - (-2.0f64).exp()) / 2.0;
-        if matches!(self.shape, Shape::Square) {
+        if matches!(self.shape, DiscShape::Square) {
             self.side_px * self.side_px
         } else {
             ellipse
         }
     }
-
-    /// Calls `visit(x, y, rho²)` for every pixel of `rows` whose center lies in the footprint.
-    #[inline]
-    pub(super) fn for_each_pixel(&self, rows: Range<u32>, mut visit: impl FnMut(u32, u32, f64)) {
-        for y in rows {
-            for x in self.columns.clone() {
-                let squared = self.rho_squared(x, y);
-                if squared <= 1.0 {
-                    visit(x, y, squared);
-                }
-            }
-        }
-    }
 }
 
 /// The normal of the disc, turned to the eye; see the top of this file.
-fn footprint_normal(patch: &Patch, is_perspective: bool) -> DVec3 {
+fn footprint_normal(patch: &SurfacePatch, is_perspective: bool) -> DVec3 {
     let v = if is_perspective {
         (-patch.center.as_dvec3()).normalize_or(DVec3::Z)
     } else {
@@ -276,15 +277,15 @@ fn footprint_normal(patch: &Patch, is_perspective: bool) -> DVec3 {
 }
 
 /// A view-space point that pixel (x, y) shows: at distance 1, or for parallel rays on the plane through the eye.
-pub(super) fn through(frame: &Frame, x: u32, y: u32) -> DVec3 {
+pub(super) fn through(frame: &ReferenceFrame, x: u32, y: u32) -> DVec3 {
     let [scale, offset] = rays(frame);
     let at = DVec2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
     let depth = if frame.view.is_perspective { -1.0 } else { 0.0 };
     (at * scale + offset).extend(depth)
 }
 
-/// Scale and offset of the rays, see [`Shape::Plane`].
-fn rays(frame: &Frame) -> [DVec2; 2] {
+/// Scale and offset of the rays, see [`DiscShape::Plane`].
+fn rays(frame: &ReferenceFrame) -> [DVec2; 2] {
     let view = frame.view;
     let scale = DVec2::from(view.scale.map(f64::from));
     let shift = DVec2::from(view.offset.map(f64::from));
@@ -298,7 +299,7 @@ fn rays(frame: &Frame) -> [DVec2; 2] {
 }
 
 /// Pixel position of a view-space point in front of the eye.
-fn window(frame: &Frame, center: DVec3) -> DVec2 {
+fn window(frame: &ReferenceFrame, center: DVec3) -> DVec2 {
     let [scale, offset] = rays(frame);
     let at = if frame.view.is_perspective {
         center.truncate() / -center.z

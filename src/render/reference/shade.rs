@@ -1,25 +1,54 @@
 //! What light makes of a surface: the headlight's value = 0.8 |n . l| times the vertex color (conventions: "default
 //! shading"), or one lamp ([`crate::pack::Lighting`] has the equation).
 
+use crate::abi::Splat;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
 use crate::math::camera::{Light, View};
 use crate::math::octahedral;
 use crate::pack::{ALBEDO, ColorBy, Lighting, Phong, Source, Style, falsecolor};
+use crate::render::reference::bands::ShownPixel;
 use glam::{DVec3, DVec4, Vec3};
 
 /// Tints of [`ColorBy::Primitive`].
-const SPLAT_TINT: DVec3 = DVec3::new(1.0, 0.2, 0.2);
-const TRIANGLE_TINT: DVec3 = DVec3::new(0.2, 0.35, 1.0);
+pub(super) const SPLAT_TINT: DVec3 = DVec3::new(1.0, 0.2, 0.2);
+pub(super) const TRIANGLE_TINT: DVec3 = DVec3::new(0.2, 0.35, 1.0);
 
 /// What is being shaded, for [`ColorBy::Primitive`].
 #[derive(Clone, Copy)]
-pub(super) enum Kind {
+pub(super) enum SurfaceKind {
     Triangle,
     Splat,
 }
 
+/// A point of a surface.
+#[derive(Clone, Copy)]
+pub(super) struct SurfacePoint {
+    pub(super) kind: SurfaceKind,
+    /// Model space.
+    pub(super) position: DVec3,
+    /// Unit, model space; zero where the surface has none and is shaded as if it faced the light.
+    pub(super) normal: DVec3,
+    /// Value / 255.
+    pub(super) color: DVec3,
+    /// View-space distance.
+    pub(super) distance: f64,
+}
+
+impl SurfacePoint {
+    /// The center of a splat at a distance.
+    pub(super) fn of_splat(splat: &Splat, distance: f32) -> Self {
+        Self {
+            kind: SurfaceKind::Splat,
+            position: splat.center.as_dvec3(),
+            normal: normal_of(splat.normal, splat.color),
+            color: color_of(splat.color),
+            distance: f64::from(distance),
+        }
+    }
+}
+
 /// The constants of shading. Everything is in model space, whose axes are those of the world.
-pub(super) struct Shading {
+pub(super) struct SurfaceShading {
     /// The headlight, or the lamp.
     light: Source,
     /// What surfaces make of the lamp; none with the headlight.
@@ -36,7 +65,7 @@ pub(super) struct Shading {
     depth_range: [f32; 2],
 }
 
-impl Shading {
+impl SurfaceShading {
     pub(super) fn new(view: &View, style: &Style) -> Self {
         let backward = Source::Direction(view.backward.as_dvec3());
         let eye = if view.is_perspective {
@@ -64,24 +93,28 @@ impl Shading {
         }
     }
 
-    /// The color of a surface point, and that it covers; see [`Shading::value`].
-    pub(super) fn color(
-        &self,
-        kind: Kind,
-        position: DVec3,
-        normal: DVec3,
-        color: DVec3,
-    ) -> [f64; 4] {
-        let value = self.value(kind, position, normal, color);
-        [value.x, value.y, value.z, 1.0]
+    /// What a pixel shows that a surface point covers.
+    pub(super) fn shown(&self, point: &SurfacePoint) -> ShownPixel {
+        let [r, g, b] = self.value(point).to_array();
+        ShownPixel {
+            color: [r, g, b, 1.0],
+            distance: point.distance as f32,
+            normal: point.normal.as_vec3().to_array(),
+        }
     }
 
-    /// Red, green and blue of a surface point, 1 is white; `normal` is a unit vector, or zero where the surface
-    /// has none and is shaded as if it faced the light. `color` holds value / 255.
-    pub(super) fn value(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> DVec3 {
-        if let Some(color) = self.data(kind, position, normal, color) {
+    /// Red, green and blue of a surface point, 1 is white.
+    pub(super) fn value(&self, point: &SurfacePoint) -> DVec3 {
+        if let Some(color) = self.data(point) {
             return color;
         }
+        let &SurfacePoint {
+            kind,
+            position,
+            normal,
+            color,
+            ..
+        } = point;
         let to_light = toward(self.light, position);
         let color = self.color_of_surface(kind, color);
         // The shader's constant is single precision; so is this one.
@@ -104,27 +137,30 @@ impl Shading {
     }
 
     /// What is shown without light.
-    fn data(&self, kind: Kind, position: DVec3, normal: DVec3, color: DVec3) -> Option<DVec3> {
-        let shown = match (self.color_by, kind) {
+    fn data(&self, point: &SurfacePoint) -> Option<DVec3> {
+        let shown = match (self.color_by, point.kind) {
             (
                 ColorBy::Shading | ColorBy::Primitive | ColorBy::Classification | ColorBy::Overdraw,
                 _,
             ) => return None,
-            (ColorBy::Level, Kind::Splat) => return Some(color),
-            (ColorBy::Level, Kind::Triangle) => falsecolor::ramp(falsecolor::LEAF),
-            (ColorBy::Normal, _) => falsecolor::of_normal(normal.as_vec3()),
+            (ColorBy::Level, SurfaceKind::Splat) => return Some(point.color),
+            (ColorBy::Level, SurfaceKind::Triangle) => falsecolor::ramp(falsecolor::LEAF),
+            // (n + 1) / 2, in single precision.
+            (ColorBy::Normal, _) => (point.normal.as_vec3() * 0.5 + Vec3::splat(0.5)).to_array(),
+            // The near end is bright, the far one dark.
             (ColorBy::Depth, _) => {
-                let distance = self.distance.dot(position.extend(1.0)) as f32;
-                falsecolor::of_depth(distance, self.depth_range)
+                let distance = self.distance.dot(point.position.extend(1.0)) as f32;
+                let [near, far] = self.depth_range;
+                falsecolor::ramp(1.0 - (distance - near) / (far - near))
             }
         };
         Some(Vec3::from(shown).as_dvec3())
     }
 
-    fn color_of_surface(&self, kind: Kind, color: DVec3) -> DVec3 {
+    fn color_of_surface(&self, kind: SurfaceKind, color: DVec3) -> DVec3 {
         match (self.color_by, kind) {
-            (ColorBy::Primitive, Kind::Triangle) => TRIANGLE_TINT,
-            (ColorBy::Primitive, Kind::Splat) => SPLAT_TINT,
+            (ColorBy::Primitive, SurfaceKind::Triangle) => TRIANGLE_TINT,
+            (ColorBy::Primitive, SurfaceKind::Splat) => SPLAT_TINT,
             (ColorBy::Shading, _) if self.use_colors => color,
             _ => DVec3::ONE,
         }

@@ -1,7 +1,7 @@
 use crate::math::camera::{Camera, View};
 use crate::pack::Style;
-use crate::render::reference::Frame;
 use crate::render::reference::disc::*;
+use crate::render::reference::frame::ReferenceFrame;
 use glam::{DMat4, DVec4};
 use proptest::prelude::*;
 
@@ -37,14 +37,20 @@ fn parallel() -> View {
     camera.view(DVec3::ZERO).unwrap()
 }
 
-fn area(disc: &Disc) -> f64 {
+fn area(disc: &DiscFootprint) -> f64 {
     let mut count = 0u32;
-    disc.for_each_pixel(disc.rows.clone(), |_, _, _| count += 1);
+    for y in disc.rows.clone() {
+        let covered = disc
+            .columns
+            .clone()
+            .filter(|&x| disc.rho_squared(x, y) <= 1.0);
+        count += covered.count() as u32;
+    }
     f64::from(count)
 }
 
-fn patch(center: Vec3, normal: DVec3, radius: f64, thickness: f64) -> Patch {
-    Patch {
+fn patch(center: Vec3, normal: DVec3, radius: f64, thickness: f64) -> SurfacePatch {
+    SurfacePatch {
         center,
         normal: normal.normalize_or_zero(),
         radius,
@@ -57,14 +63,14 @@ fn patch(center: Vec3, normal: DVec3, radius: f64, thickness: f64) -> Patch {
 fn the_area_is_the_closed_form_of_a_disc_in_perspective() {
     let view = perspective(800);
     let style = Style::default();
-    let frame = Frame::new(&view, &style);
+    let frame = ReferenceFrame::new(&view, &style);
     let f = f64::from(view.focal_px());
     for (center, normal, radius) in [
         (Vec3::new(0.0, 0.0, -3.0), DVec3::Z, 0.5),
         (Vec3::new(0.5, -0.3, -3.0), DVec3::new(0.3, 0.9, 0.4), 0.5),
         (Vec3::new(-0.4, 0.2, -2.0), DVec3::new(1.0, 0.1, 0.9), 0.6),
     ] {
-        let disc = Disc::new(&frame, &patch(center, normal, radius, 0.0), 0.0).unwrap();
+        let disc = DiscFootprint::new(&frame, &patch(center, normal, radius, 0.0), 0.0).unwrap();
         let n = normal.normalize();
         let (u, v) = n.any_orthonormal_pair();
         let (u, v, c) = (u * radius, v * radius, center.as_dvec3());
@@ -81,11 +87,11 @@ fn the_area_is_the_closed_form_of_a_disc_in_perspective() {
 fn an_orthographic_disc_is_an_ellipse_with_the_cosine_as_ratio() {
     let view = parallel();
     let style = Style::default();
-    let frame = Frame::new(&view, &style);
+    let frame = ReferenceFrame::new(&view, &style);
     for cosine in [1.0f64, 0.6, 0.3, 0.02] {
         let normal = DVec3::new((1.0 - cosine * cosine).sqrt(), 0.0, cosine);
         let center = Vec3::new(10.0, -5.0, -50.0);
-        let disc = Disc::new(&frame, &patch(center, normal, 60.0, 0.0), 0.0).unwrap();
+        let disc = DiscFootprint::new(&frame, &patch(center, normal, 60.0, 0.0), 0.0).unwrap();
         let expected = std::f64::consts::PI * 3600.0 * cosine.max(0.1);
         let got = area(&disc);
         assert!(
@@ -102,9 +108,9 @@ fn an_orthographic_disc_is_an_ellipse_with_the_cosine_as_ratio() {
 fn what_is_thick_or_has_no_normal_is_wider_in_the_right_direction() {
     let view = parallel();
     let style = Style::default();
-    let frame = Frame::new(&view, &style);
+    let frame = ReferenceFrame::new(&view, &style);
     let at = |normal, thickness| {
-        let disc = Disc::new(
+        let disc = DiscFootprint::new(
             &frame,
             &patch(Vec3::new(0.0, 0.0, -50.0), normal, 50.0, thickness),
             0.0,
@@ -126,11 +132,11 @@ fn what_is_thick_or_has_no_normal_is_wider_in_the_right_direction() {
 fn a_disc_smaller_than_a_pixel_is_the_pixel_of_its_center() {
     let view = parallel();
     let style = Style::default();
-    let frame = Frame::new(&view, &style);
+    let frame = ReferenceFrame::new(&view, &style);
     for radius in [0.0, 1e-30, 0.1, 0.49] {
         // Center at window (138.1, 128.9).
         let center = Vec3::new(2.1, -4.9, -50.0);
-        let disc = Disc::new(&frame, &patch(center, DVec3::X, radius, 0.0), 0.0).unwrap();
+        let disc = DiscFootprint::new(&frame, &patch(center, DVec3::X, radius, 0.0), 0.0).unwrap();
         assert_eq!(area(&disc), 1.0, "radius {radius}");
         assert_eq!((disc.columns, disc.rows), (138..139, 128..129));
     }
@@ -141,9 +147,9 @@ fn a_disc_smaller_than_a_pixel_is_the_pixel_of_its_center() {
 fn a_disc_at_the_near_plane_faces_the_viewer() {
     let view = perspective(200);
     let style = Style::default();
-    let frame = Frame::new(&view, &style);
+    let frame = ReferenceFrame::new(&view, &style);
     let radius_px = f64::from(view.focal_px()) * 0.05 / 0.12;
-    let disc = Disc::new(
+    let disc = DiscFootprint::new(
         &frame,
         &patch(Vec3::new(0.0, 0.0, -0.12), DVec3::X, 0.05, 0.0),
         0.0,
@@ -177,20 +183,20 @@ proptest! {
             (perspective(256), Vec3::new(center[0] * z * 0.5, center[1] * z * 0.5, -z), size * f64::from(z))
         };
         let style = Style::default();
-        let frame = Frame::new(&view, &style);
+        let frame = ReferenceFrame::new(&view, &style);
         let patch = patch(center, normal, size, thickness);
         prop_assume!(is_parallel || f64::from(-center.z) - size > 0.1);
-        let disc = Disc::new(&frame, &patch, 0.0).unwrap();
+        let disc = DiscFootprint::new(&frame, &patch, 0.0).unwrap();
         let n = footprint_normal(&patch, view.is_perspective);
         let (form, skew) = form_of_plane(center.as_dvec3(), n, size, rays(&frame), view.is_perspective);
-        let as_form = Disc { shape: Shape::Form { form, skew }, ..disc.clone() };
+        let as_form = DiscFootprint { shape: DiscShape::Form { form, skew }, ..disc.clone() };
         for y in (0..256).step_by(3) {
             for x in (0..256).step_by(3) {
                 let rho = disc.rho_squared(x, y);
                 let inside = disc.columns.contains(&x) && disc.rows.contains(&y);
-                prop_assert!(inside || rho > 1.0 || matches!(disc.shape, Shape::Square), "pixel {x} {y}: {rho}");
+                prop_assert!(inside || rho > 1.0 || matches!(disc.shape, DiscShape::Square), "pixel {x} {y}: {rho}");
                 let other = as_form.rho_squared(x, y);
-                if rho < 4.0 && !matches!(disc.shape, Shape::Square) {
+                if rho < 4.0 && !matches!(disc.shape, DiscShape::Square) {
                     prop_assert!((rho - other).abs() < 1e-6, "pixel {x} {y}: {rho} {other}");
                 }
             }

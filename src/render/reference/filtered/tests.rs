@@ -1,4 +1,5 @@
 use crate::abi::Vertex;
+use crate::abi::constants::{FILTERED_AROUND_PX, FILTERED_JUMP};
 use crate::math::camera::{Camera, Light};
 use crate::math::octahedral;
 use crate::pack::filtered::FilteredPatch;
@@ -102,7 +103,7 @@ fn placed(view: &View, splats: &[FilteredPatch]) -> Vec<FilteredSplat> {
         .collect()
 }
 
-fn draw_splats(view: &View, splats: &[FilteredPatch], style: &Style) -> Filtered {
+fn draw_splats(view: &View, splats: &[FilteredPatch], style: &Style) -> FilteredRendering {
     let list = FilteredList {
         splats: &placed(view, splats),
         ..FilteredList::default()
@@ -381,7 +382,7 @@ fn the_far_plane_drops_centers_and_forgives_pushes() {
         let near = splat_at(255.0, offset, RED);
         let far = splat_at(255.75, 0.5, GREEN);
         let got = draw_splats(&flat(), &[near], &style(1.0));
-        let sums = |got: &Filtered| got.sums[i].map(|sum| (sum * 1000.0).round() / 1000.0);
+        let sums = |got: &FilteredRendering| got.sums[i].map(|sum| (sum * 1000.0).round() / 1000.0);
         assert_eq!(
             (got.front[i], sums(&got)),
             (0.0, [1.0, 0.0, 0.0, 1.0]),

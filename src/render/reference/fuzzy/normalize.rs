@@ -1,136 +1,129 @@
 //! The third pass of fuzzy splats on the CPU.
 
-use crate::abi::constants;
+use crate::abi::constants::LEAST_FUZZY_WEIGHT;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{ColorBy, Style};
+use crate::render::reference::Outputs;
+use crate::render::reference::bands::{LEAST_ALPHA, ShownPixel, picture};
 use crate::render::reference::disc::through;
-use crate::render::reference::shade::{Kind, Shading};
-use crate::render::reference::target::{LEAST_ALPHA, in_formats};
-use crate::render::reference::{Frame, Outputs};
-use glam::{DVec3, Vec3};
-use rayon::prelude::*;
+use crate::render::reference::frame::ReferenceFrame;
+use crate::render::reference::fuzzy::FuzzyPixel;
+use crate::render::reference::shade::{SurfaceKind, SurfacePoint, SurfaceShading};
+use glam::{DVec3, Vec4};
 
 /// The picture of the sums.
 pub(super) fn image(
-    frame: &Frame,
+    frame: &ReferenceFrame,
     has_coverage: bool,
     outputs: Outputs,
-    front: &[f32],
-    sums: &[[f32; 4]],
-    normals: &[[f32; 4]],
+    pixels: &[FuzzyPixel],
 ) -> Image {
-    let view = frame.view;
-    let (width, height) = (view.width as usize, view.height as usize);
-    let is_rim = |x: usize, y: usize| {
-        let columns = x.saturating_sub(1)..(x + 2).min(width);
-        let mut rows = y.saturating_sub(1)..(y + 2).min(height);
-        rows.any(|y| {
-            columns
-                .clone()
-                .any(|x| sums[y * width + x][3] < constants::LEAST_FUZZY_WEIGHT)
-        })
-    };
-    let background = frame.style.background.map(f64::from);
     // The sums of deferred shading hold what decides the color.
     let style = Style {
         use_colors: frame.style.use_colors || frame.style.color_by == ColorBy::Primitive,
         color_by: ColorBy::Shading,
         ..*frame.style
     };
-    let shading = Shading::new(view, &style);
-    let is_shown = |i: usize| sums[i][3] >= constants::LEAST_FUZZY_WEIGHT;
-    let color_at = |i: usize| {
-        if !is_shown(i) {
-            let [r, g, b] = background;
-            return [r, g, b, 0.0];
+    let sums = FuzzySums {
+        frame,
+        deferred: (frame.style.is_deferred).then(|| SurfaceShading::new(frame.view, &style)),
+        has_coverage,
+        has_normals: outputs.normal,
+        pixels,
+    };
+    picture(frame.view, outputs, |i| sums.shown(i))
+}
+
+/// The attachments after the second pass.
+struct FuzzySums<'a> {
+    frame: &'a ReferenceFrame<'a>,
+    /// What lights the means; `None` where fragments are lit.
+    deferred: Option<SurfaceShading>,
+    /// Sums of weights are coverage.
+    has_coverage: bool,
+    has_normals: bool,
+    pixels: &'a [FuzzyPixel],
+}
+
+impl FuzzySums<'_> {
+    fn shown(&self, i: usize) -> ShownPixel {
+        let background = ShownPixel::background(self.frame.style);
+        if !self.is_shown(i) {
+            return background;
         }
-        let [r, g, b, weight] = sums[i].map(f64::from);
-        let alpha = if has_coverage && is_rim(i % width, i / width) {
-            weight.min(1.0)
+        let pixel = &self.pixels[i];
+        let view = self.frame.view;
+        let sum = pixel.sum.as_dvec4();
+        let mut mean = sum.truncate() / sum.w;
+        if let Some(shading) = &self.deferred {
+            mean = self.light(shading, i, mean);
+        }
+        let alpha = if self.has_coverage && self.is_rim(i) {
+            sum.w.min(1.0)
         } else {
             1.0
         };
-        let mut mean = DVec3::new(r, g, b) / weight;
-        if let (true, Some(normal)) = (frame.style.is_deferred, normals.get(i)) {
-            let at = (i % width, i / width);
-            mean = light(
-                frame,
-                &shading,
-                at,
-                *normal,
-                f64::from(normal[3]) / weight,
-                mean,
-            );
+        let [r, g, b, _] = background.color;
+        let [r, g, b] = (mean * alpha + DVec3::new(r, g, b) * (1.0 - alpha)).to_array();
+        ShownPixel {
+            color: [r, g, b, alpha.max(LEAST_ALPHA)],
+            distance: view.distance_of_depth(pixel.front),
+            normal: if self.has_normals {
+                in_world(view, pixel.normal).as_vec3().to_array()
+            } else {
+                [0.0; 3]
+            },
         }
-        let shown = |mean: f64, behind: f64| mean * alpha + behind * (1.0 - alpha);
-        [
-            shown(mean.x, background[0]),
-            shown(mean.y, background[1]),
-            shown(mean.z, background[2]),
-            alpha.max(LEAST_ALPHA),
-        ]
-    };
-    let distance_at = |i: usize| {
-        if is_shown(i) {
-            view.distance_of_depth(front[i])
+    }
+
+    fn is_shown(&self, i: usize) -> bool {
+        self.pixels[i].sum.w >= LEAST_FUZZY_WEIGHT
+    }
+
+    /// Whether a pixel or one of its 8 neighbors in the picture shows nothing.
+    fn is_rim(&self, i: usize) -> bool {
+        let (width, height) = (
+            self.frame.view.width as usize,
+            self.frame.view.height as usize,
+        );
+        let (x, y) = (i % width, i / width);
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let mut rows = y.saturating_sub(1)..(y + 2).min(height);
+        rows.any(|y| {
+            let mut row = columns.clone().map(|x| &self.pixels[y * width + x]);
+            row.any(|pixel| pixel.sum.w < LEAST_FUZZY_WEIGHT)
+        })
+    }
+
+    /// Deferred shading: the mean of normals and base colors, lit as a point of the surface on the ray of the pixel, at
+    /// the mean of depths.
+    fn light(&self, shading: &SurfaceShading, i: usize, base: DVec3) -> DVec3 {
+        let view = self.frame.view;
+        let pixel = &self.pixels[i];
+        let depth = f64::from(pixel.normal.w) / f64::from(pixel.sum.w);
+        let distance = f64::from(view.distance_of_depth(depth as f32));
+        let i = i as u32;
+        let on_ray = through(self.frame, i % view.width, i / view.width);
+        let in_view = if view.is_perspective {
+            on_ray * distance
         } else {
-            f32::INFINITY
-        }
-    };
-    let normal_at = |i: usize| {
-        if is_shown(i) {
-            in_world(view, normals[i]).as_vec3().to_array()
-        } else {
-            [0.0; 3]
-        }
-    };
-    let pixels = sums.len();
-    let (color, values) = in_formats(pixels, outputs, color_at);
-    Image {
-        width: view.width,
-        height: view.height,
-        color,
-        values,
-        depth: if outputs.depth {
-            (0..pixels).into_par_iter().map(distance_at).collect()
-        } else {
-            Vec::new()
-        },
-        normal: if outputs.normal {
-            (0..pixels).into_par_iter().map(normal_at).collect()
-        } else {
-            Vec::new()
-        },
+            on_ray.truncate().extend(-distance)
+        };
+        let to_model = view.view_from_model.as_dmat4().inverse();
+        shading.value(&SurfacePoint {
+            kind: SurfaceKind::Splat,
+            position: to_model.transform_point3(in_view),
+            normal: in_world(view, pixel.normal),
+            color: base,
+            distance,
+        })
     }
 }
 
 /// A sum of normals in view space as a unit normal in the world, or zero.
-fn in_world(view: &View, [x, y, z, _]: [f32; 4]) -> DVec3 {
-    let in_view = Vec3::new(x, y, z).as_dvec3().normalize_or_zero();
+fn in_world(view: &View, sum: Vec4) -> DVec3 {
+    let in_view = sum.truncate().as_dvec3().normalize_or_zero();
     let to_model = view.view_from_model.as_dmat4().inverse();
     (to_model.transform_vector3(in_view) * f64::from(view.model_scale)).normalize_or_zero()
-}
-
-/// Deferred shading: the mean of normals and base colors, lit as a point of the surface on the ray of the pixel, at the
-/// mean of depths.
-fn light(
-    frame: &Frame,
-    shading: &Shading,
-    (x, y): (usize, usize),
-    normal: [f32; 4],
-    depth: f64,
-    base: DVec3,
-) -> DVec3 {
-    let view = frame.view;
-    let distance = f64::from(view.distance_of_depth(depth as f32));
-    let on_ray = through(frame, x as u32, y as u32);
-    let in_view = if view.is_perspective {
-        on_ray * distance
-    } else {
-        on_ray.truncate().extend(-distance)
-    };
-    let to_model = view.view_from_model.as_dmat4().inverse();
-    let position = to_model.transform_point3(in_view);
-    shading.value(Kind::Splat, position, in_world(view, normal), base)
 }

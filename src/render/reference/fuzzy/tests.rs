@@ -2,14 +2,18 @@
 //! defined.
 #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
-use crate::abi::FuzzySplat;
+use crate::abi::{FuzzySplat, Splat, WeightedSplat};
 use crate::cut::SizeMetric;
 use crate::math::camera::Camera;
+use crate::math::octahedral;
 use crate::pack::fuzzy::Look;
 use crate::pack::splats::Plan;
-use crate::pack::{Lamp, Phong};
+use crate::pack::{Footprint, Lamp, Lighting, Phong};
+use crate::render::reference::fuzzy::set_up::LEAST_DEPOSIT;
 use crate::render::reference::fuzzy::*;
-use glam::{DMat4, DVec2, DVec4};
+use crate::render::reference::splat::SplatFootprint;
+use glam::{DMat4, DVec2, DVec3, DVec4};
+use std::ops::Range;
 
 const SIZE: (u32, u32) = (200, 160);
 
@@ -156,30 +160,30 @@ fn records_for_compute_have_the_place_the_footprint_and_the_color_of_the_mirror(
         {
             for (light, two_sided) in lights.into_iter().zip([true, true, false]) {
                 let (style, look) = looks(footprint, light, two_sided);
-                let frame = Frame::new(&view, &style);
+                let frame = ReferenceFrame::new(&view, &style);
                 let unit = unit_px(&view);
                 for (i, splat) in splats(700, unit).iter().enumerate() {
                     let what = format!("{footprint:?}, {light:?}, splat {i}");
                     let record = FuzzySplat::new(*splat, &view, &plan(footprint), &look);
                     let record = record.unwrap_or_else(|| panic!("{what}: not small"));
                     let low_pass = f64::from(style.low_pass_px);
-                    let (Some(first), Some(second)) = (
-                        ready(&frame, splat, None),
-                        ready(&frame, splat, Some(low_pass)),
-                    ) else {
+                    let (Some(first), Some(second)) =
+                        (set_up_pushed(&frame, splat), set_up_blended(&frame, splat))
+                    else {
                         continue;
                     };
                     compared[kind] += 1;
-                    let off = (record.depth - second.depth).abs();
+                    let off = (record.depth - second.fragment.depth.own).abs();
                     assert!(off <= 2e-6, "{what}: depth off by {off}");
-                    let off = (record.pushed_depth - first.pushed_depth).abs();
+                    let off = (record.pushed_depth - first.fragment).abs();
                     assert!(off <= 2e-6, "{what}: pushed depth off by {off}");
-                    let off = (color(&record, light != Lighting::Headlight) - second.share.color)
+                    let off = (color(&record, light != Lighting::Headlight)
+                        - second.fragment.share.color)
                         .abs()
                         .max_element();
                     assert!(off <= 1e-4, "{what}: color off by {off}");
-                    match (&first.shape, &second.shape) {
-                        (Shape::Disc(own), Shape::Disc(wide)) => {
+                    match (&first.footprint, &second.footprint) {
+                        (SplatFootprint::Disc(own), SplatFootprint::Disc(wide)) => {
                             for (disc, low_pass) in [(own, 0.0), (wide, low_pass)] {
                                 // What is small is a square in the shader too.
                                 if wide.gaussian_px() < 2.0
@@ -199,15 +203,15 @@ fn records_for_compute_have_the_place_the_footprint_and_the_color_of_the_mirror(
                                 }
                             }
                             if look.is_gauss && splat.area >= 0.0 {
-                                let covered = second.weight * wide.gaussian_px();
+                                let covered = second.fragment.weight * wide.gaussian_px();
                                 let off = (f64::from(record.area_px) / covered - 1.0).abs();
-                                let is_least = second.weight <= LEAST_DEPOSIT;
+                                let is_least = second.fragment.weight <= LEAST_DEPOSIT;
                                 assert!(is_least || off <= 1e-3, "{what}: area off by {off}");
                             } else {
                                 assert!(record.area_px < 0.0, "{what}");
                             }
                         }
-                        (Shape::Square(square), Shape::Square(_)) => {
+                        (SplatFootprint::Square(square), SplatFootprint::Square(_)) => {
                             let side = f64::from(record.inverse_px[0]);
                             let [x, y] = record.window_px.map(f64::from);
                             let middle =

@@ -3,7 +3,7 @@
 
 use crate::image::unorm8;
 use crate::render::Reconstruction;
-use crate::render::reference::visibility::{Class, Filling, Pixel};
+use crate::render::reference::visibility::{HoleFilling, PixelClass, VisibilityPixel};
 use rayon::prelude::*;
 use std::ops::RangeInclusive;
 
@@ -19,46 +19,41 @@ fn is_one_surface(a: [f32; 2], b: [f32; 2]) -> bool {
     (a[0] - b[0]).abs() <= 2.0 * a[1].min(b[1])
 }
 
-/// The color of every hole that foreground of its surface is within reach of; `None` for the other pixels.
-pub(super) fn fill(
-    (width, height): (usize, usize),
-    pixels: &[Pixel],
-    filling: Filling,
-    size_px: f32,
-) -> Vec<Option<[u8; 3]>> {
-    let level = Level {
-        width,
-        height,
-        pixels: pixels.to_vec(),
-    };
-    let each_hole = |radius: &(dyn Fn(usize, usize) -> Option<f32> + Sync)| {
-        (0..pixels.len())
-            .into_par_iter()
-            .map(|i| {
-                let (x, y) = (i % width, i / width);
-                match pixels[i].class {
-                    Class::Hole => level.gather(x, y, radius(x, y)?),
-                    _ => None,
-                }
-            })
-            .collect()
-    };
-    match filling.reconstruction {
-        Reconstruction::Gaussian => each_hole(&|_, _| Some(size_px)),
-        Reconstruction::Density => each_hole(&|x, y| level.radius_at(x, y)),
-        Reconstruction::PullPush => level.pull_push(filling.largest_px),
-    }
-}
-
 /// A picture of pixels: the finest, or one of the pyramid.
-struct Level {
-    width: usize,
-    height: usize,
-    pixels: Vec<Pixel>,
+#[derive(Debug, Clone)]
+pub(super) struct PyramidLevel {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    pub(super) pixels: Vec<VisibilityPixel>,
 }
 
-impl Level {
-    fn at(&self, x: usize, y: usize) -> &Pixel {
+impl PyramidLevel {
+    /// The color of every hole that foreground of its surface is within reach of; `None` for the other pixels. `size_px` is
+    /// the side of splats without a radius of their own.
+    pub(super) fn filled(self, filling: HoleFilling, size_px: f32) -> Vec<Option<[u8; 3]>> {
+        match filling.reconstruction {
+            Reconstruction::Gaussian => self.gathered(|_, _| Some(size_px)),
+            Reconstruction::Density => self.gathered(|x, y| self.radius_at(x, y)),
+            Reconstruction::PullPush => self.pull_push(filling.largest_px),
+        }
+    }
+
+    /// Fills each hole from a radius around it.
+    fn gathered(
+        &self,
+        radius_px: impl Fn(usize, usize) -> Option<f32> + Sync,
+    ) -> Vec<Option<[u8; 3]>> {
+        let fill = |i: usize| {
+            let (x, y) = (i % self.width, i / self.width);
+            match self.pixels[i].class {
+                PixelClass::Hole => self.gather(x, y, radius_px(x, y)?),
+                _ => None,
+            }
+        };
+        (0..self.pixels.len()).into_par_iter().map(fill).collect()
+    }
+
+    fn at(&self, x: usize, y: usize) -> &VisibilityPixel {
         &self.pixels[y * self.width + x]
     }
 
@@ -77,9 +72,10 @@ impl Level {
     /// window around it; returns the number of pixels of the window.
     fn for_each_in_window(
         &self,
-        (x, y): (usize, usize),
+        x: usize,
+        y: usize,
         reach: usize,
-        mut visit: impl FnMut(usize, &Pixel),
+        mut visit: impl FnMut(usize, &VisibilityPixel),
     ) -> usize {
         let front = self.at(x, y).front;
         let (columns, rows) = self.window(x, y, reach);
@@ -87,7 +83,7 @@ impl Level {
         for row in rows {
             for column in columns.clone() {
                 let other = self.at(column, row);
-                if other.class == Class::Foreground && is_one_surface(front, other.front) {
+                if other.class == PixelClass::Foreground && is_one_surface(front, other.front) {
                     visit(column.abs_diff(x).pow(2) + row.abs_diff(y).pow(2), other);
                 }
             }
@@ -99,7 +95,7 @@ impl Level {
     fn gather(&self, x: usize, y: usize, radius: f32) -> Option<[u8; 3]> {
         let squared = f64::from(radius) * f64::from(radius);
         let mut sum = [0.0; 4];
-        self.for_each_in_window((x, y), radius.floor() as usize, |distance, other| {
+        self.for_each_in_window(x, y, radius.floor() as usize, |distance, other| {
             let distance = distance as f64;
             if distance <= squared {
                 let weight = (-2.0 * distance / squared).exp();
@@ -119,7 +115,7 @@ impl Level {
         let (mut count, mut area, mut nearest) = (0, 0, usize::MAX);
         for reach in WINDOWS {
             count = 0;
-            area = self.for_each_in_window((x, y), reach, |distance, _| {
+            area = self.for_each_in_window(x, y, reach, |distance, _| {
                 count += 1;
                 nearest = nearest.min(distance);
             });
@@ -155,8 +151,8 @@ impl Level {
             let filled = level.filled_from(&coarse);
             for (pixel, color) in level.pixels.iter_mut().zip(filled) {
                 if let Some(color) = color {
-                    *pixel = Pixel {
-                        class: Class::Foreground,
+                    *pixel = VisibilityPixel {
+                        class: PixelClass::Foreground,
                         color,
                         front: pixel.front,
                     };
@@ -174,36 +170,39 @@ impl Level {
         let (width, height) = (self.width.div_ceil(2), self.height.div_ceil(2));
         let pull = |i: usize| {
             let (x, y) = (2 * (i % width), 2 * (i / width));
-            let children: Vec<&Pixel> = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
+            let children: Vec<&VisibilityPixel> = [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)]
                 .into_iter()
                 .filter(|&(x, y)| x < self.width && y < self.height)
                 .map(|(x, y)| self.at(x, y))
-                .filter(|pixel| pixel.class != Class::Background)
+                .filter(|pixel| pixel.class != PixelClass::Background)
                 .collect();
             // The first of equals, as a strict comparison finds it.
             let Some(nearest) = (children.iter().copied())
                 .reduce(|a, b| if b.front[0] < a.front[0] { b } else { a })
             else {
-                return Pixel::default();
+                return VisibilityPixel::default();
             };
-            let surface: Vec<&Pixel> = children
+            let surface: Vec<&VisibilityPixel> = children
                 .into_iter()
                 .filter(|pixel| is_one_surface(nearest.front, pixel.front))
                 .collect();
-            let is_colored = |pixel: &&&Pixel| pixel.class == Class::Foreground;
-            let colored: Vec<&Pixel> = surface.iter().filter(is_colored).copied().collect();
+            let is_colored = |pixel: &&&VisibilityPixel| pixel.class == PixelClass::Foreground;
+            let colored: Vec<&VisibilityPixel> =
+                surface.iter().filter(is_colored).copied().collect();
             let (class, of) = if colored.is_empty() {
-                (Class::Hole, surface)
+                (PixelClass::Hole, surface)
             } else {
-                (Class::Foreground, colored)
+                (PixelClass::Foreground, colored)
             };
             let n = of.len();
             let mean = |k: usize| of.iter().map(|p| p.front[k]).sum::<f32>() / n as f32;
             let color = [0, 1, 2].map(|c| match class {
-                Class::Foreground => rounded(of.iter().map(|p| usize::from(p.color[c])).sum(), n),
+                PixelClass::Foreground => {
+                    rounded(of.iter().map(|p| usize::from(p.color[c])).sum(), n)
+                }
                 _ => 0,
             });
-            Pixel {
+            VisibilityPixel {
                 class,
                 color,
                 front: [mean(0), mean(1)],
@@ -220,7 +219,7 @@ impl Level {
     fn filled_from(&self, coarse: &Self) -> Vec<Option<[u8; 3]>> {
         let fill = |i: usize| {
             let pixel = &self.pixels[i];
-            if pixel.class != Class::Hole {
+            if pixel.class != PixelClass::Hole {
                 return None;
             }
             // The middle of a pixel lies a quarter of a coarse pixel off that pixel's middle: weights 3 and 1.
@@ -238,7 +237,7 @@ impl Level {
                 for (x, wx) in sides(i % self.width, coarse.width) {
                     let (Some(x), Some(y)) = (x, y) else { continue };
                     let parent = coarse.at(x, y);
-                    if parent.class == Class::Foreground
+                    if parent.class == PixelClass::Foreground
                         && is_one_surface(pixel.front, parent.front)
                     {
                         weights += wx * wy;

@@ -5,7 +5,7 @@ use crate::abi::Splat;
 use crate::math::camera::Camera;
 use crate::math::octahedral;
 use crate::render::reference::visibility::*;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use proptest::prelude::*;
 
 const ALL: [Reconstruction; 3] = [
@@ -15,9 +15,9 @@ const ALL: [Reconstruction; 3] = [
 ];
 
 /// Holes of one surface facing the eye.
-fn holes(width: usize, height: usize) -> Vec<Pixel> {
-    let hole = Pixel {
-        class: Class::Hole,
+fn holes(width: usize, height: usize) -> Vec<VisibilityPixel> {
+    let hole = VisibilityPixel {
+        class: PixelClass::Hole,
         color: [1, 2, 3],
         front: [5.0, 0.1],
     };
@@ -26,15 +26,21 @@ fn holes(width: usize, height: usize) -> Vec<Pixel> {
 
 fn fill(
     size: (usize, usize),
-    pixels: &[Pixel],
+    pixels: &[VisibilityPixel],
     reconstruction: Reconstruction,
     size_px: f32,
 ) -> Vec<Option<[u8; 3]>> {
-    let filling = Filling {
+    let filling = HoleFilling {
         reconstruction,
         largest_px: size_px,
     };
-    reconstruct::fill(size, pixels, filling, size_px)
+    let (width, height) = size;
+    let finest = PyramidLevel {
+        width,
+        height,
+        pixels: pixels.to_vec(),
+    };
+    finest.filled(filling, size_px)
 }
 
 /// Methods 15.12, at every place and size: one foreground pixel fills all.
@@ -43,7 +49,7 @@ fn one_color_fills_everything() {
     for (width, height) in [(1, 1), (1, 2), (2, 1), (5, 3), (8, 8), (9, 17), (33, 6)] {
         for at in [0, width * height / 2, width * height - 1] {
             let mut pixels = holes(width, height);
-            pixels[at].class = Class::Foreground;
+            pixels[at].class = PixelClass::Foreground;
             pixels[at].color = [250, 7, 100];
             let filled = fill(
                 (width, height),
@@ -70,8 +76,8 @@ fn background_and_foreground_are_left_alone_and_nothing_comes_from_nothing() {
         );
         assert!(fill((0, 0), &[], reconstruction, 3.0).is_empty());
     }
-    pixels[3] = Pixel::default();
-    pixels[9].class = Class::Foreground;
+    pixels[3] = VisibilityPixel::default();
+    pixels[9].class = PixelClass::Foreground;
     for reconstruction in ALL {
         let filled = fill((7, 5), &pixels, reconstruction, 30.0);
         for (i, color) in filled.iter().enumerate() {
@@ -84,9 +90,9 @@ fn background_and_foreground_are_left_alone_and_nothing_comes_from_nothing() {
 #[test]
 fn a_gaussian_weighs_by_distance_and_ends_at_its_radius() {
     let mut pixels = holes(12, 1);
-    pixels[0].class = Class::Foreground;
+    pixels[0].class = PixelClass::Foreground;
     pixels[0].color = [200, 0, 0];
-    pixels[3].class = Class::Foreground;
+    pixels[3].class = PixelClass::Foreground;
     pixels[3].color = [0, 200, 0];
     let filled = fill((12, 1), &pixels, Reconstruction::Gaussian, 4.0);
     let weight = |d: f64| (-d * d / (2.0 * 2.0 * 2.0)).exp();
@@ -108,7 +114,7 @@ fn a_radius_from_density_follows_the_spacing() {
         let mut pixels = holes(side, side);
         for (i, pixel) in pixels.iter_mut().enumerate() {
             if (i % side).is_multiple_of(spacing) && (i / side).is_multiple_of(spacing) {
-                pixel.class = Class::Foreground;
+                pixel.class = PixelClass::Foreground;
                 // Left half 0, right half 100: where both mix tells the radius.
                 pixel.color = [if i % side < side / 2 { 0 } else { 100 }; 3];
             }
@@ -123,7 +129,7 @@ fn a_radius_from_density_follows_the_spacing() {
             "spacing {spacing}: {mixes} pixels mix"
         );
         assert!(
-            (pixels.iter().zip(&filled)).all(|(p, f)| (p.class == Class::Hole) == f.is_some()),
+            (pixels.iter().zip(&filled)).all(|(p, f)| (p.class == PixelClass::Hole) == f.is_some()),
             "spacing {spacing}"
         );
     }
@@ -135,7 +141,7 @@ fn a_push_is_bilinear() {
     let mut pixels = holes(16, 2);
     for x in (0..16).step_by(4) {
         for i in [x, x + 1, 16 + x, 17 + x] {
-            pixels[i].class = Class::Foreground;
+            pixels[i].class = PixelClass::Foreground;
             pixels[i].color = [(10 * x) as u8; 3];
         }
     }
@@ -168,7 +174,7 @@ fn steps_are_kept_exactly_at_twice_the_smaller_offset() {
                 let mut pixels = holes(4, 4);
                 for (i, pixel) in pixels.iter_mut().enumerate() {
                     pixel.front = if i % 4 < 2 {
-                        pixel.class = Class::Foreground;
+                        pixel.class = PixelClass::Foreground;
                         [from, offsets[0]]
                     } else {
                         [to, offsets[1]]
@@ -218,7 +224,7 @@ proptest! {
         let style = Style { splat_size_px: size, depth_offset: 1.0, ..Style::default() };
         let outputs = Outputs { depth: true, normal: true, values: false };
         for reconstruction in ALL {
-            let filling = Filling { reconstruction, largest_px: f32::INFINITY };
+            let filling = HoleFilling { reconstruction, largest_px: f32::INFINITY };
             let [a, b] = [&splats, &other].map(|splats| {
                 let list = DrawList { splats, ..DrawList::default() };
                 render_visibility(&view(), &list, &style, filling, outputs)
@@ -250,13 +256,18 @@ fn degenerate_splats_draw_nothing() {
         ..DrawList::default()
     };
     for reconstruction in ALL {
-        let filling = Filling {
+        let filling = HoleFilling {
             reconstruction,
             largest_px: 1.0,
         };
         let outputs = Outputs::default();
         let drawn = render_visibility(&view(), &list, &Style::default(), filling, outputs);
         assert_eq!(drawn.image.covered_pixels(), 0);
-        assert!(drawn.pixels.iter().all(|p| p.class == Class::Background));
+        assert!(
+            drawn
+                .pixels
+                .iter()
+                .all(|p| p.class == PixelClass::Background)
+        );
     }
 }

@@ -1,0 +1,288 @@
+//! Whole frames by the reference: cut, pack, draw.
+
+use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
+use crate::cut::{Cut, Selector, Undrawn};
+use crate::image::Image;
+use crate::math::camera::View;
+use crate::pack;
+use crate::pack::splats::Record;
+use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style, triangles};
+use crate::render::frame_plan::{Choice, Drawing, filtered_shade, largest_splat_px, splat_plan};
+use crate::render::reference::{BlendPasses, HoleFilling, Outputs, OverdrawList};
+use crate::render::stats::Stage;
+use crate::render::vulkan::overdraw::Overdraw;
+use crate::render::vulkan::renderer::{Counts, FrameTimes};
+use crate::render::{Blend, Method, Settings, Shading, SplatKind};
+use crate::tree::Model;
+use bytemuck::Zeroable;
+use std::borrow::Cow;
+use std::sync::OnceLock;
+use std::time::Instant;
+
+/// Draws the frames of one model on the CPU, and keeps the last.
+#[derive(Debug)]
+pub(in crate::render) struct MirrorEngine {
+    pub(in crate::render) outputs: Outputs,
+    /// As [`Style::subpixel_bits`].
+    subpixel_bits: u32,
+    selector: Selector,
+    cut: Cut,
+    /// Of the engine's model.
+    undrawn: OnceLock<Undrawn>,
+    /// The picture of the last frame.
+    pub(in crate::render) image: Image,
+    /// Of the last frame, where overdraw was counted.
+    pub(in crate::render) counts: Option<Vec<u32>>,
+}
+
+/// What one frame draws: splats of one kind at most.
+#[derive(Default)]
+struct PackedLists<'m> {
+    /// Those of the model, or of the cut.
+    triangles: Cow<'m, [[u32; 3]]>,
+    splats: Vec<Splat>,
+    weighted: Vec<WeightedSplat>,
+    filtered: Vec<FilteredSplat>,
+    /// Vertices drawn as points.
+    points: &'m [Vertex],
+}
+
+impl MirrorEngine {
+    pub(in crate::render) fn new(outputs: Outputs) -> Self {
+        let subpixel_bits = Style::default().subpixel_bits;
+        Self {
+            outputs,
+            subpixel_bits,
+            selector: Selector::default().with_subpixel_bits(subpixel_bits),
+            cut: Cut::default(),
+            undrawn: OnceLock::new(),
+            image: Image::default(),
+            counts: None,
+        }
+    }
+
+    /// Takes the binary places of window positions from a device; see [`Style::subpixel_bits`].
+    pub(in crate::render) fn set_subpixel_bits(&mut self, bits: u32) {
+        self.subpixel_bits = bits;
+        self.selector = Selector::default().with_subpixel_bits(bits);
+    }
+
+    /// Draws a frame of settings that fit the model and the view.
+    pub(in crate::render) fn draw(
+        &mut self,
+        model: &Model,
+        view: &View,
+        settings: &Settings,
+    ) -> FrameTimes {
+        let start = Instant::now();
+        let mut times = FrameTimes::default();
+        times.starts.frame = Some(start);
+        let lists = match settings.method {
+            Method::Triangles => PackedLists {
+                triangles: Cow::Borrowed(&model.triangles),
+                ..PackedLists::default()
+            },
+            Method::Points => PackedLists {
+                points: used_vertices(model),
+                ..PackedLists::default()
+            },
+            Method::Splats | Method::Pop => {
+                let cutting = Stage::Cut.begin();
+                self.choose_cut(model, view, settings);
+                cutting.end(&mut times);
+                let packing = Stage::Pack.begin();
+                let lists = self.pack_cut(model, view, settings);
+                packing.end(&mut times);
+                times.counts.nodes_visited = self.cut.stats.visited;
+                times.counts.hidden = self.cut.stats.hidden;
+                times.counts.between = self.cut.stats.between;
+                lists
+            }
+        };
+        lists.count(&mut times.counts);
+        let style = Style {
+            depth_range: pack::falsecolor::depth_range(model, view),
+            subpixel_bits: self.subpixel_bits,
+            ..style(settings, model)
+        };
+        self.draw_lists(model, view, settings, &style, &lists);
+        if let Some(counts) = &self.counts {
+            times.overdraw = Some(Overdraw::of(counts.iter().copied()));
+            self.image.color = crate::render::reference::show_overdraw(counts, &style);
+        }
+        times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        times
+    }
+
+    fn choose_cut(&mut self, model: &Model, view: &View, settings: &Settings) {
+        let undrawn = || self.undrawn.get_or_init(|| Undrawn::new(model));
+        let (selector, cut) = (&mut self.selector, &mut self.cut);
+        Choice::of(settings, model, view).select(selector, model, undrawn, cut);
+    }
+
+    /// The draw lists of the cut.
+    fn pack_cut<'m>(
+        &mut self,
+        model: &'m Model,
+        view: &View,
+        settings: &Settings,
+    ) -> PackedLists<'m> {
+        let cut = &mut self.cut;
+        let mut lists = PackedLists::default();
+        match Drawing::of(settings) {
+            Drawing::Opaque | Drawing::Visibility => {
+                lists.splats = packed_splats(model, cut, view, settings);
+            }
+            Drawing::Fuzzy => lists.weighted = packed_splats(model, cut, view, settings),
+            Drawing::Filtered => {
+                let shade = filtered_shade(settings, model, f32::INFINITY);
+                let large = pack::filtered::take_triangles(model, view, &shade, cut);
+                let most = pack::filtered::splat_count(cut, large);
+                let mut splats = vec![FilteredSplat::zeroed(); most];
+                let count = pack::filtered::splats(model, cut, large, view, shade, &mut splats);
+                splats.truncate(count);
+                lists.filtered = splats;
+            }
+            Drawing::Nothing => {}
+        }
+        if settings.method == Method::Pop {
+            let mut triangles = vec![[0; 3]; cut.triangles.len()];
+            triangles::triangles(
+                &cut.triangles,
+                |id| model.triangles[id as usize],
+                &mut triangles,
+            );
+            lists.triangles = Cow::Owned(triangles);
+        }
+        lists
+    }
+
+    /// Draws the picture, and counts overdraw where that is asked for.
+    fn draw_lists(
+        &mut self,
+        model: &Model,
+        view: &View,
+        settings: &Settings,
+        style: &Style,
+        lists: &PackedLists,
+    ) {
+        let (vertices, triangles, points) = (used_vertices(model), &*lists.triangles, lists.points);
+        let outputs = self.outputs;
+        let opaque = DrawList {
+            vertices,
+            triangles,
+            splats: &lists.splats,
+            points,
+        };
+        let fuzzy = FuzzyList {
+            vertices,
+            triangles,
+            splats: &lists.weighted,
+            points,
+            has_coverage: settings.sums_coverage(!model.triangles.is_empty()),
+        };
+        let filtered = FilteredList {
+            vertices,
+            triangles,
+            splats: &lists.filtered,
+        };
+        let (image, list) = match Drawing::of(settings) {
+            Drawing::Opaque | Drawing::Nothing => (
+                crate::render::reference::render(view, &opaque, style, outputs),
+                OverdrawList::Opaque(&opaque),
+            ),
+            Drawing::Visibility => {
+                let filling = HoleFilling {
+                    reconstruction: settings.reconstruction,
+                    largest_px: largest_splat_px(model, settings),
+                };
+                let drawn = crate::render::reference::render_visibility(
+                    view, &opaque, style, filling, outputs,
+                );
+                (drawn.image, OverdrawList::Opaque(&opaque))
+            }
+            Drawing::Fuzzy => {
+                let passes = BlendPasses::of(settings.blend());
+                let drawn =
+                    crate::render::reference::render_fuzzy(view, &fuzzy, style, passes, outputs);
+                (drawn.image, OverdrawList::Fuzzy(&fuzzy))
+            }
+            Drawing::Filtered => {
+                let drawn =
+                    crate::render::reference::render_filtered(view, &filtered, style, outputs);
+                (drawn.image, OverdrawList::Filtered(&filtered))
+            }
+        };
+        self.image = image;
+        self.counts = (settings.color_by == ColorBy::Overdraw)
+            .then(|| crate::render::reference::count_overdraw(view, list, style));
+    }
+}
+
+impl PackedLists<'_> {
+    /// What there is to draw, and the bytes that were written for it.
+    fn count(&self, counts: &mut Counts) {
+        counts.splats = (self.splats.len() + self.weighted.len() + self.filtered.len()) as u64;
+        counts.triangles = self.triangles.len() as u64;
+        counts.points = self.points.len() as u64;
+        let triangles = match &self.triangles {
+            Cow::Borrowed(_) => 0,
+            Cow::Owned(triangles) => size_of_val(&triangles[..]),
+        };
+        let splats = size_of_val(&self.splats[..])
+            + size_of_val(&self.weighted[..])
+            + size_of_val(&self.filtered[..]);
+        counts.draw_list_bytes = (splats + triangles) as u64;
+    }
+}
+
+impl BlendPasses {
+    /// Those of a kind of blending; of what is not blended the two.
+    fn of(blend: Blend) -> Self {
+        match blend {
+            Blend::DepthThreshold => Self::DepthThreshold,
+            Blend::DepthRange => Self::DepthRange,
+            Blend::TwoPass | Blend::Opaque => Self::Two,
+        }
+    }
+}
+
+/// The splats of a cut as records.
+fn packed_splats<R: Record + Copy + Send + Zeroable>(
+    model: &Model,
+    cut: &Cut,
+    view: &View,
+    settings: &Settings,
+) -> Vec<R> {
+    let plan = splat_plan(settings, f32::INFINITY);
+    let mut splats = vec![R::zeroed(); pack::splats::count(cut, &plan)];
+    let packed = pack::splats::pack(model, cut, view, &plan, &mut splats);
+    splats.truncate(packed.points);
+    splats
+}
+
+/// The vertices that triangles have.
+fn used_vertices(model: &Model) -> &[Vertex] {
+    &model.vertices[..model.used_vertices as usize]
+}
+
+/// How primitives look under `settings`, but for [`Style::depth_range`] and
+/// [`Style::subpixel_bits`].
+pub fn style(settings: &Settings, model: &Model) -> Style {
+    Style {
+        splat_size_px: settings.threshold_px.max(1.0),
+        footprint: settings.footprint(),
+        is_gauss: settings.splat == SplatKind::Gauss,
+        low_pass_px: settings.low_pass_px(),
+        is_deferred: settings.shading == Shading::Deferred,
+        background: settings.background,
+        color_by: settings.color_by,
+        cull_back_faces: settings.draws_fronts_only(model.is_closed),
+        light: settings.light.in_model(model.origin),
+        two_sided: settings.two_sided,
+        use_colors: settings.use_colors,
+        depth_offset: settings.depth_offset(),
+        // Of the frame, whose camera and device are not known here.
+        ..Style::default()
+    }
+}

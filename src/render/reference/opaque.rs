@@ -1,0 +1,106 @@
+//! Opaque triangles, splats and points: one depth test, the nearest wins.
+
+use crate::abi::Splat;
+use crate::image::Image;
+use crate::math::camera::View;
+use crate::pack::{DrawList, Footprint, Style};
+use crate::render::reference::Outputs;
+use crate::render::reference::bands::{PixelRows, ShownPixel, picture};
+use crate::render::reference::disc::DiscFootprint;
+use crate::render::reference::frame::ReferenceFrame;
+use crate::render::reference::splat::{PlacedSplat, RasterSplat, SplatFootprint, splat_of_vertex};
+use crate::render::reference::square::SquareFootprint;
+use crate::render::reference::triangle;
+
+/// A pixel, and what a splat leaves in one.
+#[derive(Clone, Copy)]
+pub(super) struct OpaquePixel {
+    /// Reversed depth, as the device's depth buffer holds it; cleared to the far plane.
+    depth: f32,
+    shown: ShownPixel,
+}
+
+/// Draws `list` as `view` sees it: triangles, then splats, then points, with one depth test (nearer wins,
+/// first drawn wins ties).
+///
+/// A covered pixel has alpha 255; the others show the background with alpha 0. Degenerate input draws
+/// nothing and is no error: positions that are not finite, triangles without area once snapped, splats whose
+/// radius is NaN, and triangles with an index past the vertices. Splats and points are dropped when their
+/// center is nearer than the near or farther than the far plane, but not when it lies beside the picture.
+///
+/// The light of [`Light::Point`](crate::math::camera::Light::Point) needs an eye; an orthographic view is lit
+/// along the view direction instead.
+///
+/// Cost: linear in primitives plus covered pixels, on all threads of the rayon pool; the picture does not
+/// depend on their number.
+pub fn render(view: &View, list: &DrawList, style: &Style, outputs: Outputs) -> Image {
+    let frame = ReferenceFrame::new(view, style);
+    let mut target = PixelRows::cleared(
+        view,
+        OpaquePixel {
+            depth: 0.0,
+            shown: ShownPixel::background(style),
+        },
+    );
+    target.draw(
+        list.triangles,
+        |corners| triangle::set_up(&frame, list.vertices, *corners, |v| frame.place(v.position)),
+        |pixel, triangle, sample| {
+            // Strictly nearer wins, so the first drawn wins ties and a NaN never passes.
+            if sample.depth > pixel.depth {
+                *pixel = OpaquePixel {
+                    depth: sample.depth,
+                    shown: frame.shading.shown(&triangle.surface(sample)),
+                };
+            }
+        },
+    );
+    let put = |pixel: &mut OpaquePixel, splat: &RasterSplat<OpaquePixel>, _rho_squared| {
+        if splat.fragment.depth > pixel.depth {
+            *pixel = splat.fragment;
+        }
+    };
+    target.draw(list.splats, |s| set_up(&frame, s), put);
+    target.draw(list.points, |p| set_up(&frame, &splat_of_vertex(p)), put);
+    let pixels = target.into_pixels();
+    picture(view, outputs, |i| pixels[i].shown)
+}
+
+/// A splat; `None` when it covers no pixel.
+pub(super) fn set_up(frame: &ReferenceFrame, splat: &Splat) -> Option<RasterSplat<OpaquePixel>> {
+    let seen = PlacedSplat::new(frame, splat)?;
+    let footprint = match frame.style.footprint {
+        Footprint::Square => {
+            let side_px = side_px(frame, splat.radius, seen.placed.distance);
+            SplatFootprint::Square(SquareFootprint::around(frame, &seen.placed, side_px)?)
+        }
+        Footprint::Circle => {
+            let radius_px = seen.radius_px(frame);
+            SplatFootprint::Disc(DiscFootprint::circle(frame, seen.patch.center, radius_px)?)
+        }
+        Footprint::Oriented => SplatFootprint::Disc(DiscFootprint::new(frame, &seen.patch, 0.0)?),
+    };
+    Some(RasterSplat {
+        footprint,
+        fragment: OpaquePixel {
+            depth: seen.placed.depth(),
+            shown: frame.shading.shown(&seen.point),
+        },
+    })
+}
+
+/// The side of a square before the lower bound of 1 pixel, in single precision as in the vertex shader: that of the frame
+/// for radius 0, else the projected diameter.
+fn side_px(frame: &ReferenceFrame, radius: f32, distance: f32) -> f32 {
+    if radius > 0.0 {
+        let view = frame.view;
+        let side = 2.0 * (view.focal_px() * view.model_scale) * radius;
+        if view.is_perspective {
+            side / distance
+        } else {
+            side
+        }
+    } else {
+        frame.style.splat_size_px
+    }
+}
