@@ -403,6 +403,7 @@ fn data_as_colors_are_the_same_on_device_and_mirror() {
     let Some(device) = Device::open() else {
         return;
     };
+    let subpixel_bits = device.gpu().info().subpixel_bits;
     let device = Backend::Device(device.gpu().clone());
     let model = generated(Shape::Statue, 30_000);
     let view = orbit(&model, (200, 160), 40.0, 25.0, 1.3);
@@ -419,7 +420,11 @@ fn data_as_colors_are_the_same_on_device_and_mirror() {
                 continue;
             }
             let (ours, _) = draw(&device, &model, &view, &settings);
-            let (theirs, _) = draw(&Backend::Mirror, &model, &view, &settings);
+            let theirs = Engine::new(&Backend::Mirror, &model, (200, 160), Outputs::default())
+                .unwrap()
+                .with_subpixel_bits(subpixel_bits)
+                .render(&view, &settings)
+                .unwrap();
             let covered = theirs.color.iter().filter(|c| c[3] > 0).count();
             // Edges that a last bit moves, as in tests/oracle.rs.
             let differ = apart(&ours, &theirs);

@@ -476,7 +476,12 @@ fn the_device_draws_what_the_mirror_draws() {
                 };
                 let name = format!("{name} {lamp:?} {method:?} {splat:?} {threshold_px}");
                 let a = draw(&device_backend, &model, &view, &settings);
-                let b = draw(&Backend::Mirror, &model, &view, &settings);
+                let size = (view.width, view.height);
+                let b = Engine::new(&Backend::Mirror, &model, size, Outputs::default())
+                    .unwrap()
+                    .with_subpixel_bits(device.gpu().info().subpixel_bits)
+                    .render(&view, &settings)
+                    .unwrap();
                 let covered = b.color.iter().filter(|c| c[3] > 0).count();
                 // As in the oracle: a snapped edge moves by 1/256 pixel; and where n . v is all but at its limit, the
                 // last bit decides which side is seen.

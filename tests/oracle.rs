@@ -122,6 +122,7 @@ fn both(
         .unwrap();
     let mirror = Engine::new(&Backend::Mirror, model, size, OUTPUTS)
         .unwrap()
+        .with_subpixel_bits(device.gpu().info().subpixel_bits)
         .render(view, settings)
         .unwrap();
     compare(name, &picture, &mirror, tolerance);
@@ -233,6 +234,7 @@ fn filtered_splats() {
                     };
                     Engine::new(backend, &model, (160, 140), outputs)
                         .unwrap()
+                        .with_subpixel_bits(device.gpu().info().subpixel_bits)
                         .render(&view, &settings)
                         .unwrap()
                 };

@@ -185,6 +185,7 @@ fn device_and_mirror_count_the_same() {
     let Some(device) = Device::open() else {
         return;
     };
+    let subpixel_bits = device.gpu().info().subpixel_bits;
     let device = Backend::Device(device.gpu().clone());
     let model = generated(Shape::Statue, 30_000);
     let views = [
@@ -198,7 +199,12 @@ fn device_and_mirror_count_the_same() {
                 ..counting(method, splat, 3.0)
             };
             let (_, ours) = draw(&device, &model, view, &settings);
-            let (_, theirs) = draw(&Backend::Mirror, &model, view, &settings);
+            let size = (view.width, view.height);
+            let mut mirror = Engine::new(&Backend::Mirror, &model, size, Outputs::default())
+                .unwrap()
+                .with_subpixel_bits(subpixel_bits);
+            mirror.draw(view, &settings).unwrap();
+            let theirs = mirror.overdraw().unwrap();
             let covered = theirs.iter().filter(|&&c| c > 0).count();
             let apart = || ours.iter().zip(&theirs).map(|(a, b)| a.abs_diff(*b));
             let differ = apart().filter(|&by| by > 0).count();

@@ -75,7 +75,8 @@ fn count(image: &Image, color: [u8; 4]) -> usize {
 fn agree(device: &Device, model: &Model, view: &View, settings: &Settings, name: &str, share: f64) {
     let backend = Backend::Device(device.gpu().clone());
     let one = |backend: &Backend| {
-        let mut engine = engine(backend, model, view);
+        let mut engine =
+            engine(backend, model, view).with_subpixel_bits(device.gpu().info().subpixel_bits);
         (
             classes(&mut engine, view, settings),
             draw(&mut engine, view, settings),

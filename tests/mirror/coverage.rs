@@ -4,8 +4,13 @@ use crate::scene::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use surfel::abi::Splat;
+use surfel::generate::{Shape, Spec};
 use surfel::pack::{DrawList, Style};
+use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
 use surfel::render::reference::{Outputs, render};
+use surfel::render::{Method, Settings};
+use surfel::tree::{BuildOptions, build};
 
 #[test]
 fn squares_cover_exactly_the_centers_in_their_half_open_extent() {
@@ -118,6 +123,79 @@ fn points_cover_the_half_open_square_of_their_size() {
                 assert_eq!(*got, expected, "size {size} at {cx}, {cy}, pixel {i}");
             }
         }
+    }
+}
+
+/// With 4 binary places a pixel is covered as with 8 where corners and centers are rounded to 1/16 before.
+#[test]
+fn a_coarse_grid_is_a_fine_one_with_rounded_places() {
+    let places = |bits| Style {
+        splat_size_px: 1.0 + 3.0 / 16.0,
+        subpixel_bits: bits,
+        ..Style::default()
+    };
+    let rounded = |p: [f32; 2]| p.map(|c| (c * 16.0).round() / 16.0);
+    let mut state = 1u32;
+    let mut place = || {
+        [(); 2].map(|()| {
+            state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+            2.0 + 60.0 * (state >> 8) as f32 / (1 << 24) as f32
+        })
+    };
+    let mut differ = 0;
+    for _ in 0..200 {
+        let corners = [place(), place(), place()];
+        let draw = |corners: [[f32; 2]; 3], bits| {
+            let [a, b, c] = corners.map(|[x, y]| at(x, y, 3.0));
+            let points = [vertex(a), vertex(b), vertex(c)];
+            let model = Model::from_corners(&[[a, b, c]]);
+            let points = DrawList {
+                points: &points,
+                ..DrawList::default()
+            };
+            [model.list(), points].map(|list| coverage(&draw_flat(&list, &places(bits))))
+        };
+        let coarse = draw(corners, 4);
+        assert_eq!(coarse, draw(corners.map(rounded), 8), "{corners:?}");
+        let fine = draw(corners, 8);
+        differ += usize::from(coarse[0] != fine[0]) + usize::from(coarse[1] != fine[1]);
+    }
+    assert!(
+        differ > 100,
+        "only {differ} of 400 pictures tell the grids apart"
+    );
+}
+
+/// An engine takes the grid of a device it is compared with: pixels at edges change sides, about 1/16 of them, and no other.
+#[test]
+fn an_engine_snaps_to_the_grid_it_is_told() {
+    let spec = Spec::with_triangles(Shape::Sphere, 2000).unwrap();
+    let mesh = surfel::generate::mesh(&spec);
+    let model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let view = sphere_view(3.0, 128);
+    for method in [Method::Triangles, Method::Pop] {
+        let settings = Settings {
+            method,
+            ..Settings::default()
+        };
+        let draw = |bits: Option<u32>| {
+            let engine = Engine::new(&Backend::Mirror, &model, (128, 128), Outputs::default());
+            let engine = engine.unwrap();
+            let mut engine = match bits {
+                Some(bits) => engine.with_subpixel_bits(bits),
+                None => engine,
+            };
+            engine.render(&view, &settings).unwrap()
+        };
+        let [coarse, fine] = [4, 8].map(|bits| draw(Some(bits)));
+        assert_eq!(draw(None), fine, "{method:?}");
+        let apart = fine.color.iter().zip(&coarse.color).filter(|(a, b)| a != b);
+        let (apart, covered) = (apart.count(), fine.covered_pixels() as usize);
+        assert!(covered > 5000, "{method:?}: {covered} pixels");
+        assert!(
+            apart > 10 && apart < covered / 2,
+            "{method:?}: {apart} of {covered} differ"
+        );
     }
 }
 

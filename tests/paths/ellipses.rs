@@ -57,6 +57,7 @@ fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
         let (picture, passes, _) = passes(&mut engine, &view, &insisting);
         let mirror = Engine::new(&Backend::Mirror, model, size, outputs)
             .unwrap()
+            .with_subpixel_bits(device.gpu().info().subpixel_bits)
             .render(&view, &settings)
             .unwrap();
         // A ten-thousandth of the pixels: the last bit of a position moves an outline by about as much of a pixel.

@@ -10,15 +10,18 @@ use surfel::render::{Settings, SplatKind};
 use surfel::tree::Model;
 
 pub(crate) fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {
+    engine(backend, model, view, settings)
+        .render(view, settings)
+        .unwrap()
+}
+
+fn engine<'m>(backend: &Backend, model: &'m Model, view: &View, settings: &Settings) -> Engine<'m> {
     let outputs = Outputs {
         depth: true,
         normal: settings.splat != SplatKind::Filtered,
         values: false,
     };
-    Engine::new(backend, model, (view.width, view.height), outputs)
-        .unwrap()
-        .render(view, settings)
-        .unwrap()
+    Engine::new(backend, model, (view.width, view.height), outputs).unwrap()
 }
 
 /// How many pixels differ: in coverage or color by more than one level, in depth, or in normal.
@@ -53,7 +56,10 @@ pub(crate) fn same(
         view,
         settings,
     );
-    let mirror = draw(&Backend::Mirror, model, view, settings);
+    let mirror = engine(&Backend::Mirror, model, view, settings)
+        .with_subpixel_bits(device.gpu().info().subpixel_bits)
+        .render(view, settings)
+        .unwrap();
     let covered = mirror.color.iter().filter(|c| c[3] > 0).count();
     let differ = differing(&picture, &mirror);
     let allowed = 2 + (share * covered as f64).ceil() as usize;
