@@ -192,7 +192,7 @@ fn the_hybrid_at_one_pixel_is_close_to_supersampled_triangles() {
         ("thesis/dragon_vrip.ply.gz", true),
         ("thesis/porsche.obj", false),
     ] {
-        let Some(model) = real(name) else { break };
+        let Some(model) = real(name) else { continue };
         models.push((name.to_owned(), model, is_smooth));
     }
     for (name, model, is_smooth) in &models {

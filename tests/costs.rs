@@ -3,10 +3,10 @@
 
 mod common;
 
-use common::{Device, generated, orbit};
+use common::{Device, generated, orbit, pictures};
 use glam::DVec3;
 use surfel::generate::Shape;
-use surfel::image::{Image, compare};
+use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
@@ -89,14 +89,6 @@ fn draw(engine: &mut Engine<'_>, view: &View, settings: &Settings, costs: Option
     }
 }
 
-/// The same coverage and colors within one level but in one pixel of `one_in`.
-fn assert_same(a: &Image, b: &Image, one_in: f64, what: &str) {
-    let d = compare(a, b, 1.5).unwrap();
-    assert!(d.object.pixels > 100, "{what}: nothing to see");
-    let allowed = 1.0 + a.color.len() as f64 / one_in;
-    assert!(d.whole.past_level as f64 <= allowed, "{what}: {d:?}");
-}
-
 /// What is drawn, and by which passes it is seen that compute draws its splats; none where it cannot.
 fn cases() -> Vec<(Settings, Option<&'static str>)> {
     let of = |splat, method, threshold_px| Settings {
@@ -153,7 +145,7 @@ fn costs_decide_the_path_and_the_picture_stays() {
             for path in [Path::Raster, Path::Compute] {
                 let costs = costs(path, f32::INFINITY);
                 let drawn = draw(&mut engine, &view, &settings, Some(costs));
-                assert_same(&drawn.image, &plain.image, 1e4, &what);
+                pictures::ANY_COSTS.assert_same(&plain.image, &drawn.image, &what);
                 // Triangles go the way of squares.
                 let count = match mark {
                     Some("small.clear") => drawn.splats + drawn.triangles,
@@ -208,9 +200,7 @@ fn quads_and_points_draw_the_same() {
             for largest in [0.0, 3.0] {
                 let costs = costs(Path::Raster, largest);
                 let drawn = draw(&mut engine, &view, &settings, Some(costs));
-                // Corners of a quad are snapped one by one, a point as a whole; of equally deep splats the first drawn wins,
-                // and quads are drawn last.
-                assert_same(&drawn.image, &plain.image, 250.0, &what);
+                pictures::QUADS_AS_POINTS.assert_same(&plain.image, &drawn.image, &what);
             }
         }
     }

@@ -4,10 +4,10 @@
 
 mod common;
 
-use common::{Device, generated, orbit, orthographic, real};
+use common::{Device, generated, orbit, orthographic, pictures, scans};
 use surfel::generate::Shape;
 use surfel::gpu::Error;
-use surfel::image::{Image, compare};
+use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::ColorBy;
 use surfel::render::cost::model::Costs;
@@ -50,24 +50,6 @@ fn draw(
 
 fn is_on_device(times: &FrameTimes) -> bool {
     times.passes.iter().any(|pass| pass.name == "cut.tree")
-}
-
-/// The same coverage; colors but where two surfaces are equally near, since the device's lists are in no order.
-fn assert_same(host: &Image, device: &Image, what: &str) {
-    assert!(
-        host.color.iter().any(|c| c[3] != 0),
-        "{what}: nothing is drawn"
-    );
-    let covered = |image: &Image| image.color.iter().map(|c| c[3]).collect::<Vec<_>>();
-    assert!(covered(host) == covered(device), "{what}: another coverage");
-    // The nearest depth of a pixel has no ties.
-    assert!(host.depth == device.depth, "{what}: other depths");
-    let d = compare(host, device, 1.5).unwrap();
-    let pixels = f64::from(SIZE.0 * SIZE.1);
-    assert!(
-        d.whole.past_level as f64 <= 1.0 + 0.001 * pixels,
-        "{what}: {d:?}"
-    );
 }
 
 #[test]
@@ -118,7 +100,7 @@ fn the_device_draws_what_the_host_draws() {
                 assert!(b.triangles.abs_diff(between) <= most, "{what}: {a:?} {b:?}");
                 assert_eq!((of_device.cut_ms, of_device.pack_ms), (0.0, 0.0));
                 // Triangles seen edge-on cover what the others do not only where nothing is closed.
-                assert_same(&host, &chosen, &what);
+                pictures::DEVICE_CUT.assert_same(&host, &chosen, &what);
             }
         }
     }
@@ -127,17 +109,17 @@ fn the_device_draws_what_the_host_draws() {
 #[test]
 fn a_scan_is_cut_on_the_device() {
     let Some(device) = Device::open() else { return };
-    let Some(model) = real("thesis/dragon_vrip_res3.ply.gz") else {
-        return;
-    };
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
-    let mut renderer = renderer(&device);
-    for fill in [0.3, 1.0, 2.0] {
-        let view = orbit(&model, SIZE, 30.0, 20.0, fill);
-        let mut draw = |settings| draw(&mut renderer, (&model, &mut scene), &view, &settings);
-        let (host, _) = draw(on(CutOn::Host));
-        let (chosen, _) = draw(on(CutOn::Device));
-        assert_same(&host, &chosen, &format!("fill {fill}"));
+    for (name, model) in scans(&["thesis/dragon_vrip_res3.ply.gz"]) {
+        let mut scene = Scene::new(device.gpu(), &model).unwrap();
+        let mut renderer = renderer(&device);
+        for fill in [0.3, 1.0, 2.0] {
+            let view = orbit(&model, SIZE, 30.0, 20.0, fill);
+            let mut draw = |settings| draw(&mut renderer, (&model, &mut scene), &view, &settings);
+            let (host, _) = draw(on(CutOn::Host));
+            let (chosen, of_device) = draw(on(CutOn::Device));
+            assert!(is_on_device(&of_device), "{name}");
+            pictures::DEVICE_CUT.assert_same(&host, &chosen, &format!("{name}, fill {fill}"));
+        }
     }
 }
 
@@ -172,7 +154,7 @@ fn lists_stay_on_the_device() {
         assert!(times.counts.nodes_visited > 0);
         if (which, azimuth) == (0, 10.0) {
             let first = first.get_or_insert_with(|| image.clone());
-            assert_same(first, &image, "the same view");
+            pictures::DEVICE_CUT.assert_same(first, &image, "the same view");
         }
     }
 }

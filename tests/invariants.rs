@@ -3,10 +3,10 @@
 
 mod common;
 
-use common::{Device, generated, orbit};
+use common::{Device, generated, orbit, pictures};
 use surfel::generate::Shape;
 use surfel::gpu::Options;
-use surfel::image::{Difference, Image, compare};
+use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::render::engine::{Backend, Engine};
@@ -33,10 +33,7 @@ fn outputs_of((_, splat, _): (Method, SplatKind, f32)) -> Outputs {
 fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Image {
     let backend = Backend::Device(device.gpu().clone());
     let outputs = outputs_of((settings.method, settings.splat, 0.0));
-    Engine::new(&backend, model, (view.width, view.height), outputs)
-        .unwrap()
-        .render(view, settings)
-        .unwrap()
+    pictures::draw(&backend, model, view, settings, outputs).unwrap()
 }
 
 fn settings(method: Method, threshold_px: f32) -> Settings {
@@ -45,13 +42,6 @@ fn settings(method: Method, threshold_px: f32) -> Settings {
         threshold_px,
         ..Settings::default()
     }
-}
-
-/// The same coverage, and at most one pixel in 5,000 another grey level.
-fn is_almost_equal(d: &Difference) -> bool {
-    d.coverage_abs == 0.0
-        && d.whole.max_level < 1.5
-        && d.whole.past_level <= 1 + d.object.pixels / 5_000
 }
 
 const METHODS: [(Method, SplatKind, f32); 8] = [
@@ -112,8 +102,8 @@ fn threshold_zero_is_the_triangle_picture() {
             let triangles = draw(&device, &model, &view, &settings(Method::Triangles, 0.0));
             // The guard band changes the last bit of a window position before it is snapped, and of what is
             // interpolated: coverage stays, a grey value on the border of two levels can fall to the other.
-            let d = compare(&triangles, &pop, 0.0).unwrap();
-            assert!(is_almost_equal(&d), "{shape:?} {fill}: {d:?}");
+            let what = format!("{shape:?} {fill}");
+            pictures::ALMOST_EQUAL.assert_same(&triangles, &pop, &what);
         }
     }
 }
@@ -142,8 +132,7 @@ fn culling_changes_nothing_on_a_closed_surface() {
             );
             // Next to the silhouette a front and a back triangle meet in an edge; where their depths round to the
             // same value, the first drawn wins.
-            let d = compare(&a, &b, 0.0).unwrap();
-            assert!(is_almost_equal(&d), "{method:?}, view {k}: {d:?}");
+            pictures::ALMOST_EQUAL.assert_same(&a, &b, &format!("{method:?}, view {k}"));
         }
     }
 }

@@ -3,10 +3,10 @@
 
 mod common;
 
-use common::{Device, generated, orbit, real};
+use common::pictures::{self, PictureOracle};
+use common::{Device, generated, orbit, scans};
 use glam::{DVec3, Vec3};
 use surfel::generate::Shape;
-use surfel::image::Image;
 use surfel::math::camera::{Camera, Light, View};
 use surfel::mesh::Mesh;
 use surfel::pack::ColorBy;
@@ -22,82 +22,6 @@ const OUTPUTS: Outputs = Outputs {
     values: false,
 };
 
-/// How far a picture of the device may be from the mirror's, and why it may at all.
-struct Tolerance {
-    /// Pixels that differ in coverage or by more than one level, as a share of the covered ones: the last bit
-    /// of a vertex position moves a snapped edge by 1/256 pixel, so about 1/128 of the pixels on edges can
-    /// change sides; and where two surfaces tie in depth either may win.
-    edge_share: f64,
-}
-
-fn compare(name: &str, device: &Image, mirror: &Image, tolerance: &Tolerance) {
-    assert_eq!((device.width, device.height), (mirror.width, mirror.height));
-    let covered = mirror.color.iter().filter(|c| c[3] > 0).count();
-    let mut coverage = 0;
-    let mut color = 0;
-    let mut depth = 0;
-    let mut normal = 0;
-    for i in 0..mirror.color.len() {
-        let (d, m) = (device.color[i], mirror.color[i]);
-        if (d[3] > 0) != (m[3] > 0) {
-            coverage += 1;
-            continue;
-        }
-        if (0..3).any(|c| d[c].abs_diff(m[c]) > 1) {
-            color += 1;
-        }
-        let (d, m) = (device.depth[i], mirror.depth[i]);
-        // Single-precision depth of a reversed buffer resolves about 1e-6 of the distance in these scenes; and
-        // the device interpolates between corners that are not snapped, the mirror between snapped ones: off by
-        // up to the depth's change over a few 1/256 of a pixel.
-        let slope = neighbors(i, mirror)
-            .map(|n| (mirror.depth[n] - m).abs())
-            .filter(|s| s.is_finite())
-            .fold(0.0, f32::max);
-        if d.is_finite() != m.is_finite()
-            || (m.is_finite() && (d - m).abs() > 2e-5 * m + slope / 32.0)
-        {
-            depth += 1;
-        }
-        let (d, m) = (Vec3::from(device.normal[i]), Vec3::from(mirror.normal[i]));
-        if (d - m).length() > 4e-3 {
-            normal += 1;
-        }
-    }
-    let allowed = (tolerance.edge_share * covered as f64).ceil() as usize + 2;
-    println!(
-        "{name}: {covered} covered; coverage {coverage}, color {color}, depth {depth}, normal {normal}; {allowed} allowed"
-    );
-    assert!(covered > 0, "{name}: an empty picture proves nothing");
-    assert!(
-        coverage <= allowed,
-        "{name}: {coverage} pixels differ in coverage"
-    );
-    assert!(
-        color <= allowed,
-        "{name}: {color} pixels differ by more than one level"
-    );
-    assert!(depth <= allowed, "{name}: {depth} pixels differ in depth");
-    assert!(
-        normal <= allowed,
-        "{name}: {normal} pixels differ in normal"
-    );
-}
-
-/// Indices of the pixels left, right, above and below.
-fn neighbors(i: usize, image: &Image) -> impl Iterator<Item = usize> {
-    let (w, n) = (image.width as usize, image.color.len());
-    let x = i % w;
-    [
-        (x > 0).then(|| i - 1),
-        (x + 1 < w).then(|| i + 1),
-        i.checked_sub(w),
-        (i + w < n).then(|| i + w),
-    ]
-    .into_iter()
-    .flatten()
-}
-
 const METHODS: [(Method, f32); 5] = [
     (Method::Triangles, 1.0),
     (Method::Points, 1.0),
@@ -112,23 +36,14 @@ fn both(
     view: &View,
     settings: &Settings,
     name: &str,
-    tolerance: &Tolerance,
+    oracle: PictureOracle,
 ) {
-    let size = (view.width, view.height);
     let backend = Backend::Device(device.gpu().clone());
-    let picture = Engine::new(&backend, model, size, OUTPUTS)
-        .unwrap()
-        .render(view, settings)
-        .unwrap();
-    let mirror = Engine::new(&Backend::Mirror, model, size, OUTPUTS)
-        .unwrap()
-        .with_subpixel_bits(device.gpu().info().subpixel_bits)
-        .render(view, settings)
-        .unwrap();
-    compare(name, &picture, &mirror, tolerance);
+    let draw = |backend| pictures::draw(backend, model, view, settings, OUTPUTS).unwrap();
+    oracle.assert_same(&draw(&Backend::Mirror), &draw(&backend), name);
 }
 
-fn every_method(device: &Device, model: &Model, view: &View, name: &str, edge_share: f64) {
+fn every_method(device: &Device, model: &Model, view: &View, name: &str, oracle: PictureOracle) {
     for (method, threshold_px) in METHODS {
         if model.triangles.is_empty() && method == Method::Triangles {
             continue;
@@ -139,14 +54,7 @@ fn every_method(device: &Device, model: &Model, view: &View, name: &str, edge_sh
             ..Settings::default()
         };
         let name = format!("{name}, {method:?} {threshold_px}");
-        both(
-            device,
-            model,
-            view,
-            &settings,
-            &name,
-            &Tolerance { edge_share },
-        );
+        both(device, model, view, &settings, &name, oracle);
     }
 }
 
@@ -166,7 +74,7 @@ fn smooth_and_rough_surfaces_from_outside() {
                 &model,
                 &view,
                 &format!("{shape:?} {azimuth} {fill}"),
-                0.003,
+                pictures::REFERENCE_SURFACE,
             );
         }
     }
@@ -226,40 +134,13 @@ fn filtered_splats() {
                     background: [0.1, 0.2, 0.3],
                     ..Settings::default()
                 };
+                let outputs = pictures::with_depth(false);
                 let draw = |backend: &Backend| {
-                    let outputs = Outputs {
-                        depth: true,
-                        normal: false,
-                        values: false,
-                    };
-                    Engine::new(backend, &model, (160, 140), outputs)
-                        .unwrap()
-                        .with_subpixel_bits(device.gpu().info().subpixel_bits)
-                        .render(&view, &settings)
-                        .unwrap()
+                    pictures::draw(backend, &model, &view, &settings, outputs).unwrap()
                 };
                 let picture = draw(&Backend::Device(device.gpu().clone()));
-                let mirror = draw(&Backend::Mirror);
-                let covered = mirror.color.iter().filter(|c| c[3] > 0).count();
-                let mut differ = 0;
-                for (i, (d, m)) in picture.color.iter().zip(&mirror.color).enumerate() {
-                    let (near, far) = (picture.depth[i], mirror.depth[i]);
-                    let depth_differs = near.is_finite() != far.is_finite()
-                        || (far.is_finite() && (near - far).abs() > 1e-3 * far);
-                    differ += usize::from(depth_differs || (0..4).any(|c| d[c].abs_diff(m[c]) > 1));
-                }
-                // A fragment at the very limit of the offset is in for one and out for the other: the pushed depth
-                // is single precision in both, with other roundings. At a rim its neighbors look at it: one such pixel
-                // there is four that differ.
-                let allowed = 4 + covered / 500;
-                println!(
-                    "{name} {fill} {threshold_px} {culling:?}: {differ} of {covered} differ, {allowed} allowed"
-                );
-                assert!(covered > 100);
-                assert!(
-                    differ <= allowed,
-                    "{name} {fill} {threshold_px} {culling:?}: {differ} differ"
-                );
+                let what = format!("{name} {fill} {threshold_px} {culling:?}");
+                pictures::REFERENCE_FILTERED.assert_same(&draw(&Backend::Mirror), &picture, &what);
             }
         }
     }
@@ -312,7 +193,13 @@ fn needles_near_and_far() {
     for fill in [0.2, 1.0, 5.0] {
         let view = orbit(&model, (200, 200), 75.0, 40.0, fill);
         // Needles are all edge.
-        every_method(&device, &model, &view, &format!("torus {fill}"), 0.01);
+        every_method(
+            &device,
+            &model,
+            &view,
+            &format!("torus {fill}"),
+            pictures::REFERENCE_NEEDLES,
+        );
     }
 }
 
@@ -344,7 +231,7 @@ fn the_camera_inside_and_at_the_surface() {
                     &view,
                     &settings,
                     &name,
-                    &Tolerance { edge_share: 0.003 },
+                    pictures::REFERENCE_SURFACE,
                 );
             }
         }
@@ -362,7 +249,7 @@ fn orthographic_off_center_and_parallel_light() {
         &model,
         &camera.view(DVec3::ZERO).unwrap(),
         "parallel light",
-        0.003,
+        pictures::REFERENCE_SURFACE,
     );
     camera.proj.z_axis.x = 0.21;
     camera.proj.z_axis.y = -0.13;
@@ -371,7 +258,7 @@ fn orthographic_off_center_and_parallel_light() {
         &model,
         &camera.view(DVec3::ZERO).unwrap(),
         "off center",
-        0.003,
+        pictures::REFERENCE_SURFACE,
     );
     let (near, far) = (1.0, 8.0);
     camera.proj = glam::DMat4::from_cols_array(&[
@@ -397,7 +284,7 @@ fn orthographic_off_center_and_parallel_light() {
         &model,
         &camera.view(DVec3::ZERO).unwrap(),
         "orthographic",
-        0.003,
+        pictures::REFERENCE_SURFACE,
     );
     // A mirrored picture turns the fronts; a scaled view changes lengths.
     camera.proj.x_axis.x = -0.6;
@@ -407,7 +294,7 @@ fn orthographic_off_center_and_parallel_light() {
         &model,
         &camera.view(DVec3::ZERO).unwrap(),
         "mirrored and scaled",
-        0.003,
+        pictures::REFERENCE_SURFACE,
     );
 }
 
@@ -432,7 +319,13 @@ fn colors_missing_normals_and_clouds() {
     let build = |mesh: Mesh| tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
     let colored = build(mesh.clone());
     let view = orbit(&colored, (200, 200), 10.0, 5.0, 0.9);
-    every_method(&device, &colored, &view, "colors", 0.003);
+    every_method(
+        &device,
+        &colored,
+        &view,
+        "colors",
+        pictures::REFERENCE_SURFACE,
+    );
     for (color_by, use_colors, two_sided) in [
         (ColorBy::Primitive, true, true),
         (ColorBy::Shading, false, true),
@@ -453,12 +346,18 @@ fn colors_missing_normals_and_clouds() {
             &view,
             &settings,
             &name,
-            &Tolerance { edge_share: 0.003 },
+            pictures::REFERENCE_SURFACE,
         );
     }
     let mut cloud = mesh.clone();
     cloud.triangles.clear();
-    every_method(&device, &build(cloud.clone()), &view, "cloud", 0.003);
+    every_method(
+        &device,
+        &build(cloud.clone()),
+        &view,
+        "cloud",
+        pictures::REFERENCE_SURFACE,
+    );
     cloud.normals.clear();
     let near = orbit(&build(cloud.clone()), (200, 200), 10.0, 5.0, 4.0);
     every_method(
@@ -466,27 +365,37 @@ fn colors_missing_normals_and_clouds() {
         &build(cloud),
         &near,
         "cloud without normals, near",
-        0.003,
+        pictures::REFERENCE_SURFACE,
     );
     // Some vertices without a normal.
     for normal in mesh.normals.iter_mut().step_by(3) {
         *normal = Vec3::ZERO;
     }
-    every_method(&device, &build(mesh), &view, "some normals missing", 0.003);
+    every_method(
+        &device,
+        &build(mesh),
+        &view,
+        "some normals missing",
+        pictures::REFERENCE_SURFACE,
+    );
 }
 
 #[test]
-fn real_models() {
+fn scans_and_real_models() {
     let Some(device) = Device::open() else { return };
-    for name in [
+    let mut models = scans(&[
         "thesis/horse.ply",
         "thesis/porsche.obj",
         "meshes/ankylosaurus_mesh.ply.gz",
         "photos/sceaux/Sparse.ply",
-    ] {
-        let Some(model) = real(name) else { return };
+    ]);
+    let mut points = common::load(&common::models::scan_file());
+    points.triangles.clear();
+    let points = tree::build(points, &BuildOptions::default(), &Silent).unwrap();
+    models.push(("points of the scan".into(), points));
+    for (name, model) in models {
         let view = orbit(&model, (300, 300), 40.0, 25.0, 1.0);
         // Sharp, layered models have more edges and more ties.
-        every_method(&device, &model, &view, name, 0.006);
+        every_method(&device, &model, &view, &name, pictures::REFERENCE_LAYERS);
     }
 }

@@ -9,11 +9,11 @@ mod large;
 #[path = "paths/visibility.rs"]
 mod visibility;
 
-use common::{Device, generated, orbit, real};
+use common::pictures::{self, PictureOracle};
+use common::{Device, generated, orbit, scans};
 use surfel::generate::{Shape, Spec};
 use surfel::gpu::Error;
-use surfel::gpu::device::Kind;
-use surfel::image::{Image, compare};
+use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::pack::{ColorBy, Lighting, Phong};
@@ -25,51 +25,21 @@ use surfel::tree::Model;
 /// Sums have no normal.
 fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> Result<Image, Error> {
     let backend = Backend::Device(device.gpu().clone());
-    let outputs = Outputs {
-        depth: true,
-        normal: settings.splat != SplatKind::Filtered && settings.blend() == Blend::Opaque,
-        values: false,
-    };
-    Engine::new(&backend, model, (view.width, view.height), outputs)?.render(view, settings)
+    let has_normals = settings.splat != SplatKind::Filtered && settings.blend() == Blend::Opaque;
+    let outputs = pictures::with_depth(has_normals);
+    pictures::draw(&backend, model, view, settings, outputs)
 }
 
-/// The same coverage, colors within one level but where two surfaces tie or an edge runs through a pixel center
-/// (0.01 percent of the pixels, and one).
+/// Compute draws what the rasterizer draws.
 fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, what: &str) {
     let [raster, compute] = [Path::Raster, Path::Compute]
         .map(|path| draw(device, model, view, &Settings { path, ..settings }).unwrap());
-    let d = compare(&raster, &compute, 1.5).unwrap();
-    let pixels = f64::from(view.width * view.height);
-    let allowed = 1.0 + pixels * 1e-4;
-    assert!(
-        d.object.pixels > 100,
-        "{what}: an empty picture shows nothing"
-    );
-    assert!(d.whole.past_level as f64 <= allowed, "{what}: {d:?}");
-    let differ = |a: &[f32], b: &[f32], tolerance: f32| {
-        a.iter()
-            .zip(b)
-            .filter(|(a, b)| a != b && !(*a - *b).abs().le(&tolerance))
-            .count() as f64
-    };
-    // A hundredth of a pixel's footprint: rasterizers interpolate the depth of a tiny triangle from where the picture
-    // begins, in single precision. Of a triangle seen edge-on, a step of 1/256 pixel is more than that. Beside fuzzy splats
-    // corners are pushed away by one to ten half thresholds, which over a triangle that is as large as a threshold is a
-    // slope of 4.5 footprints a pixel, and more where it is thinner: some hundredths over a few steps.
     let is_pushed = settings.blend == Some(Blend::TwoPass);
-    let share = if is_pushed { 0.05 } else { 0.01 };
-    let tolerance = share * view.far / view.focal_px();
-    let depths = differ(&raster.depth, &compute.depth, tolerance);
-    assert!(
-        depths <= 1.0 + pixels * 1e-3,
-        "{what}: {depths} depths differ"
-    );
-    let flat = |image: &Image| image.normal.as_flattened().to_vec();
-    let normals = differ(&flat(&raster), &flat(&compute), 2e-3);
-    assert!(
-        normals <= 1.0 + pixels * 1e-3,
-        "{what}: {normals} parts of normals differ"
-    );
+    let oracle = match is_pushed {
+        true => pictures::COMPUTE_AS_RASTER_PUSHED,
+        false => pictures::COMPUTE_AS_RASTER,
+    };
+    oracle.seen_in(view).assert_same(&raster, &compute, what);
 }
 
 /// What is blended, by compute as well as by the rasterizer.
@@ -157,7 +127,7 @@ fn passes(
 #[test]
 fn the_host_draws_what_compute_does() {
     let Some(device) = Device::open() else { return };
-    let is_software = device.gpu().info().kind == Kind::Cpu;
+    let is_software = common::host_draws(&device);
     let colored = colored();
     let mut cloud = colored.clone();
     cloud.triangles.clear();
@@ -226,11 +196,13 @@ fn the_host_draws_what_compute_does() {
                     wanted = passes(&mut engine, &view, &by_raster).0;
                 }
                 let what = format!("{name}, {view_name}, {splat:?}, {threshold_px}: {own:?}");
-                let same = match splat {
-                    SplatKind::Filtered if triangles == 0 => Same::Bits,
-                    SplatKind::Filtered if others.contains(&"filtered.front") => Same::Rasterized,
-                    _ if others.contains(&"hybrid.splats") => Same::Rasterized,
-                    _ => Same::Shades,
+                let oracle: PictureOracle = match splat {
+                    SplatKind::Filtered if triangles == 0 => pictures::SAME_BITS,
+                    SplatKind::Filtered if others.contains(&"filtered.front") => {
+                        pictures::HOST_AS_RASTER
+                    }
+                    _ if others.contains(&"hybrid.splats") => pictures::HOST_AS_RASTER,
+                    _ => pictures::HOST_AS_COMPUTE,
                 };
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
                 let (clear, is_by_host) = match splat {
@@ -245,17 +217,13 @@ fn the_host_draws_what_compute_does() {
                 // Where the rasterizer draws, a level may be another one.
                 let is_rastered = own.contains(&"hybrid.triangles");
                 if is_by_host && !is_rastered || splat == SplatKind::Filtered {
-                    assert_as_compute(&picture, &wanted, same, &what);
+                    oracle.assert_same(&wanted, &picture, &what);
                 }
                 engine.let_host_draw(true);
                 let (picture, own, _) = passes(&mut engine, &view, &insisting);
                 engine.let_host_draw(false);
-                assert_as_compute(
-                    &picture,
-                    &wanted,
-                    same,
-                    &format!("{what}, insisting: {own:?}"),
-                );
+                let what = format!("{what}, insisting: {own:?}");
+                oracle.assert_same(&wanted, &picture, &what);
                 beside_triangles += u32::from(
                     splat == SplatKind::Filtered && triangles > 0 && !own.contains(&clear),
                 );
@@ -280,7 +248,7 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
     use surfel::render::vulkan::scene::Scene;
 
     let Some(device) = Device::open() else { return };
-    let is_software = device.gpu().info().kind == Kind::Cpu;
+    let is_software = common::host_draws(&device);
     let model = generated(Shape::Statue, 60_000);
     let size = (240, 200);
     let outputs = Outputs {
@@ -351,63 +319,6 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
     assert_eq!(by_host[1], 0, "{by_host:?}");
 }
 
-/// How much of two pictures is the same.
-#[derive(Clone, Copy, PartialEq)]
-enum Same {
-    /// Every bit.
-    Bits,
-    /// Depths and coverage; where a value lies in the middle between two of 255, the last place of a root decides, which a
-    /// shader may find otherwise than the host: some of 10,000 pixels.
-    Shades,
-    /// Nearly all: the rasterizer's depth of a large triangle is that of a place some of its steps of 1/256 pixel away, which on
-    /// what is seen edge-on is a thousandth in one of 1000 pixels; and so it hides other splats: another color in one of 10,000.
-    Rasterized,
-}
-
-fn assert_as_compute(picture: &Image, wanted: &Image, same: Same, what: &str) {
-    if same == Same::Bits {
-        assert!(picture == wanted, "{what}");
-        return;
-    }
-    let depths = picture.depth.iter().zip(&wanted.depth);
-    let apart = match same {
-        Same::Rasterized => depths
-            .filter(|(a, b)| a != b && (*a - *b).abs() > 1e-3 * *b)
-            .count(),
-        _ => 10_000 * depths.filter(|(a, b)| a != b).count(),
-    };
-    assert!(
-        1000 * apart <= picture.depth.len(),
-        "{what}: {apart} depths"
-    );
-    let pairs = picture.color.iter().zip(&wanted.color);
-    let mut others = [0; 2];
-    for (is, wanted) in pairs.filter(|(is, wanted)| is != wanted) {
-        let off = (0..4).map(|i| is[i].abs_diff(wanted[i])).max();
-        let is_far = off != Some(1) || is[3] != wanted[3];
-        others[usize::from(is_far)] += 1;
-    }
-    let most = match same {
-        Same::Rasterized => [usize::MAX, picture.color.len() / 10_000],
-        _ => [5 * picture.color.len() / 10_000, 0],
-    };
-    let is_as_wanted = others[0] <= most[0] && others[1] <= most[1];
-    assert!(is_as_wanted, "{what}: {others:?} pixels");
-}
-
-/// How many pixels have another coverage, a color that is off by more than a level, or a depth by more than a thousandth.
-fn differing(a: &Image, b: &Image) -> usize {
-    (0..a.color.len())
-        .filter(|&i| {
-            let mut colors = a.color[i].iter().zip(b.color[i]);
-            let (near, far) = (a.depth[i], b.depth[i]);
-            a.color[i][3] != b.color[i][3]
-                || colors.any(|(a, b)| a.abs_diff(b) > 1)
-                || (far.is_finite() && (near - far).abs() > 1e-3 * far)
-        })
-        .count()
-}
-
 #[test]
 fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
     let Some(device) = Device::open() else { return };
@@ -454,9 +365,11 @@ fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
         .with_subpixel_bits(device.gpu().info().subpixel_bits)
         .render(&view, &settings)
         .unwrap();
-        // A ten-thousandth of the pixels: the last bit of a position moves an outline by about as much of a pixel.
-        let differ = differing(&picture, &mirror);
-        assert!(differ <= 1 + 400 * 320 / 10_000, "{what}: {differ} pixels");
+        let picture = Image {
+            normal: Vec::new(),
+            ..picture
+        };
+        pictures::REFERENCE_OUTLINES.assert_same(&mirror, &picture, &what);
     }
 }
 
@@ -519,7 +432,7 @@ fn assert_ways(
 #[test]
 fn discs_go_by_compute_where_that_pays() {
     let Some(device) = Device::open() else { return };
-    let is_software = device.gpu().info().kind == Kind::Cpu;
+    let is_software = common::host_draws(&device);
     drop(device);
     assert_ways(
         discs,
@@ -643,25 +556,17 @@ fn a_mirrored_camera_and_a_camera_inside_the_model_draw_the_same_too() {
 }
 
 #[test]
-fn real_models_with_colors_draw_the_same() {
+fn scans_and_real_models_with_colors_draw_the_same() {
     let Some(device) = Device::open() else { return };
-    for name in [
+    for (name, model) in scans(&[
         "thesis/horse.ply",
         "meshes/ankylosaurus_mesh.ply.gz",
         "meshes/bun_zipper.ply.gz",
-    ] {
-        let Some(folder) = common::models() else {
-            return;
-        };
-        if !folder.join(name).is_file() {
-            eprintln!("{name} is absent: not tested");
-            continue;
-        }
-        let Some(model) = real(name) else { return };
+    ]) {
         let view = orbit(&model, (300, 300), 200.0, -10.0, 1.0);
-        assert_same(&device, &model, &view, Settings::default(), name);
-        assert_same(&device, &model, &view, discs(2.0), name);
-        assert_same(&device, &model, &view, visible(2.0), name);
+        assert_same(&device, &model, &view, Settings::default(), &name);
+        assert_same(&device, &model, &view, discs(2.0), &name);
+        assert_same(&device, &model, &view, visible(2.0), &name);
         for settings in blended() {
             let what = format!("{name}, {:?}", settings.splat);
             assert_same(&device, &model, &view, settings, &what);

@@ -83,8 +83,7 @@ fn models() -> Vec<(&'static str, Model)> {
 fn meshes() -> Vec<(&'static str, Mesh)> {
     let spec = Spec::with_triangles(Shape::Statue, 50_000).unwrap();
     let mut meshes = vec![("statue", surfel::generate::mesh(&spec))];
-    if let Some(folder) = common::models() {
-        let path = folder.join("thesis/horse.ply");
+    if let Some(path) = common::models::real_file("thesis/horse.ply") {
         let horse = input::load(&path, &input::Options::default(), &Silent).unwrap();
         meshes.push(("horse", horse.mesh));
     }

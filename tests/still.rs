@@ -8,7 +8,6 @@ use common::{Device, generated, orbit};
 use surfel::cut::SizeMetric;
 use surfel::generate::Shape;
 use surfel::gpu::Options;
-use surfel::gpu::device::Kind;
 use surfel::image::Image;
 use surfel::math::camera::{Light, View};
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
@@ -397,9 +396,9 @@ fn what_does_not_change_is_not_made_again() {
         ..black
     };
     // Where the host draws, what is behind everything is part of what it draws.
-    let kept = match device.gpu().info().kind {
-        Kind::Cpu => Kept::Cut,
-        _ => Kept::Lists,
+    let kept = match common::host_draws(&device) {
+        true => Kept::Cut,
+        false => Kept::Lists,
     };
     assert_eq!(stand.draw(&view, &background).kept, kept);
 }

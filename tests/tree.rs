@@ -1,6 +1,8 @@
 //! Trees over whole models: every promise, on shapes that are easy, awkward and broken.
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
+#[path = "common/models.rs"]
+mod common_models;
 #[path = "tree/gaps.rs"]
 mod gaps;
 #[path = "tree/models.rs"]
@@ -10,8 +12,9 @@ mod shapes;
 #[path = "tree/thickness.rs"]
 mod thickness;
 
+use common_models::{models, ring_file, scan_file};
 use glam::{DVec3, Vec3};
-use models::{horse, models, obj};
+use models::{horse, obj};
 use shapes::{Random, cloud, needles, soup, sphere, square, torus};
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
@@ -625,6 +628,24 @@ fn files_hold_the_whole_model() {
     );
     let missing = tree::file::read(&folder.path().join("missing.surfel")).unwrap_err();
     assert!(missing.to_string().contains("missing.surfel"), "{missing}");
+}
+
+#[test]
+fn promises_hold_on_our_scan_with_needles_and_borders() {
+    let options = surfel::input::Options::default();
+    let mut scan = surfel::input::load(&scan_file(), &options, &Silent)
+        .unwrap()
+        .mesh;
+    let model = assert_sound(&scan, "scan");
+    assert!(!model.is_closed);
+    assert_eq!(model.triangles.len(), scan.triangles.len());
+    // Spheres fit on it too.
+    assert!(model.tree.nodes.len() < model.tree.leaves.len());
+    scan.triangles.clear();
+    assert_sound(&scan, "points of the scan");
+    // Closed, and of polygons that are not flat.
+    let ring = obj(&ring_file());
+    assert!(assert_sound(&ring, "ring").is_closed);
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Broken files through the program: one reason with its place, exit code 2; never a panic, a hang or a flood.
 
-use super::harness::{expect, models, run_with, surfel, surfel_in};
+use super::common_models::{models, ring_file, scan_file};
+use super::harness::{expect, run_with, surfel, surfel_in};
 use std::path::Path;
 
 #[test]
@@ -142,6 +143,12 @@ fn seeds(at: &Path) -> Vec<(String, Vec<u8>, bool)> {
         .iter()
         .map(|n| ((*n).to_owned(), std::fs::read(at.join(n)).unwrap(), true))
         .collect();
+    for (name, file, is_counted) in [
+        ("scan.ply.gz", scan_file(), true),
+        ("ring.obj", ring_file(), false),
+    ] {
+        seeds.push((name.to_owned(), std::fs::read(file).unwrap(), is_counted));
+    }
     if let Some(folder) = models() {
         for (name, is_counted) in [
             ("sharp/joint.off", true),

@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::io::{Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -163,22 +163,6 @@ pub(crate) fn names(folder: &Path) -> Vec<String> {
         .collect();
     names.sort();
     names
-}
-
-/// Folder of the real models, or one printed line and `None`.
-pub(crate) fn models() -> Option<PathBuf> {
-    let folder = std::env::var_os("SURFEL_MODELS").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/models"),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!(
-        "no models at {}: nothing tested with them",
-        folder.display()
-    );
-    None
 }
 
 /// Whether a device under the validation layer is there; with `SURFEL_REQUIRE_DEVICE=1` its absence fails.

@@ -5,6 +5,8 @@
 mod auto;
 mod bench;
 mod chart;
+#[path = "../common/models.rs"]
+mod common_models;
 mod compare;
 mod costs;
 mod damage;

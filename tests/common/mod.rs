@@ -3,14 +3,26 @@
 #![allow(dead_code, reason = "each test binary uses a part of the harness")]
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
-use std::path::{Path, PathBuf};
+pub(crate) mod models;
+pub(crate) mod pictures;
+
+use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering};
 use surfel::generate::{Shape, Spec};
 use surfel::gpu::messages::Messages;
 use surfel::gpu::{Gpu, Options};
 use surfel::math::camera::{Camera, View};
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
+
+/// Of the device that was opened last; 8 before one is.
+static SUBPIXEL_BITS: AtomicU32 = AtomicU32::new(8);
+
+/// Bits of a pixel to which the device of this test snaps positions. All tests of a process have the same device.
+pub(crate) fn subpixel_bits() -> u32 {
+    SUBPIXEL_BITS.load(Ordering::Relaxed)
+}
 
 /// A device under validation. Dropping it (last) checks that not one message was left.
 pub(crate) struct Device {
@@ -31,10 +43,13 @@ impl Device {
             ..options
         };
         match Gpu::open(&options) {
-            Ok(gpu) => Some(Self {
-                messages: gpu.messages().clone(),
-                gpu: Some(gpu),
-            }),
+            Ok(gpu) => {
+                SUBPIXEL_BITS.store(gpu.info().subpixel_bits, Ordering::Relaxed);
+                Some(Self {
+                    messages: gpu.messages().clone(),
+                    gpu: Some(gpu),
+                })
+            }
             Err(error) => {
                 assert!(
                     std::env::var_os("SURFEL_REQUIRE_DEVICE").is_none(),
@@ -71,23 +86,6 @@ impl Drop for Device {
     }
 }
 
-/// Folder of the real models, or one printed line and `None`.
-pub(crate) fn models() -> Option<PathBuf> {
-    let folder = std::env::var_os("SURFEL_MODELS").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models"),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        Some(folder)
-    } else {
-        eprintln!(
-            "real models are absent ({}): nothing tested with them",
-            folder.display()
-        );
-        None
-    }
-}
-
 /// A generated model with its tree.
 pub(crate) fn generated(shape: Shape, triangles: u64) -> Model {
     let spec = Spec::with_triangles(shape, triangles).unwrap();
@@ -99,13 +97,31 @@ pub(crate) fn generated(shape: Shape, triangles: u64) -> Model {
     .unwrap()
 }
 
-/// A real model with its tree, or `None` when the models are absent.
+/// A real model with its tree, or `None` when it is absent.
 pub(crate) fn real(name: &str) -> Option<Model> {
-    let mesh = load(&models()?.join(name));
-    Some(tree::build(mesh, &BuildOptions::default(), &Silent).unwrap())
+    Some(built(&models::real_file(name)?))
 }
 
-fn load(path: &Path) -> surfel::mesh::Mesh {
+/// Our own scan with its tree, and those of the named real models that are there.
+pub(crate) fn scans(real: &[&str]) -> Vec<(String, Model)> {
+    let files = models::scan_files(real).into_iter();
+    files.map(|(name, path)| (name, built(&path))).collect()
+}
+
+fn built(path: &Path) -> Model {
+    tree::build(load(path), &BuildOptions::default(), &Silent).unwrap()
+}
+
+/// Whether the host draws in the place of a device: only of a software device. One line says what is not tested where not.
+pub(crate) fn host_draws(device: &Device) -> bool {
+    let is_software = device.gpu().info().kind == surfel::gpu::device::Kind::Cpu;
+    if !is_software {
+        println!("this is no software device: what the host draws in its place is not tested");
+    }
+    is_software
+}
+
+pub(crate) fn load(path: &Path) -> surfel::mesh::Mesh {
     let options = surfel::input::Options::default();
     surfel::input::load(path, &options, &Silent)
         .unwrap_or_else(|e| panic!("{e}"))

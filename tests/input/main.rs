@@ -3,6 +3,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
 
+#[path = "../common/models.rs"]
+mod common_models;
 mod damage;
 mod models;
 mod obj;

@@ -1,24 +1,58 @@
 //! The real models: counts that a separate program verified, and an independent reader.
 
-use std::path::{Path, PathBuf};
-
 use glam::Vec3;
+use std::path::Path;
 use surfel::input::{self, Error, Options, Warning};
+use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 
 use super::check;
+use super::common_models::{models, ring_file, scan_file};
 
-/// The folder of the real models; a line when it is not there.
-fn models() -> Option<PathBuf> {
-    let folder = std::env::var_os("SURFEL_MODELS").map_or_else(
-        || Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/models"),
-        PathBuf::from,
-    );
-    if folder.is_dir() {
-        return Some(folder);
+/// What a scan brings: borders, needles, triangles without area, corners in one place, vertices of no triangle.
+#[test]
+fn our_scan_is_read_with_all_that_is_wrong_with_it() {
+    let loaded = input::load(&scan_file(), &Options::default(), &Silent).unwrap();
+    check(&loaded, usize::MAX);
+    let mesh = &loaded.mesh;
+    let counts = (mesh.positions.len(), mesh.triangles.len());
+    assert_eq!(counts, (9720, 17_348));
+    assert_eq!(loaded.counts.vertices, counts.0 as u64);
+    assert_eq!(mesh.colors.len(), counts.0);
+    assert!(mesh.normals.is_empty() && loaded.warnings.is_empty());
+    let at = |corner: u32| mesh.positions[corner as usize];
+    let (mut flat, mut needles) = (0, 0);
+    let mut edges = std::collections::HashMap::new();
+    let mut is_used = vec![false; counts.0];
+    for &[a, b, c] in &mesh.triangles {
+        let twice_area = (at(b) - at(a)).cross(at(c) - at(a)).length();
+        let longest = at(a)
+            .distance(at(b))
+            .max(at(b).distance(at(c)))
+            .max(at(c).distance(at(a)));
+        flat += usize::from(twice_area == 0.0);
+        needles += usize::from(twice_area > 0.0 && longest * longest > 10.0 * twice_area);
+        for (p, q) in [(a, b), (b, c), (c, a)] {
+            *edges.entry((p.min(q), p.max(q))).or_insert(0) += 1;
+        }
+        for corner in [a, b, c] {
+            is_used[corner as usize] = true;
+        }
     }
-    println!("no models at {}: nothing was tested", folder.display());
-    None
+    let borders = edges.values().filter(|&&n| n == 1).count();
+    let unused = is_used.iter().filter(|used| !**used).count();
+    println!("{flat} without area, {needles} needles, {borders} edges on borders, {unused} unused");
+    assert!(flat > 100 && needles > 100 && borders > 1000 && unused > 10);
+}
+
+#[test]
+fn our_ring_keeps_its_polygons_and_remarks() {
+    let ring = input::load(&ring_file(), &Options::default(), &Silent).unwrap();
+    assert_eq!((ring.counts.faces, ring.mesh.triangles.len()), (197, 480));
+    assert!(
+        matches!(&ring.warnings[..], [Warning::MaterialFileMissing { name, .. }] if name == "ring.mtl")
+    );
+    assert_as_other_reader(&ring.mesh, &ring_file());
 }
 
 #[test]
@@ -126,22 +160,14 @@ fn real_models_have_their_verified_counts() {
     }
 }
 
-#[test]
-fn real_models_keep_their_polygons_and_remarks() {
-    let Some(folder) = models() else { return };
-    let load = |name: &str| input::load(&folder.join(name), &Options::default(), &Silent).unwrap();
-    let porsche = load("thesis/porsche.obj");
-    assert_eq!(porsche.counts.faces, 4_740);
-    assert!(
-        matches!(&porsche.warnings[..], [Warning::MaterialFileMissing { name, .. }] if name == "porsche.mtl")
-    );
-    // An independent reader agrees on every corner.
+/// An independent reader agrees on every corner.
+fn assert_as_other_reader(mesh: &Mesh, path: &Path) {
     let plain = tobj::LoadOptions {
         triangulate: true,
         single_index: false,
         ..Default::default()
     };
-    let (models, _) = tobj::load_obj(folder.join("thesis/porsche.obj"), &plain).unwrap();
+    let (models, _) = tobj::load_obj(path, &plain).unwrap();
     let mut theirs: Vec<[Vec3; 2]> = Vec::new();
     for model in &models {
         let at = |from: &[f32], index: u32| Vec3::from_slice(&from[3 * index as usize..]);
@@ -153,7 +179,6 @@ fn real_models_keep_their_polygons_and_remarks() {
             ]
         }));
     }
-    let mesh = &porsche.mesh;
     let ours = mesh
         .triangles
         .iter()
@@ -164,6 +189,18 @@ fn real_models_keep_their_polygons_and_remarks() {
         ours.zip(theirs)
             .all(|(a, b)| a[0] == b[0] && a[1].distance(b[1]) < 1e-6)
     );
+}
+
+#[test]
+fn real_models_keep_their_polygons_and_remarks() {
+    let Some(folder) = models() else { return };
+    let load = |name: &str| input::load(&folder.join(name), &Options::default(), &Silent).unwrap();
+    let porsche = load("thesis/porsche.obj");
+    assert_eq!(porsche.counts.faces, 4_740);
+    assert!(
+        matches!(&porsche.warnings[..], [Warning::MaterialFileMissing { name, .. }] if name == "porsche.mtl")
+    );
+    assert_as_other_reader(&porsche.mesh, &folder.join("thesis/porsche.obj"));
 
     for (name, format) in [
         ("scans/simple.las", "LAS"),

@@ -1,18 +1,14 @@
 //! Large squares and discs: a rasterizer draws them, and in the place of a software device the host.
 
 use super::common::{self, Device, generated, orbit};
-use super::{built, colored, passes};
+use super::{built, colored, passes, pictures};
 use surfel::generate::Shape;
-use surfel::gpu::device::Kind;
-use surfel::image::compare;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 
-/// Asserts of statue, torus, a model of colors and its points that the host's pictures are those of the rasterizer: the same coverage, and
-/// colors within one level in all but 0.01 percent of the pixels, and two. Depths that are the same but for their last place decide
-/// between splats, and samples of triangles between the rasterizer's. How many the host drew alone, beside triangles or other splats, and
-/// how many are splats of the rasterizer.
+/// Asserts of statue, torus, a model of colors and its points that the host's pictures are those of the rasterizer. How many the
+/// host drew alone, beside triangles or other splats, and how many are splats of the rasterizer.
 fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
     let device = Device::open()?;
     let mut cloud = colored();
@@ -25,7 +21,7 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
     ];
     let size = (240, 200);
     // Compute itself knows neither large splats nor leaves of their own sizes.
-    let is_software = device.gpu().info().kind == Kind::Cpu;
+    let is_software = common::host_draws(&device);
     let path = match method {
         Method::Pop if is_software => Path::Compute,
         _ => Path::Auto,
@@ -71,15 +67,7 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
                     alone += usize::from(own.is_empty());
                     beside += usize::from(own.contains(&"small.resolve"));
                     rasterized += usize::from(others.contains(&"hybrid.splats"));
-                    let d = compare(&wanted, &picture, 1.5).unwrap();
-                    let allowed = 2.0 + f64::from(size.0 * size.1) * 1e-4;
-                    assert!(d.object.pixels > 100, "{what}: empty");
-                    assert!(d.whole.past_level as f64 <= allowed, "{what}: {d:?}");
-                    let pairs = || wanted.depth.iter().zip(&picture.depth);
-                    let differ = pairs().filter(|(a, b)| a.is_finite() != b.is_finite());
-                    assert!(differ.count() as f64 <= allowed, "{what}: coverage");
-                    let apart = pairs().filter(|(a, b)| (*a - *b).abs() > 1e-3 * a.abs());
-                    assert!(apart.count() as f64 <= allowed, "{what}: depths");
+                    pictures::HOST_LARGE_AS_RASTER.assert_same(&wanted, &picture, &what);
                 }
             }
         }

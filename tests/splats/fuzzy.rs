@@ -1,5 +1,6 @@
 //! Splats blended in two passes.
 
+use crate::common::pictures::REFERENCE_BLENDED;
 use crate::common::{Device, generated, orbit};
 use crate::oracle::{draw, same};
 use glam::DVec3;
@@ -28,10 +29,6 @@ fn fuzzy(splat: SplatKind, threshold_px: f32) -> Settings {
     }
 }
 
-/// A fragment at the very limit of the offset is in for one and out for the other: the pushed depth is single precision
-/// in both, with other roundings. Hence the share.
-const SHARE: f64 = 0.008;
-
 #[test]
 fn device_and_mirror_blend_every_kind_alike() {
     let Some(device) = Device::open() else { return };
@@ -53,7 +50,7 @@ fn device_and_mirror_blend_every_kind_alike() {
                         };
                         let name =
                             format!("{shape:?} {fill} {kind:?} {method:?} {threshold} {shading:?}");
-                        same(&device, &model, &view, &settings, &name, SHARE);
+                        same(&device, &model, &view, &settings, &name, REFERENCE_BLENDED);
                     }
                 }
             }
@@ -95,7 +92,7 @@ fn device_and_mirror_light_means_with_a_lamp_alike() {
                         ..fuzzy(kind, 3.0)
                     };
                     let name = format!("{name} {lamp:?} {kind:?} {method:?}");
-                    same(&device, model, &view, &settings, &name, SHARE);
+                    same(&device, model, &view, &settings, &name, REFERENCE_BLENDED);
                 }
             }
         }
@@ -116,7 +113,14 @@ fn mean_normals_are_those_of_the_surface() {
     let backend = Backend::Device(device.gpu().clone());
     let reference = draw(&backend, &model, &view, &reference);
     for kind in KINDS {
-        let image = same(&device, &model, &view, &fuzzy(kind, 3.0), "normals", SHARE);
+        let image = same(
+            &device,
+            &model,
+            &view,
+            &fuzzy(kind, 3.0),
+            "normals",
+            REFERENCE_BLENDED,
+        );
         let spread = surfel::measure::normal_error(&reference.normal, &image.normal);
         println!("{kind:?}: {spread:?}");
         assert!(spread.count > 20_000, "{kind:?}: {}", spread.count);
@@ -172,7 +176,7 @@ fn clouds_parallel_views_and_an_eye_inside_alike() {
                 ("inside", &statue, &inside),
             ] {
                 let name = format!("{name} {kind:?} {shading:?}");
-                same(&device, model, view, &settings, &name, SHARE);
+                same(&device, model, view, &settings, &name, REFERENCE_BLENDED);
             }
         }
     }

@@ -1,5 +1,6 @@
 //! Squares, discs and ellipses that hide what is behind.
 
+use crate::common::pictures::{self, PictureOracle};
 use crate::common::{Device, generated, orbit};
 use crate::oracle::same;
 use glam::DVec3;
@@ -18,14 +19,11 @@ const KINDS: [SplatKind; 4] = [
 ];
 const METHODS: [Method; 3] = [Method::Pop, Method::Splats, Method::Points];
 
-/// Squares of any size are snapped to 1/256 pixel in two ways, and all their borders show; the others see 1/256 pixel
-/// only where they are smaller than a pixel. The two triangles of a cell of a grid have the same sphere but for the last
-/// bit: where each is a splat, rounding decides which is nearer.
-fn share(kind: SplatKind, method: Method) -> f64 {
+fn oracle(kind: SplatKind, method: Method) -> PictureOracle {
     if kind == SplatKind::Square || method == Method::Splats {
-        0.012
+        pictures::REFERENCE_SNAPPED_SPLATS
     } else {
-        0.004
+        pictures::REFERENCE_SPLATS
     }
 }
 
@@ -60,7 +58,7 @@ fn device_and_mirror_draw_every_kind_alike() {
                         &view,
                         &settings,
                         &name,
-                        share(kind, method),
+                        oracle(kind, method),
                     );
                 }
             }
@@ -95,7 +93,7 @@ fn clouds_needles_and_flat_things_alike() {
                     &view,
                     &settings,
                     &format!("{name} {kind:?} {method:?}"),
-                    share(kind, method),
+                    oracle(kind, method),
                 );
             }
         }
@@ -127,7 +125,7 @@ fn large_splats_near_the_eye_alike() {
                     &view,
                     &settings,
                     &name,
-                    share(kind, method),
+                    oracle(kind, method),
                 );
             }
         }
@@ -139,7 +137,7 @@ fn large_splats_near_the_eye_alike() {
             &view,
             &settings,
             &format!("points from {eye}"),
-            0.004,
+            pictures::REFERENCE_SPLATS,
         );
     }
 }
@@ -173,7 +171,7 @@ fn an_orthographic_view_alike() {
                 &view,
                 &settings,
                 &format!("{kind:?} {method:?}"),
-                share(kind, method),
+                oracle(kind, method),
             );
         }
     }
@@ -203,7 +201,7 @@ fn ellipses_keep_the_outline_where_squares_inflate_it() {
             &view,
             &settings,
             &format!("rim {kind:?}"),
-            0.012,
+            pictures::REFERENCE_SNAPPED_SPLATS,
         );
         let covered = image.color.iter().filter(|c| c[3] > 0).count() as f64;
         (covered / std::f64::consts::PI).sqrt() - radius

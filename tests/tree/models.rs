@@ -1,19 +1,7 @@
 //! Real models, read by the shortest code that can.
 
 use glam::Vec3;
-use std::path::PathBuf;
 use surfel::mesh::Mesh;
-
-/// The folder with real models, or a line that says there is none.
-pub(crate) fn models() -> Option<PathBuf> {
-    let default = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../shared/models");
-    let folder = std::env::var_os("SURFEL_MODELS").map_or(default, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("no real models: set SURFEL_MODELS to test with them");
-    None
-}
 
 /// The one binary layout of `horse.ply`: x y z nx ny nz, then triangles with a count byte.
 pub(crate) fn horse(folder: &std::path::Path) -> Mesh {
