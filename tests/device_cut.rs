@@ -9,12 +9,12 @@ use surfel::generate::Shape;
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
-use surfel::pack::ColorBy;
+use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::render::cost::model::Costs;
 use surfel::render::stats::Kept;
 use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
 use surfel::render::vulkan::scene::Scene;
-use surfel::render::{Culling, CutOn, Method, Path, Settings, SplatKind};
+use surfel::render::{Blend, Culling, CutOn, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
 const SIZE: (u32, u32) = (240, 200);
@@ -103,6 +103,32 @@ fn the_device_draws_what_the_host_draws() {
                 pictures::DEVICE_CUT.assert_same(&host, &chosen, &what);
             }
         }
+    }
+}
+
+#[test]
+fn the_device_cut_is_drawn_in_every_light_and_color() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 60_000);
+    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut renderer = renderer(&device);
+    let view = orbit(&model, SIZE, 130.0, 25.0, 1.0);
+    let lamp = |s: &mut Settings| s.light = Lighting::Phong(Phong::default());
+    let changes: [&dyn Fn(&mut Settings); 4] = [
+        &lamp,
+        &|s| s.color_by = ColorBy::Primitive,
+        &|s| s.color_by = ColorBy::Normal,
+        &|s| s.color_by = ColorBy::Depth,
+    ];
+    for (index, change) in changes.into_iter().enumerate() {
+        let [host, chosen] = [CutOn::Host, CutOn::Device].map(|cut_on| {
+            let mut settings = on(cut_on);
+            change(&mut settings);
+            let (image, times) = draw(&mut renderer, (&model, &mut scene), &view, &settings);
+            assert_eq!(is_on_device(&times), cut_on == CutOn::Device, "{index}");
+            image
+        });
+        pictures::DEVICE_CUT.assert_same(&host, &chosen, &format!("change {index}"));
     }
 }
 
@@ -210,6 +236,27 @@ fn what_the_device_cannot_choose_is_refused_by_name() {
         (
             Settings {
                 splat: SplatKind::Gauss,
+                ..usual
+            },
+            "--method pop",
+        ),
+        (
+            Settings {
+                splat: SplatKind::Filtered,
+                ..usual
+            },
+            "--method pop",
+        ),
+        (
+            Settings {
+                splat: SplatKind::Visibility,
+                ..usual
+            },
+            "--method pop",
+        ),
+        (
+            Settings {
+                blend: Some(Blend::TwoPass),
                 ..usual
             },
             "--method pop",

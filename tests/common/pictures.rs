@@ -224,6 +224,11 @@ oracles! {
         no_pixel(Color(1)),
         covered_share(Color(0), 1, 2e-4),
     ];
+    /// Triangles by the passes of blended splats, none of which are there, and by their own: single pixels of the outline,
+    /// since the guard band changes last bits.
+    BLENDED_TRIANGLES: 100, &[
+        picture_share(LOOK, 20, 0.0),
+    ];
     /// A held cut in the view it was chosen in: sizes come out of a division, and backs count.
     HELD_CUT: 0, &[
         covered_share(LOOK, 0, 0.01),
