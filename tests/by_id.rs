@@ -9,7 +9,6 @@ use common::pictures::{self, PictureOracle};
 use common::{Device, generated, orbit, orthographic, scans};
 use surfel::generate::{self, Shape, Spec};
 use surfel::gpu::Error;
-use surfel::gpu::device::Kind;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::ColorBy;
@@ -61,9 +60,9 @@ fn makes(times: &FrameTimes) -> bool {
 
 /// The same colors, depths and normals; where roots round otherwise than the host's, nearly.
 fn oracle(device: &Device) -> PictureOracle {
-    match device.gpu().info().kind {
-        Kind::Cpu => pictures::SAME_BITS,
-        _ => pictures::IDS_ROUNDED,
+    match device.gpu().info().is_cpu() {
+        true => pictures::SAME_BITS,
+        false => pictures::IDS_ROUNDED,
     }
 }
 

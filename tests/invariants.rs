@@ -12,7 +12,7 @@ use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::vulkan::renderer::{Outputs, Renderer};
 use surfel::render::vulkan::scene::Scene;
-use surfel::render::{Culling, Method, Path, Reconstruction, Settings, SplatKind};
+use surfel::render::{Culling, Method, Path, Reconstruction, Settings, SplatKind, Traversal};
 use surfel::tree::Model;
 
 const ALL: Outputs = Outputs {
@@ -153,6 +153,49 @@ fn memory_that_is_not_coherent_gives_the_same_picture() {
         assert!(
             draw(&device, &model, &view, &s) == draw(&pretending, &model, &view, &s),
             "{case:?}: something is not flushed"
+        );
+    }
+}
+
+/// A camera that goes around, jumps and comes nearer; one engine starts its cuts at the root, the other at the last front.
+#[test]
+fn where_the_traversal_starts_does_not_show() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(Shape::Statue, 60_000);
+    let backend = Backend::Device(device.gpu().clone());
+    let path = [0.0, 0.1, 0.3, 0.8, 2.0, 150.0, 151.0];
+    let views = path.map(|azimuth| orbit(&model, (160, 160), azimuth, 20.0, 1.0 + azimuth / 50.0));
+    for (splat, threshold_px) in [
+        (SplatKind::Square, 1.0),
+        (SplatKind::Square, 2.0),
+        (SplatKind::Gauss, 1.5),
+        (SplatKind::Filtered, 2.0),
+    ] {
+        let mut visited = [0; 2];
+        let engine = || Engine::new(&backend, &model, (160, 160), Outputs::default()).unwrap();
+        let mut engines = [engine(), engine()];
+        for view in &views {
+            let both = [Traversal::Root, Traversal::Coherent].into_iter();
+            let each = both.zip(&mut engines).zip(&mut visited);
+            let pictures: Vec<_> = each
+                .map(|((traversal, engine), visited)| {
+                    let settings = Settings {
+                        splat,
+                        threshold_px,
+                        traversal,
+                        ..Settings::default()
+                    };
+                    *visited += engine.draw(view, &settings).unwrap().counts.nodes_visited;
+                    engine.render(view, &settings).unwrap()
+                })
+                .collect();
+            let drawn = pictures[0].color.iter().filter(|c| c[0] > 0).count();
+            assert!(drawn > 1000, "{splat:?}: {drawn} pixels");
+            assert!(pictures[0] == pictures[1], "{splat:?}, {threshold_px} px");
+        }
+        assert_ne!(
+            visited[0], visited[1],
+            "{splat:?}: never started at a front"
         );
     }
 }

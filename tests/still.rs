@@ -17,7 +17,7 @@ use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
 use surfel::render::vulkan::scene::Scene;
 use surfel::render::{
     Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
-    SumFormat,
+    SumFormat, Traversal,
 };
 use surfel::tree::Model;
 
@@ -201,6 +201,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         path: _,
         // tests/device_cut.rs has that: of what is equally near another may be seen.
         cut_on: _,
+        traversal: _,
         // tests/by_id.rs has that.
         list_of: _,
         occlusion: _,
@@ -242,6 +243,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("raster", false, &|s| s.path = Path::Raster);
     add("occlusion on", false, &|s| s.occlusion = Occlusion::On);
     add("occlusion off", false, &|s| s.occlusion = Occlusion::Off);
+    add("coherent", false, &|s| s.traversal = Traversal::Coherent);
     add("threshold", true, &|s| s.threshold_px = threshold_px + 0.5);
     add("no culling", false, &|s| s.culling = Culling::Off);
     add("by kind", true, &|s| s.color_by = ColorBy::Primitive);

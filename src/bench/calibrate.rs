@@ -15,7 +15,6 @@ mod stand;
 
 use super::Error;
 use crate::gpu::Gpu;
-use crate::gpu::device::Kind;
 use crate::measure::store;
 use crate::render::cost::model::Costs;
 use crate::render::stats::FrameTimes;
@@ -381,7 +380,7 @@ pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<Costs> {
         }
     }
     // A software device would go down the tree on the same processor, by more instructions (docs/PERFORMANCE.md).
-    if gpu.info().kind != Kind::Cpu && settings.iter().any(Part::asks_nodes) {
+    if !gpu.info().is_cpu() && settings.iter().any(Part::asks_nodes) {
         parts.push(Part::Nodes);
     }
     if parts.is_empty() {

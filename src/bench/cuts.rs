@@ -3,7 +3,7 @@
 use super::cases::{self, SIZE, views};
 use super::verdict::Target;
 use super::{Case, Error, Figure, Plan, Session};
-use crate::cut::{Coherent, Cut, Selector};
+use crate::cut::{Cut, Selector};
 use crate::math::camera::Camera;
 use crate::progress::Progress;
 use crate::render::Settings;
@@ -125,7 +125,8 @@ fn still(
     Ok(())
 }
 
-/// A camera that goes around the model: its cut from the root, and with the answers of the last frame.
+/// A camera that goes around the model: its cut from the root, and from the front of the last frame
+/// ([`Traversal::Coherent`](crate::render::Traversal::Coherent)), without what the search for hidden splats takes.
 fn moving(
     case: &Case<'_>,
     plan: &Plan,
@@ -134,11 +135,16 @@ fn moving(
 ) -> Result<(), Error> {
     let (model, line) = (case.model, cases::default(1.0));
     let place = case.place(SIZE, 1.0);
-    for degrees in [0.1, 0.5, 2.0] {
-        let (mut selector, mut coherent) = (Selector::default(), Coherent::default());
+    for degrees in [0.02, 0.1, 0.5] {
+        let mut selectors = [false, true].map(|is_coherent| {
+            let mut selector = Selector::default();
+            selector.set_coherent(is_coherent);
+            selector
+        });
         let mut cut = Cut::default();
-        let (mut anew, mut kept) = (Vec::new(), Vec::new());
-        // Answers are used from the fourth frame on.
+        let mut times = [vec![], vec![]];
+        let mut visited = [0; 2];
+        // The first frames find the front.
         for frame in 0..=plan.rounds + 3 {
             if progress.is_cancelled() {
                 return Err(Error::Cancelled);
@@ -154,24 +160,20 @@ fn moving(
             );
             let view = camera.view(model.origin)?;
             let settings = cut_settings(&for_view(&line.settings, model, &view), model);
-            let times = [
-                ms(|| selector.select(model, &view, &settings, &mut cut)),
-                ms(|| coherent.select(model, &view, &settings, &mut cut)),
-            ];
-            if frame > 3 {
-                anew.push(times[0]);
-                kept.push(times[1]);
+            let each = selectors.iter_mut().zip(&mut times).zip(&mut visited);
+            for ((selector, times), visited) in each {
+                let time = ms(|| selector.select(model, &view, &settings, &mut cut));
+                *visited = cut.stats.visited;
+                if frame > 3 {
+                    times.push(time);
+                }
             }
         }
-        let update = coherent.last_update();
-        let share = 100.0 * update.tests as f64 / (update.tests + update.kept).max(1) as f64;
-        for (what, times) in [
-            ("cut from the root", &anew),
-            ("cut with kept answers", &kept),
-        ] {
+        let names = ["cut from the root", "coherent cut"];
+        for ((what, times), visited) in names.into_iter().zip(&times).zip(visited) {
             let name = format!("camera moving by {degrees} degrees, {what}");
             let figure = Figure::median(PART, &place, &line.name, &name, times, "ms");
-            figures.push(figure.note(format!("{share:.0} % tested again")));
+            figures.push(figure.note(format!("{visited} visits in the last view")));
         }
     }
     Ok(())

@@ -24,7 +24,6 @@ pub use cases::{Case, Line, Plan};
 pub use report::{About, Figure, Place};
 
 use crate::gpu::Gpu;
-use crate::gpu::device::Kind;
 use crate::render::engine::{Backend, Engine};
 use crate::render::vulkan::renderer::Outputs;
 use crate::tree::Model;
@@ -109,7 +108,7 @@ impl Session {
     /// Whether the device is the processor itself.
     pub fn is_software(&self) -> bool {
         match &self.backend {
-            Backend::Device(gpu) => gpu.info().kind == Kind::Cpu,
+            Backend::Device(gpu) => gpu.info().is_cpu(),
             Backend::Mirror => false,
         }
     }

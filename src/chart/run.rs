@@ -4,7 +4,6 @@ use super::choice::TRIANGLES;
 use super::errors::{Errors, Reference, TILE_PX};
 use super::{Choice, Error, Row, Ways};
 use crate::gpu;
-use crate::gpu::device::Kind;
 use crate::image::{Accumulator, Image, stratified};
 use crate::math::camera::{Camera, View};
 use crate::measure::{Distribution, frames};
@@ -61,7 +60,7 @@ impl Plan {
         let ways = match backend {
             Backend::Device(gpu) => Ways {
                 compute: gpu.info().has_int64_atomics,
-                host: gpu.info().kind == Kind::Cpu,
+                host: gpu.info().is_cpu(),
             },
             Backend::Mirror => Ways::default(),
         };

@@ -430,7 +430,7 @@ fn with_hint(failure: Failure) -> Failure {
 fn heading(run: &Run<'_>) -> (String, String) {
     let plan = run.plan;
     let kind = match run.backend {
-        Backend::Device(gpu) if gpu.info().kind == surfel::gpu::device::Kind::Cpu => {
+        Backend::Device(gpu) if gpu.info().is_cpu() => {
             ", a software device: it ranks methods and predicts no graphics card"
         }
         _ => "",

@@ -8,7 +8,7 @@ use surfel::cut::SizeMetric;
 use surfel::pack::ColorBy;
 use surfel::render::{
     Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
-    SplatKind, SumFormat,
+    SplatKind, SumFormat, Traversal,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -136,6 +136,16 @@ enum CutOnName {
 }
 
 #[derive(Debug, Clone, Copy, ValueEnum)]
+enum TraversalName {
+    /// Where it was measured to be faster: at the root
+    Auto,
+    /// At the root
+    Root,
+    /// Where the traversal of the last frame ended (coherent traversal), as far as that gives the same picture, else at the root
+    Coherent,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
 enum ListOfName {
     /// Numbers where the device has memory of its own and they will do, else records
     Auto,
@@ -248,6 +258,9 @@ pub(crate) struct LookArgs {
     /// What goes down the tree; the picture is the same. The device knows squares and discs of --method pop
     #[arg(long, value_enum, default_value = "auto")]
     cut_on: CutOnName,
+    /// Where the CPU starts when it goes down the tree for a frame; the picture is the same
+    #[arg(long, value_enum, default_value = "auto")]
+    traversal: TraversalName,
     /// What goes to a device for each frame; the picture is the same
     #[arg(long, value_enum, default_value = "auto")]
     list_of: ListOfName,
@@ -390,6 +403,11 @@ impl LookArgs {
                 CutOnName::Auto => CutOn::Auto,
                 CutOnName::Host => CutOn::Host,
                 CutOnName::Device => CutOn::Device,
+            },
+            traversal: match self.traversal {
+                TraversalName::Auto => Traversal::Auto,
+                TraversalName::Root => Traversal::Root,
+                TraversalName::Coherent => Traversal::Coherent,
             },
             list_of: match self.list_of {
                 ListOfName::Auto => ListOf::Auto,

@@ -9,7 +9,6 @@ use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use surfel::gpu::device::Kind;
 use surfel::measure::Distribution;
 use surfel::measure::profile::{Plan, Profile, Proof};
 use surfel::measure::report::Report;
@@ -148,13 +147,14 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     }
     if !args.takes_output() {
         let head = format!(
-            "{}: {} triangles, {} vertices; {}, splats {}, threshold {} px, {} x {} px\n",
+            "{}: {} triangles, {} vertices; {}, splats {}, threshold {} px, traversal {}, {} x {} px\n",
             ready.name,
             count(ready.model.triangles.len() as u64),
             count(ready.model.vertices.len() as u64),
             word(&settings.method),
             word(&settings.splat),
             settings.threshold_px,
+            word(&settings.traversal),
             size.0,
             size.1,
         );
@@ -243,7 +243,7 @@ const UNKNOWN: &str = "not known on this device";
 fn table(ready: &Ready, profile: &Profile, report: &Report) -> String {
     let mut t = Table::default();
     match &profile.device {
-        Some(info) if info.kind == Kind::Cpu => t.text(&format!(
+        Some(info) if info.is_cpu() => t.text(&format!(
             "{}, software: it ranks passes and predicts no graphics card",
             info.name
         )),

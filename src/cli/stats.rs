@@ -21,6 +21,7 @@ pub(crate) fn settings_of(
         "reconstruction": settings.reconstruction,
         "path": settings.path,
         "threshold_px": settings.threshold_px,
+        "traversal": settings.traversal,
         "depth_offset": settings.depth_offset(),
         "size_metric": settings.size,
         "width": size.0,

@@ -7,11 +7,9 @@
 //! their way.
 
 mod ahead;
-mod kept;
 mod lanes;
 mod occlusion;
 
-pub(super) use kept::{Record, Task};
 pub(super) use lanes::{LANES, Mask};
 
 use crate::cut::frustum_and_size::{Tester, inherit};
@@ -30,14 +28,13 @@ use prefetch_index::prefetch_index;
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Group {
     first: u32,
-    /// The count; above its 8 bits what is inherited; above 16 bits the region ([`crate::cut::motion`]), where there are any.
+    /// The count; above its 8 bits what is inherited.
     word: u32,
 }
 
 const INHERITED: u32 = 8;
 const INSIDE: u32 = (inherit::INSIDE as u32) << INHERITED;
 const FRONT: u32 = (inherit::FRONT as u32) << INHERITED;
-const REGION: u32 = 16;
 
 impl Group {
     pub(super) fn new(first: u32, count: u32, inherited: u8) -> Self {
@@ -51,20 +48,6 @@ impl Group {
     #[inline]
     pub(super) fn first(self) -> u32 {
         self.first
-    }
-
-    /// The same in a region (of less than 2^16), which all groups below inherit.
-    #[inline]
-    pub(super) fn in_region(self, region: u32) -> Self {
-        Self {
-            word: self.word & ((1 << REGION) - 1) | region << REGION,
-            ..self
-        }
-    }
-
-    #[inline]
-    pub(super) fn region(self) -> usize {
-        (self.word >> REGION) as usize
     }
 
     #[inline(always)]

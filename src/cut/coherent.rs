@@ -1,351 +1,396 @@
-//! The cut of a camera that moves: only what its motion can have changed is tested again.
+//! Coherent traversal: a cut that starts where the last one went, not at the root.
 //!
-//! Source: Benda, *Point Based Rendering*, section 3.3.2, keeps the cut of the last frame and goes up and down from there. To test
-//! every node of it again saves nothing: one that did so was 1.1 to 1.6 times slower than a cut from the root, which reads
-//! memory in order. Deviations: what is kept is not the cut but the answers about each group of siblings that was looked at
-//! ([`crate::cut::batch::Record`]), with how far the camera may move until one of them can be another ([`crate::cut::slack`],
-//! [`crate::cut::motion`]). The next frame goes down from the root, level by level; the groups of a level and the records of the
-//! last frame are both in ascending order, so they are merged. A record that holds stands for the tests: neither the
-//! tree's nodes are read nor anything computed of them.
+//! Source: Benda, *Point Based Rendering*, section 3.3.2. Kept from frame to frame is the front: sibling groups such that every
+//! leaf lies below exactly one of them, and above which every node was divided in the last frame. For a new frame the
+//! front is first moved: a group is raised to the group of its parent where it is no longer certain that all nodes above it
+//! are divided, and lowered to the groups of its children where that is certain of them. Then the traversal goes down from
+//! it as it does from the root ([`crate::cut::select`]), and the lists are the same.
 //!
-//! So every answer is one of this frame's tests, or what such a test would say: the lists are those from the root,
-//! whatever the camera does. It needs no monotone size and no nested spheres.
+//! Certain it is by one sibling that is *clearly* visible and *clearly* larger than the threshold: bounding spheres and normal
+//! cones are nested ([`crate::tree::check`]), so all nodes above it are visible and too large. "Clearly" is by more than
+//! rounding and the tolerances of the nesting: [`PLANE_MARGIN`], [`SIZE_MARGIN`] and [`CONE_MARGIN`].
+//! A node may also be drawn as a row of splats ([`crate::cut::strip`]), which is not monotone; so each group of the front knows
+//! how near the viewer must be for no node above it to be a row ([`RowLimit`]). And where splats are pixels, what contains no center of a
+//! pixel is dropped, and what contains one alone is small; so there such a sibling is larger than that too ([`LEAST_RADIUS_PX`]).
+//! What is dropped because it lies behind others would be left out in the end anyway.
+//!
+//! Deviations: Benda walks up from each node of the cut and tests its ancestors; his front is the cut itself. Here it
+//! lies above the cut, where each group still has such a sibling, and everything below it is tested as ever. What is saved are
+//! the tests of the nodes above the front, and these are few, since each level of a tree has about four times the nodes of the one above.
+//! `docs/PERFORMANCE.md` has the figures; [`Traversal::Auto`](crate::render::Traversal::Auto) goes from the root.
+//!
+//! What it does not do: a threshold of a fifth of the focal length or more leaves nothing to save, and such cuts start at the
+//! root; the front stays as it is. Of trees whose spheres and cones are not nested the lists may be others. Where splats are
+//! pixels and what is hidden is left out, which hidden triangles remain depends on the order of the work, as it does on threads.
+//!
+//! Cost: one to four tests for each group of the front, and as many for some groups of children of an eighth of them, on one
+//! thread. Memory: 20 bytes a group of the front, and 8 more in the [`Selector`](crate::cut::Selector).
 
-use crate::cut::batch;
-use crate::cut::batch::{Batch, Group, Record, Task};
-use crate::cut::frustum_and_size::Tester;
-use crate::cut::motion::{Motion, Reading, Regions};
+use crate::cut::batch::Group;
+use crate::cut::frustum_and_size::{Tester, inherit};
+use crate::cut::normal_cone::Facing;
 use crate::cut::occlusion::Hiding;
-use crate::cut::occlusion::footprints::{Footprints, Undrawn};
-use crate::cut::select::{Found, PARTS, Part, Selector, Tests, batches, join};
-use crate::cut::{Cut, Settings, SizeMetric};
-use crate::math::camera::View;
-use crate::threads::share;
-use crate::tree::{Leaf, Model, Node};
-use glam::Vec3;
-use prefetch_index::prefetch_index;
+use crate::cut::select::Tests;
+use crate::cut::siblings::Balls;
+use crate::cut::strip::{MAX_COUNT, MAX_WIDTH};
+use crate::tree::{Cone, Model, Node};
+use glam::DVec3;
+use std::ops::Range;
 
-/// What one update did.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Update {
-    /// Nodes and leaves that were tested.
-    pub tests: u64,
-    /// Nodes and leaves that were not, because the camera has hardly moved since they were.
-    pub kept: u64,
+/// Distance by which a clearly visible ball reaches into the view volume, in units of [`Tester::plane_error`], which is 1e-6 of
+/// the model's reach. Spheres may stick out of those above them by 1e-5 of their radius.
+const PLANE_MARGIN: f32 = 32.0;
+/// Size of a node that is clearly too large, over the threshold.
+const SIZE_MARGIN: f64 = 1.02;
+/// Difference from the limit that the cosine of an angle between a normal and the way to the viewer must have.
+const CONE_MARGIN: f64 = 1e-3;
+/// Radius in pixels, where splats are pixels, of a node that clearly contains more than one center of a pixel, or so large that nobody asks.
+const LEAST_RADIUS_PX: f32 = 1.02;
+/// Frames between two attempts to lower a group.
+const LOWER_EVERY: u8 = 8;
+/// Least of twice the focal length over the threshold. Where it is more, a node is compared with the threshold far from where the
+/// square roots of sizes lose digits.
+const LEAST_RATIO: f32 = 10.0;
+
+/// Bound of which nodes above a group could be rows of splats: node a only where its radius R in pixels is at most L thresholds, L from the
+/// shape of its strip. With z the depth of a node below, the depth of a is at most z + R, so a is no row if
+/// z L / R + L < 2 f / t.
+#[derive(Debug, Clone, Copy, Default)]
+struct RowLimit {
+    /// The largest L / R, per model unit.
+    per_length: f32,
+    /// The largest L.
+    added: f32,
 }
 
-/// Follows a moving camera. Its cuts are those of a [`Selector`], statistics included.
-///
-/// For small steps, such as a tenth of a degree of an orbit: an answer that is kept costs two thirds of a test, one that is found
-/// for later frames three times as much (`docs/PERFORMANCE.md`). Where what is hidden is left out
-/// ([`select_seen`](Self::select_seen)), the search for it needs the tree's nodes in any case, and nothing is won.
-///
-/// Nothing is kept of orthographic views, for the size metric [`Area`](SizeMetric::Area), for trees of less than three levels, and
-/// where thresholds below a pixel leave out what is between the centers of pixels, which changes with every
-/// motion. Such cuts are chosen from the root.
-///
-/// Memory: that of a selector; and 28 bytes for each group of siblings that the last cut looked at, twice.
-#[derive(Debug, Default)]
-pub struct Coherent {
-    selector: Selector,
-    /// The last frame, where its answers were kept.
-    last: Option<Last>,
-    /// Whether those of the present frame are.
-    keeps: bool,
-    motion: Motion,
-    readings: Vec<Reading>,
-    parts: Vec<KeptPart>,
-    update: Update,
+impl RowLimit {
+    fn of(node: &Node) -> Self {
+        let part = |x: u16| f32::from(x.min(255)) / 255.0;
+        let width = u16::from(node.strip.width);
+        let half = part(u16::from(node.strip.half_length) + width);
+        if width >= 255 {
+            return Self::default();
+        }
+        let limit = (MAX_WIDTH / part(width)).min(MAX_COUNT as f32 / half);
+        Self {
+            per_length: limit / node.radius,
+            added: limit,
+        }
+    }
+
+    fn or(self, other: Self) -> Self {
+        Self {
+            per_length: self.per_length.max(other.per_length),
+            added: self.added.max(other.added),
+        }
+    }
 }
 
-#[derive(Debug)]
-struct Last {
-    tester: Tester,
-    place: Place,
+/// A sibling group of the front.
+#[derive(Debug, Clone, Copy)]
+struct FrontGroup {
+    first: u32,
+    count: u32,
+    /// Row limit of all nodes above.
+    rows: RowLimit,
+    /// Frames until it is tried to lower it.
+    wait: u8,
+}
+
+impl FrontGroup {
+    const ROOT: Self = Self {
+        first: 0,
+        count: 1,
+        rows: RowLimit {
+            per_length: 0.0,
+            added: 0.0,
+        },
+        wait: 0,
+    };
+
+    fn range(&self) -> Range<u32> {
+        self.first..self.first + self.count
+    }
+
+    /// The children of `node`, whose own group is this one.
+    fn of_children(&self, node: &Node) -> Self {
+        Self {
+            first: node.first_child,
+            count: u32::from(node.child_count),
+            rows: self.rows.or(RowLimit::of(node)),
+            wait: 0,
+        }
+    }
+
+    /// The group that `id` belongs to.
+    fn around(model: &Model, id: u32) -> Self {
+        let tree = &model.tree;
+        let mut rows = RowLimit::default();
+        let (mut at, mut own) = (id, None);
+        while at != 0
+            && let Some(&parent) = tree.parents.get(at as usize)
+            && let Some(node) = tree.nodes.get(parent as usize)
+        {
+            own.get_or_insert((node.first_child, u32::from(node.child_count)));
+            rows = rows.or(RowLimit::of(node));
+            at = parent;
+        }
+        let (first, count) = own.unwrap_or((0, 1));
+        Self {
+            first,
+            count,
+            rows,
+            wait: 0,
+        }
+    }
 }
 
 /// Where a model lies in memory: another one is noticed, but for one that took the place of this one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Place([(usize, usize); 3]);
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+struct ModelPlace([(usize, usize); 2]);
 
-impl Place {
+impl ModelPlace {
     fn of(model: &Model) -> Self {
-        let (nodes, leaves) = (model.tree.nodes.as_ptr(), model.tree.leaves.as_ptr());
+        let (nodes, leaves) = (&model.tree.nodes, &model.tree.leaves);
         Self([
-            (nodes.addr(), model.tree.nodes.len()),
-            (leaves.addr(), model.tree.leaves.len()),
-            (model.vertices.as_ptr().addr(), model.vertices.len()),
+            (nodes.as_ptr().addr(), nodes.len()),
+            (leaves.as_ptr().addr(), leaves.len()),
         ])
     }
 }
 
-/// Some regions: what is below them in this frame, and the records of the last one.
+/// The front of the last frame.
 #[derive(Debug, Default)]
-struct KeptPart {
-    groups: Vec<Group>,
-    open: Vec<Group>,
-    /// Of each level, that of the leaves last: of this frame, and room for those of the next.
-    levels: Vec<[Vec<Record>; 2]>,
-    /// Groups that have to be tested, and where their records are.
-    asked: Vec<Group>,
-    places: Vec<u32>,
-    found: Found,
-    /// Nodes and leaves that were not tested.
-    kept: u64,
+pub(super) struct CoherentFront {
+    place: ModelPlace,
+    /// Groups on each level of nodes, in ascending order.
+    levels: Vec<Vec<FrontGroup>>,
 }
 
-impl Part for KeptPart {
-    fn found(&self) -> &Found {
-        &self.found
+impl CoherentFront {
+    /// Starts at the root again.
+    pub(super) fn forget(&mut self) {
+        self.levels.clear();
     }
 
-    fn found_mut(&mut self) -> &mut Found {
-        &mut self.found
-    }
-}
-
-impl KeptPart {
-    fn run(&mut self, task: &Task<'_>, batch: &mut Batch, levels: usize) {
-        self.found.clear();
-        self.kept = 0;
-        self.levels.resize_with(levels + 1, Default::default);
-        for level in 0..levels {
-            self.answer(task, batch, level, false);
-            self.open.clear();
-            let records = self.levels.get(level).map_or(&[][..], |[now, _]| now);
-            for pair in batches(records) {
-                let found = (&mut self.found.cut, &mut self.found.marks);
-                batch.take_nodes(task, pair, found, &mut self.open);
-            }
-            std::mem::swap(&mut self.groups, &mut self.open);
-            self.found.end_level();
-        }
-        self.answer(task, batch, levels, true);
-        let records = self.levels.get(levels).map_or(&[][..], |[now, _]| now);
-        for pair in batches(records) {
-            batch.take_leaves(task, pair, (&mut self.found.cut, &mut self.found.marks));
-        }
-    }
-
-    /// Makes the records of a level those of its groups in this frame: the ones that still hold, and those of tests.
-    fn answer(&mut self, task: &Task<'_>, batch: &mut Batch, level: usize, are_leaves: bool) {
-        let Some([last, records]) = self.levels.get_mut(level) else {
-            return;
-        };
-        let tree = &task.model.tree;
-        let (nodes, leaves): (&[Node], &[Leaf]) = (&tree.nodes, &tree.leaves);
-        records.clear();
-        self.asked.clear();
-        self.places.clear();
-        let (mut groups, mut rest) = (self.groups.as_slice(), last.as_slice());
-        while let [group, later @ ..] = groups {
-            // Most records hold, and those of neighbors follow one another: they are copied together.
-            let pairs = rest.iter().zip(groups);
-            let many = pairs
-                .take_while(|(record, group)| record.holds(**group, task.readings))
-                .count();
-            if many > 0 {
-                let (held, others) = rest.split_at(many);
-                records.extend_from_slice(held);
-                (groups, rest) = (groups.split_at(many).1, others);
-                continue;
-            }
-            match rest {
-                [record, others @ ..] if record.group.first() < group.first() => rest = others,
-                _ => {
-                    // Those that are asked lie apart, and processors foresee only what is in a row.
-                    let first = group.first() as usize;
-                    if are_leaves {
-                        prefetch_index(leaves, first);
-                        prefetch_index(leaves, first + 3);
-                    } else {
-                        prefetch_index(nodes, first);
-                        prefetch_index(nodes, first + 2);
-                    }
-                    self.asked.push(*group);
-                    self.places.push(records.len() as u32);
-                    records.push(Record::default());
-                    groups = later;
-                }
-            }
-        }
-        let mut places = self.places.iter();
-        for groups in self.asked.chunks(batch::SIZE) {
-            let answer = |record| {
-                let place = places.next().copied().unwrap_or(u32::MAX);
-                if let Some(place) = records.get_mut(place as usize) {
-                    *place = record;
-                }
-            };
-            if are_leaves {
-                batch.test_kept_leaves(task, groups, answer);
-            } else {
-                batch.test_kept_nodes(task, groups, answer);
-            }
-        }
-        let siblings = |groups: &[Group]| groups.iter().map(|g| u64::from(g.count())).sum::<u64>();
-        self.kept += siblings(&self.groups) - siblings(&self.asked);
-        std::mem::swap(last, records);
-    }
-}
-
-impl Coherent {
-    /// Uses up to `threads` threads, as [`Selector::with_threads`].
-    pub fn with_threads(threads: usize) -> Self {
-        Self {
-            selector: Selector::with_threads(threads),
-            ..Self::default()
-        }
-    }
-
-    /// As [`Selector::with_subpixel_bits`].
-    #[must_use]
-    pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
-        self.selector = self.selector.with_subpixel_bits(bits);
-        self
-    }
-
-    /// Forgets the last frame.
-    ///
-    /// Needed when the model changes, or is another one; one that lies elsewhere in memory is noticed.
-    pub fn reset(&mut self) {
-        self.last = None;
-    }
-
-    /// What the last update did. All was tested where nothing was kept.
-    pub fn last_update(&self) -> Update {
-        self.update
-    }
-
-    /// Replaces `cut` by what `view` needs of `model`, as [`Selector::select`] does; the model is that of the calls before, as it
-    /// was, or [`reset`](Self::reset) was called.
-    pub fn select(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
-        let tester = Tester::new(model, view, settings);
-        self.run(model, &tester, None, cut);
-        self.remember(model, tester);
-    }
-
-    /// The same, less what covers no pixel: as [`Selector::select_seen`].
-    pub fn select_seen(
+    /// Moves the front to where a frame may start; its groups replace those in `starts`. Returns how many nodes were
+    /// tested for it. `None`, and nothing is done, where such a frame has to start at the root.
+    pub(super) fn advance(
         &mut self,
         model: &Model,
-        view: &View,
-        settings: &Settings,
-        seen: (Footprints, &Undrawn),
-        cut: &mut Cut,
-    ) {
-        let mut nearest = std::mem::take(&mut self.selector.nearest);
-        if !nearest.clear(view.width, view.height) {
-            return self.select(model, view, settings, cut);
+        Tests { tester, hiding }: Tests<'_>,
+        starts: &mut Vec<Vec<Group>>,
+    ) -> Option<u64> {
+        let is_sound = !tester.is_perspective || tester.ratio >= LEAST_RATIO;
+        if !is_sound || model.tree.nodes.is_empty() {
+            return None;
         }
-        let tester = Tester::new(model, view, settings);
-        let bits = self.selector.subpixel_bits;
-        let hiding = Hiding::new(&nearest, &tester, view, seen, bits);
-        self.run(model, &tester, Some(&hiding), cut);
-        self.selector.nearest = nearest;
-        self.remember(model, tester);
-    }
-
-    fn remember(&mut self, model: &Model, tester: Tester) {
-        let place = Place::of(model);
-        self.last = self.keeps.then_some(Last { tester, place });
-    }
-
-    fn run(&mut self, model: &Model, tester: &Tester, hiding: Option<&Hiding<'_>>, cut: &mut Cut) {
-        let tests = Tests { tester, hiding };
-        let is_exact = hiding.is_some_and(Hiding::is_exact);
-        let can_keep = tester.is_perspective && tester.size != SizeMetric::Area && !is_exact;
-        let regions = Regions::of(&model.tree.level_starts).filter(|_| can_keep);
-        self.keeps = regions.is_some();
-        let Some(regions) = regions else {
-            self.selector.run(model, tests, cut);
-            self.update = Update {
-                tests: cut.stats.visited,
-                ..Update::default()
-            };
-            return;
-        };
-        // All centers below a node lie in its ball, but for rounding; else records say so.
-        let ball = |index: u32| {
-            let node = model.tree.nodes.get((regions.first + index) as usize);
-            node.map_or((Vec3::ZERO, 0.0), |n| (n.center, n.radius * 1.001))
-        };
-        let place = Place::of(model);
-        let last = self.last.take();
-        let last = last.filter(|last| last.place == place && last.tester.is_like(tester));
-        let holds = last.is_some_and(|last| self.motion.advance((&last.tester, tester), ball));
-        if !holds {
-            self.motion.restart(regions.count);
-            for part in &mut self.parts {
-                part.levels.clear();
-            }
+        let place = ModelPlace::of(model);
+        if self.levels.is_empty() || self.place != place {
+            self.place = place;
+            self.levels.clear();
+            self.levels
+                .resize_with(model.tree.level_count(), Vec::default);
+            self.levels.first_mut()?.push(FrontGroup::ROOT);
         }
-        self.motion.readings(tester, ball, &mut self.readings);
-        let readings = &self.readings;
-        let task = Task {
+        let mut judge = FrontJudge {
             model,
             tester,
-            hiding,
-            readings,
+            exact: hiding.filter(|hiding| hiding.is_exact()),
+            tests: 0,
         };
-        descend(&mut self.selector, &mut self.parts, (&task, regions), cut);
-        let kept = self.parts.iter().map(|part| part.kept).sum();
-        self.update = Update {
-            tests: cut.stats.visited - kept,
-            kept,
-        };
+        self.raise(&mut judge);
+        self.lower(&mut judge);
+        starts.resize_with(self.levels.len(), Vec::default);
+        for (starts, groups) in starts.iter_mut().zip(&self.levels) {
+            starts.clear();
+            starts.extend(groups.iter().map(|group| {
+                let inherited = tester.start() | judge.inherited(group);
+                Group::new(group.first, group.count, inherited)
+            }));
+        }
+        Some(judge.tests)
+    }
+
+    /// Raises groups until each has a sibling that vouches for the nodes above it. From the deepest level on, so that what is
+    /// raised is asked again.
+    fn raise(&mut self, judge: &mut FrontJudge<'_>) {
+        let model = judge.model;
+        for level in (1..self.levels.len()).rev() {
+            let (above, below) = self.levels.split_at_mut(level);
+            let mut raised: Vec<FrontGroup> = Vec::new();
+            for group in below.first().into_iter().flatten() {
+                if judge.has_voucher(group) {
+                    continue;
+                }
+                let parent = model.tree.parents.get(group.first as usize);
+                let parent = parent.copied().unwrap_or_default();
+                if !raised.last().is_some_and(|g| g.range().contains(&parent)) {
+                    raised.push(FrontGroup::around(model, parent));
+                }
+            }
+            if raised.is_empty() {
+                continue;
+            }
+            // What lies below them is reached from them.
+            let mut ranges: Vec<_> = raised.iter().map(FrontGroup::range).collect();
+            for (groups, above) in below.iter_mut().zip(level - 1..) {
+                for range in &mut ranges {
+                    *range = children_of(model, above, range);
+                }
+                groups.retain(|group| {
+                    let next = ranges.partition_point(|range| range.end <= group.first);
+                    !ranges.get(next).is_some_and(|r| r.contains(&group.first))
+                });
+            }
+            if let Some(groups) = above.last_mut() {
+                groups.append(&mut raised);
+                groups.sort_by_key(|group| group.first);
+            }
+        }
+    }
+
+    /// Lowers groups as far as all groups of children have siblings that vouch for the nodes above.
+    fn lower(&mut self, judge: &mut FrontJudge<'_>) {
+        for level in 1..self.levels.len() {
+            let (above, below) = self.levels.split_at_mut(level);
+            let (Some(groups), Some(lower)) = (above.last_mut(), below.first_mut()) else {
+                return;
+            };
+            let known = lower.len();
+            groups.retain_mut(|group| {
+                if group.wait > 0 {
+                    group.wait -= 1;
+                    return true;
+                }
+                let before = lower.len();
+                for id in group.range() {
+                    let node = judge.model.tree.nodes.get(id as usize);
+                    let children = node.map(|node| group.of_children(node));
+                    match children.filter(|children| judge.has_voucher(children)) {
+                        Some(children) => lower.push(children),
+                        None => {
+                            lower.truncate(before);
+                            group.wait = LOWER_EVERY - 1;
+                            return true;
+                        }
+                    }
+                }
+                false
+            });
+            if lower.len() > known {
+                lower.sort_by_key(|group| group.first);
+            }
+        }
     }
 }
 
-/// Goes down to the regions, then below them in parts.
-fn descend(
-    selector: &mut Selector,
-    parts: &mut Vec<KeptPart>,
-    (task, regions): (&Task<'_>, Regions),
-    cut: &mut Cut,
-) {
-    let Selector {
-        threads,
-        level,
-        front,
-        batches,
-        marks,
-        ..
-    } = selector;
-    let Task {
-        model,
-        tester,
-        hiding,
-        ..
-    } = *task;
-    let (tree, tests) = (&model.tree, Tests { tester, hiding });
-    cut.clear();
-    marks.clear();
-    batches.resize_with(*threads, || Batch::new(*level));
-    let Some(batch) = batches.first_mut() else {
-        return;
+/// The children, themselves nodes, of some consecutive nodes of a level.
+pub(super) fn children_of(model: &Model, level: usize, ids: &Range<u32>) -> Range<u32> {
+    let tree = &model.tree;
+    let end = |level: usize| tree.level_starts.get(level + 1).copied();
+    let first_from = |id: u32| match tree.nodes.get(id as usize) {
+        Some(node) if end(level).is_some_and(|end| id < end) => node.first_child,
+        _ => end(level + 1).unwrap_or(u32::MAX),
     };
-    front.groups.clear();
-    front.groups.push(Group::new(0, 1, tester.start()));
-    for _ in 0..=regions.level {
-        front.descend(model, tests, batch, (cut, marks));
+    first_from(ids.start)..first_from(ids.end)
+}
+
+/// Judge of where the front may be in a frame.
+struct FrontJudge<'a> {
+    model: &'a Model,
+    tester: &'a Tester,
+    /// Search for what covers no pixel, where splats are pixels.
+    exact: Option<&'a Hiding<'a>>,
+    /// Nodes that were tested.
+    tests: u64,
+}
+
+impl FrontJudge<'_> {
+    /// Tests whether one sibling shows that all nodes above a group are divided. Errs to "no". The root has none above it.
+    fn has_voucher(&mut self, group: &FrontGroup) -> bool {
+        let nodes = &self.model.tree.nodes;
+        group.first == 0
+            || group.range().any(|id| {
+                self.tests += 1;
+                let node = nodes.get(id as usize);
+                node.is_some_and(|node| self.vouches(node, group.rows))
+            })
     }
-    let width = regions.count.div_ceil((PARTS * *threads) as u32).max(1);
-    parts.resize_with(regions.count.div_ceil(width) as usize, KeptPart::default);
-    for part in &mut *parts {
-        part.groups.clear();
-    }
-    for &group in &front.groups {
-        let parent = tree.parents.get(group.first() as usize);
-        let region = parent.map_or(0, |parent| parent.saturating_sub(regions.first));
-        let region = region.min(regions.count - 1);
-        if let Some(part) = parts.get_mut((region / width) as usize) {
-            part.groups.push(group.in_region(region));
+
+    /// Tests whether a node is clearly visible and too large, and far too near for the nodes above it to be rows.
+    fn vouches(&self, node: &Node, rows: RowLimit) -> bool {
+        let tester = self.tester;
+        let ball = tester.ball(node.center, node.radius);
+        let (radius, depth) = (ball.radius.x, ball.depth.x);
+        let margin = PLANE_MARGIN * tester.plane_error;
+        // Written so that a NaN does not vouch.
+        let skips = |what: u8| tester.start() & what != 0;
+        let is_inside = skips(inherit::INSIDE) || tester.nearest_plane(&ball).x >= margin - radius;
+        let is_turned = || self.clearances(&ball, node.cone)[0] < -CONE_MARGIN;
+        let nearest = if tester.is_perspective {
+            depth / tester.unit * rows.per_length + rows.added
+        } else {
+            rows.per_length / tester.unit
+        };
+        let is_no_row = nearest < 0.99 * tester.ratio;
+        let within = |hiding: &Hiding<'_>| hiding.centers.are_within(&ball, LEAST_RADIUS_PX);
+        let is_wide = || self.exact.is_none_or(|exact| within(exact) & 1 == 0);
+        if !(is_inside && is_no_row && is_wide() && (skips(inherit::FRONT) || is_turned())) {
+            return false;
         }
+        // What reaches the near plane is divided in any case.
+        let from_near = depth - radius - tester.near;
+        let is_large = || {
+            let size_px = tester.size_px(node.center, node.radius);
+            size_px > SIZE_MARGIN * f64::from(tester.threshold_px)
+        };
+        from_near <= -margin || (from_near > margin && is_large())
     }
-    let levels = tree.level_count() - regions.level - 1;
-    share(batches, parts.iter_mut(), |batch, part| {
-        part.run(task, batch, levels);
-    });
-    join(parts, batches, hiding, levels, (cut, marks));
+
+    /// Excess of the cosine of the largest angle between a normal of a cone and the way from the viewer over what lets
+    /// all of a ball face away, and the same for facing the viewer. At least 0: it does.
+    fn clearances(&self, ball: &Balls, cone: Cone) -> [f64; 2] {
+        if cone.sin_half_angle == Cone::NEVER {
+            return [f64::NEG_INFINITY; 2];
+        }
+        let (way, radius) = if self.tester.is_perspective {
+            let way = ball.center.map(|v| f64::from(v.x));
+            (DVec3::from_array(way), f64::from(ball.radius.x))
+        } else {
+            (-self.tester.backward.as_dvec3(), 0.0)
+        };
+        let distance = way.length();
+        let sine = f64::from(cone.sin_half_angle());
+        let along = cone.axis().as_dvec3().dot(way) / distance;
+        let across = (1.0 - along * along).max(0.0).sqrt();
+        let least = across * sine + radius / distance;
+        let cosine = (1.0 - sine * sine).max(0.0).sqrt();
+        [along, -along].map(|along| along * cosine - least)
+    }
+
+    /// Bits that a group inherits of nodes above it. That they are inside of the view volume changes no list and is left out; that
+    /// they face the viewer keeps triangles without area.
+    fn inherited(&mut self, group: &FrontGroup) -> u8 {
+        let tree = &self.model.tree;
+        let is_known = self.tester.start() & inherit::FRONT != 0;
+        let mut at = group.first;
+        while at != 0
+            && !is_known
+            && let Some(&parent) = tree.parents.get(at as usize)
+            && let Some(node) = tree.nodes.get(parent as usize)
+        {
+            self.tests += 1;
+            let ball = self.tester.ball(node.center, node.radius);
+            if self.tester.facing(node.center, node.radius, node.cone) == Facing::Front {
+                return inherit::FRONT;
+            }
+            // Nor do those above it.
+            if self.clearances(&ball, node.cone)[1] < -CONE_MARGIN {
+                return 0;
+            }
+            at = parent;
+        }
+        0
+    }
 }

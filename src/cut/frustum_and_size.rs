@@ -171,19 +171,6 @@ impl Tester {
         }
     }
 
-    /// How far the model reaches from the eye, model units.
-    pub(super) fn reach(&self) -> f64 {
-        f64::from(self.plane_error) / PLANE_ERROR / f64::from(self.unit)
-    }
-
-    /// Whether sizes and the kind of view are those of another frame, so that answers differ only by where the camera is.
-    pub(super) fn is_like(&self, other: &Self) -> bool {
-        (self.is_perspective, self.size, self.start)
-            == (other.is_perspective, other.size, other.start)
-            && [self.threshold_px, self.twice_focal_px]
-                == [other.threshold_px, other.twice_focal_px]
-    }
-
     /// The sides of the view volume: inward unit normals, and what is added.
     pub(super) fn side_planes(&self) -> [[f32; 4]; 4] {
         self.sides.map(|plane| plane.0)

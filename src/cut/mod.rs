@@ -1,26 +1,22 @@
 //! The cut: which nodes of the tree the current view needs, and as what.
 //!
-//! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root and tests every node on its way;
-//! [`Coherent`] goes the same way for a camera that moves, but tests only what may have changed since the last frame, and
-//! gives the same lists. Both ask one [`Tester`].
+//! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root and tests every node on its way. A selector may also
+//! start where its last cut went ([`Selector::set_coherent`]); the lists are the same. Both ask one [`Tester`].
 
 mod batch;
 mod coherent;
 mod device_constants;
 mod frustum_and_size;
-mod motion;
 mod normal_cone;
 mod occlusion;
 mod select;
 mod siblings;
-mod slack;
 mod strip;
 
 pub use crate::cut::device_constants::most_splats;
 pub use crate::cut::frustum_and_size::Tester;
 pub use crate::cut::normal_cone::Facing;
 pub use crate::cut::occlusion::footprints::{Footprints, Undrawn};
-pub use coherent::{Coherent, Update};
 pub use select::{Selector, select};
 pub use strip::{
     MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_center_of, strip_centers,

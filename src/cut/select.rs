@@ -12,6 +12,7 @@
 
 use crate::cut::batch;
 use crate::cut::batch::{Batch, Group};
+use crate::cut::coherent::{CoherentFront, children_of};
 use crate::cut::frustum_and_size::Tester;
 use crate::cut::occlusion::footprints::{Footprints, Undrawn};
 use crate::cut::occlusion::{Hiding, Marks, Nearest, SUBPIXEL_BITS};
@@ -20,13 +21,14 @@ use crate::math::camera::View;
 use crate::threads::{self, share};
 use crate::tree::Model;
 use fearless_simd::Level;
+use std::ops::Range;
 
 /// A large cut is divided where a level has at least this many sibling groups to look at (some 30 microseconds, as long as
 /// another thread takes to wake up): far more are below them.
 const LARGE: usize = 1536;
 
 /// Parts for each thread: how much of a part is visible is not known before.
-pub(super) const PARTS: usize = 8;
+const PARTS: usize = 8;
 
 /// Where nodes are looked for that lie behind others, at least this many parts, the nearest ones first: the smaller a part, the
 /// more is drawn before it.
@@ -34,8 +36,8 @@ const PARTS_IN_ORDER: usize = 64;
 
 /// Sibling groups of one level, and the next one's.
 #[derive(Debug, Default)]
-pub(super) struct Front {
-    pub(super) groups: Vec<Group>,
+struct Front {
+    groups: Vec<Group>,
     open: Vec<Group>,
 }
 
@@ -48,7 +50,7 @@ pub(super) struct Tests<'a> {
 
 impl Front {
     /// Looks at a level of nodes; the groups become those of the next level.
-    pub(super) fn descend(
+    fn descend(
         &mut self,
         model: &Model,
         Tests { tester, hiding }: Tests<'_>,
@@ -60,6 +62,14 @@ impl Front {
             batch.nodes(model, tester, pair, hiding, (cut, marks), &mut self.open);
         }
         std::mem::swap(&mut self.groups, &mut self.open);
+    }
+
+    /// Adds groups of the same level at which the traversal starts.
+    fn join(&mut self, starts: &[Group]) {
+        if !starts.is_empty() {
+            self.groups.extend_from_slice(starts);
+            self.groups.sort_by_key(|group| group.first());
+        }
     }
 
     fn finish(
@@ -76,7 +86,7 @@ impl Front {
 }
 
 /// Batches, each with what comes after it.
-pub(super) fn batches<T>(groups: &[T]) -> impl Iterator<Item = (&[T], &[T])> {
+fn batches<T>(groups: &[T]) -> impl Iterator<Item = (&[T], &[T])> {
     let ahead = (batch::SIZE..).step_by(batch::SIZE);
     let ahead = ahead.map(|at| groups.get(at..).unwrap_or_default());
     groups.chunks(batch::SIZE).zip(ahead)
@@ -84,21 +94,21 @@ pub(super) fn batches<T>(groups: &[T]) -> impl Iterator<Item = (&[T], &[T])> {
 
 /// What was found below some consecutive groups of a level: a cut of its own, and where each level ends in its lists.
 #[derive(Debug, Default)]
-pub(super) struct Found {
-    pub(super) cut: Cut,
-    pub(super) marks: Marks,
-    pub(super) ends: Vec<(usize, usize)>,
+struct Found {
+    cut: Cut,
+    marks: Marks,
+    ends: Vec<(usize, usize)>,
 }
 
 impl Found {
-    pub(super) fn clear(&mut self) {
+    fn clear(&mut self) {
         self.cut.clear();
         self.marks.clear();
         self.ends.clear();
     }
 
     /// Ends a level of nodes.
-    pub(super) fn end_level(&mut self) {
+    fn end_level(&mut self) {
         self.ends
             .push((self.cut.nodes.len(), self.cut.strips.len()));
     }
@@ -114,15 +124,9 @@ impl Found {
     }
 }
 
-/// A part of a cut, with what was found.
-pub(super) trait Part: Send {
-    fn found(&self) -> &Found;
-    fn found_mut(&mut self) -> &mut Found;
-}
-
 /// Joins what was found in parts to what was found above them, level by level, less what is hidden: `levels` of nodes.
-pub(super) fn join<P: Part>(
-    parts: &mut [P],
+fn join(
+    parts: &mut [Below],
     batches: &mut [Batch],
     hiding: Option<&Hiding<'_>>,
     levels: usize,
@@ -131,23 +135,23 @@ pub(super) fn join<P: Part>(
     if let Some(hiding) = hiding {
         hiding.repair(marks);
         share(batches, parts.iter_mut(), |_, part| {
-            hiding.repair(&part.found().marks);
+            hiding.repair(&part.found.marks);
         });
         hiding.finish(cut, marks, &mut []);
         share(batches, parts.iter_mut(), |_, part| {
-            let Found { cut, marks, ends } = part.found_mut();
+            let Found { cut, marks, ends } = &mut part.found;
             hiding.finish(cut, marks, ends);
         });
     }
     for level in 0..levels {
-        for found in parts.iter().map(P::found) {
+        for found in parts.iter().map(|part| &part.found) {
             let [nodes, strips] = found.level(level);
             let (nodes, strips) = (found.cut.nodes.get(nodes), found.cut.strips.get(strips));
             cut.nodes.extend_from_slice(nodes.unwrap_or_default());
             cut.strips.extend_from_slice(strips.unwrap_or_default());
         }
     }
-    for found in parts.iter().map(P::found) {
+    for found in parts.iter().map(|part| &part.found) {
         cut.leaves.extend_from_slice(&found.cut.leaves);
         cut.triangles.extend_from_slice(&found.cut.triangles);
         cut.stats.add(&found.cut.stats);
@@ -161,23 +165,29 @@ struct Below {
     found: Found,
 }
 
-impl Part for Below {
-    fn found(&self) -> &Found {
-        &self.found
-    }
-
-    fn found_mut(&mut self) -> &mut Found {
-        &mut self.found
-    }
-}
-
 impl Below {
-    fn run(&mut self, model: &Model, tests: Tests<'_>, batch: &mut Batch, levels: usize) {
+    /// Goes down through `levels` of nodes from its groups, which are among the nodes `ids`, and from the groups in `starts` below
+    /// these nodes, a list for each level from the second one on.
+    fn run(
+        &mut self,
+        model: &Model,
+        tests: Tests<'_>,
+        batch: &mut Batch,
+        levels: Range<usize>,
+        (mut ids, starts): (Range<u32>, &[Vec<Group>]),
+    ) {
         self.found.clear();
-        for _ in 0..levels {
+        let mut starts = starts.iter();
+        for level in levels {
             let found = (&mut self.found.cut, &mut self.found.marks);
             self.front.descend(model, tests, batch, found);
             self.found.end_level();
+            if let Some(starts) = starts.next() {
+                ids = children_of(model, level, &ids);
+                let at = |id: u32| starts.partition_point(|group| group.first() < id);
+                let own = starts.get(at(ids.start)..at(ids.end));
+                self.front.join(own.unwrap_or_default());
+            }
         }
         let found = (&mut self.found.cut, &mut self.found.marks);
         self.front.finish(model, tests, batch, found);
@@ -193,17 +203,21 @@ impl Below {
 /// lists of the cut once more.
 #[derive(Debug)]
 pub struct Selector {
-    pub(super) threads: usize,
+    threads: usize,
     /// Of the processor's vectors.
-    pub(super) level: Level,
+    level: Level,
     /// Groups from which on a cut is divided.
     large: usize,
-    pub(super) front: Front,
-    pub(super) batches: Vec<Batch>,
+    front: Front,
+    batches: Vec<Batch>,
     parts: Vec<Below>,
-    pub(super) marks: Marks,
-    pub(super) nearest: Nearest,
-    pub(super) subpixel_bits: u32,
+    marks: Marks,
+    nearest: Nearest,
+    subpixel_bits: u32,
+    /// The front of the last cut, where cuts start at it.
+    coherent: Option<CoherentFront>,
+    /// Groups at which a cut starts, a list for each level.
+    starts: Vec<Vec<Group>>,
 }
 
 impl Default for Selector {
@@ -226,6 +240,8 @@ impl Selector {
             marks: Marks::default(),
             nearest: Nearest::default(),
             subpixel_bits: *SUBPIXEL_BITS.start(),
+            coherent: None,
+            starts: Vec::new(),
         }
     }
 
@@ -236,6 +252,22 @@ impl Selector {
     pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
         self.subpixel_bits = bits.clamp(*SUBPIXEL_BITS.start(), *SUBPIXEL_BITS.end());
         self
+    }
+
+    /// Starts cuts at the front of the last one where that is known to give the same lists ([`crate::cut::coherent`]), or at the root, as
+    /// at first. [`Stats`](crate::cut::Stats) may differ.
+    pub fn set_coherent(&mut self, is_coherent: bool) {
+        if is_coherent != self.coherent.is_some() {
+            self.coherent = is_coherent.then(CoherentFront::default);
+        }
+    }
+
+    /// Forgets the front of the last cut. Needed where cuts start at it and the model changes, or another one takes its place in
+    /// memory; one that lies elsewhere is noticed.
+    pub fn forget(&mut self) {
+        if let Some(front) = &mut self.coherent {
+            front.forget();
+        }
     }
 
     /// As [`select`], without allocating once `cut` and `self` have grown (but for dividing work).
@@ -287,24 +319,47 @@ impl Selector {
         self.nearest = nearest;
     }
 
-    pub(super) fn run(&mut self, model: &Model, tests: Tests<'_>, cut: &mut Cut) {
+    fn run(&mut self, model: &Model, tests: Tests<'_>, cut: &mut Cut) {
         let tree = &model.tree;
         cut.clear();
         self.marks.clear();
         let level = self.level;
         self.batches.resize_with(self.threads, || Batch::new(level));
-        let Some(batch) = self.batches.first_mut() else {
-            return;
-        };
-        self.front.groups.clear();
-        // A tree over one leaf has no interior node, and one over nothing no leaf: then nothing is found.
-        let root = Group::new(0, 1, tests.tester.start());
-        self.front.groups.push(root);
+        let mut starts = std::mem::take(&mut self.starts);
+        let front = self.coherent.as_mut();
+        match front.and_then(|front| front.advance(model, tests, &mut starts)) {
+            Some(tested) => cut.stats.visited += tested,
+            None => {
+                // A tree over one leaf has no interior node, and one over nothing no leaf: then nothing is found.
+                starts.resize_with(1, Vec::new);
+                starts.iter_mut().for_each(Vec::clear);
+                let root = Group::new(0, 1, tests.tester.start());
+                starts.iter_mut().for_each(|starts| starts.push(root));
+            }
+        }
         let levels = if tree.nodes.is_empty() {
             0
         } else {
             tree.level_count()
         };
+        self.descend(model, tests, (&starts, levels), cut);
+        self.starts = starts;
+    }
+
+    /// Goes down from the groups in `starts`, through `levels` of nodes, to the leaves.
+    fn descend(
+        &mut self,
+        model: &Model,
+        tests: Tests<'_>,
+        (starts, levels): (&[Vec<Group>], usize),
+        cut: &mut Cut,
+    ) {
+        let Some(batch) = self.batches.first_mut() else {
+            return;
+        };
+        let starts_of = |level: usize| starts.get(level).map_or(&[][..], Vec::as_slice);
+        self.front.groups.clear();
+        self.front.join(starts_of(0));
         let mut level = 0;
         let is_ordered = tests.hiding.is_some_and(Hiding::drops_nodes);
         let is_divided = self.threads > 1 || is_ordered;
@@ -312,9 +367,11 @@ impl Selector {
             let found = (&mut *cut, &mut self.marks);
             self.front.descend(model, tests, batch, found);
             level += 1;
+            self.front.join(starts_of(level));
         }
         if is_divided && self.front.groups.len() >= self.large {
-            self.divide(model, tests, levels - level, cut);
+            let starts = starts.get(level + 1..).unwrap_or_default();
+            self.divide(model, tests, (starts, level..levels), cut);
             return;
         }
         let found = (&mut *cut, &mut self.marks);
@@ -324,8 +381,15 @@ impl Selector {
         }
     }
 
-    /// Goes down the remaining levels in parts, and joins them level by level.
-    fn divide(&mut self, model: &Model, tests: Tests<'_>, levels: usize, cut: &mut Cut) {
+    /// Goes down the remaining levels in parts, and joins them level by level. `starts` are those of the levels after the
+    /// first of them.
+    fn divide(
+        &mut self,
+        model: &Model,
+        tests: Tests<'_>,
+        (starts, levels): (&[Vec<Group>], Range<usize>),
+        cut: &mut Cut,
+    ) {
         let groups = &self.front.groups;
         let is_ordered = tests.hiding.is_some_and(Hiding::drops_nodes);
         let least = if is_ordered { PARTS_IN_ORDER } else { 0 };
@@ -337,21 +401,30 @@ impl Selector {
         let Some(parts) = self.parts.get_mut(..count) else {
             return;
         };
-        let mut work: Vec<_> = parts.iter_mut().zip(groups.chunks(each)).collect();
-        if is_ordered && levels > 0 {
-            work.sort_by_cached_key(|(_, groups)| nearest(model, tests.tester, groups));
+        // A part has all nodes of the level up to the first one of the next part.
+        let bound = |level: usize| model.tree.level_starts.get(level).copied();
+        let end = bound(levels.start + 1).unwrap_or(u32::MAX);
+        let chunks = groups.chunks(each);
+        let next = groups.iter().step_by(each).skip(1).map(|g| g.first());
+        let mut first = bound(levels.start).unwrap_or_default();
+        let ranges = next
+            .chain([end])
+            .map(|next| std::mem::replace(&mut first, next)..next);
+        let mut work: Vec<_> = parts.iter_mut().zip(chunks.zip(ranges)).collect();
+        if is_ordered && !levels.is_empty() {
+            work.sort_by_cached_key(|(_, (groups, _))| nearest(model, tests.tester, groups));
         }
         share(
             &mut self.batches,
             work.into_iter(),
-            |batch, (part, groups)| {
+            |batch, (part, (groups, ids))| {
                 part.front.groups.clear();
                 part.front.groups.extend_from_slice(groups);
-                part.run(model, tests, batch, levels);
+                part.run(model, tests, batch, levels.clone(), (ids, starts));
             },
         );
         let found = (cut, &self.marks);
-        join(parts, &mut self.batches, tests.hiding, levels, found);
+        join(parts, &mut self.batches, tests.hiding, levels.len(), found);
     }
 }
 

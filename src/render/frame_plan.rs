@@ -7,7 +7,9 @@ use crate::math::camera::View;
 use crate::pack;
 use crate::pack::{ColorBy, Footprint};
 use crate::render::reference::Outputs;
-use crate::render::{Blend, Culling, Method, Occlusion, Path, Settings, Shading, SplatKind};
+use crate::render::{
+    Blend, Culling, Method, Occlusion, Path, Settings, Shading, SplatKind, Traversal,
+};
 use crate::tree::Model;
 
 /// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
@@ -102,6 +104,8 @@ pub(super) struct Choice {
     settings: cut::Settings,
     /// What splats are taken for, where those that are hidden are left out.
     seen: Option<cut::Footprints>,
+    /// Where the traversal starts; the lists are the same.
+    traversal: Traversal,
 }
 
 impl Choice {
@@ -112,6 +116,7 @@ impl Choice {
             settings: cut_settings(settings, model),
             // From elsewhere what the cut's own view does not show is seen.
             seen: footprints(settings, model).filter(|_| !settings.holds_cut()),
+            traversal: settings.traversal,
         }
     }
 
@@ -134,6 +139,7 @@ impl Choice {
         into: &mut cut::Cut,
     ) {
         let (view, settings) = (&self.view, &self.settings);
+        selector.set_coherent(self.traversal == Traversal::Coherent);
         match self.seen {
             Some(footprints) => {
                 selector.select_seen(model, view, settings, (footprints, undrawn()), into);

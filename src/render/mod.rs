@@ -14,7 +14,7 @@ pub mod vulkan;
 
 pub use crate::render::settings::{
     Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
-    SplatKind, SumFormat,
+    SplatKind, SumFormat, Traversal,
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;

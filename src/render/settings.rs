@@ -120,6 +120,20 @@ pub enum CutOn {
     Device,
 }
 
+/// Where the host starts when it chooses the cut of a frame. The picture is the same to the bit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Traversal {
+    /// Where it was measured to be faster: at the root (docs/PERFORMANCE.md).
+    #[default]
+    Auto,
+    /// At the root.
+    Root,
+    /// Where the last cut went, as far as that is known to give the same lists, else at the root
+    /// ([`cut::Selector::set_coherent`](crate::cut::Selector::set_coherent)).
+    Coherent,
+}
+
 /// What the host tells a device of the splats and triangles of a cut. The picture is the same.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
@@ -181,6 +195,8 @@ pub struct Settings {
     pub path: Path,
     /// What chooses the cut on a device.
     pub cut_on: CutOn,
+    /// Where the host starts when it chooses a cut.
+    pub traversal: Traversal,
     /// What draw lists hold on a device.
     pub list_of: ListOf,
     /// Whether what is hidden is left out.
@@ -223,6 +239,7 @@ impl Default for Settings {
             reconstruction: Reconstruction::Gaussian,
             path: Path::Auto,
             cut_on: CutOn::Auto,
+            traversal: Traversal::Auto,
             list_of: ListOf::Auto,
             occlusion: Occlusion::Auto,
             depth_offset: None,

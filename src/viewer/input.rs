@@ -382,11 +382,6 @@ impl Mouse {
         self.at
     }
 
-    /// Whether a button is held.
-    pub fn is_dragging(&self) -> bool {
-        self.drag.is_some()
-    }
-
     /// The cursor has moved to `at`.
     pub fn moved(&mut self, at: DVec2) -> Option<Gesture> {
         let by = at - self.at;

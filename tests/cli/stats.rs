@@ -79,6 +79,7 @@ fn check_stats(stats: &Value, method: &str, is_device: bool) {
             "size_metric",
             "splat",
             "threshold_px",
+            "traversal",
             "width",
         ]
     );

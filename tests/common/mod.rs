@@ -114,7 +114,7 @@ fn built(path: &Path) -> Model {
 
 /// Whether the host draws in the place of a device: only of a software device. One line says what is not tested where not.
 pub(crate) fn host_draws(device: &Device) -> bool {
-    let is_software = device.gpu().info().kind == surfel::gpu::device::Kind::Cpu;
+    let is_software = device.gpu().info().is_cpu();
     if !is_software {
         println!("this is no software device: what the host draws in its place is not tested");
     }

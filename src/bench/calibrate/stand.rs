@@ -153,7 +153,7 @@ impl Stand {
             statue: Stage::new(gpu, statue)?,
             corners: Stage::new(gpu, corners)?,
             side,
-            is_software: gpu.info().kind == Kind::Cpu,
+            is_software: gpu.info().is_cpu(),
             until: Instant::now(),
             gave_up: false,
             unsteady: (0.0, 0.0),

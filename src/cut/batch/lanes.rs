@@ -58,12 +58,6 @@ impl Mask {
         *word = *word & !own | u64::from(bits) << (lane % WORD) & own;
     }
 
-    /// The lanes of a group.
-    #[inline(always)]
-    pub(super) fn four(&self, group: usize) -> u8 {
-        self.get(4 * group, 4) as u8
-    }
-
     /// How many are set.
     #[inline(always)]
     pub(in crate::cut) fn count(&self) -> u32 {
@@ -287,14 +281,6 @@ impl Siblings {
         put(shapes, group, shape);
     }
 
-    /// Balls that were found elsewhere.
-    #[inline(always)]
-    pub(super) fn put_four_balls(&mut self, group: usize, balls: &Balls) {
-        let [x, y, z] = balls.center;
-        self.put_spheres(group, [x, y, z, balls.radius]);
-        put(&mut self.depths, group, balls.depth.to_array());
-    }
-
     #[inline(always)]
     pub(super) fn put_balls<S: Simd>(&mut self, at: usize, balls: &Balls<Wide<S>>) {
         let lanes = at..at + Wide::<S>::LANES;
@@ -340,33 +326,4 @@ impl Siblings {
             shape: Wide::<S>::load_words(simd, &shape[lanes]),
         }
     }
-
-    /// First child of a node, and how many there are.
-    #[inline(always)]
-    pub(super) fn children(&self, lane: usize) -> (u32, u32) {
-        let lane = lane % LANES;
-        (self.first_child[lane], self.words[2][lane] >> 16 & 0xff)
-    }
-
-    /// The balls of a group.
-    pub(super) fn four_balls(&self, group: usize) -> Balls {
-        let [x, y, z, radius] = self.spheres.each_ref().map(|list| four_of(list, group));
-        Balls {
-            center: [x, y, z].map(Vec4::from_array),
-            radius: Vec4::from_array(radius),
-            depth: Vec4::from_array(four_of(&self.depths, group)),
-        }
-    }
-
-    /// The words of a group.
-    pub(super) fn four_words(&self, group: usize) -> Words {
-        let [axis, sine, shape] = self.words.each_ref().map(|list| four_of(list, group));
-        Words { axis, sine, shape }
-    }
-}
-
-#[inline(always)]
-fn four_of<T: Copy>(list: &[T; LANES], group: usize) -> [T; 4] {
-    let at = 4 * group % LANES;
-    [list[at], list[at + 1], list[at + 2], list[at + 3]]
 }

@@ -283,7 +283,6 @@ mod tests {
     use crate::cut::{Cut, Selector};
     use crate::generate::{self, Shape, Spec};
     use crate::gpu::buffer::AnyBuffer as _;
-    use crate::gpu::device::Kind;
     use crate::gpu::for_tests::{close_in_silence, device};
     use crate::gpu::frame::Frames;
     use crate::math::camera::{Camera, View};
@@ -367,7 +366,7 @@ mod tests {
     fn the_device_chooses_what_the_host_chooses() {
         let Some(gpu) = device() else { return };
         // Elsewhere roots and quotients may differ in the last place, and with them single nodes.
-        let is_exact = gpu.info().kind == Kind::Cpu;
+        let is_exact = gpu.info().is_cpu();
         let mut kinds = [0; 4];
         for (shape, triangles) in [
             (Shape::Statue, 60_000),

@@ -1,7 +1,6 @@
 //! Frames, and the way on after one that failed.
 
 use super::{App, MOST_LOSSES};
-use crate::gpu::device::Kind;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
 use crate::render::stats::Kept;
@@ -60,7 +59,7 @@ impl App {
 
     /// Whether the device works while the host does.
     fn frames_overlap(&self) -> bool {
-        self.screen.gpu().info().kind != Kind::Cpu
+        !self.screen.gpu().info().is_cpu()
     }
 
     /// Whether frames have finished that [`finished`](App::finished) has not told of and that matter now.

@@ -127,11 +127,11 @@ fn drags_follow_the_button_that_began_them() {
     );
     mouse.button(Button::Left, false, NONE, 0.0);
     assert!(
-        mouse.is_dragging(),
+        mouse.drag.is_some(),
         "the other button's release ends nothing"
     );
     mouse.button(Button::Right, false, NONE, 0.0);
-    assert!(!mouse.is_dragging());
+    assert!(!mouse.drag.is_some());
     assert_eq!(mouse.moved(at), None);
     let with_shift = press(&mut mouse, Button::Left, SHIFT);
     assert_eq!(with_shift, Some(Gesture::Begin(Drag::Pan, at)));

@@ -14,7 +14,6 @@ use crate::abi::shaders;
 use crate::abi::specialization::{ARE_DISCS, LOOKS_FIRST, SIDE_PX};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
-use crate::gpu::device::Kind;
 use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
@@ -96,7 +95,7 @@ fn key_bytes(targets: &Targets) -> u64 {
 
 /// Whether the host may draw instead of compute: a software device, and values of a byte. Others are those of samples in a pixel.
 pub(crate) fn host_draws(gpu: &Gpu, targets: &Targets) -> bool {
-    gpu.info().kind == Kind::Cpu && targets.normal().is_none() && targets.color.format == COLOR
+    gpu.info().is_cpu() && targets.normal().is_none() && targets.color.format == COLOR
 }
 
 /// Whether `settings` want small primitives drawn by compute, and this device can. `host_px`: the largest opaque splat that the host
@@ -294,7 +293,7 @@ impl Small {
             return Ok(());
         }
         let gpu = &self.gpu;
-        let looks_first = gpu.info().kind != Kind::Cpu;
+        let looks_first = !gpu.info().is_cpu();
         let of_one_size = |name, are_discs| {
             let constants = [
                 ARE_DISCS.is(are_discs),

@@ -2,7 +2,6 @@
 
 use crate::abi::FrameConstants;
 use crate::gpu::Error;
-use crate::gpu::device::Kind;
 use crate::gpu::frame::Ticket;
 use crate::math::camera::View;
 use crate::pack::splats::SLACK_PX;
@@ -88,7 +87,7 @@ impl Renderer {
         let gpu = self.gpu.clone();
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
         let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
-        let samples = gpu.info().kind == Kind::Cpu && self.targets.normal().is_none();
+        let samples = gpu.info().is_cpu() && self.targets.normal().is_none();
         let constants = frame_constants(view, settings, &context);
         let light = (by_compute && self.host_may_draw_opaque(settings))
             .then(|| opaque::Light::new(&constants));
@@ -359,7 +358,7 @@ impl Renderer {
     /// Whether the host may draw what compute is to: what a software device does by compute, the host does in less time, but
     /// somebody may insist on a path.
     pub(super) fn host_may_draw(&self, settings: &Settings) -> bool {
-        let is_software = self.gpu.info().kind == Kind::Cpu;
+        let is_software = self.gpu.info().is_cpu();
         is_software
             && settings.splat.host_draws()
             && match settings.path {
@@ -459,6 +458,9 @@ impl Renderer {
         let may_stay = self.keeps_lists || self.foreseen.is_some();
         if may_stay && self.chosen == Some((of_scene, choice)) {
             return false;
+        }
+        if self.chosen.is_none_or(|(scene, _)| scene != of_scene) {
+            self.selector.forget();
         }
         let undrawn = || scene.undrawn(model);
         choice.select(&mut self.selector, model, undrawn, &mut self.cut);

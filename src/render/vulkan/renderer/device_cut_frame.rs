@@ -3,7 +3,6 @@
 
 use crate::cut::Tester;
 use crate::gpu::Error;
-use crate::gpu::device::Kind;
 use crate::gpu::frame::Ticket;
 use crate::math::camera::View;
 use crate::pack::ids;
@@ -128,7 +127,7 @@ impl Renderer {
             (ListOf::Records, _) | (ListOf::Auto, Some(_)) => return Ok(false),
             (ListOf::Ids, Some(why)) => return Err(refused(why)),
             // What it calls its own is the host's memory: the tree would be there twice.
-            (ListOf::Auto, None) if self.gpu.info().kind == Kind::Cpu => return Ok(false),
+            (ListOf::Auto, None) if self.gpu.info().is_cpu() => return Ok(false),
             (ListOf::Auto, None) if self.too_large[1] == Some(scene.id()) => return Ok(false),
             (ListOf::Auto | ListOf::Ids, None) => {}
         }

@@ -9,7 +9,6 @@ use crate::abi::specialization::LOOKS_FIRST;
 use crate::abi::{Splat, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
-use crate::gpu::device::Kind;
 use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
@@ -47,7 +46,7 @@ impl Twin {
         (normals, flags): (bool, u32),
         size: (u32, u32),
     ) -> Result<Self, Error> {
-        let looks_first = gpu.info().kind != Kind::Cpu;
+        let looks_first = !gpu.info().is_cpu();
         let formats = [PICKED, FRONTS, NORMAL];
         let storage = |name| Buffer::new(gpu, name, Usage::Storage, storage_bytes(size));
         Ok(Self {
