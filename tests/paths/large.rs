@@ -3,7 +3,6 @@
 use super::common::{self, Device, generated, orbit};
 use super::{built, colored, passes, pictures};
 use surfel::generate::Shape;
-use surfel::image::compare;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};

@@ -173,7 +173,7 @@ impl Centers {
 
     /// Which balls have at most this radius, pixels.
     #[inline(always)]
-    pub(super) fn are_within<V: Vector>(&self, balls: &Balls<V>, px: f32) -> u32 {
+    pub(in crate::cut) fn are_within<V: Vector>(&self, balls: &Balls<V>, px: f32) -> u32 {
         let most = px / self.focal_px();
         let most = if self.is_perspective {
             balls.depth * most

@@ -15,7 +15,7 @@ use crate::pack::splats::Packed;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::Canvas;
 use crate::render::engine::style;
-use crate::render::frame_plan::frame_constants;
+use crate::render::frame_constants::frame_constants;
 use crate::render::reference::{Outputs, render_filtered};
 use crate::render::vulkan::COLOR;
 use crate::render::vulkan::blended::compute::{Share, Small};
