@@ -109,7 +109,7 @@ impl Session {
     pub fn is_software(&self) -> bool {
         match &self.backend {
             Backend::Device(gpu) => gpu.info().is_cpu(),
-            Backend::Mirror => false,
+            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => false,
         }
     }
 
@@ -131,7 +131,7 @@ impl Session {
             device: self.backend.name().into(),
             driver: match &self.backend {
                 Backend::Device(gpu) => gpu.info().driver.clone(),
-                Backend::Mirror => String::new(),
+                Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => String::new(),
             },
             threads: threads(),
             settings,

@@ -109,7 +109,7 @@ impl Key {
             device: backend.name().into(),
             driver: match backend {
                 Backend::Device(gpu) => gpu.info().driver.clone(),
-                Backend::Mirror => String::new(),
+                Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => String::new(),
             },
             size_class: primitives.ilog2() / 2,
             is_closed: model.is_closed,

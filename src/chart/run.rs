@@ -62,7 +62,7 @@ impl Plan {
                 compute: gpu.info().has_int64_atomics,
                 host: gpu.info().is_cpu(),
             },
-            Backend::Mirror => Ways::default(),
+            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => Ways::default(),
         };
         match &self.thresholds {
             Some(thresholds) => Choice::all(thresholds, model.is_cloud(), ways),
@@ -361,7 +361,7 @@ pub fn empty_row(
         device: backend.name().into(),
         driver: match backend {
             Backend::Device(gpu) => gpu.info().driver.clone(),
-            Backend::Mirror => String::new(),
+            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => String::new(),
         },
         model: place.model.into(),
         model_triangles: model.triangles.len() as u64,

@@ -51,7 +51,7 @@ impl DeviceArgs {
 pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<Costs> {
     match backend {
         Backend::Device(gpu) => calibrate::for_use(gpu, settings),
-        Backend::Mirror => None,
+        Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => None,
     }
 }
 

@@ -35,7 +35,9 @@ pub(crate) fn settings_of(
 pub(crate) fn device_of(backend: &Backend) -> serde_json::Value {
     match backend {
         Backend::Device(gpu) => json!(gpu.info()),
-        Backend::Mirror => json!({ "name": Backend::MIRROR }),
+        Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => {
+            json!({ "name": Backend::MIRROR })
+        }
     }
 }
 
@@ -72,7 +74,7 @@ pub(crate) fn of(
             .into_iter()
             .map(|(name, bytes)| json!({ "name": name, "bytes": bytes }))
             .collect(),
-        Backend::Mirror => Vec::new(),
+        Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => Vec::new(),
     };
     let model = &ready.model;
     let count = |of: fn(&FrameTimes) -> u64| {

@@ -125,7 +125,7 @@ impl Profile {
     ) -> Result<Self, Error> {
         let gpu = match backend {
             Backend::Device(gpu) => Some(gpu),
-            Backend::Mirror => None,
+            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => None,
         };
         let has_timestamps = gpu.is_some_and(|g| g.info().timestamp_period_ns > 0.0);
         let mut profile = Self {

@@ -5,21 +5,29 @@ use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
-use crate::render::Settings;
 use crate::render::cost::model::Costs;
+use crate::render::cpu::picture::{DrawnArea, PixelWords};
+use crate::render::cpu::renderer::{CpuRenderer, FactedModel};
+use crate::render::cpu::supported::unsupported_reason;
 use crate::render::frame_plan::{check, for_view};
+use crate::render::model_facts::ModelFacts;
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
 use crate::render::vulkan::scene::Scene;
+use crate::render::{Path, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
 
 /// Where pictures are made.
 #[derive(Debug, Clone)]
 pub enum Backend {
-    /// A Vulkan device.
+    /// A Vulkan device. Where that is the processor in disguise, the processor's own renderer draws what it can in its place.
     Device(Arc<Gpu>),
+    /// The processor's fast renderer; needs no driver. What it cannot draw is refused.
+    Cpu,
+    /// Where there is no driver: the processor's fast renderer, and the mirror for what that cannot draw.
+    WithoutDevice,
     /// The mirrors, on the CPU. Exact and slow; needs no driver.
     Mirror,
 }
@@ -27,16 +35,18 @@ pub enum Backend {
 impl Backend {
     /// The name that stands for the mirror where a device is asked for.
     pub const MIRROR: &'static str = "mirror";
+    /// The name that stands for the processor's renderer where a device is asked for.
+    pub const CPU: &'static str = "cpu";
 
-    /// Opens what `options.device` names: `mirror`, a device's index or a part of its name, or the best device.
+    /// Opens what `options.device` names: `cpu`, `mirror`, a device's index or a part of its name, or the best device.
     ///
     /// # Errors
     /// As [`Gpu::open`].
     pub fn open(options: &Options) -> Result<Self, Error> {
-        if options.device.as_deref() == Some(Self::MIRROR) {
-            Ok(Self::Mirror)
-        } else {
-            Ok(Self::Device(Gpu::open(options)?))
+        match options.device.as_deref() {
+            Some(Self::MIRROR) => Ok(Self::Mirror),
+            Some(Self::CPU) => Ok(Self::Cpu),
+            _ => Ok(Self::Device(Gpu::open(options)?)),
         }
     }
 
@@ -44,7 +54,16 @@ impl Backend {
     pub fn name(&self) -> &str {
         match self {
             Self::Device(gpu) => &gpu.info().name,
+            Self::Cpu | Self::WithoutDevice => Self::CPU,
             Self::Mirror => Self::MIRROR,
+        }
+    }
+
+    /// The Vulkan device, if pictures are made on one.
+    pub fn device(&self) -> Option<&Arc<Gpu>> {
+        match self {
+            Self::Device(gpu) => Some(gpu),
+            Self::Cpu | Self::WithoutDevice | Self::Mirror => None,
         }
     }
 }
@@ -53,18 +72,41 @@ impl Backend {
 #[derive(Debug)]
 pub struct Engine<'m> {
     model: &'m Model,
-    kind: Kind,
+    outputs: Outputs,
+    device: Option<DeviceEngine>,
+    cpu: Option<CpuEngine>,
+    reference: Option<Box<MirrorEngine>>,
+    /// What drew the last frame.
+    last: FrameBackend,
 }
 
+/// The backend of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FrameBackend {
+    Device,
+    Cpu,
+    Reference,
+}
+
+/// The part of an engine that draws on a device.
 #[derive(Debug)]
-enum Kind {
-    Device {
-        renderer: Box<Renderer>,
-        /// Draws what is averaged, once anything was.
-        samples: Option<Box<Renderer>>,
-        scene: Scene,
-    },
-    Mirror(Box<MirrorEngine>),
+struct DeviceEngine {
+    renderer: Box<Renderer>,
+    /// Draws what is averaged, once anything was.
+    samples: Option<Box<Renderer>>,
+    scene: Scene,
+}
+
+/// The part of an engine that draws on the processor.
+#[derive(Debug)]
+struct CpuEngine {
+    renderer: Box<CpuRenderer>,
+    /// Facts of the model, where there is no scene that has them.
+    facts: Option<ModelFacts>,
+    words: Vec<u32>,
+    area: DrawnArea,
+    /// May draw what compute is asked for by name.
+    for_compute: bool,
 }
 
 impl<'m> Engine<'m> {
@@ -78,25 +120,81 @@ impl<'m> Engine<'m> {
         (width, height): (u32, u32),
         outputs: Outputs,
     ) -> Result<Self, Error> {
-        let kind = match backend {
-            Backend::Device(gpu) => Kind::Device {
-                renderer: Box::new(Renderer::new(gpu, width, height, outputs, true)?),
-                samples: None,
-                scene: Scene::new(gpu, model)?,
-            },
-            Backend::Mirror => Kind::Mirror(Box::new(MirrorEngine::new(outputs))),
+        let cpu = |facts: Option<ModelFacts>| CpuEngine {
+            renderer: Box::new(CpuRenderer::new(width, height)),
+            facts,
+            words: Vec::new(),
+            area: DrawnArea::unknown(width, height),
+            for_compute: false,
         };
-        Ok(Self { model, kind })
+        let mut engine = Self {
+            model,
+            outputs,
+            device: None,
+            cpu: None,
+            reference: None,
+            last: FrameBackend::Reference,
+        };
+        match backend {
+            Backend::Device(gpu) => {
+                engine.device = Some(DeviceEngine {
+                    renderer: Box::new(Renderer::new(gpu, width, height, outputs, true)?),
+                    samples: None,
+                    scene: Scene::new(gpu, model)?,
+                });
+                engine.cpu = gpu.info().is_cpu().then(|| cpu(None));
+            }
+            Backend::Cpu | Backend::WithoutDevice => {
+                engine.cpu = Some(cpu(Some(ModelFacts::of(model))));
+            }
+            Backend::Mirror => {}
+        }
+        if matches!(backend, Backend::Mirror | Backend::WithoutDevice) {
+            engine.reference = Some(Box::new(MirrorEngine::new(outputs)));
+        }
+        Ok(engine)
     }
 
     /// Lets the mirror snap positions to so many binary places of a pixel, 4..=8, in pictures that are compared with those
     /// of a device ([`Gpu::info`] has its number); 8 at first. A device has its own.
     #[must_use]
     pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
-        if let Kind::Mirror(mirror) = &mut self.kind {
-            mirror.set_subpixel_bits(bits);
+        if let Some(reference) = &mut self.reference {
+            reference.set_subpixel_bits(bits);
         }
         self
+    }
+
+    /// The backend of a frame of these settings.
+    ///
+    /// # Errors
+    /// When none can draw it; the reason is in the error.
+    fn backend_of(&self, settings: &Settings) -> Result<FrameBackend, Error> {
+        let reason = match &self.cpu {
+            None => Some("it is not asked for"),
+            Some(cpu) => {
+                // Beside a device it draws what nobody insists on, and leaves the whole mesh to the device.
+                let is_free = match settings.path {
+                    Path::Auto => true,
+                    Path::Compute => cpu.for_compute,
+                    Path::Raster => false,
+                };
+                let is_left = self.device.is_some() && !(is_free && settings.has_cut());
+                match is_left {
+                    true => Some("it is left to the device"),
+                    false => unsupported_reason(settings, self.outputs, cpu.renderer.size()),
+                }
+            }
+        };
+        match (reason, &self.device, &self.reference) {
+            (None, ..) => Ok(FrameBackend::Cpu),
+            (_, Some(_), _) => Ok(FrameBackend::Device),
+            (_, None, Some(_)) => Ok(FrameBackend::Reference),
+            (Some(why), None, None) => Err(Error::Unsupported {
+                what: "this picture by the processor's renderer",
+                why: why.into(),
+            }),
+        }
     }
 
     /// Draws a frame and waits until it is finished.
@@ -104,47 +202,75 @@ impl<'m> Engine<'m> {
     /// # Errors
     /// As [`Renderer::draw`].
     pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
-        match &mut self.kind {
-            Kind::Device {
-                renderer, scene, ..
-            } => renderer.draw(self.model, scene, view, settings),
-            Kind::Mirror(mirror) => {
-                check(self.model, settings, mirror.outputs, f32::INFINITY)?;
-                let settings = for_view(settings, self.model, view);
-                Ok(mirror.draw(self.model, view, &settings))
+        // What no backend can draw is refused before one is looked for.
+        if self.device.is_none() {
+            check(self.model, settings, self.outputs, f32::INFINITY)?;
+        }
+        self.last = self.backend_of(settings)?;
+        match (
+            self.last,
+            &mut self.cpu,
+            &mut self.device,
+            &mut self.reference,
+        ) {
+            (FrameBackend::Cpu, Some(cpu), device, _) => {
+                let max_point_px = match &*device {
+                    Some(device) => device.renderer.max_point_px(),
+                    None => f32::INFINITY,
+                };
+                check(self.model, settings, self.outputs, max_point_px)?;
+                let scene = device.as_ref().map(|device| &device.scene);
+                cpu.draw(self.model, scene, view, settings)
             }
+            (FrameBackend::Device, _, Some(device), _) => {
+                let DeviceEngine {
+                    renderer, scene, ..
+                } = device;
+                renderer.draw(self.model, scene, view, settings)
+            }
+            (FrameBackend::Reference, .., Some(reference)) => {
+                let settings = for_view(settings, self.model, view);
+                Ok(reference.draw(self.model, view, &settings))
+            }
+            _ => unreachable!("a backend that is there was chosen"),
         }
     }
 
     /// As [`Renderer::keep_lists`]; off at first. The mirror never does.
     pub fn keep_lists(&mut self, keep: bool) {
-        if let Kind::Device { renderer, .. } = &mut self.kind {
-            renderer.keep_lists(keep);
+        if let Some(device) = &mut self.device {
+            device.renderer.keep_lists(keep);
+        }
+        if let Some(cpu) = &mut self.cpu {
+            cpu.renderer.keep_frames(keep);
         }
     }
 
-    /// As [`Renderer::let_host_draw`]. The mirror is the host.
+    /// Whether the processor may draw what compute is asked for by name, on a device that is the processor. Not at first.
     pub fn let_host_draw(&mut self, may: bool) {
-        if let Kind::Device { renderer, .. } = &mut self.kind {
-            renderer.let_host_draw(may);
+        if let Some(device) = &mut self.device {
+            device.renderer.let_host_draw(may);
+        }
+        if let Some(cpu) = &mut self.cpu {
+            cpu.for_compute = may;
         }
     }
 
-    /// What drawing costs on the device: [`Renderer::set_costs`]. The mirror has one way to draw.
+    /// What drawing costs on the device: [`Renderer::set_costs`]. Other backends have one way to draw.
     pub fn set_costs(&mut self, costs: Option<Costs>) {
-        if let Kind::Device { renderer, .. } = &mut self.kind {
-            renderer.set_costs(costs);
+        if let Some(device) = &mut self.device {
+            device.renderer.set_costs(costs);
         }
     }
 
-    /// What the frames from now on report: [`Renderer::measure`]. The mirror has stages and counts only.
+    /// What the frames from now on report: [`Renderer::measure`]. Other backends have stages and counts only.
     ///
     /// # Errors
     /// As [`Renderer::measure`].
     pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
-        match &mut self.kind {
-            Kind::Device { renderer, .. } => renderer.measure(measure),
-            Kind::Mirror(_) => Ok(()),
+        match &mut self.device {
+            Some(device) => device.renderer.measure(measure),
+            None => Ok(()),
         }
     }
 
@@ -153,17 +279,29 @@ impl<'m> Engine<'m> {
     /// # Errors
     /// As [`Renderer::read`].
     pub fn read(&mut self, view: &View) -> Result<Image, Error> {
-        match &mut self.kind {
-            Kind::Device { renderer, .. } => renderer.read(view),
-            Kind::Mirror(mirror) => Ok(mirror.image.clone()),
+        match (self.last, &mut self.cpu, &mut self.device, &self.reference) {
+            (FrameBackend::Cpu, Some(cpu), ..) => {
+                let [width, _] = cpu.renderer.size();
+                let pixels = PixelWords {
+                    words: &mut cpu.words,
+                    pitch: width as usize,
+                };
+                Ok(cpu.renderer.read(view, &pixels, self.outputs.depth))
+            }
+            (FrameBackend::Device, _, Some(device), _) => device.renderer.read(view),
+            (.., Some(reference)) => Ok(reference.image.clone()),
+            // Nothing was drawn yet.
+            (_, _, Some(device), None) => device.renderer.read(view),
+            _ => Ok(Image::default()),
         }
     }
 
     /// As [`Renderer::overdraw`].
     pub fn overdraw(&mut self) -> Option<Vec<u32>> {
-        match &mut self.kind {
-            Kind::Device { renderer, .. } => renderer.overdraw(),
-            Kind::Mirror(mirror) => mirror.counts.clone(),
+        match (self.last, &mut self.device, &self.reference) {
+            (FrameBackend::Device, Some(device), _) => device.renderer.overdraw(),
+            (FrameBackend::Reference, _, Some(reference)) => reference.counts.clone(),
+            _ => None,
         }
     }
 
@@ -186,35 +324,37 @@ impl<'m> Engine<'m> {
         if settings.draws_visibility() {
             return self.render(view, settings);
         }
-        match &mut self.kind {
-            Kind::Device {
+        if let Some(device) = &mut self.device {
+            let DeviceEngine {
                 renderer,
                 samples,
                 scene,
-            } => {
-                let samples = match samples {
-                    Some(made) => made,
-                    none => none.insert(Box::new(renderer.of_values()?)),
-                };
-                if samples.costs() != renderer.costs() {
-                    samples.set_costs(renderer.costs());
-                }
-                samples.draw(self.model, scene, view, settings)?;
-                samples.read(view)
+            } = device;
+            let samples = match samples {
+                Some(made) => made,
+                none => none.insert(Box::new(renderer.of_values()?)),
+            };
+            if samples.costs() != renderer.costs() {
+                samples.set_costs(renderer.costs());
             }
-            Kind::Mirror(mirror) => {
-                let values = Outputs {
-                    values: true,
-                    ..Outputs::default()
-                };
-                let outputs = std::mem::replace(&mut mirror.outputs, values);
-                let image = self.render(view, settings);
-                if let Kind::Mirror(mirror) = &mut self.kind {
-                    mirror.outputs = outputs;
-                }
-                image
-            }
+            samples.draw(self.model, scene, view, settings)?;
+            return samples.read(view);
         }
+        let Some(reference) = &mut self.reference else {
+            // The processor's renderer has pictures of eight bits.
+            return self.render(view, settings);
+        };
+        check(self.model, settings, self.outputs, f32::INFINITY)?;
+        let values = Outputs {
+            values: true,
+            ..Outputs::default()
+        };
+        let outputs = std::mem::replace(&mut reference.outputs, values);
+        let settings = for_view(settings, self.model, view);
+        reference.draw(self.model, view, &settings);
+        reference.outputs = outputs;
+        self.last = FrameBackend::Reference;
+        Ok(reference.image.clone())
     }
 
     /// The box-filtered mean of `k` x `k` pictures, each shifted by a part of a pixel: `k * k` regular samples a
@@ -243,5 +383,42 @@ impl<'m> Engine<'m> {
             }
         }
         Ok(mean.mean())
+    }
+}
+
+impl CpuEngine {
+    fn draw(
+        &mut self,
+        model: &Model,
+        scene: Option<&Scene>,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        let [width, height] = self.renderer.size();
+        for (what, value, limit) in [
+            ("the width of the view", view.width, width),
+            ("the height of the view", view.height, height),
+        ] {
+            if value != limit {
+                return Err(Error::Limit {
+                    what: what.into(),
+                    value: u64::from(value),
+                    limit: u64::from(limit),
+                });
+            }
+        }
+        let facts = match (scene, &self.facts) {
+            (Some(scene), _) => scene.facts(),
+            (None, Some(facts)) => facts,
+            (None, None) => unreachable!("one of them is made"),
+        };
+        self.words.resize(width as usize * height as usize, 0);
+        let pixels = PixelWords {
+            words: &mut self.words,
+            pitch: width as usize,
+        };
+        let model = FactedModel { model, facts };
+        let area = &mut self.area;
+        Ok(self.renderer.draw(model, view, settings, pixels, area))
     }
 }

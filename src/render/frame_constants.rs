@@ -2,8 +2,9 @@
 
 use crate::abi::{FrameConstants, constants};
 use crate::math::camera::{Light, View};
-use crate::pack::{ColorBy, Lighting, Phong, Source};
-use crate::render::Settings;
+use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::render::{Settings, screen_bounds};
+use crate::tree::Model;
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// What every pass of a frame needs besides its resources.
@@ -25,7 +26,34 @@ pub(crate) struct FrameContext {
     pub(crate) depth_range: [f32; 2],
 }
 
+/// How far splats of this size may reach beyond the model, pixels.
+pub(crate) fn margin_px(largest_px: f32) -> f32 {
+    largest_px / 2.0 + 3.0
+}
+
 impl FrameContext {
+    /// Values of a frame whose splats have at most `largest_px` pixels, drawn with a guard band of `guard_px`.
+    pub(crate) fn new(
+        model: &Model,
+        view: &View,
+        settings: &Settings,
+        largest_px: f32,
+        guard_px: u32,
+    ) -> Self {
+        let linear = view.view_from_model;
+        Self {
+            width: view.width,
+            height: view.height,
+            guard_px,
+            rect_px: screen_bounds::rect_px(model, view, margin_px(largest_px)),
+            background: settings.background,
+            cull_back: settings.draws_fronts_only(model.is_closed),
+            is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
+            light: settings.light.in_model(model.origin),
+            depth_range: falsecolor::depth_range(model, view),
+        }
+    }
+
     /// All of the picture: left, top, and one past right and bottom, pixels.
     pub(crate) fn whole_px(&self) -> [u32; 4] {
         [0, 0, self.width, self.height]

@@ -49,6 +49,19 @@ pub fn for_view(settings: &Settings, model: &Model, view: &View) -> Settings {
     }
 }
 
+/// The settings of one frame that the processor draws, see [`for_view`]. Splats of more than a pixel take it less time than to look
+/// for hidden ones.
+pub(crate) fn cpu_settings(settings: &Settings, model: &Model, view: &View) -> Settings {
+    let mut settings = for_view(settings, model, view);
+    if settings.occlusion == Occlusion::Auto
+        && settings.threshold_px > LARGEST_HIDDEN_PX[2]
+        && Drawing::of(&settings) == Drawing::Opaque
+    {
+        settings.occlusion = Occlusion::Off;
+    }
+    settings
+}
+
 /// Whether it is known without their attributes what splats cover: of opaque squares and discs.
 fn knows_footprints(settings: &Settings) -> bool {
     settings.has_cut()

@@ -6,6 +6,7 @@ pub mod cpu;
 pub mod engine;
 pub(crate) mod frame_constants;
 pub mod frame_plan;
+pub mod model_facts;
 pub mod reference;
 pub(crate) mod screen_bounds;
 mod settings;

@@ -11,6 +11,8 @@
 
 mod blend;
 mod depth;
+mod large;
+pub(crate) mod normalize;
 mod splat_block;
 #[cfg(test)]
 mod tests;
@@ -65,7 +67,7 @@ pub(crate) struct Band<'a> {
 pub struct List<'a> {
     /// With gaps.
     pub splats: &'a [FilteredSplat],
-    /// Of these splats, those that are drawn, all no larger than [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX).
+    /// Of these splats, those that are drawn.
     pub groups: &'a ScreenGroups,
     /// Corners of triangles.
     pub vertices: &'a [Vertex],
@@ -78,7 +80,7 @@ pub struct List<'a> {
 /// [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit in them.
 ///
 /// # Panics
-/// When `front` or `sums` is shorter than that, `groups` are of another list, or some splats are too large; when triangles were
+/// When `front` or `sums` is shorter than that, or `groups` are of another list; when triangles were
 /// set up for another part of the picture.
 pub fn draw(
     list: List<'_>,
@@ -98,7 +100,6 @@ fn draw_by(
     (front, sums): (&mut [u32], &mut [u64]),
     tiles: &mut Vec<[f32; 2]>,
 ) {
-    assert!(list.groups.are_small(), "large splats are the rasterizer's");
     assert!(
         list.triangles.are_within(canvas.rect_px),
         "they are of another part"
@@ -155,9 +156,18 @@ fn draw_band<S: Simd, const GRAY: bool>(
     while let Some(block) = blocks.next() {
         depth::draw(simd, &block, canvas, band);
     }
+    let has_large = !list.groups.are_small();
+    if has_large {
+        near.iter()
+            .for_each(|splats| large::leave_depths(splats, canvas, band));
+    }
     let mut blocks = Blocks::of(&near);
     while let Some(block) = blocks.next() {
         blend::draw::<S, GRAY>(simd, &block, canvas, band);
+    }
+    if has_large {
+        near.iter()
+            .for_each(|splats| large::blend(splats, canvas, band));
     }
     list.triangles.blend(list.vertices, canvas, band);
     find_tiles::<GRAY>(canvas, band);

@@ -4,5 +4,8 @@
 pub(crate) mod clip;
 pub mod filtered;
 pub mod opaque;
+pub mod picture;
+pub mod renderer;
 pub mod small_triangles;
+pub mod supported;
 pub(crate) mod triangles;

@@ -203,7 +203,7 @@ fn in_steps(value: f32) -> u64 {
 
 impl Canvas {
     /// Where a pixel lies in a band that begins at a row.
-    fn index(&self, [first, _]: [u32; 2], [x, y]: [u32; 2]) -> usize {
+    pub(super) fn index(&self, [first, _]: [u32; 2], [x, y]: [u32; 2]) -> usize {
         (y - first) as usize * self.width() + (x - self.rect_px[0]) as usize
     }
 }

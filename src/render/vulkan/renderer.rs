@@ -22,6 +22,7 @@ use crate::pack::ColorBy;
 use crate::render::cost::choose::Asked;
 use crate::render::cost::model::Costs;
 use crate::render::frame_constants::frame_flags;
+pub(crate) use crate::render::frame_constants::margin_px;
 use crate::render::frame_plan::{Choice, Drawing, LARGEST_HIDDEN_PX, check, for_view, splat_plan};
 pub use crate::render::reference::Outputs;
 pub use crate::render::stats::FrameTimes;
@@ -145,11 +146,6 @@ struct Ahead {
     ms: f64,
     /// There were any.
     is_new: bool,
-}
-
-/// How far splats of this size may reach beyond the model, pixels.
-fn margin_px(largest_px: f32) -> f32 {
-    largest_px / 2.0 + 3.0
 }
 
 fn ms(since: Instant) -> f64 {
@@ -286,28 +282,22 @@ impl Renderer {
         }
     }
 
+    /// The largest point that its device draws, pixels.
+    pub(crate) fn max_point_px(&self) -> f32 {
+        self.gpu.info().max_point_size_px
+    }
+
     /// The cut that was chosen last.
     pub fn cut(&self) -> &Cut {
         &self.cut
     }
 
     fn context(&self, view: &View, settings: &Settings, model: &Model, largest_px: f32) -> Context {
-        let linear = view.view_from_model;
-        Context {
-            width: view.width,
-            height: view.height,
-            guard_px: if largest_px > 0.0 {
-                (largest_px / 2.0).ceil() as u32 + 1
-            } else {
-                0
-            },
-            rect_px: crate::render::screen_bounds::rect_px(model, view, margin_px(largest_px)),
-            background: settings.background,
-            cull_back: settings.draws_fronts_only(model.is_closed),
-            is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
-            light: settings.light.in_model(model.origin),
-            depth_range: pack::falsecolor::depth_range(model, view),
-        }
+        let guard_px = match largest_px > 0.0 {
+            true => (largest_px / 2.0).ceil() as u32 + 1,
+            false => 0,
+        };
+        Context::new(model, view, settings, largest_px, guard_px)
     }
 
     /// Draws one frame and waits until it is finished on the device.
@@ -469,7 +459,7 @@ impl Renderer {
             let variant = Variant {
                 color: self.targets.color.format,
                 normals,
-                colors: scene.has_colors,
+                colors: scene.facts().has_colors(),
                 lamp,
                 flags,
             };
@@ -481,8 +471,8 @@ impl Renderer {
         }
         let by_compute = self.wants_compute(settings, model)?;
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
-        let is_gray =
-            settings.color_by == ColorBy::Shading && !(settings.use_colors && scene.has_colors);
+        let is_gray = settings.color_by == ColorBy::Shading
+            && !(settings.use_colors && scene.facts().has_colors());
         if by_compute && is_opaque {
             let small = match &mut self.small {
                 Some(made) => made,

@@ -4,10 +4,10 @@ use crate::abi::Vertex;
 use crate::cut::Undrawn;
 use crate::gpu::buffer::{Buffer, Usage};
 use crate::gpu::{Error, Gpu};
+use crate::render::model_facts::ModelFacts;
 use crate::tree::Model;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 /// Largest buffer of a scene unless the device allows less: larger models are split into pages.
 const PAGE_BYTES: u64 = 1 << 30;
@@ -42,15 +42,9 @@ impl Page {
 pub struct Scene {
     /// Pages in tree order.
     pub pages: Vec<Page>,
-    /// Some vertex has a color other than white, or no normal.
-    pub has_colors: bool,
-    undrawn: OnceLock<Undrawn>,
-    id: u64,
+    facts: ModelFacts,
     gpu: Arc<Gpu>,
 }
-
-/// How many scenes there have been.
-static SCENES: AtomicU64 = AtomicU64::new(0);
 
 impl Scene {
     /// Copies a model to the device, split into pages where a buffer would be larger than the device allows.
@@ -80,7 +74,6 @@ impl Scene {
         max_triangles: usize,
     ) -> Result<Self, Error> {
         let (max_vertices, max_triangles) = (max_vertices.max(3), max_triangles.max(1));
-        let has_colors = model.vertices.iter().any(|v| v.color != [255; 4]);
         let used = &model.vertices[..model.used_vertices as usize];
         let mut pages = Vec::new();
         if used.len() <= max_vertices && model.triangles.len() <= max_triangles {
@@ -140,21 +133,24 @@ impl Scene {
         }
         Ok(Self {
             pages,
-            has_colors,
-            undrawn: OnceLock::new(),
-            id: SCENES.fetch_add(1, Ordering::Relaxed),
+            facts: ModelFacts::of(model),
             gpu: gpu.clone(),
         })
     }
 
-    /// What of the model is not drawn, though a cut may name it; looked for at the first call.
-    pub(super) fn undrawn(&self, model: &Model) -> &Undrawn {
-        self.undrawn.get_or_init(|| Undrawn::new(model))
+    /// Facts of its model.
+    pub(crate) fn facts(&self) -> &ModelFacts {
+        &self.facts
     }
 
-    /// Tells it from every other scene of this process, those that are gone included.
+    /// Nodes and leaves without area; found at the first call.
+    pub(super) fn undrawn(&self, model: &Model) -> &Undrawn {
+        self.facts.undrawn(model)
+    }
+
+    /// Number that no other scene of this process has or had.
     pub(super) fn id(&self) -> u64 {
-        self.id
+        self.facts.id()
     }
 
     /// Whether the copy is on this device, and not on one that was there before it.

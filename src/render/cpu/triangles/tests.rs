@@ -213,10 +213,10 @@ fn depth_and_shade_are_those_of_the_plane() {
     }
 }
 
-/// What is cut by the near plane, lies farther out than any picture, or has no light that the host knows; each time after a
-/// cut that it could draw, of which nothing stays.
+/// What is cut by the near plane or lies farther out than whole steps reach is clipped; without a light that this renderer
+/// knows there is nothing.
 #[test]
-fn what_is_the_devices_is_left_to_it() {
+fn what_the_near_plane_cuts_is_clipped() {
     let rect_px = [0, 0, SIZE, SIZE];
     let frame = frame(0);
     let light = light(&frame, rect_px, 0);
@@ -230,23 +230,33 @@ fn what_is_the_devices_is_left_to_it() {
         model.triangles.push([first, first + 1, first + 2]);
         model.triangles.len() as u32 - 1
     };
-    let is_fine = add(&mut model, -3.0..-2.0, 0.3);
+    let whole = add(&mut model, -3.0..-2.0, 0.3);
     let cut = add(&mut model, -3.0..-0.4, 0.3);
-    let behind = add(&mut model, -3.0..2.0, 0.3);
+    let behind_too = add(&mut model, -3.0..2.0, 0.3);
+    let behind = add(&mut model, 2.0..3.0, 0.3);
     let far_out = add(&mut model, -3.0..-2.0, 2000.0);
     let mut triangles = Triangles::default();
-    for (id, could) in [
-        (is_fine, true),
-        (cut, false),
-        (behind, false),
-        (far_out, false),
-    ] {
-        assert!(triangles.set(&model, &ids, Some(light)));
-        assert!(triangles.count() > ids.len() / 4);
-        let with: Vec<u32> = ids.iter().copied().chain([id]).collect();
-        assert_eq!(triangles.set(&model, &with, Some(light)), could, "{id}");
-        assert_eq!(triangles.count() > 0, could, "{id}");
+    let mut alone = |id: u32| {
+        assert!(triangles.set(&model, &[id], Some(light)));
+        let mut pixels = Vec::new();
+        for (part, face) in triangles.near([0, SIZE]) {
+            assert_eq!(part.clipped.is_empty(), id == whole, "{id}");
+            face.for_each_pixel([0, SIZE], |pixel, _| pixels.push(pixel));
+        }
+        let own: std::collections::BTreeSet<_> = pixels.iter().collect();
+        assert_eq!(own.len(), pixels.len(), "{id}: pieces overlap");
+        pixels
+    };
+    let (whole_px, cut_px, behind_px) = (alone(whole), alone(cut), alone(behind_too));
+    assert!(!whole_px.is_empty());
+    // Nearer and nearer to the eye, and before it, the triangle reaches farther in the picture.
+    assert!(cut_px.len() > whole_px.len());
+    assert!(behind_px.len() > cut_px.len());
+    for pixel in &whole_px {
+        assert!(cut_px.contains(pixel) && behind_px.contains(pixel), "{pixel:?}");
     }
+    assert!(alone(behind).is_empty());
+    assert!(alone(far_out).is_empty());
     assert!(triangles.set(&model, &ids, Some(light)));
     assert!(!triangles.set(&model, &ids, None));
     assert!(triangles.set(&model, &ids, Some(light)));

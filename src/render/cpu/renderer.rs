@@ -1,0 +1,514 @@
+//! Whole frames on the processor: cut, pack and draw, triangles of any size included. No device is needed.
+
+use crate::abi::{FilteredSplat, FrameConstants, Splat};
+use crate::cut::{Cut, Selector};
+use crate::image::Image;
+use crate::math::camera::View;
+use crate::pack;
+use crate::pack::ColorBy;
+use crate::pack::splats::{Packed, Plan};
+use crate::render::cpu::filtered;
+use crate::render::cpu::filtered::Canvas;
+use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
+use crate::render::cpu::opaque;
+use crate::render::cpu::opaque::{Picture, Places};
+use crate::render::cpu::picture::{DrawnArea, PixelWords};
+use crate::render::cpu::small_triangles;
+use crate::render::cpu::small_triangles::Rest;
+use crate::render::cpu::triangles::{Light, Triangles};
+use crate::render::frame_constants::{FrameContext, frame_constants};
+use crate::render::frame_plan::{Choice, Drawing, cpu_settings, filtered_shade, splat_plan};
+use crate::render::model_facts::ModelFacts;
+use crate::render::screen_bounds;
+use crate::render::stats::{Kept, Stage};
+use crate::render::vulkan::renderer::{Counts, FrameTimes};
+use crate::render::{Method, Settings, SplatKind};
+use crate::tree::Model;
+use bytemuck::Zeroable;
+use std::time::Instant;
+
+/// Binary places of a pixel to which corners are snapped.
+const SUBPIXEL_BITS: u32 = 8;
+
+/// A model to be drawn, with the facts that were found of it.
+#[derive(Debug, Clone, Copy)]
+pub struct FactedModel<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// Facts of this model.
+    pub facts: &'a ModelFacts,
+}
+
+/// What decides a frame; equal ones are the same picture.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct CpuFrameKey {
+    model: u64,
+    view: View,
+    settings: Settings,
+}
+
+/// Draws frames of one size on the processor, of what [`unsupported_reason`](crate::render::cpu::supported::unsupported_reason)
+/// does not refuse.
+#[derive(Debug)]
+pub struct CpuRenderer {
+    size: [u32; 2],
+    selector: Selector,
+    cut: Cut,
+    /// What the present cut was chosen for, and for which model; none where drawing changed it.
+    chosen: Option<(u64, Choice)>,
+    /// What the last frame was of, where it may be kept.
+    drawn: Option<CpuFrameKey>,
+    keeps_frames: bool,
+    last_times: FrameTimes,
+    visited: u64,
+    splats: Vec<Splat>,
+    rest: Rest,
+    triangle_ids: Vec<u32>,
+    triangles: Triangles,
+    places: Places,
+    filtered: Vec<FilteredSplat>,
+    front: Vec<u32>,
+    sums: Vec<u64>,
+    tiles: Vec<[f32; 2]>,
+    /// Reversed depths of the rectangle, row by row.
+    depths: Vec<f32>,
+    rect_px: [u32; 4],
+}
+
+/// What of a frame is drawn, counted.
+#[derive(Debug, Clone, Copy, Default)]
+struct DrawnCounts {
+    splats: usize,
+    triangles: usize,
+    list_bytes: u64,
+}
+
+impl CpuRenderer {
+    /// A renderer for pictures of `width` x `height` pixels.
+    pub fn new(width: u32, height: u32) -> Self {
+        Self {
+            size: [width, height],
+            selector: Selector::default().with_subpixel_bits(SUBPIXEL_BITS),
+            cut: Cut::default(),
+            chosen: None,
+            drawn: None,
+            keeps_frames: false,
+            last_times: FrameTimes::default(),
+            visited: 0,
+            splats: Vec::new(),
+            rest: Rest::new(),
+            triangle_ids: Vec::new(),
+            triangles: Triangles::default(),
+            places: Places::default(),
+            filtered: Vec::new(),
+            front: Vec::new(),
+            sums: Vec::new(),
+            tiles: Vec::new(),
+            depths: Vec::new(),
+            rect_px: [0; 4],
+        }
+    }
+
+    /// Width and height of its pictures, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Whether a frame that is the same as the last is not drawn again, and one whose cut is the same keeps that. Off at
+    /// first, so that who measures frames measures whole ones; [`FrameTimes::kept`] says what was kept.
+    pub fn keep_frames(&mut self, keep: bool) {
+        self.keeps_frames = keep;
+    }
+
+    /// The cut that was chosen last.
+    pub fn cut(&self) -> &Cut {
+        &self.cut
+    }
+
+    /// Nodes and leaves that all cuts so far looked at.
+    pub fn nodes_visited(&self) -> u64 {
+        self.visited
+    }
+
+    /// Draws a frame. The pixels are those that the last frame was drawn into, and `area` is of them.
+    ///
+    /// # Panics
+    /// When the pixels are fewer than the picture has.
+    pub fn draw(
+        &mut self,
+        drawn: FactedModel<'_>,
+        view: &View,
+        settings: &Settings,
+        mut pixels: PixelWords<'_>,
+        area: &mut DrawnArea,
+    ) -> FrameTimes {
+        let start = Instant::now();
+        let FactedModel { model, facts } = drawn;
+        let settings = &cpu_settings(settings, model, view);
+        let key = CpuFrameKey {
+            model: facts.id(),
+            view: *view,
+            settings: *settings,
+        };
+        if self.keeps_frames && self.drawn == Some(key) {
+            return FrameTimes {
+                frame_ms: elapsed_ms(start),
+                counts: self.last_times.counts,
+                kept: Kept::Lists,
+                ..FrameTimes::default()
+            };
+        }
+        self.drawn = None;
+        let mut times = FrameTimes::default();
+        times.starts.frame = Some(start);
+        let cutting = Stage::Cut.begin();
+        if settings.has_cut() && !self.choose_cut(drawn, settings, view) {
+            times.kept = Kept::Cut;
+        }
+        cutting.end(&mut times);
+        let packing = Stage::Pack.begin();
+        let context = self.context(model, view, settings);
+        let constants = frame_constants(view, settings, &context);
+        self.rect_px = context.rect_px;
+        let rect_pixels = screen_bounds::pixels(context.rect_px) as usize;
+        self.depths.resize(rect_pixels.max(self.depths.len()), 0.0);
+        let light = opaque::Light::new(&constants);
+        area.begin(&mut pixels, self.size, context.rect_px, light.background());
+        let frame = CpuFrame {
+            drawn,
+            view,
+            settings,
+            context: &context,
+            constants: &constants,
+        };
+        let counts = match Drawing::of(settings) {
+            Drawing::Filtered => self.draw_filtered(&frame, &mut pixels),
+            _ => self.draw_opaque(&frame, &light, &mut pixels),
+        };
+        packing.end(&mut times);
+        times.host_ms = times.pack_ms;
+        times.counts = Counts {
+            splats: counts.splats as u64,
+            triangles: counts.triangles as u64,
+            draw_list_bytes: counts.list_bytes,
+            ..Counts::default()
+        };
+        if settings.has_cut() {
+            times.counts.nodes_visited = self.cut.stats.visited;
+            times.counts.hidden = self.cut.stats.hidden;
+            times.counts.between = self.cut.stats.between;
+        }
+        times.frame_ms = elapsed_ms(start);
+        self.drawn = Some(key);
+        self.last_times = times.clone();
+        times
+    }
+
+    /// Chooses the cut, unless it is there; whether it was chosen.
+    fn choose_cut(&mut self, drawn: FactedModel<'_>, settings: &Settings, view: &View) -> bool {
+        let FactedModel { model, facts } = drawn;
+        let chosen = (facts.id(), Choice::of(settings, model, view));
+        if self.keeps_frames && self.chosen == Some(chosen) {
+            return false;
+        }
+        let undrawn = || facts.undrawn(model);
+        (chosen.1).select(&mut self.selector, model, undrawn, &mut self.cut);
+        self.visited += self.cut.stats.visited;
+        self.chosen = Some(chosen);
+        true
+    }
+
+    fn context(&self, model: &Model, view: &View, settings: &Settings) -> FrameContext {
+        let largest_px = match Drawing::of(settings) {
+            Drawing::Nothing => 0.0,
+            _ => largest_splat_px(model, view, settings),
+        };
+        // Nothing is dropped whose center is outside of the picture, so no guard band is needed.
+        FrameContext::new(model, view, settings, largest_px, 0)
+    }
+
+    /// Triangles, then squares or discs and triangles of a few pixels.
+    fn draw_opaque(
+        &mut self,
+        frame: &CpuFrame<'_>,
+        light: &opaque::Light,
+        pixels: &mut PixelWords<'_>,
+    ) -> DrawnCounts {
+        let (model, settings, view) = (frame.drawn.model, frame.settings, frame.view);
+        let rect_px = frame.context.rect_px;
+        let Some(screen) = opaque::Screen::new(frame.constants, rect_px) else {
+            unreachable!("sides of pictures are limited");
+        };
+        let corners = frame.corner_screen();
+        let plan = splat_plan(settings, f32::INFINITY);
+        let has_one_size = plan.has_one_size(model);
+        let is_cut = settings.has_cut();
+        let count = match is_cut {
+            true => pack::splats::count(&self.cut, &plan),
+            false => 0,
+        };
+        // What has one size is drawn from the cut itself.
+        let own = if has_one_size { 0 } else { count };
+        let samples_triangles = has_one_size
+            && settings.method == Method::Pop
+            && settings.color_by == ColorBy::Shading
+            && !settings.holds_cut();
+        let (written, samples) = self.pack_opaque(
+            frame,
+            &plan,
+            &corners,
+            [own, usize::from(samples_triangles)],
+        );
+        self.set_triangles(frame, samples_triangles);
+        let base = pixels.pitch;
+        let colors = pixels.from(rect_px);
+        let rect_pixels = screen.pixels();
+        let depths = &mut self.depths[..rect_pixels];
+        let has_triangles = self.triangles.count() > 0;
+        if has_triangles {
+            let picture = Picture {
+                colors: &mut *colors,
+                pitch: base,
+                depths: &mut *depths,
+                is_begun: false,
+            };
+            opaque::draw_triangles(
+                &self.triangles,
+                &model.vertices,
+                &screen,
+                light.background(),
+                picture,
+            );
+        }
+        let picture = Picture {
+            colors,
+            pitch: base,
+            depths,
+            is_begun: has_triangles,
+        };
+        let splats = &self.splats[..written + samples];
+        let target = (&screen, light);
+        let mut undrawn_count = 0;
+        if has_one_size && is_cut {
+            let undrawn = frame.drawn.facts.undrawn(model);
+            undrawn_count = undrawn.count_in(&self.cut);
+            let own = opaque::Splats {
+                model,
+                undrawn,
+                cut: &self.cut,
+                view,
+                plan: &plan,
+                are_discs: settings.splat == SplatKind::Disc,
+                are_seen: self.chosen.is_some_and(|(_, choice)| choice.hides()),
+            };
+            opaque::draw_cut(own, splats, target, &mut self.places, picture);
+        } else {
+            let look = opaque::Look {
+                are_discs: settings.splat == SplatKind::Disc,
+                has_one_size,
+            };
+            opaque::draw(splats, (look, 0), target, &mut self.places, picture);
+        }
+        DrawnCounts {
+            splats: if has_one_size {
+                count - undrawn_count
+            } else {
+                written
+            },
+            triangles: self.triangles_of(frame).len(),
+            list_bytes: (size_of::<Splat>() * splats.len()) as u64,
+        }
+    }
+
+    /// Writes splats that have sizes of their own, and the samples of small triangles after them: how many of each.
+    fn pack_opaque(
+        &mut self,
+        frame: &CpuFrame<'_>,
+        plan: &Plan,
+        corners: &small_triangles::Screen,
+        [own, samples_triangles]: [usize; 2],
+    ) -> (usize, usize) {
+        let (model, view) = (frame.drawn.model, frame.view);
+        let samples_triangles = samples_triangles > 0;
+        let room = match samples_triangles {
+            true => small_triangles::room(self.cut.triangles.len(), corners),
+            false => 0,
+        };
+        let length = (own + room).max(self.splats.len());
+        self.splats.resize(length, Splat::zeroed());
+        let packed = match own {
+            0 => Packed::default(),
+            _ => pack::splats::pack(model, &self.cut, view, plan, &mut self.splats[..own]),
+        };
+        if !samples_triangles {
+            return (packed.points, 0);
+        }
+        let out = &mut self.splats[packed.points..];
+        let ids = &self.cut.triangles;
+        let found = small_triangles::pack(model, ids, corners, &mut self.rest, out);
+        (packed.points, found)
+    }
+
+    /// Sets the triangles up that are drawn as such.
+    fn set_triangles(&mut self, frame: &CpuFrame<'_>, samples_triangles: bool) {
+        self.triangle_ids.clear();
+        let model = frame.drawn.model;
+        if samples_triangles {
+            self.triangle_ids.extend(self.rest.iter().flatten());
+        } else if frame.settings.method == Method::Triangles {
+            self.triangle_ids.extend(0..model.triangles.len() as u32);
+        } else {
+            let ids: &[u32] = match frame.settings.method {
+                Method::Pop => &self.cut.triangles,
+                _ => &[],
+            };
+            self.triangle_ids.extend(ids);
+        }
+        let light = Light::new(frame.constants, frame.corner_screen());
+        let is_lit = self.triangles.set(model, &self.triangle_ids, light);
+        debug_assert!(is_lit, "lamps and data are not supported");
+    }
+
+    /// Triangles of the frame, as far as the cut names them.
+    fn triangles_of(&self, frame: &CpuFrame<'_>) -> &[u32] {
+        match frame.settings.method {
+            Method::Pop => &self.cut.triangles,
+            Method::Triangles => &self.triangle_ids,
+            Method::Splats | Method::Points => &[],
+        }
+    }
+
+    /// Filtered splats and triangles: depths, sums, and their quotients.
+    fn draw_filtered(&mut self, frame: &CpuFrame<'_>, pixels: &mut PixelWords<'_>) -> DrawnCounts {
+        let (model, settings, view) = (frame.drawn.model, frame.settings, frame.view);
+        let shade = filtered_shade(settings, model, f32::INFINITY);
+        let triangles = self.cut.triangles.len();
+        let large = pack::filtered::take_triangles(model, view, &shade, &mut self.cut);
+        if self.cut.triangles.len() != triangles {
+            self.chosen = None;
+        }
+        let most = pack::filtered::splat_count(&self.cut, large);
+        let length = most.max(self.filtered.len());
+        self.filtered.resize(length, FilteredSplat::zeroed());
+        let written =
+            pack::filtered::write(model, &self.cut, large, view, shade, &mut self.filtered);
+        let ids: &[u32] = match settings.method {
+            Method::Pop => &self.cut.triangles,
+            _ => &[],
+        };
+        let light = Light::new(frame.constants, frame.corner_screen());
+        let is_lit = self.triangles.set(model, ids, light);
+        debug_assert!(is_lit, "lamps and data are not supported");
+        let canvas = Canvas {
+            rect_px: frame.context.rect_px,
+            is_gray: settings.color_by == ColorBy::Shading
+                && !(settings.use_colors && frame.drawn.facts.has_colors()),
+        };
+        let (count, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
+        self.front.resize(count.max(self.front.len()), 0);
+        self.sums.resize(words.max(self.sums.len()), 0);
+        let list = filtered::List {
+            splats: &self.filtered,
+            groups: &written.groups,
+            vertices: &model.vertices,
+            triangles: &self.triangles,
+        };
+        let (front, sums) = (&mut self.front[..count], &mut self.sums[..words]);
+        filtered::draw(list, canvas, front, sums, &mut self.tiles);
+        let pitch = pixels.pitch;
+        let picture = NormalizedPicture {
+            colors: pixels.from(canvas.rect_px),
+            pitch,
+            depths: &mut self.depths[..count],
+        };
+        normalize(
+            canvas,
+            &NormalizeParams::new(frame.constants),
+            front,
+            sums,
+            picture,
+        );
+        DrawnCounts {
+            splats: written.count(),
+            triangles: ids.len(),
+            list_bytes: (size_of::<FilteredSplat>() * written.count()) as u64,
+        }
+    }
+
+    /// Reversed depth of a pixel of the last frame; 0 where nothing is.
+    pub fn depth_at(&self, x: u32, y: u32) -> f32 {
+        let [left, top, right, bottom] = self.rect_px;
+        if !(left..right).contains(&x) || !(top..bottom).contains(&y) {
+            return 0.0;
+        }
+        let at = (y - top) as usize * (right - left) as usize + (x - left) as usize;
+        self.depths.get(at).copied().unwrap_or(0.0)
+    }
+
+    /// The picture of the last frame, which is in these pixels; with distances if they are asked for.
+    pub fn read(&self, view: &View, pixels: &PixelWords<'_>, has_depth: bool) -> Image {
+        let [width, height] = self.size;
+        let rows = pixels
+            .words
+            .chunks(pixels.pitch.max(1))
+            .take(height as usize);
+        let color: Vec<[u8; 4]> = rows
+            .flat_map(|row| row[..width as usize].iter().map(|word| word.to_le_bytes()))
+            .collect();
+        let depth = match has_depth {
+            true => {
+                let all = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+                let of = |((x, y), color): ((u32, u32), &[u8; 4])| match color[3] {
+                    0 => f32::INFINITY,
+                    _ => view.distance_of_depth(self.depth_at(x, y)),
+                };
+                all.zip(&color).map(of).collect()
+            }
+            false => Vec::new(),
+        };
+        Image {
+            width,
+            height,
+            color,
+            depth,
+            ..Image::default()
+        }
+    }
+}
+
+/// One frame, resolved.
+struct CpuFrame<'a> {
+    drawn: FactedModel<'a>,
+    view: &'a View,
+    settings: &'a Settings,
+    context: &'a FrameContext,
+    constants: &'a FrameConstants,
+}
+
+impl CpuFrame<'_> {
+    /// Where corners of triangles are placed.
+    fn corner_screen(&self) -> small_triangles::Screen {
+        small_triangles::Screen::new(
+            self.constants,
+            (self.context.width, self.context.height),
+            self.context.guard_px,
+            self.context.rect_px,
+            self.context.dropped_sign(),
+        )
+    }
+}
+
+/// How large splats of a frame may be, pixels; infinite where they have sizes of their own.
+fn largest_splat_px(model: &Model, view: &View, settings: &Settings) -> f32 {
+    let have_own =
+        settings.method == Method::Splats || settings.holds_cut() || model.triangles.is_empty();
+    match Drawing::of(settings) {
+        _ if have_own => view.width.max(view.height) as f32,
+        Drawing::Filtered => settings.threshold_px.max(3.0) + 2.0,
+        _ => settings.threshold_px.max(1.0),
+    }
+}
+
+fn elapsed_ms(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}

@@ -1,0 +1,47 @@
+//! What this renderer can draw.
+
+use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
+use crate::pack::ColorBy;
+use crate::render::frame_plan::Drawing;
+use crate::render::reference::Outputs;
+use crate::render::{CutOn, Method, Settings, SplatKind};
+
+/// Longest side of a picture, pixels: beyond it corners of triangles do not fit whole steps.
+pub const LARGEST_SIDE_PX: u32 = 8192;
+
+/// Why pictures of these settings cannot be drawn here; `None` where they can.
+pub fn unsupported_reason(
+    settings: &Settings,
+    outputs: Outputs,
+    size: [u32; 2],
+) -> Option<&'static str> {
+    if outputs.normal {
+        Some("it has no normals as output; leave --normals out")
+    } else if outputs.values {
+        Some("its pictures have eight bits a channel")
+    } else if size.into_iter().any(|side| side > LARGEST_SIDE_PX) {
+        Some("a side of the picture is longer than 8192 pixels")
+    } else if settings.cut_on == CutOn::Device {
+        Some("the cut on the device is for a device; leave --cut-on out")
+    } else if settings.method == Method::Points {
+        Some("it draws no vertices as points; use --method pop or splats")
+    } else if !settings.has_headlight() {
+        Some("it knows the headlight only, and no colors by level, normal, depth or overdraw")
+    } else if settings.color_by == ColorBy::Classification {
+        Some("only visibility splats have a classification, and it does not draw those")
+    } else {
+        match Drawing::of(settings) {
+            Drawing::Nothing => None,
+            Drawing::Opaque if settings.splat == SplatKind::Ellipse => {
+                Some("it draws no discs in the plane of the surface; use --splat square or disc")
+            }
+            Drawing::Opaque => None,
+            Drawing::Filtered if settings.threshold_px > LARGEST_SMALL_BLENDED_PX => {
+                Some("filtered splats of more than 16 pixels are a device's; use a lower threshold")
+            }
+            Drawing::Filtered => None,
+            Drawing::Fuzzy => Some("it blends filtered splats only; use --splat filtered"),
+            Drawing::Visibility => Some("it draws no visibility splats"),
+        }
+    }
+}
