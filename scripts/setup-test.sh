@@ -35,6 +35,7 @@ for script in scripts/*.sh .ci/run; do
 done
 check "no word" 2 "usage:" scripts/setup.sh
 check "a wrong word" 2 "usage:" scripts/setup.sh everything
+check "no second driver" 2 "usage:" scripts/second-driver.sh
 
 # `make test` has just installed everything, so the script must be silent, and must name exactly what is
 # then taken away.

@@ -64,7 +64,9 @@ fn blended() -> Vec<Settings> {
 
 #[test]
 fn compute_and_rasterizer_draw_the_same_picture() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     for shape in [Shape::Statue, Shape::Torus, Shape::Square] {
         let model = generated(shape, 60_000);
         for (threshold_px, fill) in [(0.0, 1.0), (1.0, 0.3), (1.0, 1.0), (3.0, 1.0), (5.5, 2.5)] {
@@ -126,7 +128,9 @@ fn passes(
 /// beside triangles, which the host draws in the headlight.
 #[test]
 fn the_host_draws_what_compute_does() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let is_software = common::host_draws(&device);
     let colored = colored();
     let mut cloud = colored.clone();
@@ -247,7 +251,9 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
     use surfel::render::vulkan::renderer::Renderer;
     use surfel::render::vulkan::scene::Scene;
 
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let is_software = common::host_draws(&device);
     let model = generated(Shape::Statue, 60_000);
     let size = (240, 200);
@@ -321,7 +327,9 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
 
 #[test]
 fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
     mesh.triangles.clear();
     let cloud = built(mesh);
@@ -375,7 +383,9 @@ fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
 
 #[test]
 fn opaque_discs_are_the_same_in_every_projection_and_light() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let model = generated(Shape::Statue, 60_000);
     let size = (240, 200);
     let view = orbit(&model, size, 30.0, 20.0, 0.7);
@@ -409,7 +419,9 @@ fn assert_ways(
     any: &[&str],
     wanted: &[(f64, f32, Path, bool)],
 ) {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let model = generated(Shape::Statue, 60_000);
     let backend = Backend::Device(device.gpu().clone());
     for &(fill, threshold_px, path, is_wanted) in wanted {
@@ -431,7 +443,9 @@ fn assert_ways(
 /// discs. In the place of a software device the host draws these too.
 #[test]
 fn discs_go_by_compute_where_that_pays() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let is_software = common::host_draws(&device);
     drop(device);
     assert_ways(
@@ -450,7 +464,9 @@ fn discs_go_by_compute_where_that_pays() {
 
 #[test]
 fn blended_splats_are_the_same_at_every_threshold() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let model = generated(Shape::Statue, 60_000);
     // Above the largest that compute draws the path is the same; the last view has triangles among the splats.
     for (threshold_px, fill) in [
@@ -478,7 +494,9 @@ fn blended_splats_are_the_same_at_every_threshold() {
 
 #[test]
 fn blended_splats_of_every_size_light_and_projection_are_the_same() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let model = generated(Shape::Statue, 5_000);
     let view = orbit(&model, (240, 200), 30.0, 20.0, 2.0);
     let far = orbit(&model, (240, 200), 30.0, 20.0, 0.5);
@@ -526,7 +544,9 @@ fn visible(threshold_px: f32) -> Settings {
 
 #[test]
 fn a_frame_by_compute_is_the_same_again() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let model = generated(Shape::Statue, 200_000);
     let view = orbit(&model, (300, 300), 30.0, 20.0, 1.0);
     for settings in blended().into_iter().chain([visible(2.0)]) {
@@ -544,7 +564,9 @@ fn a_frame_by_compute_is_the_same_again() {
 
 #[test]
 fn a_mirrored_camera_and_a_camera_inside_the_model_draw_the_same_too() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let model = generated(Shape::Statue, 60_000);
     let mut view = orbit(&model, (240, 200), 30.0, 20.0, 1.0);
     view.scale[0] = -view.scale[0];
@@ -557,7 +579,9 @@ fn a_mirrored_camera_and_a_camera_inside_the_model_draw_the_same_too() {
 
 #[test]
 fn scans_and_real_models_with_colors_draw_the_same() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     for (name, model) in scans(&[
         "thesis/horse.ply",
         "meshes/ankylosaurus_mesh.ply.gz",

@@ -148,7 +148,7 @@ fn the_device_draws_what_the_mirror_draws() {
                 background: [0.2, 0.4, 0.6],
                 ..settings(method, threshold, reconstruction)
             };
-            for path in [Path::Raster, Path::Compute] {
+            for &path in device.paths() {
                 // What has no cut has one path.
                 if path == Path::Compute && method == Method::Points {
                     continue;
@@ -194,7 +194,7 @@ fn orthographic_views_and_other_settings_agree_too() {
                 two_sided: false,
                 ..settings(Method::Pop, 3.0, reconstruction)
             };
-            for path in [Path::Raster, Path::Compute] {
+            for &path in device.paths() {
                 let settings = Settings { path, ..settings };
                 let name =
                     format!("orthographic, offset {depth_offset} {reconstruction:?} {path:?}");

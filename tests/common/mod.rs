@@ -65,6 +65,22 @@ impl Device {
         self.gpu.as_ref().unwrap()
     }
 
+    /// As [`Device::open`], and only a device that draws by compute; else one line says what is not tested.
+    pub(crate) fn with_compute() -> Option<Self> {
+        Self::open().filter(|device| device.paths().len() > 1)
+    }
+
+    /// The ways in which the device draws: by the rasterizer and, if it can, by compute; else one line says so.
+    pub(crate) fn paths(&self) -> &'static [surfel::render::Path] {
+        use surfel::render::Path::{Compute, Raster};
+        if self.gpu().info().has_int64_atomics {
+            &[Raster, Compute]
+        } else {
+            println!("no 64-bit atomics: what compute draws is not tested");
+            &[Raster]
+        }
+    }
+
     /// The messages so far, taken: for tests that plant a fault.
     pub(crate) fn take_messages(&self) -> Vec<surfel::gpu::messages::Message> {
         self.messages.take()

@@ -20,7 +20,9 @@ fn ellipses(threshold_px: f32) -> Settings {
 /// At every threshold: alone, beside triangles, beside ellipses that are too large for compute, through the near plane.
 #[test]
 fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let statue = generated(Shape::Statue, 60_000);
     let torus = generated(Shape::Torus, 60_000);
     let cloud = colored_cloud();
@@ -71,7 +73,9 @@ fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
 
 #[test]
 fn ellipses_are_the_same_in_every_projection_and_color() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let statue = generated(Shape::Statue, 60_000);
     let cloud = colored_cloud();
     let size = (240, 200);
@@ -109,7 +113,9 @@ fn ellipses_are_the_same_in_every_projection_and_color() {
 /// Sheets that face a parallel view, one exactly in the other: all centers are equally far. The first of the list is seen.
 #[test]
 fn of_equally_far_ellipses_the_first_is_seen() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let side = 40;
     let grid = (0..side * side).map(|i| (i % side, i / side));
     let hash = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8;

@@ -10,7 +10,7 @@ use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 /// Asserts of statue, torus, a model of colors and its points that the host's pictures are those of the rasterizer. How many the
 /// host drew alone, beside triangles or other splats, and how many are splats of the rasterizer.
 fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
-    let device = Device::open()?;
+    let device = Device::with_compute()?;
     let mut cloud = colored();
     cloud.triangles.clear();
     let models = [

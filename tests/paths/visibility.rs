@@ -12,7 +12,9 @@ use surfel::render::{Culling, Method, Path, Reconstruction, Settings};
 /// At every threshold and in every reconstruction: alone, beside triangles, beside splats that are too large for compute.
 #[test]
 fn visibility_splats_are_the_same_at_every_size() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let statue = generated(Shape::Statue, 60_000);
     let coarse = generated(Shape::Statue, 5_000);
     let cloud = colored_cloud();
@@ -61,7 +63,9 @@ fn visibility_splats_are_the_same_at_every_size() {
 
 #[test]
 fn visibility_splats_are_the_same_in_every_light_projection_and_color() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let model = generated(Shape::Statue, 60_000);
     let size = (240, 200);
     let view = orbit(&model, size, 30.0, 20.0, 0.7);
@@ -108,7 +112,9 @@ fn visibility_splats_are_the_same_in_every_light_projection_and_color() {
 /// centers the last, by either path and on the mirror.
 #[test]
 fn of_equally_far_visibility_splats_the_same_one_is_seen() {
-    let Some(device) = Device::open() else { return };
+    let Some(device) = Device::with_compute() else {
+        return;
+    };
     let side = 40;
     let grid = (0..side * side).map(|i| (i % side, i / side));
     let hash = |i: u32| (i.wrapping_mul(2_654_435_761) >> 24) as u8;
