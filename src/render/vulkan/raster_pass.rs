@@ -204,7 +204,7 @@ pub(crate) fn draw(
     });
 }
 
-fn needed<'a>(pipeline: Option<&'a Pipeline>) -> &'a Pipeline {
+fn needed(pipeline: Option<&Pipeline>) -> &Pipeline {
     let Some(pipeline) = pipeline else {
         unreachable!("a pass has the pipelines that its list needs")
     };
