@@ -2,12 +2,12 @@
 //!
 //! A model is ordered once into a tree of bounding spheres. Each view then takes from the tree only what it
 //! needs: a part that is small on screen becomes one square splat, a triangle that is large stays a triangle. The
-//! cost follows the picture, not the model. Drawing needs a Vulkan 1.3 device, hardware or software; without one
-//! the CPU mirror makes the same pictures, slowly.
+//! cost follows the picture, not the model. A Vulkan 1.3 device draws, hardware or software; the processor's own renderer takes its
+//! place where that is faster or where there is no Vulkan.
 //!
 //! The folders follow the data: [`input`] reads a file into a [`mesh::Mesh`] (and [`generate`] makes one), [`tree`]
-//! orders it into a bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`draw`] packs them into
-//! lists of plain records, [`method`] turns the lists into a picture on the device (or, as its mirror, on the CPU),
+//! orders it into a bounding-sphere tree, [`cut`] chooses the nodes that a view needs, [`pack`] packs them into
+//! lists of plain records, [`render`] turns the lists into a picture: on a Vulkan device, on the processor, or by the exact reference,
 //! [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors, [`chart`] lays times and errors side
 //! by side, [`mod@bench`] holds the times to what they have to reach. [`scenes`] are models that methods fail at,
 //! [`failures`] says how far and why. [`gpu`] is the only place with Vulkan.
@@ -18,9 +18,9 @@
 //! use std::path::Path;
 //! use surfel::gpu::Options;
 //! use surfel::math::camera::Camera;
-//! use surfel::method::Settings;
-//! use surfel::method::engine::{Backend, Engine};
-//! use surfel::method::renderer::Outputs;
+//! use surfel::render::Settings;
+//! use surfel::render::engine::{Backend, Engine};
+//! use surfel::render::vulkan::renderer::Outputs;
 //! use surfel::progress::Silent;
 //! use surfel::{input, tree};
 //!

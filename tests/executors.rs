@@ -177,7 +177,7 @@ const TABLE: &[ExecutorPromise] = &[
             "tests/paths.rs",
             "compute_and_rasterizer_draw_the_same_picture",
         ),
-        host: test("tests/paths.rs", "the_host_draws_what_compute_does"),
+        host: test("tests/paths.rs", "the_processor_draws_what_the_device_does"),
         device_cut: DEVICE_CUT,
         reference: test("tests/oracle.rs", "smooth_and_rough_surfaces_from_outside"),
     },

@@ -58,7 +58,7 @@ fn check(backend: &Backend) {
     };
     let cells: Vec<Cell> = match backend {
         Backend::Mirror => pairs.par_iter().map(judge).collect(),
-        Backend::Device(_) => pairs.iter().map(judge).collect(),
+        _ => pairs.iter().map(judge).collect(),
     };
     let mut wrong = Vec::new();
     let count = |verdict| cells.iter().filter(|c| c.verdict == verdict).count();

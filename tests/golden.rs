@@ -100,13 +100,10 @@ fn is_by(executor: PictureExecutor, passes: &[&str]) -> bool {
         "visibility.splats",
     ];
     let is_by_compute = by_compute.iter().any(|name| has(name));
-    let is_by_host = !is_by_compute
-        && (passes.is_empty() || passes == ["filtered.normalize"] || has("small.resolve"));
     match executor {
-        PictureExecutor::Hardware => !is_by_compute && !is_by_host,
+        PictureExecutor::Hardware => !is_by_compute && !passes.is_empty(),
         PictureExecutor::Compute => is_by_compute,
-        PictureExecutor::Host => is_by_host,
-        PictureExecutor::Reference => passes.is_empty(),
+        PictureExecutor::Host | PictureExecutor::Reference => passes.is_empty(),
     }
 }
 
@@ -129,7 +126,7 @@ fn draw(
         (Err(error), _) => return Err(format!("{}, {by:?}: {error}", case.name)),
     };
     let passes: Vec<&str> = times.passes.iter().map(|pass| pass.name).collect();
-    // The host refuses nothing: the device draws in its place. Triangles alone are the rasterizer's by every path.
+    // Triangles alone are the rasterizer's by every path.
     let has_splats = times.counts.splats > 0 || by == PictureExecutor::Host;
     if has_splats && is_by(by, &passes) == refusal.is_some() {
         return Err(format!(
@@ -201,7 +198,7 @@ fn all_names() -> Vec<String> {
 #[test]
 fn the_rasterizer_draws_the_goldens() {
     let Some(device) = Device::open() else { return };
-    let backend = Backend::Device(device.gpu().clone());
+    let backend = Backend::Vulkan(device.gpu().clone());
     draws_the_goldens(&backend, PictureExecutor::Hardware, GOLDEN_DEVICE);
 }
 
@@ -212,18 +209,13 @@ fn compute_draws_the_goldens() {
         println!("no 64-bit atomics: what compute draws is not tested");
         return;
     }
-    let backend = Backend::Device(device.gpu().clone());
+    let backend = Backend::Vulkan(device.gpu().clone());
     draws_the_goldens(&backend, PictureExecutor::Compute, GOLDEN_DEVICE);
 }
 
 #[test]
-fn the_host_draws_the_goldens() {
-    let Some(device) = Device::open() else { return };
-    if !common::host_draws(&device) {
-        return;
-    }
-    let backend = Backend::Device(device.gpu().clone());
-    draws_the_goldens(&backend, PictureExecutor::Host, GOLDEN_DEVICE);
+fn the_processor_draws_the_goldens() {
+    draws_the_goldens(&Backend::Cpu, PictureExecutor::Host, GOLDEN_DEVICE);
 }
 
 #[test]

@@ -9,7 +9,7 @@ mod large;
 #[path = "paths/visibility.rs"]
 mod visibility;
 
-use common::pictures::{self, PictureOracle};
+use common::pictures;
 use common::{Device, generated, orbit, scans};
 use surfel::generate::{Shape, Spec};
 use surfel::gpu::Error;
@@ -124,123 +124,92 @@ fn passes(
     (engine.read(view).unwrap(), passes, times.counts.triangles)
 }
 
-/// Filtered splats, squares and discs: of nodes, rows and triangles, in grays, colors and the light of a lamp, culled or not, of a cloud; and
-/// beside triangles, which the host draws in the headlight.
+/// The processor's renderer, which needs no device, and what a device draws by compute or where that cannot by the
+/// rasterizer. It says what it cannot draw.
 #[test]
-fn the_host_draws_what_compute_does() {
+fn the_processor_draws_what_the_device_does() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let is_software = common::host_draws(&device);
     let colored = colored();
     let mut cloud = colored.clone();
     cloud.triangles.clear();
     let models = [
         ("statue", generated(Shape::Statue, 60_000)),
         ("torus", generated(Shape::Torus, 60_000)),
+        ("few", generated(Shape::Sphere, 500)),
         ("colored", built(colored)),
         ("cloud", built(cloud)),
     ];
     let size = (240, 200);
-    let mut by_host = [0; 2];
-    let mut beside_triangles = 0;
-    let backend = Backend::Device(device.gpu().clone());
-    let outputs = Outputs {
-        depth: true,
-        normal: false,
-        values: false,
-    };
+    let outputs = pictures::with_depth(false);
+    let on_device = Backend::Vulkan(device.gpu().clone());
+    let (mut drawn, mut with_triangles, mut tinted) = (0, 0, 0);
     for (name, model) in &models {
-        let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
+        let engine = |backend| Engine::new(backend, model, size, outputs).unwrap();
+        let (mut theirs, mut ours) = (engine(&on_device), engine(&Backend::Cpu));
         let mut part = orbit(model, size, 30.0, 20.0, 1.3);
         part.offset = [0.9, -0.7];
         for (view_name, view) in [
             ("near", orbit(model, size, 30.0, 20.0, 1.0)),
+            ("inside", orbit(model, size, 30.0, 20.0, 5.0)),
             ("far", orbit(model, size, 80.0, -10.0, 0.2)),
             ("part", part),
             ("orthographic", common::orthographic(model, size)),
         ] {
-            for ((threshold_px, light, culling), splat) in [
-                (1.0, Lighting::Headlight, Culling::Auto),
-                (2.5, Lighting::Headlight, Culling::Auto),
-                (4.0, Lighting::Phong(Phong::default()), Culling::Off),
-                (0.6, Lighting::Headlight, Culling::Auto),
+            // Points before the eye are quads to a device, whose corners are rounded, not their centers.
+            if (*name, view_name) == ("cloud", "inside") {
+                continue;
+            }
+            for ((threshold_px, culling, color_by), splat) in [
+                (1.0, Culling::Auto, ColorBy::Shading),
+                (2.5, Culling::Auto, ColorBy::Primitive),
+                (4.0, Culling::Off, ColorBy::Shading),
+                (0.6, Culling::Auto, ColorBy::Shading),
             ]
             .into_iter()
             .flat_map(|how| {
                 let kinds = [SplatKind::Filtered, SplatKind::Square, SplatKind::Disc];
                 kinds.map(|kind| (how, kind))
             }) {
-                // Opaque splats by compute know the headlight alone.
-                let light = match splat {
-                    SplatKind::Filtered => light,
-                    _ => Lighting::Headlight,
-                };
                 let settings = Settings {
                     splat,
                     threshold_px,
-                    light,
                     culling,
+                    color_by,
                     background: [0.1, 0.2, 0.3],
-                    path: Path::Auto,
+                    path: Path::Compute,
                     ..Settings::default()
                 };
-                let insisting = Settings {
-                    path: Path::Compute,
-                    ..settings
-                };
-                let (picture, own, triangles) = passes(&mut engine, &view, &settings);
-                let (mut wanted, others, _) = passes(&mut engine, &view, &insisting);
+                let (mut wanted, others, _) = passes(&mut theirs, &view, &settings);
                 if splat != SplatKind::Filtered && others.contains(&"hybrid.splats") {
                     // What compute leaves as too large are quads, whose corners are rounded, not their centers.
                     let by_raster = Settings {
                         path: Path::Raster,
                         ..settings
                     };
-                    wanted = passes(&mut engine, &view, &by_raster).0;
+                    wanted = passes(&mut theirs, &view, &by_raster).0;
                 }
-                let what = format!("{name}, {view_name}, {splat:?}, {threshold_px}: {own:?}");
-                let oracle: PictureOracle = match splat {
-                    SplatKind::Filtered if triangles == 0 => pictures::SAME_BITS,
-                    SplatKind::Filtered if others.contains(&"filtered.front") => {
-                        pictures::HOST_AS_RASTER
-                    }
-                    _ if others.contains(&"hybrid.splats") => pictures::HOST_AS_RASTER,
-                    _ => pictures::HOST_AS_COMPUTE,
-                };
+                let (picture, own, triangles) = passes(&mut ours, &view, &settings);
+                let what = format!("{name}, {view_name}, {splat:?}, {threshold_px}, {color_by:?}");
+                assert!(own.is_empty(), "{what}: {own:?}");
                 assert!(wanted.color.iter().any(|c| c[3] > 0), "{what}: empty");
-                let (clear, is_by_host) = match splat {
-                    SplatKind::Filtered => ("filtered.clear", own == ["filtered.normalize"]),
-                    _ => (
-                        "small.clear",
-                        own.is_empty()
-                            || own.contains(&"small.resolve") && !own.contains(&"small.splats"),
-                    ),
-                };
-                assert!(others.contains(&clear), "{what}: {others:?}");
-                // Where the rasterizer draws, a level may be another one.
-                let is_rastered = own.contains(&"hybrid.triangles");
-                if is_by_host && !is_rastered || splat == SplatKind::Filtered {
-                    oracle.assert_same(&wanted, &picture, &what);
-                }
-                engine.let_host_draw(true);
-                let (picture, own, _) = passes(&mut engine, &view, &insisting);
-                engine.let_host_draw(false);
-                let what = format!("{what}, insisting: {own:?}");
-                oracle.assert_same(&wanted, &picture, &what);
-                beside_triangles += u32::from(
-                    splat == SplatKind::Filtered && triangles > 0 && !own.contains(&clear),
-                );
-                by_host[usize::from(splat != SplatKind::Filtered)] +=
-                    usize::from(!own.contains(&clear));
+                pictures::CPU_AS_DEVICE.assert_same(&wanted, &picture, &what);
+                drawn += 1;
+                with_triangles += usize::from(triangles > 0);
+                tinted += usize::from(color_by == ColorBy::Primitive && triangles > 0);
             }
         }
+        let lamp = Settings {
+            light: Lighting::Phong(Phong::default()),
+            ..Settings::default()
+        };
+        let view = orbit(model, size, 30.0, 20.0, 1.0);
+        let refused = ours.draw(&view, &lamp).unwrap_err().to_string();
+        assert!(refused.contains("headlight"), "{refused}");
     }
-    println!("{by_host:?} pictures by the host, {beside_triangles} beside triangles");
-    assert_eq!(beside_triangles >= 15, is_software);
-    for (count, least) in by_host.into_iter().zip([40, 110]) {
-        assert_eq!(count >= least, is_software, "{by_host:?}");
-    }
+    println!("{drawn} pictures, {with_triangles} with triangles, {tinted} of these tinted");
+    assert!(drawn == 288 && with_triangles >= 120 && tinted >= 20);
 }
 
 /// What the host draws alone brings nothing to the targets. What lies under the cursor is the same, whoever drew the last frame;

@@ -79,11 +79,11 @@ fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings
     };
     // The other self-test has a test of its own, and takes a second.
     let proof = match backend {
-        Backend::Device(gpu) => Proof {
+        Backend::Device(gpu) | Backend::Vulkan(gpu) => Proof {
             self_test: None,
             counter_test: Some(surfel::gpu::profile::counter_test(gpu).unwrap()),
         },
-        Backend::Mirror => Proof::default(),
+        _ => Proof::default(),
     };
     Profile::run(backend, &mut engine, &plan, proof, &Silent).unwrap()
 }

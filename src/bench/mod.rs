@@ -107,10 +107,7 @@ impl Session {
 
     /// Whether the device is the processor itself.
     pub fn is_software(&self) -> bool {
-        match &self.backend {
-            Backend::Device(gpu) => gpu.info().is_cpu(),
-            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => false,
-        }
+        self.backend.device().is_some_and(|gpu| gpu.info().is_cpu())
     }
 
     /// Draws a model with what was calibrated.
@@ -129,10 +126,10 @@ impl Session {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: crate::measure::COMMIT.into(),
             device: self.backend.name().into(),
-            driver: match &self.backend {
-                Backend::Device(gpu) => gpu.info().driver.clone(),
-                Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => String::new(),
-            },
+            driver: self
+                .backend
+                .device()
+                .map_or_else(String::new, |gpu| gpu.info().driver.clone()),
             threads: threads(),
             settings,
         }

@@ -12,7 +12,7 @@ use crate::progress::Progress;
 use crate::render::cost::model::{
     Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX, SplatCosts, TriangleCosts, Ways,
 };
-use crate::render::engine::{Backend, Engine};
+use crate::render::engine::Engine;
 use crate::render::stats::FrameTimes;
 use crate::render::{Occlusion, Path, SplatKind};
 use rayon::prelude::*;
@@ -380,7 +380,7 @@ fn floor(
         &by_compute,
         &tiny,
     )?;
-    if let Backend::Device(gpu) = &session.backend {
+    if let Some(gpu) = session.backend.device() {
         let test = self_test(gpu)?;
         let name = "submission with nothing in it";
         figures.push(Figure::new(

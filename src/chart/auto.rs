@@ -107,10 +107,9 @@ impl Key {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: crate::measure::COMMIT.into(),
             device: backend.name().into(),
-            driver: match backend {
-                Backend::Device(gpu) => gpu.info().driver.clone(),
-                Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => String::new(),
-            },
+            driver: backend
+                .device()
+                .map_or_else(String::new, |gpu| gpu.info().driver.clone()),
             size_class: primitives.ilog2() / 2,
             is_closed: model.is_closed,
             is_cloud: model.is_cloud(),

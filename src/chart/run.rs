@@ -57,12 +57,12 @@ impl Plan {
 
     /// The choices for a model on a device.
     pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<Choice> {
-        let ways = match backend {
-            Backend::Device(gpu) => Ways {
+        let ways = match backend.device() {
+            Some(gpu) => Ways {
                 compute: gpu.info().has_int64_atomics,
-                host: gpu.info().is_cpu(),
+                host: gpu.info().is_cpu() && matches!(backend, Backend::Device(_)),
             },
-            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => Ways::default(),
+            None => Ways::default(),
         };
         match &self.thresholds {
             Some(thresholds) => Choice::all(thresholds, model.is_cloud(), ways),
@@ -359,10 +359,9 @@ pub fn empty_row(
         version: env!("CARGO_PKG_VERSION").into(),
         commit: crate::measure::COMMIT.into(),
         device: backend.name().into(),
-        driver: match backend {
-            Backend::Device(gpu) => gpu.info().driver.clone(),
-            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => String::new(),
-        },
+        driver: backend
+            .device()
+            .map_or_else(String::new, |gpu| gpu.info().driver.clone()),
         model: place.model.into(),
         model_triangles: model.triangles.len() as u64,
         model_vertices: model.vertices.len() as u64,

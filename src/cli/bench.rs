@@ -12,7 +12,6 @@ use surfel::bench::{
 };
 use surfel::measure::store;
 use surfel::progress::Progress;
-use surfel::render::engine::Backend;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -154,9 +153,9 @@ impl Figures {
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let backend = args.device.open()?;
-    let Backend::Device(gpu) = &backend else {
+    let Some(gpu) = backend.device() else {
         return Err(usage(
-            "bench measures a Vulkan device: --device mirror has none of what it asks for",
+            "bench measures a Vulkan device: the processor and the reference have none of what it asks for",
         ));
     };
     let plan = if args.quick {

@@ -429,8 +429,8 @@ fn with_hint(failure: Failure) -> Failure {
 /// Title and subtitle of the chart.
 fn heading(run: &Run<'_>) -> (String, String) {
     let plan = run.plan;
-    let kind = match run.backend {
-        Backend::Device(gpu) if gpu.info().is_cpu() => {
+    let kind = match run.backend.device() {
+        Some(gpu) if gpu.info().is_cpu() => {
             ", a software device: it ranks methods and predicts no graphics card"
         }
         _ => "",

@@ -82,9 +82,9 @@ enum BlendName {
     Opaque,
     /// The weighted mean of all splats within the depth offset of the front
     TwoPass,
-    /// One pass with a depth threshold, for comparison; with --device mirror
+    /// One pass with a depth threshold, for comparison; with --backend reference
     DepthThreshold,
-    /// One pass with a depth range a pixel, for comparison; with --device mirror
+    /// One pass with a depth range a pixel, for comparison; with --backend reference
     DepthRange,
 }
 

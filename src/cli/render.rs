@@ -8,7 +8,7 @@ use super::{Failure, Outcome, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::bench::calibrate;
-use surfel::gpu::Options as GpuOptions;
+use surfel::gpu::{Error as GpuError, Gpu, Options as GpuOptions};
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
 use surfel::pack::ColorBy;
@@ -21,12 +21,29 @@ use surfel::render::vulkan::overdraw;
 use surfel::render::vulkan::overdraw::Overdraw;
 use surfel::render::vulkan::renderer::Outputs;
 
+/// What draws pictures.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum BackendChoice {
+    /// The Vulkan device; the processor where that is faster than a software device, or where there is no Vulkan
+    #[default]
+    Auto,
+    /// The Vulkan device alone
+    Vulkan,
+    /// The processor alone, without Vulkan: squares, discs and filtered splats, triangles, headlight
+    Cpu,
+    /// The reference on the processor, without Vulkan: exact and slow
+    Reference,
+}
+
 /// Which device draws.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct DeviceArgs {
-    /// Device by index or part of its name (see `surfel devices`), or `mirror` to draw on the CPU without Vulkan
+    /// Device by index or part of its name (see `surfel devices`); `cpu` and `mirror` stand for --backend cpu and reference
     #[arg(long, value_name = "NAME|INDEX")]
     device: Option<String>,
+    /// What draws
+    #[arg(long, value_enum, default_value_t = BackendChoice::Auto, value_name = "BACKEND")]
+    backend: BackendChoice,
     /// Load the Vulkan validation layer; the run fails if it finds anything
     #[arg(long)]
     validate: bool,
@@ -41,23 +58,47 @@ impl DeviceArgs {
         }
     }
 
+    /// Whether what is asked for has no Vulkan device.
+    pub(crate) fn is_without_vulkan(&self) -> bool {
+        matches!(self.backend, BackendChoice::Cpu | BackendChoice::Reference)
+            || matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR))
+    }
+
+    /// What draws, opened. Without Vulkan, and unless a device is asked for by name, that is the processor.
     pub(crate) fn open(&self) -> Result<Backend, Failure> {
-        Ok(Backend::open(&self.options())?)
+        let options = self.options();
+        if self.backend != BackendChoice::Auto && self.device.is_some() {
+            let is_named = matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR));
+            if is_named || self.backend != BackendChoice::Vulkan {
+                return Err(usage("--backend cpu and reference have no --device"));
+            }
+        }
+        match self.backend {
+            BackendChoice::Cpu => Ok(Backend::Cpu),
+            BackendChoice::Reference => Ok(Backend::Mirror),
+            BackendChoice::Vulkan => Ok(Backend::Vulkan(Gpu::open(&options)?)),
+            BackendChoice::Auto => match Backend::open(&options) {
+                Err(error @ (GpuError::NoLoader(_) | GpuError::NoDevice(_)))
+                    if self.device.is_none() && !self.validate =>
+                {
+                    eprintln!("surfel: warning: {error}; the processor draws");
+                    Ok(Backend::WithoutDevice)
+                }
+                opened => Ok(opened?),
+            },
+        }
     }
 }
 
 /// What drawing costs on the device that is to draw with these settings, measured now if it never was: the engine's to
 /// decide by. `None` of the mirror.
 pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<Costs> {
-    match backend {
-        Backend::Device(gpu) => calibrate::for_use(gpu, settings),
-        Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => None,
-    }
+    calibrate::for_use(backend.device()?, settings)
 }
 
 /// A failure if the validation layer had anything to say.
 pub(crate) fn validated(backend: &Backend) -> Outcome {
-    let Backend::Device(gpu) = backend else {
+    let Some(gpu) = backend.device() else {
         return Ok(());
     };
     let messages = gpu.messages().list();
@@ -80,7 +121,7 @@ Examples:
   surfel render horse.ply -o ref.png --method triangles --samples 64
   surfel render horse.ply -o turn.png --frames 36        writes turn-000.png to turn-035.png
   surfel render horse.ply --frames 36 --stats -          times only
-  surfel render horse.ply -o horse.png --device mirror   without Vulkan
+  surfel render horse.ply -o horse.png --backend cpu     without Vulkan
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 

@@ -13,7 +13,7 @@ use surfel::scenes::{self, Entry};
 /// Draw every scene that methods fail at by every method, and hold what is measured to the stated bounds.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  surfel stability -o failures                              everything: a minute or two\n  surfel stability -o failures --quick                      the hardest scenes by every kind of splat\n  surfel stability -o gauss --method pop --splat gauss,filtered\n  surfel stability -o fence --scene fence,foliage --device mirror\n\nThe folder gets index.html (one page, needs no other file), stability.csv, a contact sheet for each group of scenes, and\nin pictures/ every picture. Each cell is a pass, a known limit with its cause, or a failure.\nExit codes: 0 no cell fails, 1 a cell is out of its bounds, 2 bad usage."
+    after_help = "Examples:\n  surfel stability -o failures                              everything: a minute or two\n  surfel stability -o failures --quick                      the hardest scenes by every kind of splat\n  surfel stability -o gauss --method pop --splat gauss,filtered\n  surfel stability -o fence --scene fence,foliage --backend reference\n\nThe folder gets index.html (one page, needs no other file), stability.csv, a contact sheet for each group of scenes, and\nin pictures/ every picture. Each cell is a pass, a known limit with its cause, or a failure.\nExit codes: 0 no cell fails, 1 a cell is out of its bounds, 2 bad usage."
 )]
 pub(crate) struct Args {
     /// Folder for table and pictures; made if it is not there

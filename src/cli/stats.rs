@@ -33,11 +33,9 @@ pub(crate) fn settings_of(
 
 /// What drew them.
 pub(crate) fn device_of(backend: &Backend) -> serde_json::Value {
-    match backend {
-        Backend::Device(gpu) => json!(gpu.info()),
-        Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => {
-            json!({ "name": Backend::MIRROR })
-        }
+    match backend.device() {
+        Some(gpu) => json!(gpu.info()),
+        None => json!({ "name": backend.name() }),
     }
 }
 
@@ -68,13 +66,13 @@ pub(crate) fn of(
             json!({ "name": name, "gpu_ms": Distribution::of(&values) })
         })
         .collect();
-    let memory: Vec<_> = match backend {
-        Backend::Device(gpu) => gpu
+    let memory: Vec<_> = match backend.device() {
+        Some(gpu) => gpu
             .memory_report()
             .into_iter()
             .map(|(name, bytes)| json!({ "name": name, "bytes": bytes }))
             .collect(),
-        Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => Vec::new(),
+        None => Vec::new(),
     };
     let model = &ready.model;
     let count = |of: fn(&FrameTimes) -> u64| {

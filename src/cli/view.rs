@@ -10,7 +10,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use surfel::mesh::Mesh;
 use surfel::progress::Progress;
-use surfel::render::engine::Backend;
 use surfel::viewer::loader::Open;
 use surfel::viewer::{self, Faults, Options, store};
 
@@ -125,9 +124,9 @@ impl From<viewer::Error> for Failure {
 pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();
-    if gpu.device.as_deref() == Some(Backend::MIRROR) {
+    if args.device.is_without_vulkan() {
         return Err(usage(
-            "--device mirror draws pictures only; use it with surfel render",
+            "a window needs a Vulkan device: --backend cpu and reference draw pictures only; use them with surfel render",
         ));
     }
     require_ending("--screenshot", args.screenshot.as_ref(), &["png"])?;

@@ -50,12 +50,12 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub enum Error {
     /// There is no Vulkan loader.
     #[error(
-        "no Vulkan loader on this machine ({0}). Install it (Debian/Ubuntu: apt install libvulkan1 mesa-vulkan-drivers; Fedora: dnf install vulkan-loader mesa-vulkan-drivers; Arch: pacman -S vulkan-icd-loader vulkan-swrast), or draw on the CPU with --device mirror"
+        "no Vulkan loader on this machine ({0}). Install it (Debian/Ubuntu: apt install libvulkan1 mesa-vulkan-drivers; Fedora: dnf install vulkan-loader mesa-vulkan-drivers; Arch: pacman -S vulkan-icd-loader vulkan-swrast), or draw on the processor with --backend cpu"
     )]
     NoLoader(String),
     /// There is a loader but no usable device.
     #[error(
-        "no usable Vulkan 1.3 device: {0}. Install a driver (a software one: Debian/Ubuntu: apt install mesa-vulkan-drivers), or draw on the CPU with --device mirror"
+        "no usable Vulkan 1.3 device: {0}. Install a driver (a software one: Debian/Ubuntu: apt install mesa-vulkan-drivers), or draw on the processor with --backend cpu"
     )]
     NoDevice(String),
     /// The device that was asked for is not there.

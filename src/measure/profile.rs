@@ -74,7 +74,7 @@ impl Proof {
     /// # Errors
     /// When memory runs out or the device is lost.
     pub fn of(backend: &Backend) -> Result<Self, crate::gpu::Error> {
-        let Backend::Device(gpu) = backend else {
+        let Some(gpu) = backend.device() else {
             return Ok(Self::default());
         };
         let mut proof = Self {
@@ -123,10 +123,7 @@ impl Profile {
         proof: Proof,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
-        let gpu = match backend {
-            Backend::Device(gpu) => Some(gpu),
-            Backend::Cpu | Backend::WithoutDevice | Backend::Mirror => None,
-        };
+        let gpu = backend.device();
         let has_timestamps = gpu.is_some_and(|g| g.info().timestamp_period_ns > 0.0);
         let mut profile = Self {
             samples: Vec::with_capacity(plan.views.len()),

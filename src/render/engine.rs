@@ -24,6 +24,8 @@ use std::sync::Arc;
 pub enum Backend {
     /// A Vulkan device. Where that is the processor in disguise, the processor's own renderer draws what it can in its place.
     Device(Arc<Gpu>),
+    /// A Vulkan device alone.
+    Vulkan(Arc<Gpu>),
     /// The processor's fast renderer; needs no driver. What it cannot draw is refused.
     Cpu,
     /// Where there is no driver: the processor's fast renderer, and the mirror for what that cannot draw.
@@ -53,7 +55,7 @@ impl Backend {
     /// Name of the device.
     pub fn name(&self) -> &str {
         match self {
-            Self::Device(gpu) => &gpu.info().name,
+            Self::Device(gpu) | Self::Vulkan(gpu) => &gpu.info().name,
             Self::Cpu | Self::WithoutDevice => Self::CPU,
             Self::Mirror => Self::MIRROR,
         }
@@ -62,7 +64,7 @@ impl Backend {
     /// The Vulkan device, if pictures are made on one.
     pub fn device(&self) -> Option<&Arc<Gpu>> {
         match self {
-            Self::Device(gpu) => Some(gpu),
+            Self::Device(gpu) | Self::Vulkan(gpu) => Some(gpu),
             Self::Cpu | Self::WithoutDevice | Self::Mirror => None,
         }
     }
@@ -136,13 +138,16 @@ impl<'m> Engine<'m> {
             last: FrameBackend::Reference,
         };
         match backend {
-            Backend::Device(gpu) => {
+            Backend::Device(gpu) | Backend::Vulkan(gpu) => {
+                let mut renderer = Renderer::new(gpu, width, height, outputs, true)?;
+                renderer.draw_alone();
                 engine.device = Some(DeviceEngine {
-                    renderer: Box::new(Renderer::new(gpu, width, height, outputs, true)?),
+                    renderer: Box::new(renderer),
                     samples: None,
                     scene: Scene::new(gpu, model)?,
                 });
-                engine.cpu = gpu.info().is_cpu().then(|| cpu(None));
+                let is_alone = matches!(backend, Backend::Vulkan(_));
+                engine.cpu = (gpu.info().is_cpu() && !is_alone).then(|| cpu(None));
             }
             Backend::Cpu | Backend::WithoutDevice => {
                 engine.cpu = Some(cpu(Some(ModelFacts::of(model))));
@@ -248,9 +253,6 @@ impl<'m> Engine<'m> {
 
     /// Whether the processor may draw what compute is asked for by name, on a device that is the processor. Not at first.
     pub fn let_host_draw(&mut self, may: bool) {
-        if let Some(device) = &mut self.device {
-            device.renderer.let_host_draw(may);
-        }
         if let Some(cpu) = &mut self.cpu {
             cpu.for_compute = may;
         }

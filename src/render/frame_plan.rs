@@ -339,7 +339,7 @@ fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
         ),
         Blend::DepthThreshold | Blend::DepthRange if is_device => refuse(
             "blending in one pass",
-            "it needs ordered access to a pixel; use --device mirror, or --blend two-pass",
+            "it needs ordered access to a pixel; use --backend reference, or --blend two-pass",
         ),
         Blend::DepthThreshold | Blend::DepthRange if settings.shading == Shading::Deferred => {
             refuse("deferred shading", "use --blend two-pass")

@@ -72,8 +72,11 @@ fn a_check_goes_on_after_what_cannot_be_read() {
 #[test]
 fn every_real_model_is_clean() {
     let Some(folder) = models() else { return };
+    // What is in `dialects` is damaged on purpose.
+    let dialects = folder.join("dialects");
     let files: Vec<PathBuf> = all_files(&folder)
         .into_iter()
+        .filter(|f| !f.starts_with(&dialects))
         .filter(|f| ["obj", "ply", "stl", "off"].contains(&ending(f).as_str()))
         .collect();
     assert!(files.len() >= 30, "{} models", files.len());

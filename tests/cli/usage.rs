@@ -335,7 +335,7 @@ fn a_device_that_is_not_there() {
         run_with(command, None)
     };
     for words in [
-        "render generate:square:8 -o a.png",
+        "render generate:square:8 -o a.png --backend vulkan",
         "devices",
         "devices --json",
     ] {
@@ -343,13 +343,23 @@ fn a_device_that_is_not_there() {
         assert_eq!(run.code, 1, "{words}: {}", run.err);
         assert!(run.err.contains("Vulkan"), "{words}: {}", run.err);
     }
-    let run = without_vulkan("render generate:square:8 -o a.png --device mirror");
-    assert_eq!(
-        (run.code, names(at)),
-        (0, vec!["a.png".to_owned()]),
-        "{}",
-        run.err
-    );
+    for (how, says_so) in [
+        ("", true),
+        (" --normals n.exr", true),
+        (" --backend cpu", false),
+        (" --backend reference", false),
+        (" --device mirror", false),
+    ] {
+        let run = without_vulkan(&format!("render generate:square:8 -o a.png{how}"));
+        assert_eq!(run.code, 0, "{how}: {}", run.err);
+        assert_eq!(run.err.contains("Vulkan"), says_so, "{how}: {}", run.err);
+        let made = names(at);
+        assert!(made.contains(&"a.png".to_owned()), "{how}: {made:?}");
+        std::fs::remove_file(at.join("a.png")).unwrap();
+    }
+    let run = without_vulkan("render generate:square:8 -o a.png --backend cpu --normals n.exr");
+    assert_eq!(run.code, 1, "{}", run.err);
+    assert!(run.err.contains("leave --normals out"), "{}", run.err);
 
     if super::harness::has_device() {
         for device in ["no such device", "99", "-1"] {

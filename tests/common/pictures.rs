@@ -32,7 +32,7 @@ pub(crate) fn draw(
     let engine = Engine::new(backend, model, (view.width, view.height), outputs)?;
     let mut engine = match backend {
         Backend::Mirror => engine.with_subpixel_bits(super::subpixel_bits()),
-        Backend::Device(_) => engine,
+        _ => engine,
     };
     engine.render(view, settings)
 }
@@ -172,20 +172,13 @@ oracles! {
         no_pixel(Coverage(0)),
         picture_share(DepthFootprint(0.05), 1, 1e-3),
     ];
-    /// The host's opaque splats and compute's: depths and coverage to the bit. Where a value lies in the middle between
-    /// two of 255, the last place of a root decides, which a shader may find otherwise than the host: some of 10,000 pixels.
-    HOST_AS_COMPUTE: 0, &[
-        picture_share(Color(0), 0, 5e-4),
-        no_pixel(Color(1)),
-        no_pixel(Coverage(0)),
-        no_pixel(DepthBits),
-    ];
-    /// What the host drew, and what a rasterizer drew in part: its depth of a large triangle is that of a place some of
-    /// its steps of 1/256 pixel away, which on what is seen edge-on is a thousandth in one of 1000 pixels; and so it hides
-    /// other splats: another color in one of 10,000.
-    HOST_AS_RASTER: 0, &[
-        picture_share(Any(&[Color(1), Coverage(0)]), 0, 1e-4),
-        picture_share(DepthShare(1e-3), 0, 1e-3),
+    /// The processor's renderer and a device. Splats have the same depths and pixels to the bit; where a value lies in the
+    /// middle between two of 255, the last place of a root decides. A rasterizer interpolates the depth of a large triangle
+    /// from a place some steps of 1/256 pixel away, which on what is seen edge-on is a thousandth in one of 1000 pixels; and
+    /// so it hides other splats: another color in one of 10,000.
+    CPU_AS_DEVICE: 0, &[
+        picture_share(Any(&[Color(1), Coverage(1)]), 1, 1e-4),
+        picture_share(DepthShare(1e-3), 1, 1e-3),
     ];
     /// Large splats by the host and by the rasterizer. Depths that are the same but for their last place decide between
     /// splats, and samples of triangles between the rasterizer's: 0.01 percent of the pixels, and two.

@@ -12,7 +12,7 @@ pub(crate) enum PictureExecutor {
     Hardware,
     /// Compute shaders of the device.
     Compute,
-    /// The processor's fast renderer, in the place of a software device.
+    /// The processor's fast renderer, without a device.
     Host,
     /// The reference renderer.
     Reference,
@@ -22,7 +22,7 @@ impl PictureExecutor {
     /// All of them; the first that does not refuse a case blesses its golden.
     pub(crate) const ALL: [Self; 4] = [Self::Hardware, Self::Compute, Self::Host, Self::Reference];
 
-    /// `settings` that leave an engine no choice; the host draws where a software device may choose.
+    /// `settings` that leave an engine no choice.
     pub(crate) fn insist(self, settings: &Settings) -> Settings {
         Settings {
             path: match self {
@@ -39,7 +39,7 @@ impl PictureExecutor {
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct GoldenRefusal {
     pub(crate) executor: PictureExecutor,
-    /// Words of the reason in the error. The host gives no error: the device draws in its place.
+    /// Words of the reason in the error.
     pub(crate) words: &'static str,
 }
 
@@ -123,13 +123,14 @@ const SUMS_COLORS: &str = "it sums colors, not normals";
 const NO_COUNTS: &str = "footprints are counted by the rasterizer";
 const ONE_PASS: &str = "it needs ordered access to a pixel";
 
-// Reasons of the host.
-const NO_TREE: &str = "it draws what is chosen from a tree";
-const OTHER_SPLATS: &str = "it draws squares, discs and filtered splats";
-const NOT_BLENDED: &str = "it blends filtered splats alone";
-const NOT_LIT: &str = "it lights opaque splats by the headlight alone";
-const FEW: &str = "few splats beside large triangles are cheaper to rasterize";
-const NO_DATA: &str = "it knows no data as colors of opaque splats";
+// Reasons of the processor's renderer.
+const NO_POINTS: &str = "it draws no vertices as points";
+const NO_ELLIPSES: &str = "it draws no discs in the plane of the surface";
+const NOT_BLENDED: &str = "it blends filtered splats only";
+const NOT_VISIBILITY: &str = "it draws no visibility splats";
+const NO_CLASSES: &str = "only visibility splats have a classification";
+const NOT_LIT: &str =
+    "it knows the headlight only, and no colors by level, normal, depth or overdraw";
 
 /// Every golden case. Thresholds and distances are those at which triangles and splats stand side by side.
 pub(crate) fn cases() -> Vec<GoldenCase> {
@@ -160,29 +161,26 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
     use Method::{Points, Pop, Splats, Triangles};
     use SplatKind::{Disc, Ellipse, Filtered, Gauss, Square, Visibility};
     vec![
-        case("triangles", Triangles, Square, 1.0)
-            .no_compute(OF_A_TREE)
-            .no_host(NO_TREE),
+        case("triangles", Triangles, Square, 1.0).no_compute(OF_A_TREE),
         case("points-2", Points, Square, 2.0)
             .no_compute(OF_A_TREE)
-            .no_host(NO_TREE),
+            .no_host(NO_POINTS),
         case("points-gauss", Points, Gauss, 4.0)
             .no_compute(OF_A_TREE)
-            .no_host(NO_TREE),
+            .no_host(NO_POINTS),
         case("pop-1", Pop, Square, 1.0).by_orbit(FAR),
         case("pop-4", Pop, Square, 4.0),
         case("pop-near", Pop, Square, 9.0)
             .by_orbit(NEAR)
-            .no_compute(TOO_LARGE)
-            .no_host(FEW),
+            .no_compute(TOO_LARGE),
         case("disc", Pop, Disc, 4.0),
-        case("ellipse", Pop, Ellipse, 4.0).no_host(OTHER_SPLATS),
-        case("gauss", Pop, Gauss, 4.0).no_host(OTHER_SPLATS),
+        case("ellipse", Pop, Ellipse, 4.0).no_host(NO_ELLIPSES),
+        case("gauss", Pop, Gauss, 4.0).no_host(NOT_BLENDED),
         with(case("gauss-deferred", Pop, Gauss, 4.0), &|s| {
             s.shading = Shading::Deferred;
         })
         .no_compute(SUMS_COLORS)
-        .no_host(OTHER_SPLATS),
+        .no_host(NOT_BLENDED),
         with(case("disc-blended", Pop, Disc, 4.0), &|s| {
             s.blend = Some(Blend::TwoPass);
         })
@@ -192,15 +190,15 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         })
         .without(PictureExecutor::Hardware, ONE_PASS)
         .no_compute(ONE_PASS)
-        .no_host(ONE_PASS),
+        .no_host(NOT_BLENDED),
         with(case("disc-range", Pop, Disc, 4.0), &|s| {
             s.blend = Some(Blend::DepthRange);
         })
         .without(PictureExecutor::Hardware, ONE_PASS)
         .no_compute(ONE_PASS)
-        .no_host(ONE_PASS),
+        .no_host(NOT_BLENDED),
         case("splats", Splats, Square, 2.0).no_compute(OF_A_TREE),
-        case("splats-gauss", Splats, Gauss, 2.0).no_host(OTHER_SPLATS),
+        case("splats-gauss", Splats, Gauss, 2.0).no_host(NOT_BLENDED),
         with(case("primitive", Pop, Square, 2.5), &|s| {
             s.color_by = ColorBy::Primitive;
         }),
@@ -210,58 +208,59 @@ pub(crate) fn cases() -> Vec<GoldenCase> {
         .by_orbit([200.0, -30.0, 0.7]),
         case("filtered-1", Pop, Filtered, 1.0).by_orbit(FAR),
         case("filtered-3", Pop, Filtered, 3.0),
-        case("visibility-gaussian", Pop, Visibility, 4.0).no_host(OTHER_SPLATS),
+        case("visibility-gaussian", Pop, Visibility, 4.0).no_host(NOT_VISIBILITY),
         with(case("visibility-density", Points, Visibility, 4.0), &|s| {
             s.reconstruction = Reconstruction::Density;
         })
         .no_compute(OF_A_TREE)
-        .no_host(NO_TREE),
+        .no_host(NO_POINTS),
         with(case("visibility-pull-push", Pop, Visibility, 4.0), &|s| {
             s.reconstruction = Reconstruction::PullPush;
         })
         .by_orbit(NEAR)
-        .no_host(OTHER_SPLATS),
+        .no_host(NOT_VISIBILITY),
         with(case("visibility-holes", Pop, Visibility, 6.0), &|s| {
             s.reconstruction = Reconstruction::PullPush;
         })
-        .no_host(OTHER_SPLATS),
+        .no_host(NOT_VISIBILITY),
         with(case("visibility-class", Pop, Visibility, 4.0), &|s| {
             s.color_by = ColorBy::Classification;
         })
-        .no_host(OTHER_SPLATS),
+        .no_host(NO_CLASSES),
         with(case("lamp-triangles", Triangles, Square, 1.0), &|s| {
             s.light = lamp;
         })
         .no_compute(OF_A_TREE)
-        .no_host(NO_TREE),
+        .no_host(NOT_LIT),
         with(case("lamp", Pop, Square, 3.0), &|s| s.light = lamp)
             .no_compute(HEADLIGHT_ONLY)
             .no_host(NOT_LIT),
-        with(case("lamp-gauss", Pop, Gauss, 3.0), &|s| s.light = lamp).no_host(OTHER_SPLATS),
+        with(case("lamp-gauss", Pop, Gauss, 3.0), &|s| s.light = lamp).no_host(NOT_LIT),
         with(case("lamp-filtered", Pop, Filtered, 6.0), &|s| {
             s.light = lamp;
-        }),
+        })
+        .no_host(NOT_LIT),
         with(case("overdraw", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Overdraw;
             // Which path would draw decides what is left out, and so what is counted.
             s.occlusion = Occlusion::Off;
         })
         .no_compute(NO_COUNTS)
-        .no_host(NO_DATA),
+        .no_host(NOT_LIT),
         with(case("level", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Level;
         })
         .no_compute(HEADLIGHT_ONLY)
-        .no_host(NO_DATA),
+        .no_host(NOT_LIT),
         with(case("normal", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Normal;
         })
         .no_compute(HEADLIGHT_ONLY)
-        .no_host(NO_DATA),
+        .no_host(NOT_LIT),
         with(case("depth", Pop, Square, 3.0), &|s| {
             s.color_by = ColorBy::Depth;
         })
         .no_compute(HEADLIGHT_ONLY)
-        .no_host(NO_DATA),
+        .no_host(NOT_LIT),
     ]
 }

@@ -8,8 +8,8 @@ use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 
 /// Asserts of statue, torus, a model of colors and its points that the host's pictures are those of the rasterizer. How many the
-/// host drew alone, beside triangles or other splats, and how many are splats of the rasterizer.
-fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
+/// processor drew, and how many have splats of the rasterizer.
+fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 2]> {
     let device = Device::with_compute()?;
     let mut cloud = colored();
     cloud.triangles.clear();
@@ -20,22 +20,16 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
         ("cloud", built(cloud)),
     ];
     let size = (240, 200);
-    // Compute itself knows neither large splats nor leaves of their own sizes.
-    let is_software = common::host_draws(&device);
-    let path = match method {
-        Method::Pop if is_software => Path::Compute,
-        _ => Path::Auto,
-    };
-    let backend = Backend::Device(device.gpu().clone());
+    let on_device = Backend::Vulkan(device.gpu().clone());
     let outputs = Outputs {
         depth: true,
         normal: false,
         values: false,
     };
-    let [mut alone, mut beside, mut rasterized] = [0; 3];
+    let [mut alone, mut rasterized] = [0; 2];
     for (name, model) in &models {
-        let mut engine = Engine::new(&backend, model, size, outputs).unwrap();
-        engine.let_host_draw(true);
+        let engine = |backend| Engine::new(backend, model, size, outputs).unwrap();
+        let (mut theirs, mut ours) = (engine(&on_device), engine(&Backend::Cpu));
         let mut part = orbit(model, size, 30.0, 20.0, 1.6);
         part.offset = [0.9, -0.7];
         for view in [
@@ -50,7 +44,6 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
                 ] {
                     let settings = Settings {
                         method,
-                        path,
                         splat,
                         threshold_px,
                         culling,
@@ -61,35 +54,31 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 3]> {
                         path: Path::Raster,
                         ..settings
                     };
-                    let (wanted, others, _) = passes(&mut engine, &view, &by_raster);
-                    let (picture, own, _) = passes(&mut engine, &view, &settings);
+                    let (wanted, others, _) = passes(&mut theirs, &view, &by_raster);
+                    let (picture, own, _) = passes(&mut ours, &view, &settings);
                     let what = format!("{name}, {splat:?}, {threshold_px}: {own:?}");
                     alone += usize::from(own.is_empty());
-                    beside += usize::from(own.contains(&"small.resolve"));
                     rasterized += usize::from(others.contains(&"hybrid.splats"));
                     pictures::HOST_LARGE_AS_RASTER.assert_same(&wanted, &picture, &what);
                 }
             }
         }
     }
-    println!("{alone} pictures by the host alone, {beside} beside others, {rasterized} of splats");
-    if !is_software {
-        assert_eq!([alone, beside], [0; 2]);
-    }
-    is_software.then_some([alone, beside, rasterized])
+    println!("{alone} pictures by the processor, {rasterized} of splats by the rasterizer");
+    Some([alone, rasterized])
 }
 
 #[test]
 fn large_splats_are_the_same_by_the_host() {
-    if let Some([alone, beside, rasterized]) = compared(Method::Pop, &[6.5, 12.0, 25.3, 70.0]) {
-        assert!(alone >= 40 && beside >= 10 && rasterized >= 60);
+    if let Some([alone, rasterized]) = compared(Method::Pop, &[6.5, 12.0, 25.3, 70.0]) {
+        assert!(alone == 96 && rasterized >= 60);
     }
 }
 
 /// A leaf that is larger than the threshold is a splat of its own size.
 #[test]
 fn leaves_of_their_own_sizes_are_the_same_by_the_host() {
-    if let Some([alone, _, rasterized]) = compared(Method::Splats, &[0.5, 1.0, 3.0, 12.0]) {
-        assert!(alone >= 60 && rasterized >= 60);
+    if let Some([alone, rasterized]) = compared(Method::Splats, &[0.5, 1.0, 3.0, 12.0]) {
+        assert!(alone == 96 && rasterized >= 60);
     }
 }

@@ -410,7 +410,7 @@ fn what_cannot_be_blended_is_refused_by_name() {
             blend: Some(blend),
             ..base
         };
-        assert!(refusal(settings).contains("--device mirror"));
+        assert!(refusal(settings).contains("--backend reference"));
     }
     let opaque = Settings {
         blend: Some(Blend::Opaque),

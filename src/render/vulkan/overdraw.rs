@@ -165,7 +165,7 @@ impl Counter {
             return Err(Error::Unsupported {
                 what: "color by overdraw",
                 why: format!(
-                    "{} cannot blend into 32-bit float targets; use --device mirror",
+                    "{} cannot blend into 32-bit float targets; use --backend reference",
                     gpu.info().name
                 ),
             });

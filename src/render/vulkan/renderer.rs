@@ -100,6 +100,8 @@ pub struct Renderer {
     costs: Option<Costs>,
     /// In place of compute, too.
     host_may_draw: bool,
+    /// The processor may draw in the place of a software device.
+    is_helped: bool,
     device_tree: Option<DeviceTree>,
     /// What makes records of numbers, once lists have held some.
     by_id: Option<ById>,
@@ -179,6 +181,7 @@ impl Renderer {
             selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
             host_may_draw: false,
+            is_helped: true,
             device_tree: None,
             by_id: None,
             device_cut: None,
@@ -257,6 +260,11 @@ impl Renderer {
     /// well: filtered splats, and opaque squares and discs, on a software device. The picture is the same. Not at first.
     pub fn let_host_draw(&mut self, may: bool) {
         self.host_may_draw = may;
+    }
+
+    /// Leaves all drawing to the device, also where that is the processor itself.
+    pub(crate) fn draw_alone(&mut self) {
+        self.is_helped = false;
     }
 
     /// The costs that decide.

@@ -253,7 +253,10 @@ fn what_the_near_plane_cuts_is_clipped() {
     assert!(cut_px.len() > whole_px.len());
     assert!(behind_px.len() > cut_px.len());
     for pixel in &whole_px {
-        assert!(cut_px.contains(pixel) && behind_px.contains(pixel), "{pixel:?}");
+        assert!(
+            cut_px.contains(pixel) && behind_px.contains(pixel),
+            "{pixel:?}"
+        );
     }
     assert!(alone(behind).is_empty());
     assert!(alone(far_out).is_empty());

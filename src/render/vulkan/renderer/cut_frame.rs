@@ -360,6 +360,7 @@ impl Renderer {
     pub(super) fn host_may_draw(&self, settings: &Settings) -> bool {
         let is_software = self.gpu.info().is_cpu();
         is_software
+            && self.is_helped
             && settings.splat.host_draws()
             && match settings.path {
                 Path::Auto => true,
