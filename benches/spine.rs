@@ -17,8 +17,9 @@ use surfel::math::camera::{Camera, View};
 use surfel::measure::Distribution;
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::{Outputs, Renderer};
+use surfel::render::vulkan::renderer::Renderer;
 use surfel::render::vulkan::scene::Scene;
 use surfel::render::{Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
@@ -278,7 +279,7 @@ fn hiding(model: &Model, name: &str) {
 fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
     let mut scene = Scene::new(gpu, model).expect("the model fits the device");
     let mut renderer =
-        Renderer::new(gpu, SIZE.0, SIZE.1, Outputs::default(), true).expect("a renderer");
+        Renderer::new(gpu, SIZE.0, SIZE.1, PictureOutputs::default(), true).expect("a renderer");
     let candidates = [
         (Method::Triangles, 1.0),
         (Method::Pop, 1.0),
@@ -355,8 +356,8 @@ fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
 /// The error of filtered splats against 16 samples of triangles a pixel, beside one exact sample and squares.
 fn filtering(gpu: &Arc<Gpu>, model: &Model, name: &str) {
     let backend = Backend::Device(gpu.clone());
-    let mut engine =
-        Engine::new(&backend, model, SIZE, Outputs::default()).expect("the model fits the device");
+    let mut engine = Engine::new(&backend, model, SIZE, PictureOutputs::default())
+        .expect("the model fits the device");
     let pop = |splat| Settings {
         splat,
         threshold_px: 1.0,
@@ -400,8 +401,8 @@ fn filtering(gpu: &Arc<Gpu>, model: &Model, name: &str) {
 /// What the factor of the depth offset does to filtered splats.
 fn offsets(gpu: &Arc<Gpu>, model: &Model, name: &str) {
     let backend = Backend::Device(gpu.clone());
-    let mut engine =
-        Engine::new(&backend, model, SIZE, Outputs::default()).expect("the model fits the device");
+    let mut engine = Engine::new(&backend, model, SIZE, PictureOutputs::default())
+        .expect("the model fits the device");
     let triangles = Settings {
         method: Method::Triangles,
         ..Settings::default()

@@ -18,8 +18,9 @@ use surfel::input;
 use surfel::math::camera::{Camera, View};
 use surfel::measure::Distribution;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::{FrameTimes, Outputs};
+use surfel::render::stats::FrameTimes;
 use surfel::render::{Blend, Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -90,7 +91,7 @@ fn splats(splat: SplatKind, blend: Blend, threshold_px: f32) -> Settings {
 }
 
 fn engine<'m>(backend: &Backend, model: &'m Model, size: (u32, u32)) -> Engine<'m> {
-    Engine::new(backend, model, size, Outputs::default()).expect("the model fits the device")
+    Engine::new(backend, model, size, PictureOutputs::default()).expect("the model fits the device")
 }
 
 /// Root of the mean squared error over object pixels, in levels of 255, against 16 samples of triangles.

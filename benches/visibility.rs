@@ -19,9 +19,9 @@ use surfel::math::camera::{Camera, View};
 use surfel::measure::Distribution;
 use surfel::pack::{ColorBy, splats};
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::frame_plan::{cut_settings, splat_plan};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Reconstruction, Settings};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -63,7 +63,7 @@ fn orbit(model: &Model, size: (u32, u32)) -> View {
 fn times(backend: &Backend, model: &Model, name: &str, frames: usize) {
     let size = (1024, 768);
     let view = orbit(model, size);
-    let mut engine = Engine::new(backend, model, size, Outputs::default()).expect("it fits");
+    let mut engine = Engine::new(backend, model, size, PictureOutputs::default()).expect("it fits");
     for threshold in [1.0, 3.0, 8.0] {
         let all = RECONSTRUCTIONS.map(|(how, _)| how);
         let found = passes::times(&mut engine, &view, threshold, &all, frames);
@@ -112,7 +112,7 @@ fn lost(model: &Model, view: &View, settings: &Settings, depth: &[f32], class: &
 fn errors(backend: &Backend, model: &Model, name: &str, thresholds: &[f32]) {
     let size = (500, 500);
     let view = orbit(model, size);
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: false,
         values: false,

@@ -4,8 +4,8 @@ use std::path::Path;
 use surfel::gpu::Options;
 use surfel::math::camera::Camera;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Settings};
 use surfel::{input, tree};
 
@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     );
     let view = camera.view(model.origin)?;
     let backend = Backend::open(&Options::default())?;
-    let mut engine = Engine::new(&backend, &model, (800, 600), Outputs::default())?;
+    let mut engine = Engine::new(&backend, &model, (800, 600), PictureOutputs::default())?;
     let settings = Settings {
         method: Method::Pop,
         threshold_px: 1.0,

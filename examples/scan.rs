@@ -13,8 +13,8 @@ use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Settings};
 use surfel::tree;
 
@@ -121,9 +121,9 @@ fn add_range_map(mesh: &mut Mesh, view: &View, seen: &Image, tint: [u8; 3], rand
 fn scan() -> Result<Mesh, Box<dyn std::error::Error>> {
     let statue = generate::mesh(&Spec::with_triangles(Shape::Statue, 100_000)?);
     let model = tree::build(statue, &tree::BuildOptions::default(), &Silent)?;
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
-        ..Outputs::default()
+        ..PictureOutputs::default()
     };
     let mut engine = Engine::new(&Backend::Mirror, &model, (SIDE, SIDE), outputs)?;
     let settings = Settings {

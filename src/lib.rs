@@ -20,7 +20,7 @@
 //! use surfel::math::camera::Camera;
 //! use surfel::render::Settings;
 //! use surfel::render::engine::{Backend, Engine};
-//! use surfel::render::vulkan::renderer::Outputs;
+//! use surfel::render::PictureOutputs;
 //! use surfel::progress::Silent;
 //! use surfel::{input, tree};
 //!
@@ -34,7 +34,7 @@
 //!     let view = Camera::orbit((800, 600), center, radius, 0.5, 0.35, 1.0).view(model.origin)?;
 //!     // The best device here; with `device: Some("mirror".into())` the CPU draws, without Vulkan.
 //!     let backend = Backend::open(&Options::default())?;
-//!     let mut engine = Engine::new(&backend, &model, (800, 600), Outputs::default())?;
+//!     let mut engine = Engine::new(&backend, &model, (800, 600), PictureOutputs::default())?;
 //!     let image = engine.render(&view, &Settings::default())?;
 //!     image.save_png(Path::new("horse.png"))?;
 //!     Ok(())

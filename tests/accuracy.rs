@@ -10,12 +10,12 @@ use surfel::generate::Shape;
 use surfel::image::compare;
 use surfel::math::camera::Camera;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions};
 
-const ALL: Outputs = Outputs {
+const ALL: PictureOutputs = PictureOutputs {
     depth: true,
     normal: true,
     values: false,
@@ -196,7 +196,8 @@ fn the_hybrid_at_one_pixel_is_close_to_supersampled_triangles() {
         models.push((name.to_owned(), model, is_smooth));
     }
     for (name, model, is_smooth) in &models {
-        let mut engine = Engine::new(&backend, model, (300, 300), Outputs::default()).unwrap();
+        let mut engine =
+            Engine::new(&backend, model, (300, 300), PictureOutputs::default()).unwrap();
         for fill in [1.0, 0.5] {
             let view = orbit(model, (300, 300), 30.0, 20.0, fill);
             let reference = engine
@@ -261,7 +262,7 @@ fn filtered_splats_beat_one_exact_sample_on_fine_detail() {
         &Silent,
     )
     .unwrap();
-    let mut engine = Engine::new(&backend, &model, (300, 300), Outputs::default()).unwrap();
+    let mut engine = Engine::new(&backend, &model, (300, 300), PictureOutputs::default()).unwrap();
     let filtered = Settings {
         splat: SplatKind::Filtered,
         ..settings(Method::Pop, 1.0)
@@ -298,7 +299,7 @@ fn filtered_rows_have_the_shades_of_their_needles() {
     let backend = Backend::Device(device.gpu().clone());
     let model = generated(Shape::Torus, 200_000);
     let size = (300, 300);
-    let mut engine = Engine::new(&backend, &model, size, Outputs::default()).unwrap();
+    let mut engine = Engine::new(&backend, &model, size, PictureOutputs::default()).unwrap();
     let view = orbit(&model, size, 30.0, 20.0, 1.0);
     let reference = engine
         .supersample(&view, &settings(Method::Triangles, 1.0), 4)

@@ -13,8 +13,10 @@ use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::ColorBy;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
+use surfel::render::stats::FrameTimes;
 use surfel::render::stats::Kept;
-use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::render::vulkan::renderer::Renderer;
 use surfel::render::vulkan::scene::Scene;
 use surfel::render::{Blend, ListOf, Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
@@ -22,10 +24,10 @@ use surfel::tree::{self, BuildOptions, Model};
 const SIZE: (u32, u32) = (240, 200);
 
 fn renderer(device: &Device) -> Renderer {
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: true,
-        ..Outputs::default()
+        ..PictureOutputs::default()
     };
     Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
 }
@@ -242,8 +244,14 @@ fn what_numbers_cannot_say_is_refused_by_name() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 20_000);
     let mut scene = Scene::new(device.gpu(), &model).unwrap();
-    let mut renderer =
-        Renderer::new(device.gpu(), SIZE.0, SIZE.1, Outputs::default(), true).unwrap();
+    let mut renderer = Renderer::new(
+        device.gpu(),
+        SIZE.0,
+        SIZE.1,
+        PictureOutputs::default(),
+        true,
+    )
+    .unwrap();
     let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);
     let usual = Settings {
         path: Path::Raster,

@@ -10,12 +10,12 @@ use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::cost::model::{
     Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PrimitiveCosts, SplatCosts, TriangleCosts,
     Ways,
 };
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Blend, Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -75,7 +75,7 @@ struct Drawn {
 
 fn engine<'m>(device: &Device, model: &'m Model, size: (u32, u32)) -> Engine<'m> {
     let backend = Backend::Vulkan(device.gpu().clone());
-    Engine::new(&backend, model, size, Outputs::default()).unwrap()
+    Engine::new(&backend, model, size, PictureOutputs::default()).unwrap()
 }
 
 fn draw(engine: &mut Engine<'_>, view: &View, settings: &Settings, costs: Option<Costs>) -> Drawn {

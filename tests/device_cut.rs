@@ -10,9 +10,11 @@ use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::render::PictureOutputs;
 use surfel::render::cost::model::Costs;
+use surfel::render::stats::FrameTimes;
 use surfel::render::stats::Kept;
-use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::render::vulkan::renderer::Renderer;
 use surfel::render::vulkan::scene::Scene;
 use surfel::render::{Blend, Culling, CutOn, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
@@ -20,9 +22,9 @@ use surfel::tree::Model;
 const SIZE: (u32, u32) = (240, 200);
 
 fn renderer(device: &Device) -> Renderer {
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
-        ..Outputs::default()
+        ..PictureOutputs::default()
     };
     Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
 }

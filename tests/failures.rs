@@ -14,10 +14,10 @@ use std::sync::OnceLock;
 use surfel::cut::{self, Cut};
 use surfel::failures::{Case, Cell, Look, Verdict, looks, rows};
 use surfel::image::{Picture, compare};
+use surfel::render::PictureOutputs;
 use surfel::render::Settings;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::frame_plan::cut_settings;
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::scenes;
 
 /// All scenes, made once for all tests of this file.
@@ -151,10 +151,15 @@ fn place_and_size_of_a_model_do_not_matter() {
         let case = cases().iter().find(|c| c.entry.name == name).unwrap();
         let settings = Settings::default();
         let size = (case.view.width, case.view.height);
-        Engine::new(&Backend::Mirror, &case.model, size, Outputs::default())
-            .unwrap()
-            .render(&case.view, &settings)
-            .unwrap()
+        Engine::new(
+            &Backend::Mirror,
+            &case.model,
+            size,
+            PictureOutputs::default(),
+        )
+        .unwrap()
+        .render(&case.view, &settings)
+        .unwrap()
     };
     let (far, small) = (draw("georeferenced"), draw("microscopic"));
     let d = compare(&far, &small, 1.0).unwrap();

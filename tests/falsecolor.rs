@@ -13,8 +13,9 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::{ColorBy, Lighting, Phong, falsecolor};
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::{Counts, Outputs};
+use surfel::render::stats::FrameCounts;
 use surfel::render::{Blend, Method, Occlusion, Path, Settings, Shading, SplatKind, frame_plan};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -50,9 +51,14 @@ fn backends() -> Backends {
     )
 }
 
-fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> (Image, Counts) {
+fn draw(
+    backend: &Backend,
+    model: &Model,
+    view: &View,
+    settings: &Settings,
+) -> (Image, FrameCounts) {
     let size = (view.width, view.height);
-    let mut engine = Engine::new(backend, model, size, Outputs::default()).unwrap();
+    let mut engine = Engine::new(backend, model, size, PictureOutputs::default()).unwrap();
     let counts = engine.draw(view, settings).unwrap().counts;
     (engine.read(view).unwrap(), counts)
 }
@@ -385,7 +391,7 @@ fn what_cannot_be_drawn_is_refused_by_name() {
         }
         for (settings, what) in cases {
             let size = (view.width, view.height);
-            let mut engine = Engine::new(backend, &model, size, Outputs::default()).unwrap();
+            let mut engine = Engine::new(backend, &model, size, PictureOutputs::default()).unwrap();
             let error = engine.draw(&view, &settings).unwrap_err().to_string();
             assert!(error.contains(what), "{error}");
         }
@@ -463,7 +469,7 @@ fn a_held_cut_is_drawn_wherever_the_camera_goes() {
             let is_filtered = splat == SplatKind::Filtered;
             if !is_filtered {
                 // The box that they are drawn in is wider.
-                let held_counts = Counts {
+                let held_counts = FrameCounts {
                     draw_list_bytes: counts.draw_list_bytes,
                     ..held_counts
                 };

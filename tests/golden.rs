@@ -19,8 +19,8 @@ use surfel::generate::{Shape, Spec};
 use surfel::gpu::Error;
 use surfel::image::{FloatImage, Image, difference_picture};
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::tree::{self, BuildOptions, Model};
 
 const SIDE: u32 = 128;
@@ -146,7 +146,8 @@ fn draws_the_goldens(backend: &Backend, by: PictureExecutor, oracle: PictureOrac
     let left = failures().join(format!("{by:?}"));
     let (mut wrong, mut drawn) = (Vec::new(), 0);
     for (model_name, model) in models() {
-        let mut engine = Engine::new(backend, &model, (SIDE, SIDE), Outputs::default()).unwrap();
+        let mut engine =
+            Engine::new(backend, &model, (SIDE, SIDE), PictureOutputs::default()).unwrap();
         for case in cases()
             .into_iter()
             .filter(|case| case.is_kept_of(model_name))

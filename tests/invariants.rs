@@ -9,21 +9,22 @@ use surfel::gpu::Options;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::{Outputs, Renderer};
+use surfel::render::vulkan::renderer::Renderer;
 use surfel::render::vulkan::scene::Scene;
 use surfel::render::{Culling, Method, Path, Reconstruction, Settings, SplatKind, Traversal};
 use surfel::tree::Model;
 
-const ALL: Outputs = Outputs {
+const ALL: PictureOutputs = PictureOutputs {
     depth: true,
     normal: true,
     values: false,
 };
 
 /// Sums have no normal.
-fn outputs_of((_, splat, _): (Method, SplatKind, f32)) -> Outputs {
-    Outputs {
+fn outputs_of((_, splat, _): (Method, SplatKind, f32)) -> PictureOutputs {
+    PictureOutputs {
         depth: true,
         normal: splat != SplatKind::Filtered,
         values: false,
@@ -172,7 +173,8 @@ fn where_the_traversal_starts_does_not_show() {
         (SplatKind::Filtered, 2.0),
     ] {
         let mut visited = [0; 2];
-        let engine = || Engine::new(&backend, &model, (160, 160), Outputs::default()).unwrap();
+        let engine =
+            || Engine::new(&backend, &model, (160, 160), PictureOutputs::default()).unwrap();
         let mut engines = [engine(), engine()];
         for view in &views {
             let both = [Traversal::Root, Traversal::Coherent].into_iter();
@@ -244,7 +246,8 @@ fn the_frame_loop_makes_nothing_new() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 50_000);
     let mut scene = Scene::new(device.gpu(), &model).unwrap();
-    let mut renderer = Renderer::new(device.gpu(), 200, 200, Outputs::default(), true).unwrap();
+    let mut renderer =
+        Renderer::new(device.gpu(), 200, 200, PictureOutputs::default(), true).unwrap();
     let views: Vec<View> = (0..8)
         .map(|k| orbit(&model, (200, 200), 45.0 * f64::from(k), 10.0, 2.0))
         .collect();
@@ -282,9 +285,9 @@ fn one_renderer_draws_frames_of_every_kind_as_a_new_one_does() {
     let size = (120, 100);
     let perspective = orbit(&model, size, 30.0, 20.0, 1.0);
     let parallel = common::orthographic(&model, size);
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
-        ..Outputs::default()
+        ..PictureOutputs::default()
     };
     let backend = Backend::Device(device.gpu().clone());
     for (method, splat, path) in [

@@ -12,13 +12,13 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::{Lamp, Lighting, Phong};
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Settings, Shading, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {
-    pictures::draw(backend, model, view, settings, Outputs::default()).unwrap()
+    pictures::draw(backend, model, view, settings, PictureOutputs::default()).unwrap()
 }
 
 fn from_camera(azimuth: f64, elevation: f64) -> Lamp {
@@ -367,10 +367,15 @@ fn filtered_splats_are_the_mean_in_a_lamp_too() {
         splat,
         ..with(from_camera(70.0, 20.0), 0.1, 0.2, 32.0)
     };
-    let reference = Engine::new(&Backend::Mirror, &rough, (120, 120), Outputs::default())
-        .unwrap()
-        .supersample(&view, &with_splat(Method::Triangles, SplatKind::Square), 4)
-        .unwrap();
+    let reference = Engine::new(
+        &Backend::Mirror,
+        &rough,
+        (120, 120),
+        PictureOutputs::default(),
+    )
+    .unwrap()
+    .supersample(&view, &with_splat(Method::Triangles, SplatKind::Square), 4)
+    .unwrap();
     let [squares, filtered] = [SplatKind::Square, SplatKind::Filtered].map(|splat| {
         let image = draw(
             &Backend::Mirror,
@@ -490,8 +495,13 @@ fn the_device_draws_what_the_mirror_draws() {
             light: Lighting::Phong(Phong::default()),
             ..headlight
         };
-        let mut engine =
-            Engine::new(&device_backend, &model, (100, 100), Outputs::default()).unwrap();
+        let mut engine = Engine::new(
+            &device_backend,
+            &model,
+            (100, 100),
+            PictureOutputs::default(),
+        )
+        .unwrap();
         let [a, b, again] =
             [&headlight, &lamp, &headlight].map(|s| engine.render(&view, s).unwrap());
         assert!(a == again && a != b, "{method:?} {splat:?}");

@@ -10,8 +10,9 @@ use surfel::generate::Shape;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::{Counts, Outputs};
+use surfel::render::stats::FrameCounts;
 use surfel::render::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, frame_plan};
 use surfel::scenes;
 use surfel::tree::{self, BuildOptions, Model};
@@ -34,7 +35,7 @@ struct Pair<'m>([Engine<'m>; 2]);
 
 impl<'m> Pair<'m> {
     fn new(backend: &Backend, model: &'m Model, size: (u32, u32)) -> Self {
-        let outputs = Outputs {
+        let outputs = PictureOutputs {
             depth: true,
             normal: true,
             values: false,
@@ -43,9 +44,9 @@ impl<'m> Pair<'m> {
     }
 
     /// Draws both, and compares color, depth and normals. Tells what was drawn of all.
-    fn assert_same(&mut self, view: &View, settings: Settings, what: &str) -> [Counts; 2] {
+    fn assert_same(&mut self, view: &View, settings: Settings, what: &str) -> [FrameCounts; 2] {
         let mut pictures = Vec::new();
-        let mut counts = [Counts::default(); 2];
+        let mut counts = [FrameCounts::default(); 2];
         for (i, occlusion) in [Occlusion::Off, Occlusion::On].into_iter().enumerate() {
             let settings = Settings {
                 occlusion,
@@ -244,7 +245,8 @@ fn splats_that_cover_what_cannot_be_told_hide_nothing() {
             ..Settings::default()
         };
         backends.each_ref().map(|backend| {
-            let mut engine = Engine::new(backend, &model, (100, 100), Outputs::default()).unwrap();
+            let mut engine =
+                Engine::new(backend, &model, (100, 100), PictureOutputs::default()).unwrap();
             engine.draw(&view, &settings).unwrap().counts
         })
     };
@@ -279,7 +281,7 @@ fn up_to_a_pixel_splats_cover_what_triangles_cover() {
     let backend = Backend::Device(device.gpu().clone());
     let covered = |model: &Model, settings: Settings, view: &View| -> Vec<bool> {
         let size = (view.width, view.height);
-        let outputs = Outputs {
+        let outputs = PictureOutputs {
             depth: true,
             normal: false,
             values: false,

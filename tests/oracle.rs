@@ -11,12 +11,12 @@ use surfel::math::camera::{Camera, Light, View};
 use surfel::mesh::Mesh;
 use surfel::pack::ColorBy;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
-const OUTPUTS: Outputs = Outputs {
+const OUTPUTS: PictureOutputs = PictureOutputs {
     depth: true,
     normal: true,
     values: false,
@@ -165,7 +165,7 @@ fn what_filtered_splats_cannot_draw_is_refused_by_name() {
         ..Settings::default()
     };
     for backend in [Backend::Device(device.gpu().clone()), Backend::Mirror] {
-        let refusal = |model: &Model, outputs: Outputs, settings: &Settings| {
+        let refusal = |model: &Model, outputs: PictureOutputs, settings: &Settings| {
             Engine::new(&backend, model, (64, 64), outputs)
                 .unwrap()
                 .render(&view, settings)
@@ -177,12 +177,12 @@ fn what_filtered_splats_cannot_draw_is_refused_by_name() {
             two_sided: false,
             ..settings
         };
-        assert!(refusal(&statue, Outputs::default(), &one_sided).contains("--one-sided"));
+        assert!(refusal(&statue, PictureOutputs::default(), &one_sided).contains("--one-sided"));
         let points = Settings {
             method: Method::Points,
             ..settings
         };
-        assert!(refusal(&statue, Outputs::default(), &points).contains("--method pop"));
+        assert!(refusal(&statue, PictureOutputs::default(), &points).contains("--method pop"));
     }
 }
 

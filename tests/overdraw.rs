@@ -11,9 +11,9 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::{ColorBy, falsecolor};
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::overdraw::Overdraw;
-use surfel::render::vulkan::renderer::Outputs;
+use surfel::render::stats::OverdrawSummary;
 use surfel::render::{
     Blend, Culling, Method, Occlusion, Path, Settings, Shading, SplatKind, SumFormat,
 };
@@ -46,11 +46,14 @@ fn counting(method: Method, splat: SplatKind, threshold_px: f32) -> Settings {
 /// The picture and the counts, which agree with each other and with the figures of the frame.
 fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> (Image, Vec<u32>) {
     let size = (view.width, view.height);
-    let mut engine = Engine::new(backend, model, size, Outputs::default()).unwrap();
+    let mut engine = Engine::new(backend, model, size, PictureOutputs::default()).unwrap();
     let times = engine.draw(view, settings).unwrap();
     let image = engine.read(view).unwrap();
     let counts = engine.overdraw().unwrap();
-    assert_eq!(times.overdraw, Some(Overdraw::of(counts.iter().copied())));
+    assert_eq!(
+        times.overdraw,
+        Some(OverdrawSummary::of(counts.iter().copied()))
+    );
     assert_eq!(counts.len(), image.color.len());
     let background = settings.background;
     for (&count, &shown) in counts.iter().zip(&image.color) {
@@ -136,8 +139,8 @@ fn points_in_one_place_are_as_many_as_they_are() {
             for (splat, covered) in [(SplatKind::Square, 25), (SplatKind::Disc, 16)] {
                 let settings = counting(Method::Points, splat, 5.0);
                 let (_, counts) = draw(backend, &model, &view, &settings);
-                let found = Overdraw::of(counts.iter().copied());
-                let expected = Overdraw {
+                let found = OverdrawSummary::of(counts.iter().copied());
+                let expected = OverdrawSummary {
                     covered,
                     primitives: covered * many as u64,
                     most: many as u32,
@@ -157,7 +160,7 @@ fn squares_of_a_pixel_are_one_count_each() {
         let settings = counting(Method::Points, SplatKind::Square, 1.0);
         let (_, counts) = draw(backend, &model, &view, &settings);
         // The whole model is in the picture.
-        let found = Overdraw::of(counts.iter().copied());
+        let found = OverdrawSummary::of(counts.iter().copied());
         assert_eq!(found.primitives, model.vertices.len() as u64);
     }
 }
@@ -200,7 +203,7 @@ fn device_and_mirror_count_the_same() {
             };
             let (_, ours) = draw(&device, &model, view, &settings);
             let size = (view.width, view.height);
-            let mut mirror = Engine::new(&Backend::Mirror, &model, size, Outputs::default())
+            let mut mirror = Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default())
                 .unwrap()
                 .with_subpixel_bits(subpixel_bits);
             mirror.draw(view, &settings).unwrap();
@@ -209,7 +212,7 @@ fn device_and_mirror_count_the_same() {
             let apart = || ours.iter().zip(&theirs).map(|(a, b)| a.abs_diff(*b));
             let differ = apart().filter(|&by| by > 0).count();
             let what = format!("{method:?} {splat:?} {blend:?}: {differ} of {covered}");
-            println!("{what}, {}", Overdraw::of(theirs.iter().copied()));
+            println!("{what}, {}", OverdrawSummary::of(theirs.iter().copied()));
             // A pixel center on a rim may fall on either side by a last bit: in 2 pixels of any of these pictures at most.
             // Filtered splats count where they overlap a pixel by however little, and their places are rounded to parts
             // of 256 of a pixel: rectangles of 10 pixels' outline end there by chance in a pixel of 50.
@@ -221,7 +224,7 @@ fn device_and_mirror_count_the_same() {
             assert!(covered > 6000 && differ <= covered / part, "{what}");
             assert!(apart().all(|by| by <= 2), "{what}");
             // As many more as less, so the figures are the same.
-            let [a, b] = [&ours, &theirs].map(|c| Overdraw::of(c.iter().copied()).mean());
+            let [a, b] = [&ours, &theirs].map(|c| OverdrawSummary::of(c.iter().copied()).mean());
             assert!((a - b).abs() <= 0.002 * b, "{what}: {a} {b}");
         }
     }
@@ -236,9 +239,9 @@ fn what_is_drawn_stays_the_same() {
     for backend in &backends.0 {
         for splat in [SplatKind::Square, SplatKind::Gauss, SplatKind::Filtered] {
             let settings = counting(Method::Pop, splat, 2.0);
-            let outputs = Outputs {
+            let outputs = PictureOutputs {
                 depth: true,
-                ..Outputs::default()
+                ..PictureOutputs::default()
             };
             let mut engine = Engine::new(backend, &model, (120, 100), outputs).unwrap();
             let counted = engine.render(&view, &settings).unwrap();
@@ -273,7 +276,7 @@ fn what_the_cut_leaves_out_is_not_counted() {
         // What is hidden is hidden by something that is there.
         assert!(off.iter().zip(on).all(|(off, on)| off >= on));
         assert!(off.iter().zip(on).all(|(off, on)| (*off > 0) == (*on > 0)));
-        let [off, on] = counts.map(|c| Overdraw::of(c).mean());
+        let [off, on] = counts.map(|c| OverdrawSummary::of(c).mean());
         assert!(on < 0.7 * off, "{on} {off}");
     }
 }
@@ -319,7 +322,7 @@ fn what_has_no_counts_is_refused_by_name() {
     let backends = backends();
     for backend in &backends.0 {
         let size = (view.width, view.height);
-        let mut engine = Engine::new(backend, &model, size, Outputs::default()).unwrap();
+        let mut engine = Engine::new(backend, &model, size, PictureOutputs::default()).unwrap();
         let settings = counting(Method::Pop, SplatKind::Gauss, 3.0);
         let mut refused = |settings: Settings, words: &str| {
             let error = engine.draw(&view, &settings).unwrap_err().to_string();

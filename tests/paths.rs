@@ -17,8 +17,8 @@ use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Blend, Culling, Method, Path, Settings, Shading, SplatKind, SumFormat};
 use surfel::tree::Model;
 
@@ -226,7 +226,7 @@ fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
     let is_software = common::host_draws(&device);
     let model = generated(Shape::Statue, 60_000);
     let size = (240, 200);
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: false,
         normal: false,
         values: false,
@@ -332,7 +332,7 @@ fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
             &Backend::Mirror,
             model,
             size,
-            Outputs {
+            PictureOutputs {
                 depth: true,
                 normal: false,
                 values: false,
@@ -395,7 +395,8 @@ fn assert_ways(
     let backend = Backend::Device(device.gpu().clone());
     for &(fill, threshold_px, path, is_wanted) in wanted {
         let view = orbit(&model, (200, 200), 30.0, 20.0, fill);
-        let mut engine = Engine::new(&backend, &model, (200, 200), Outputs::default()).unwrap();
+        let mut engine =
+            Engine::new(&backend, &model, (200, 200), PictureOutputs::default()).unwrap();
         let settings = Settings {
             path,
             ..settings(threshold_px)

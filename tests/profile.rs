@@ -47,9 +47,9 @@ use surfel::math::camera::View;
 use surfel::measure::profile::{Error, Plan, Profile, Proof};
 use surfel::measure::trace;
 use surfel::progress::{Progress, Silent};
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::Stage;
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
@@ -71,7 +71,7 @@ fn views(model: &Model, count: u32) -> Vec<View> {
 }
 
 fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings) -> Profile {
-    let mut engine = Engine::new(backend, model, SIZE, Outputs::default()).unwrap();
+    let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
     let plan = Plan {
         views,
         settings,
@@ -165,7 +165,7 @@ fn passes_stages_and_counters_hang_together() {
         };
         let profile = profile(&backend, &model, &views, &settings);
         check_times(&profile, passes, is_timed);
-        let mut engine = Engine::new(&backend, &model, SIZE, Outputs::default()).unwrap();
+        let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
         for (sample, view) in profile.samples.iter().zip(&views) {
             let image = engine.render(view, &settings).unwrap();
             let covered = image.color.iter().filter(|c| c[3] > 0).count() as u64;
@@ -257,7 +257,7 @@ fn measuring_changes_no_picture_and_makes_nothing_new() {
     let has_timestamps = device.gpu().info().timestamp_period_ns > 0.0;
     for splat in [SplatKind::Square, SplatKind::Filtered] {
         let settings = settings(Method::Pop, splat);
-        let mut engine = Engine::new(&backend, &model, SIZE, Outputs::default()).unwrap();
+        let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
         let mut pictures = Vec::new();
         let mut made = Vec::new();
         for round in 0..3 {
@@ -411,7 +411,8 @@ fn the_mirror_has_stages_and_counts() {
     let names: Vec<&str> = spans.iter().map(|s| s.2.as_str()).collect();
     assert_eq!(names, ["frame 0", "cut", "pack", "frame 1", "cut", "pack"]);
     // No view, no figures.
-    let mut engine = Engine::new(&Backend::Mirror, &model, SIZE, Outputs::default()).unwrap();
+    let mut engine =
+        Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
     let plan = Plan {
         views: &[],
         settings: &settings,
@@ -452,7 +453,8 @@ fn cancelling_ends_at_the_next_frame() {
     let model = common::generated(Shape::Sphere, 2_000);
     let views = views(&model, 4);
     let settings = settings(Method::Pop, SplatKind::Square);
-    let mut engine = Engine::new(&Backend::Mirror, &model, SIZE, Outputs::default()).unwrap();
+    let mut engine =
+        Engine::new(&Backend::Mirror, &model, SIZE, PictureOutputs::default()).unwrap();
     let plan = Plan {
         views: &views,
         settings: &settings,

@@ -18,8 +18,8 @@ use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
 use surfel::measure::{depth_error, normal_error};
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -104,7 +104,7 @@ impl<'m> Caster<'m> {
 }
 
 fn check_surface(name: &str, device: &Device, model: &Model, view: &View) {
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: true,
         values: false,
@@ -301,7 +301,8 @@ fn a_shade_between_two_levels_stays_between_them() {
         (Backend::Device(device.gpu().clone()), true),
         (Backend::Mirror, false),
     ] {
-        let mut engine = Engine::new(&backend, &model, (80, 60), Outputs::default()).unwrap();
+        let mut engine =
+            Engine::new(&backend, &model, (80, 60), PictureOutputs::default()).unwrap();
         for settings in averaged(is_device) {
             let name = format!(
                 "{} {:?} {:?} {:?}",
@@ -371,7 +372,7 @@ fn inside_of_a_surface_the_reference_is_exact_to_a_fraction_of_a_level() {
     }
     // The same mean of what a target of eight bits held is not.
     let backend = Backend::Device(device.gpu().clone());
-    let mut engine = Engine::new(&backend, &sphere, (200, 200), Outputs::default()).unwrap();
+    let mut engine = Engine::new(&backend, &sphere, (200, 200), PictureOutputs::default()).unwrap();
     let settings = Settings {
         method: Method::Triangles,
         ..Settings::default()

@@ -11,15 +11,21 @@ use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::{Counts, Outputs};
+use surfel::render::stats::FrameCounts;
 use surfel::render::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, frame_plan};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// A picture with its depths, what was drawn, and whether triangles were handed over as such.
-fn draw(device: &Device, model: &Model, view: &View, settings: &Settings) -> (Image, Counts, bool) {
+fn draw(
+    device: &Device,
+    model: &Model,
+    view: &View,
+    settings: &Settings,
+) -> (Image, FrameCounts, bool) {
     let backend = Backend::Device(device.gpu().clone());
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: false,
         values: false,
@@ -185,7 +191,7 @@ fn thresholds_of_little_more_than_a_pixel_are_a_pixel() {
     let device = device.iter().map(|d| Backend::Device(d.gpu().clone()));
     for backend in device.chain([Backend::Mirror]) {
         let size = (view.width, view.height);
-        let mut engine = Engine::new(&backend, &model, size, Outputs::default()).unwrap();
+        let mut engine = Engine::new(&backend, &model, size, PictureOutputs::default()).unwrap();
         for splat in [SplatKind::Square, SplatKind::Disc] {
             for occlusion in [Occlusion::Auto, Occlusion::Off] {
                 let mut draw = |threshold_px| {

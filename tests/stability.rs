@@ -15,8 +15,8 @@ use surfel::measure::motion::{self, Path, Plan, Steps, Subject, Target};
 use surfel::measure::temporal::{Figures, Rules, Sequence};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Reconstruction, Settings, SplatKind, frame_plan};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -107,7 +107,7 @@ fn a_lower_threshold_is_not_less_accurate_and_draws_no_less() {
     let thresholds = [16.0, 8.0, 4.0, 2.0, 1.0, 0.0f32];
     for (model_name, model) in models() {
         let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
-        let mut engine = Engine::new(&backend, &model, SIZE, Outputs::default()).unwrap();
+        let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
         let exact = settings(Method::Triangles, SplatKind::Square, 0.0);
         let reference = engine.supersample(&view, &exact, 4).unwrap();
         for method in [Method::Pop, Method::Splats] {
@@ -178,7 +178,7 @@ fn a_trembling_camera_changes_little() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
     for (model_name, model) in models().into_iter().skip(1) {
-        let mut engine = Engine::new(&backend, &model, SIZE, Outputs::default()).unwrap();
+        let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
         let center = model.origin + model.orbit_center.as_dvec3();
         let radius = f64::from(model.orbit_radius);
         let camera = Camera::orbit(SIZE, center, radius, 0.5, 0.35, 1.0);
@@ -231,7 +231,7 @@ fn pictures(
         1.0,
     );
     let view = camera.view(model.origin).unwrap();
-    let mut engine = Engine::new(backend, model, SIZE, Outputs::default()).unwrap();
+    let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
     looks
         .iter()
         .map(|s| engine.render(&view, s).unwrap())
@@ -352,7 +352,7 @@ fn along(
         samples_side,
         rules: Rules::default(),
     };
-    let mut engine = Engine::new(backend, model, SIZE, Outputs::default()).unwrap();
+    let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
     motion::measure(&mut engine, model, &plan, &Silent).unwrap()
 }
 

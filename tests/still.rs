@@ -11,9 +11,11 @@ use surfel::gpu::Options;
 use surfel::image::Image;
 use surfel::math::camera::{Light, View};
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
+use surfel::render::stats::FrameTimes;
 use surfel::render::stats::Kept;
-use surfel::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
+use surfel::render::vulkan::renderer::Renderer;
 use surfel::render::vulkan::scene::Scene;
 use surfel::render::{
     Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
@@ -62,7 +64,7 @@ impl<'m> Stand<'m> {
 }
 
 fn renderer(device: &Device) -> Renderer {
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: false,
         values: false,
@@ -166,7 +168,7 @@ fn nothing_is_kept_unless_it_is_asked_for() {
     let model = generated(Shape::Sphere, 5_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let backend = Backend::Device(device.gpu().clone());
-    let mut engine = Engine::new(&backend, &model, SIZE, Outputs::default()).unwrap();
+    let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
     let draw = |engine: &mut Engine<'_>| engine.draw(&view, &Settings::default()).unwrap().kept;
     for _ in 0..4 {
         assert_eq!(draw(&mut engine), Kept::Nothing);
@@ -492,7 +494,7 @@ fn what_was_foreseen_for_other_settings_is_not_drawn() {
         device.gpu(),
         300,
         200,
-        Outputs {
+        PictureOutputs {
             depth: true,
             normal: false,
             values: false,

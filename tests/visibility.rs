@@ -11,12 +11,12 @@ use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::ColorBy;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Blend, Method, Path, Reconstruction, Settings, Shading, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
-const ALL: Outputs = Outputs {
+const ALL: PictureOutputs = PictureOutputs {
     depth: true,
     normal: true,
     values: false,

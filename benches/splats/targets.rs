@@ -14,9 +14,10 @@ use surfel::math::camera::View;
 use surfel::pack;
 use surfel::pack::FuzzyList;
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine, style};
 use surfel::render::frame_plan::{cut_settings, splat_plan};
-use surfel::render::reference::{BlendPasses, Outputs, render_fuzzy};
+use surfel::render::reference::{BlendPasses, render_fuzzy};
 use surfel::render::{Blend, Method, Reconstruction, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -402,7 +403,14 @@ fn order_sensitivity(model: &Model, view: &View) -> u8 {
             has_coverage: settings.sums_coverage(true),
             ..FuzzyList::default()
         };
-        render_fuzzy(view, &list, &style, BlendPasses::Two, Outputs::default()).image
+        render_fuzzy(
+            view,
+            &list,
+            &style,
+            BlendPasses::Two,
+            PictureOutputs::default(),
+        )
+        .image
     };
     let first = picture(&list);
     let mut state = 1u64;

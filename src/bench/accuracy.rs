@@ -12,9 +12,9 @@ use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::Distribution;
 use crate::progress::Progress;
+use crate::render::PictureOutputs;
 use crate::render::engine::Engine;
 use crate::render::stats::FrameTimes;
-use crate::render::vulkan::renderer::Outputs;
 use crate::tree::Model;
 use std::time::Instant;
 
@@ -146,7 +146,7 @@ fn at_distance(
             &session.backend,
             model,
             SIZE,
-            Outputs::default(),
+            PictureOutputs::default(),
         )?),
         None => None,
     };

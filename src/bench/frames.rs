@@ -253,8 +253,8 @@ mod tests {
     use super::*;
     use crate::generate::{self, Shape, Spec};
     use crate::progress::Silent;
+    use crate::render::PictureOutputs;
     use crate::render::engine::Backend;
-    use crate::render::vulkan::renderer::Outputs;
     use crate::tree::{self, BuildOptions};
 
     #[test]
@@ -284,7 +284,8 @@ mod tests {
         let options = BuildOptions::default();
         let model = tree::build(generate::mesh(&spec), &options, &Silent).unwrap();
         let size = (20, 20);
-        let mut engine = Engine::new(&Backend::Mirror, &model, size, Outputs::default()).unwrap();
+        let mut engine =
+            Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default()).unwrap();
         let line = |is_rare| Line {
             name: String::new(),
             settings: Settings::default(),

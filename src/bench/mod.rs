@@ -24,8 +24,8 @@ pub use cases::{Case, Line, Plan};
 pub use report::{About, Figure, Place};
 
 use crate::gpu::Gpu;
+use crate::render::PictureOutputs;
 use crate::render::engine::{Backend, Engine};
-use crate::render::vulkan::renderer::Outputs;
 use crate::tree::Model;
 use calibrate::{Calibration, Found, Part};
 use rates::Bandwidth;
@@ -115,7 +115,7 @@ impl Session {
     /// # Errors
     /// As [`Engine::new`].
     pub fn engine<'m>(&self, model: &'m Model, size: (u32, u32)) -> Result<Engine<'m>, Error> {
-        let mut engine = Engine::new(&self.backend, model, size, Outputs::default())?;
+        let mut engine = Engine::new(&self.backend, model, size, PictureOutputs::default())?;
         engine.set_costs(Some(self.found.calibration.costs));
         Ok(engine)
     }

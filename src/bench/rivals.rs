@@ -146,16 +146,16 @@ mod tests {
     #[test]
     fn both_draw_what_the_triangles_show() {
         use crate::image::compare;
+        use crate::render::PictureOutputs;
         use crate::render::Settings;
         use crate::render::engine::{Backend, Engine};
-        use crate::render::vulkan::renderer::Outputs;
         let model = statue();
         let size = (200, 150);
         let view = orbit(&model, size, 0.9, 1, 9).unwrap();
         let settings = crate::bench::cases::triangles().settings;
         let draw = |model: &Model, settings: &Settings| {
             let mut engine =
-                Engine::new(&Backend::Mirror, model, size, Outputs::default()).unwrap();
+                Engine::new(&Backend::Mirror, model, size, PictureOutputs::default()).unwrap();
             engine.render(&view, settings).unwrap()
         };
         let picture = draw(&model, &settings);
@@ -169,7 +169,8 @@ mod tests {
         );
         // Shifted by a part of a pixel, as samples of a reference are.
         let shifted = crate::image::jittered(&view, 1, 4);
-        let mut engine = Engine::new(&Backend::Mirror, &model, size, Outputs::default()).unwrap();
+        let mut engine =
+            Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default()).unwrap();
         let moved = engine.render(&shifted, &settings).unwrap();
         let rays = rivals.caster.as_ref().unwrap().draw(&shifted);
         let [own, other] = [&moved, &picture].map(|p| compare(p, &rays, 8.0).unwrap());

@@ -1,6 +1,6 @@
 //! Published tables beside ours: the same window, thresholds and distances, as far as the sources say them.
 //!
-//! Counts can be compared, times only as ratios: the machines are of 2000 to 2009. Where a number of a source is missing
+//! FrameCounts can be compared, times only as ratios: the machines are of 2000 to 2009. Where a number of a source is missing
 //! or cannot be met, the row says why.
 
 pub mod benda;
@@ -11,9 +11,10 @@ use super::Error;
 use crate::math::camera::View;
 use crate::measure::Distribution;
 use crate::progress::Progress;
+use crate::render::PictureOutputs;
 use crate::render::Settings;
 use crate::render::engine::{Backend, Engine};
-use crate::render::vulkan::renderer::{Counts, Outputs};
+use crate::render::stats::FrameCounts;
 use crate::tree::Model;
 
 /// A model with what is known of it.
@@ -131,15 +132,15 @@ pub(super) fn measure(
     cells: &[Cell],
     repeats: u32,
     progress: &dyn Progress,
-) -> Result<Vec<(f64, Counts)>, Error> {
+) -> Result<Vec<(f64, FrameCounts)>, Error> {
     let Some(first) = cells.first() else {
         return Ok(Vec::new());
     };
     let size = (first.view.width, first.view.height);
-    let mut engine = Engine::new(backend, model, size, Outputs::default())?;
+    let mut engine = Engine::new(backend, model, size, PictureOutputs::default())?;
     progress.stage("frames", u64::from(repeats + 1) * cells.len() as u64);
     let mut times = vec![Vec::new(); cells.len()];
-    let mut counts = vec![Counts::default(); cells.len()];
+    let mut counts = vec![FrameCounts::default(); cells.len()];
     for round in 0..=repeats {
         for (i, cell) in cells.iter().enumerate() {
             if progress.is_cancelled() {

@@ -8,10 +8,10 @@ use crate::image::{Accumulator, Image, stratified};
 use crate::math::camera::{Camera, View};
 use crate::measure::{Distribution, frames};
 use crate::progress::Progress;
+use crate::render::PictureOutputs;
 use crate::render::cost::model::Costs;
 use crate::render::engine::{Backend, Engine};
 use crate::render::stats::FrameTimes;
-use crate::render::vulkan::renderer::Outputs;
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::Model;
 
@@ -134,7 +134,7 @@ impl<'m> Bench<'m> {
     /// # Errors
     /// As [`Engine::new`].
     pub fn new(backend: &Backend, model: &'m Model, size: (u32, u32)) -> Result<Self, gpu::Error> {
-        let outputs = |normal| Outputs {
+        let outputs = |normal| PictureOutputs {
             depth: true,
             normal,
             values: false,

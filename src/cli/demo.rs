@@ -9,8 +9,8 @@ use std::path::PathBuf;
 use surfel::image::contact_sheet;
 use surfel::measure::Distribution;
 use surfel::pack::ColorBy;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Settings, SplatKind};
 
 /// Draw the built-in statue (or another model) with every method: a picture each and a contact sheet.
@@ -153,7 +153,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     ));
     let backend = args.device.open()?;
     say(&format!("drawing on {}", backend.name()));
-    let mut engine = Engine::new(&backend, model, args.size, Outputs::default())?;
+    let mut engine = Engine::new(&backend, model, args.size, PictureOutputs::default())?;
     let settings: Vec<Settings> = SHOTS.iter().map(Shot::settings).collect();
     engine.set_costs(costs_of(&backend, &settings));
     // Only now, so that a model or device that is not there leaves no folder behind.
@@ -188,7 +188,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         // The first frame compiles shaders and grows buffers.
         engine.draw(&view, &settings)?;
         let mut frames = Vec::new();
-        let mut counts = surfel::render::vulkan::renderer::Counts::default();
+        let mut counts = surfel::render::stats::FrameCounts::default();
         for _ in 0..args.repeats {
             let times = engine.draw(&view, &settings)?;
             frames.push(times.frame_ms);

@@ -12,8 +12,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::measure::motion::{self, Plan, Steps, Subject, Target};
 use surfel::measure::temporal::{Rules, Sequence, TILE};
+use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Method, Settings};
 
 const EXAMPLES: &str = "\
@@ -216,7 +216,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let frames = motion::frames(&start, &Target::of(model), &steps, fits_planes)?;
     let size = (start.width, start.height);
     let backend = args.device.open()?;
-    let mut engine = Engine::new(&backend, model, size, Outputs::default())?;
+    let mut engine = Engine::new(&backend, model, size, PictureOutputs::default())?;
     let plan = Plan {
         frames: &frames,
         subjects: &subjects,

@@ -13,8 +13,8 @@ use surfel::measure::Distribution;
 use surfel::measure::profile::{Plan, Profile, Proof};
 use surfel::measure::report::Report;
 use surfel::progress::Progress;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
-use surfel::render::vulkan::renderer::Outputs;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -102,7 +102,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         .map(|c| c.view(ready.model.origin))
         .collect::<Result<Vec<_>, _>>()?;
     let backend = args.device.open()?;
-    let mut engine = Engine::new(&backend, &ready.model, size, Outputs::default())?;
+    let mut engine = Engine::new(&backend, &ready.model, size, PictureOutputs::default())?;
     engine.set_costs(costs_of(&backend, &[settings]));
     let plan = Plan {
         views: &views,

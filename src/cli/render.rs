@@ -13,13 +13,13 @@ use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
+use surfel::render::PictureOutputs;
 use surfel::render::Settings;
 use surfel::render::cost::model::Costs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameTimes;
+use surfel::render::stats::OverdrawSummary;
 use surfel::render::vulkan::overdraw;
-use surfel::render::vulkan::overdraw::Overdraw;
-use surfel::render::vulkan::renderer::Outputs;
 
 /// What draws pictures.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -407,7 +407,7 @@ impl Args {
 /// What the colors of overdraw mean, with the figures of all frames.
 fn tell_overdraw(times: &[FrameTimes]) {
     let counted = times.iter().filter_map(|t| t.overdraw);
-    if let Some(all) = counted.reduce(Overdraw::with) {
+    if let Some(all) = counted.reduce(OverdrawSummary::with) {
         say(&format!("surfel: {}", overdraw::legend_line()));
         say(&format!("surfel: {all}"));
     }
@@ -460,7 +460,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     };
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: args.depth.is_some(),
         normal: args.normals.is_some(),
         values: false,

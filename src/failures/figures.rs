@@ -7,9 +7,9 @@ use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
 use crate::progress::Silent;
+use crate::render::PictureOutputs;
 use crate::render::engine::{Backend, Engine};
 use crate::render::frame_plan::{cut_settings, for_view};
-use crate::render::vulkan::renderer::Outputs;
 use crate::render::{Culling, Method, Settings};
 use crate::scenes::{Entry, Expected, Scene};
 use crate::tree::{self, BuildOptions, Model};
@@ -165,7 +165,7 @@ impl Case {
                 ..Settings::default()
             };
             let size = (view.width, view.height);
-            let mut engine = Engine::new(backend, &model, size, Outputs::default())?;
+            let mut engine = Engine::new(backend, &model, size, PictureOutputs::default())?;
             let mut mean = Accumulator::new();
             let center = engine.render(&view, &settings)?;
             is_center_open = center.color.iter().map(|c| c[3] == 0).collect();

@@ -25,8 +25,8 @@ pub use rules::{Bound, Cell, Verdict, reach_px, rules};
 
 use crate::image::Image;
 use crate::progress::Progress;
+use crate::render::PictureOutputs;
 use crate::render::engine::{Backend, Engine};
-use crate::render::vulkan::renderer::Outputs;
 use crate::render::{Culling, Method, Settings, SplatKind};
 use crate::scenes::Entry;
 
@@ -261,7 +261,7 @@ impl Case {
             ..look.settings
         };
         let size = (self.view.width, self.view.height);
-        let mut engine = Engine::new(backend, &self.model, size, Outputs::default())?;
+        let mut engine = Engine::new(backend, &self.model, size, PictureOutputs::default())?;
         Ok(engine.render(&self.view, &settings)?)
     }
 }

@@ -323,8 +323,8 @@ mod tests {
     fn one_exact_sample_does_not_flicker_against_itself() {
         use crate::mesh::Mesh;
         use crate::progress::Silent;
+        use crate::render::PictureOutputs;
         use crate::render::engine::Backend;
-        use crate::render::vulkan::renderer::Outputs;
         let mesh = Mesh {
             positions: vec![Vec3::ZERO, Vec3::X, Vec3::Y],
             triangles: vec![[0, 1, 2]],
@@ -348,8 +348,13 @@ mod tests {
                 ..Settings::default()
             },
         });
-        let mut engine =
-            Engine::new(&Backend::Mirror, &model, (40, 40), Outputs::default()).unwrap();
+        let mut engine = Engine::new(
+            &Backend::Mirror,
+            &model,
+            (40, 40),
+            PictureOutputs::default(),
+        )
+        .unwrap();
         let mut plan = Plan {
             frames: &frames,
             subjects: &subjects,
@@ -375,8 +380,8 @@ mod tests {
     fn cuts_are_those_that_views_draw() {
         use crate::generate::{self, Shape, Spec};
         use crate::progress::Silent;
+        use crate::render::PictureOutputs;
         use crate::render::engine::Backend;
-        use crate::render::vulkan::renderer::Outputs;
         let mesh = generate::mesh(&Spec::with_triangles(Shape::Statue, 60_000).unwrap());
         let model =
             crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
@@ -396,8 +401,13 @@ mod tests {
                 ..Settings::default()
             },
         });
-        let mut engine =
-            Engine::new(&Backend::Mirror, &model, (40, 40), Outputs::default()).unwrap();
+        let mut engine = Engine::new(
+            &Backend::Mirror,
+            &model,
+            (40, 40),
+            PictureOutputs::default(),
+        )
+        .unwrap();
         let plan = Plan {
             frames: &frames,
             subjects: &subjects,

@@ -5,6 +5,7 @@ use crate::gpu::frame::Measure;
 use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
+use crate::render::PictureOutputs;
 use crate::render::cost::model::Costs;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::{CpuRenderer, FactedModel};
@@ -13,7 +14,8 @@ use crate::render::frame_plan::{check, for_view};
 use crate::render::model_facts::ModelFacts;
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
-use crate::render::vulkan::renderer::{FrameTimes, Outputs, Renderer};
+use crate::render::stats::FrameTimes;
+use crate::render::vulkan::renderer::Renderer;
 use crate::render::vulkan::scene::Scene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
@@ -74,7 +76,7 @@ impl Backend {
 #[derive(Debug)]
 pub struct Engine<'m> {
     model: &'m Model,
-    outputs: Outputs,
+    outputs: PictureOutputs,
     device: Option<DeviceEngine>,
     cpu: Option<CpuEngine>,
     reference: Option<Box<MirrorEngine>>,
@@ -120,7 +122,7 @@ impl<'m> Engine<'m> {
         backend: &Backend,
         model: &'m Model,
         (width, height): (u32, u32),
-        outputs: Outputs,
+        outputs: PictureOutputs,
     ) -> Result<Self, Error> {
         let cpu = |facts: Option<ModelFacts>| CpuEngine {
             renderer: Box::new(CpuRenderer::new(width, height)),
@@ -347,9 +349,9 @@ impl<'m> Engine<'m> {
             return self.render(view, settings);
         };
         check(self.model, settings, self.outputs, f32::INFINITY)?;
-        let values = Outputs {
+        let values = PictureOutputs {
             values: true,
-            ..Outputs::default()
+            ..PictureOutputs::default()
         };
         let outputs = std::mem::replace(&mut reference.outputs, values);
         let settings = for_view(settings, self.model, view);

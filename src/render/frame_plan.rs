@@ -6,7 +6,7 @@ use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pack;
 use crate::pack::{ColorBy, Footprint};
-use crate::render::reference::Outputs;
+use crate::render::PictureOutputs;
 use crate::render::{
     Blend, Culling, Method, Occlusion, Path, Settings, Shading, SplatKind, Traversal,
 };
@@ -258,7 +258,7 @@ pub fn filtered_shade(
 pub fn check(
     _model: &Model,
     settings: &Settings,
-    outputs: Outputs,
+    outputs: PictureOutputs,
     max_size_px: f32,
 ) -> Result<(), Error> {
     if settings.color_by == ColorBy::Classification && !settings.draws_visibility() {
@@ -294,7 +294,7 @@ pub fn check(
 }
 
 /// Refuses by name where overdraw cannot be counted.
-fn check_overdraw(settings: &Settings, outputs: Outputs) -> Result<(), Error> {
+fn check_overdraw(settings: &Settings, outputs: PictureOutputs) -> Result<(), Error> {
     let why = if outputs.values {
         "a mean of the colors of counts is the color of no count; draw one sample a pixel"
     } else if settings.path == Path::Compute {
@@ -358,7 +358,11 @@ fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
 /// # Errors
 /// For points without a tree, normals as output, one-sided light, and thresholds above
 /// `max_size_px`.
-fn check_filtered(settings: &Settings, outputs: Outputs, max_size_px: f32) -> Result<(), Error> {
+fn check_filtered(
+    settings: &Settings,
+    outputs: PictureOutputs,
+    max_size_px: f32,
+) -> Result<(), Error> {
     let why = if settings.method == Method::Points {
         "points have no areas without a tree; use --method pop or splats"
     } else if outputs.normal {

@@ -1,23 +1,26 @@
 //! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
 //! mirror on the CPU that tests compare it with.
 
+pub(crate) mod compute_limits;
 pub mod cost;
 pub mod cpu;
 pub mod engine;
 pub(crate) mod frame_constants;
 pub mod frame_plan;
 pub mod model_facts;
+mod outputs;
 pub mod reference;
 pub(crate) mod screen_bounds;
 mod settings;
 pub mod stats;
 pub mod vulkan;
 
+pub use crate::render::outputs::PictureOutputs;
 pub use crate::render::settings::{
     Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
     SplatKind, SumFormat, Traversal,
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;
-pub use crate::render::vulkan::opaque::compute::LARGEST_ELLIPSE_PX as LARGEST_COMPUTE_ELLIPSE_PX;
-pub use crate::render::vulkan::opaque::compute::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;
+pub use crate::render::compute_limits::LARGEST_ELLIPSE_PX as LARGEST_COMPUTE_ELLIPSE_PX;
+pub use crate::render::compute_limits::LARGEST_SQUARE_PX as LARGEST_COMPUTE_SQUARE_PX;

@@ -2,9 +2,81 @@
 
 use crate::gpu::frame::{DeviceTimes, PassCounters};
 use crate::gpu::profile::PassTime;
-use crate::render::vulkan::overdraw::Overdraw;
-use crate::render::vulkan::renderer::Counts;
 use std::time::Instant;
+
+/// FrameCounts of one frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
+pub struct FrameCounts {
+    /// Nodes and leaves that the cut looked at, when it was chosen.
+    pub nodes_visited: u64,
+    /// Splats of the cut that are left out because nearer ones hide them, or because they are smaller than a pixel and contain
+    /// no center.
+    pub hidden: u64,
+    /// Triangles of the cut that are left out because they lie between the centers of pixels.
+    pub between: u64,
+    /// Splats drawn.
+    pub splats: u64,
+    /// Triangles drawn.
+    pub triangles: u64,
+    /// Vertices drawn as points.
+    pub points: u64,
+    /// Bytes of the draw lists.
+    pub draw_list_bytes: u64,
+}
+
+/// How many primitives cover the pixels of a picture.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct OverdrawSummary {
+    /// Pixels that one covers at least.
+    pub covered: u64,
+    /// Sum over all pixels.
+    pub primitives: u64,
+    /// The largest count of a pixel.
+    pub most: u32,
+}
+
+impl OverdrawSummary {
+    /// That of counts of pixels.
+    pub fn of(counts: impl IntoIterator<Item = u32>) -> Self {
+        counts.into_iter().fold(Self::default(), |sum, count| Self {
+            covered: sum.covered + u64::from(count > 0),
+            primitives: sum.primitives + u64::from(count),
+            most: sum.most.max(count),
+        })
+    }
+
+    /// That of this picture and another together.
+    #[must_use]
+    pub fn with(self, other: Self) -> Self {
+        Self {
+            covered: self.covered + other.covered,
+            primitives: self.primitives + other.primitives,
+            most: self.most.max(other.most),
+        }
+    }
+
+    /// Mean over the pixels that are covered; 0 of none.
+    pub fn mean(&self) -> f64 {
+        if self.covered > 0 {
+            self.primitives as f64 / self.covered as f64
+        } else {
+            0.0
+        }
+    }
+}
+
+impl std::fmt::Display for OverdrawSummary {
+    /// In words, without an end of line.
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "overdraw: mean {:.2} in {} covered pixels, most {}",
+            self.mean(),
+            self.covered,
+            self.most
+        )
+    }
+}
 
 /// What one frame cost.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -32,9 +104,9 @@ pub struct FrameTimes {
     /// What each pass counted; empty unless [`Engine::measure`](crate::render::engine::Engine::measure) asked for it.
     pub counters: Vec<PassCounters>,
     /// What was drawn.
-    pub counts: Counts,
+    pub counts: FrameCounts,
     /// How much of that covers a pixel, where that is shown ([`ColorBy::Overdraw`](crate::pack::ColorBy::Overdraw)).
-    pub overdraw: Option<Overdraw>,
+    pub overdraw: Option<OverdrawSummary>,
     /// What was not made again; the counts are those of what is drawn all the same.
     pub kept: Kept,
     /// Bytes that the host wrote for the device: draw lists, unless they were kept, and uniform blocks.

@@ -8,9 +8,9 @@ use super::input::Command;
 use super::lamp::Kind;
 use super::text::count;
 use crate::pack::{ColorBy, Lighting};
+use crate::render::stats::FrameCounts;
+use crate::render::stats::OverdrawSummary;
 use crate::render::vulkan::overdraw;
-use crate::render::vulkan::overdraw::Overdraw;
-use crate::render::vulkan::renderer::Counts;
 use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use egui::{
     Area, Color32, ComboBox, DragValue, Frame, Grid, RichText, ScrollArea, Slider, Ui, pos2,
@@ -52,9 +52,9 @@ pub struct State<'a> {
     /// Median time of the last frames, milliseconds.
     pub frame_ms: f64,
     /// What the last frame drew.
-    pub counts: Counts,
+    pub counts: FrameCounts,
     /// What covers its pixels, where that decides the color.
-    pub overdraw: Option<Overdraw>,
+    pub overdraw: Option<OverdrawSummary>,
     /// The threshold of the last frame, and what is known about the time of frames, where that is controlled.
     pub control: Option<(f32, f64, Report)>,
     /// The user flies.
@@ -438,7 +438,7 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Kind) {
 }
 
 /// What the colors of overdraw mean, and the figures of the last frame.
-fn legend(ui: &mut Ui, found: Option<Overdraw>) {
+fn legend(ui: &mut Ui, found: Option<OverdrawSummary>) {
     ui.horizontal(|ui| {
         ui.spacing_mut().item_spacing.x = 0.0;
         let steps: Vec<(u32, [f32; 3], &str)> = overdraw::legend().collect();

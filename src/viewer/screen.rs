@@ -11,9 +11,11 @@ use crate::gpu::surface::Surface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
+use crate::render::PictureOutputs;
 use crate::render::cost::model::{Costs, SplatCosts, Ways};
+use crate::render::stats::FrameTimes;
 use crate::render::vulkan::renderer::present::Show;
-use crate::render::vulkan::renderer::{FrameTimes, Outputs, Renderer, Submitted};
+use crate::render::vulkan::renderer::{Renderer, Submitted};
 use crate::render::vulkan::scene::Scene;
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::Model;
@@ -145,7 +147,7 @@ pub(super) struct Screen {
     costs: Option<Costs>,
 }
 
-const OUTPUTS: Outputs = Outputs {
+const OUTPUTS: PictureOutputs = PictureOutputs {
     depth: false,
     normal: false,
     values: false,

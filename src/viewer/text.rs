@@ -2,8 +2,9 @@
 
 use crate::gpu::profile::PassTime;
 use crate::math::camera::Light;
+use crate::render::stats::FrameCounts;
+use crate::render::stats::FrameTimes;
 use crate::render::vulkan::overdraw;
-use crate::render::vulkan::renderer::{Counts, FrameTimes};
 use crate::render::{Method, Settings};
 use crate::tree::Model;
 use crate::viewer::{choices, lamp};
@@ -42,7 +43,7 @@ pub fn method(method: Method) -> &'static str {
     }
 }
 
-fn counts(counts: &Counts) -> String {
+fn counts(counts: &FrameCounts) -> String {
     let parts: Vec<String> = [
         (counts.splats, "splats"),
         (counts.triangles, "triangles"),
@@ -60,7 +61,7 @@ fn counts(counts: &Counts) -> String {
 }
 
 /// The title while a model is shown; with `frame` milliseconds and counts of the last frame.
-pub fn title(name: &str, settings: &Settings, frame: Option<(f64, &Counts)>) -> String {
+pub fn title(name: &str, settings: &Settings, frame: Option<(f64, &FrameCounts)>) -> String {
     let Some((frame_ms, drawn)) = frame else {
         return format!("{name} - surfel");
     };
@@ -186,10 +187,10 @@ mod tests {
             threshold_px: 1.25,
             ..Settings::default()
         };
-        let counts = Counts {
+        let counts = FrameCounts {
             splats: 1_234_567,
             triangles: 89,
-            ..Counts::default()
+            ..FrameCounts::default()
         };
         assert_eq!(
             title("scan.ply", &settings, Some((12.345, &counts))),
@@ -198,7 +199,7 @@ mod tests {
         assert_eq!(title("scan.ply", &settings, None), "scan.ply - surfel");
         settings.method = Method::Triangles;
         assert_eq!(
-            title("x", &settings, Some((0.04, &Counts::default()))),
+            title("x", &settings, Some((0.04, &FrameCounts::default()))),
             "x - triangles - 0.0 ms - nothing in view - surfel"
         );
         assert_eq!(

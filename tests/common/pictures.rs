@@ -7,14 +7,14 @@ use glam::Vec3;
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
+use surfel::render::PictureOutputs;
 use surfel::render::Settings;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::tree::Model;
 
 /// Depths beside the color, and normals where `has_normals`.
-pub(crate) fn with_depth(has_normals: bool) -> Outputs {
-    Outputs {
+pub(crate) fn with_depth(has_normals: bool) -> PictureOutputs {
+    PictureOutputs {
         depth: true,
         normal: has_normals,
         values: false,
@@ -27,7 +27,7 @@ pub(crate) fn draw(
     model: &Model,
     view: &View,
     settings: &Settings,
-    outputs: Outputs,
+    outputs: PictureOutputs,
 ) -> Result<Image, Error> {
     let engine = Engine::new(backend, model, (view.width, view.height), outputs)?;
     let mut engine = match backend {

@@ -4,7 +4,8 @@ use crate::scene::*;
 use glam::DVec3;
 use surfel::image::{Accumulator, Image, compare, jittered};
 use surfel::pack::Style;
-use surfel::render::reference::{Outputs, render};
+use surfel::render::PictureOutputs;
+use surfel::render::reference::render;
 
 /// Area of the unit square at (0, 0) below the line y = a x + b.
 fn area_below(a: f64, b: f64) -> f64 {
@@ -35,12 +36,17 @@ fn the_mean_of_jittered_pictures_is_the_covered_area() {
                 &jittered(&view, i, 4),
                 &model.list(),
                 &Style::default(),
-                Outputs::default(),
+                PictureOutputs::default(),
             );
             sum.add(&image).unwrap();
         }
         let mean = sum.mean();
-        let single = render(&view, &model.list(), &Style::default(), Outputs::default());
+        let single = render(
+            &view,
+            &model.list(),
+            &Style::default(),
+            PictureOutputs::default(),
+        );
         let (mut largest, mut largest_single): (f64, f64) = (0.0, 0.0);
         let mut signed = 0.0;
         for y in 0..64 {
@@ -72,7 +78,7 @@ fn comparing_pictures_sees_a_moved_sphere() {
             &sphere_view(3.0, 200),
             &model.list(),
             &Style::default(),
-            Outputs::default(),
+            PictureOutputs::default(),
         )
     };
     let here = draw(0.0);

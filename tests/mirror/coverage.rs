@@ -7,8 +7,9 @@ use surfel::abi::Splat;
 use surfel::generate::{Shape, Spec};
 use surfel::pack::{DrawList, Style};
 use surfel::progress::Silent;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::reference::{Outputs, render};
+use surfel::render::reference::render;
 use surfel::render::{Method, Settings};
 use surfel::tree::{BuildOptions, build};
 
@@ -179,7 +180,12 @@ fn an_engine_snaps_to_the_grid_it_is_told() {
             ..Settings::default()
         };
         let draw = |bits: Option<u32>| {
-            let engine = Engine::new(&Backend::Mirror, &model, (128, 128), Outputs::default());
+            let engine = Engine::new(
+                &Backend::Mirror,
+                &model,
+                (128, 128),
+                PictureOutputs::default(),
+            );
             let engine = engine.unwrap();
             let mut engine = match bits {
                 Some(bits) => engine.with_subpixel_bits(bits),
@@ -239,7 +245,7 @@ fn pixels_without_a_surface_show_the_background() {
         &flat_view(),
         &DrawList::default(),
         &style,
-        Outputs::default(),
+        PictureOutputs::default(),
     );
     assert!(bare.depth.is_empty() && bare.normal.is_empty());
 }

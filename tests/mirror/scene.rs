@@ -7,9 +7,10 @@ use surfel::image::Image;
 use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
 use surfel::pack::{DrawList, Style};
-use surfel::render::reference::{Outputs, render};
+use surfel::render::PictureOutputs;
+use surfel::render::reference::render;
 
-pub(crate) const BOTH: Outputs = Outputs {
+pub(crate) const BOTH: PictureOutputs = PictureOutputs {
     depth: true,
     normal: true,
     values: false,

@@ -7,7 +7,8 @@ use surfel::abi::{Splat, Vertex};
 use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
 use surfel::pack::{ColorBy, DrawList, Style};
-use surfel::render::reference::{Outputs, render};
+use surfel::render::PictureOutputs;
+use surfel::render::reference::render;
 
 #[test]
 fn nearer_wins_and_the_first_drawn_wins_ties() {
@@ -62,7 +63,8 @@ fn splats_before_the_near_and_behind_the_far_plane_are_dropped() {
             splats: &splats,
             ..DrawList::default()
         };
-        let covered = render(&view, &list, &Style::default(), Outputs::default()).covered_pixels();
+        let covered =
+            render(&view, &list, &Style::default(), PictureOutputs::default()).covered_pixels();
         assert_eq!(covered, u64::from(is_drawn), "distance {z}");
     }
 }
@@ -143,7 +145,7 @@ fn the_point_light_is_in_the_eye_and_the_directional_one_along_the_view() {
         ..DrawList::default()
     };
     let level = |view: &View| {
-        let image = render(view, &list, &Style::default(), Outputs::default());
+        let image = render(view, &list, &Style::default(), PictureOutputs::default());
         image.color.iter().find(|c| c[3] > 0).unwrap()[0]
     };
     let cosine = 4.0 / Vec3::new(2.01, 0.01, 4.0).length();

@@ -4,8 +4,8 @@ use super::common::{self, Device, generated, orbit};
 use super::{assert_same, assert_ways, built, colored_cloud, draw, passes, pictures};
 use surfel::generate::Shape;
 use surfel::pack::ColorBy;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Path, Settings, SplatKind};
 
 fn ellipses(threshold_px: f32) -> Settings {
@@ -27,7 +27,7 @@ fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
     let torus = generated(Shape::Torus, 60_000);
     let cloud = colored_cloud();
     let size = (400, 320);
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: false,
         values: false,

@@ -3,8 +3,8 @@
 use super::common::{self, Device, generated, orbit};
 use super::{built, colored, passes, pictures};
 use surfel::generate::Shape;
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 
 /// Asserts of statue, torus, a model of colors and its points that the host's pictures are those of the rasterizer. How many the
@@ -21,7 +21,7 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 2]> {
     ];
     let size = (240, 200);
     let on_device = Backend::Vulkan(device.gpu().clone());
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: false,
         values: false,

@@ -5,8 +5,8 @@ use super::{assert_same, assert_ways, built, colored_cloud, draw, passes, pictur
 use surfel::generate::Shape;
 use surfel::image::Image;
 use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Outputs;
 use surfel::render::{Culling, Method, Path, Reconstruction, Settings};
 
 /// At every threshold and in every reconstruction: alone, beside triangles, beside splats that are too large for compute.
@@ -45,7 +45,7 @@ fn visibility_splats_are_the_same_at_every_size() {
             let view = orbit(model, size, 30.0, 20.0, fill);
             let what = format!("{name}, {threshold_px}, {reconstruction:?}");
             assert_same(&device, model, &view, settings, &what);
-            let mut engine = Engine::new(&backend, model, size, Outputs::default()).unwrap();
+            let mut engine = Engine::new(&backend, model, size, PictureOutputs::default()).unwrap();
             let insisting = Settings {
                 path: Path::Compute,
                 ..settings

@@ -289,7 +289,7 @@ fn no_holes_in_closed_surfaces() {
             &backend,
             &model,
             size,
-            surfel::render::vulkan::renderer::Outputs::default(),
+            surfel::render::PictureOutputs::default(),
         )
         .unwrap();
         let mut holes = [0; 2];
@@ -397,7 +397,7 @@ fn what_cannot_be_blended_is_refused_by_name() {
     let model = generated(Shape::Sphere, 500);
     let view = orbit(&model, (40, 40), 0.0, 0.0, 1.0);
     let refusal = |settings: Settings| {
-        let outputs = surfel::render::vulkan::renderer::Outputs::default();
+        let outputs = surfel::render::PictureOutputs::default();
         surfel::render::engine::Engine::new(&backend, &model, (40, 40), outputs)
             .unwrap()
             .render(&view, &settings)

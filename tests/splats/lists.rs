@@ -5,7 +5,8 @@ use surfel::abi::{Splat, WeightedSplat};
 use surfel::math::camera::{Camera, View};
 use surfel::math::octahedral;
 use surfel::pack::{Footprint, FuzzyList, Style};
-use surfel::render::reference::{BlendPasses, FuzzyRendering, Outputs, render_fuzzy};
+use surfel::render::PictureOutputs;
+use surfel::render::reference::{BlendPasses, FuzzyRendering, render_fuzzy};
 
 fn view() -> View {
     Camera::look_at(
@@ -47,7 +48,7 @@ fn render(splats: &[WeightedSplat], style: &Style, passes: BlendPasses) -> Fuzzy
         splats,
         ..FuzzyList::default()
     };
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: false,
         values: false,

@@ -9,12 +9,13 @@ use crate::gpu::device::Kind;
 use crate::math::camera::View;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
+use crate::render::PictureOutputs;
 use crate::render::cost::model::{
     Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PrimitiveCosts, SIZES_PX, SplatCosts,
     TriangleCosts, Ways, pixels_of,
 };
 use crate::render::frame_plan::cut_settings;
-use crate::render::vulkan::renderer::{Outputs, Renderer};
+use crate::render::vulkan::renderer::Renderer;
 use crate::render::vulkan::scene::Scene;
 use crate::render::{Culling, CutOn, Method, Occlusion, Path, Settings, SplatKind};
 use crate::tree::{self, BuildOptions, Model};
@@ -149,7 +150,7 @@ impl Stand {
             ..Mesh::default()
         };
         Ok(Self {
-            renderer: Renderer::new(gpu, side, side, Outputs::default(), true)?,
+            renderer: Renderer::new(gpu, side, side, PictureOutputs::default(), true)?,
             statue: Stage::new(gpu, statue)?,
             corners: Stage::new(gpu, corners)?,
             side,

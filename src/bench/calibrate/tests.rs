@@ -3,7 +3,7 @@ use super::*;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::profile::PassTime;
 use crate::render::cost::model::{PassCosts, SplatCosts, TriangleCosts, Ways};
-use crate::render::vulkan::renderer::Counts;
+use crate::render::stats::FrameCounts;
 
 #[test]
 fn passes_over_the_picture_are_told_from_those_over_primitives() {
@@ -13,10 +13,10 @@ fn passes_over_the_picture_are_told_from_those_over_primitives() {
                 .iter()
                 .map(|&(name, ms)| PassTime { name, ms })
                 .collect(),
-            counts: Counts {
+            counts: FrameCounts {
                 triangles,
                 splats: 9,
-                ..Counts::default()
+                ..FrameCounts::default()
             },
             submit_ms: 1.0,
             wait_ms: 2.0,

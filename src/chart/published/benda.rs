@@ -384,7 +384,7 @@ fn frames(
     name: &str,
     theirs: &[Frame],
     published: &Published,
-    ours: &dyn Fn(usize) -> (f64, (f64, crate::render::vulkan::renderer::Counts)),
+    ours: &dyn Fn(usize) -> (f64, (f64, crate::render::stats::FrameCounts)),
 ) -> Table {
     let mut table = Table::new(
         format!("Benda, {title}"),

@@ -8,10 +8,52 @@ use crate::pack::splats::pixels_of_unit;
 use crate::render::cost::model::{Chosen, Costs, Load, Paths, Pixels};
 use crate::render::frame_plan::{Drawing, LARGEST_HIDDEN_PX};
 use crate::render::screen_bounds;
-use crate::render::vulkan::blended::compute::Share;
-use crate::render::vulkan::opaque::compute::pays;
 use crate::render::{Occlusion, Path, Settings, SplatKind};
 use crate::tree::Model;
+
+/// What compute draws of a list of splats.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ComputeShare {
+    /// Nothing: the rasterizer draws all.
+    Nothing,
+    /// What is small; there may be larger ones.
+    Small,
+    /// Everything: all are small.
+    All,
+}
+
+impl ComputeShare {
+    /// Of a list of `splats` beside `others` that are rastered, in a frame that may be drawn by compute.
+    ///
+    /// Where the rasterizer draws as well, its depth and its sums are merged with those of compute, which costs a software
+    /// device some 20 ns a pixel; a small splat saves it 100 to 150.
+    pub(crate) fn of(
+        settings: &Settings,
+        (splats, others): (usize, usize),
+        has_large: bool,
+        rect_px: [u32; 4],
+    ) -> Self {
+        let is_alone = others == 0 && !has_large;
+        let is_many = 8 * splats as u64 >= screen_bounds::pixels(rect_px);
+        if settings.path != Path::Compute && !is_alone && !is_many {
+            Self::Nothing
+        } else {
+            Self::of_all(has_large)
+        }
+    }
+
+    /// All that compute can draw of a list; whether there are larger splats in it.
+    pub(crate) fn of_all(has_large: bool) -> Self {
+        if has_large { Self::Small } else { Self::All }
+    }
+}
+
+/// Whether `count` primitives are enough to pay for the pass that shades the picture, by a rule of thumb for devices whose
+/// costs are not known: `least` of them for each pixel of the rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
+/// (triangles), drawing a primitive by compute instead of the rasterizer saves it about 60 to 80.
+pub(crate) fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
+    settings.path == Path::Compute || count as f64 >= least * screen_bounds::pixels(rect_px) as f64
+}
 
 /// What a frame asks for, as far as it is known once its cut is.
 #[derive(Debug, Clone, Copy)]
@@ -49,7 +91,7 @@ pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: 
     if !has_own || step == 0 {
         return usual;
     }
-    let most = crate::render::vulkan::opaque::compute::largest_point_px(settings, None);
+    let most = crate::render::compute_limits::largest_point_px(settings, None);
     let (mut sum, mut count) = (0.0, 0.0);
     for &leaf in cut.leaves.iter().step_by(step) {
         let sphere = &model.tree.leaves[leaf as usize];
@@ -174,7 +216,7 @@ impl Asked<'_> {
     }
 
     /// What compute draws of blended splats beside `others` that are rasterized; `has_large`: splats may be too large.
-    pub(crate) fn blended(&self, others: usize, has_large: bool) -> Share {
+    pub(crate) fn blended(&self, others: usize, has_large: bool) -> ComputeShare {
         let kind = match Drawing::of(self.settings) {
             Drawing::Filtered => SplatKind::Filtered,
             _ => SplatKind::Gauss,
@@ -190,14 +232,14 @@ impl Asked<'_> {
             Some(chosen) => {
                 log("blended splats", &chosen);
                 match (chosen.choice, has_large) {
-                    (Path::Compute, true) => Share::Small,
-                    (Path::Compute, false) => Share::All,
-                    _ => Share::Nothing,
+                    (Path::Compute, true) => ComputeShare::Small,
+                    (Path::Compute, false) => ComputeShare::All,
+                    _ => ComputeShare::Nothing,
                 }
             }
             None => {
                 let counts = (self.splats, others);
-                let share = Share::of(self.settings, counts, has_large, self.rect_px);
+                let share = ComputeShare::of(self.settings, counts, has_large, self.rect_px);
                 self.log_guess("blended splats by compute", &share);
                 share
             }
@@ -206,15 +248,15 @@ impl Asked<'_> {
 
     /// The same where compute draws the small triangles too, so that little is left to the rasterizer. They are not priced:
     /// by compute they cost a third of what they cost otherwise, wherever that pays for splats.
-    pub(crate) fn all_blended(&self, has_large: bool) -> Share {
+    pub(crate) fn all_blended(&self, has_large: bool) -> ComputeShare {
         if self.deciding().is_some() {
             return self.blended(0, has_large);
         }
         // The passes over the picture are there for splats and triangles alike.
         let all = self.splats + self.triangles;
         match pays(all, 0.125, self.rect_px, self.settings) {
-            true => Share::of_all(has_large),
-            false => Share::Nothing,
+            true => ComputeShare::of_all(has_large),
+            false => ComputeShare::Nothing,
         }
     }
 

@@ -20,8 +20,9 @@ use crate::render::frame_constants::{FrameContext, frame_constants};
 use crate::render::frame_plan::{Choice, Drawing, cpu_settings, filtered_shade, splat_plan};
 use crate::render::model_facts::ModelFacts;
 use crate::render::screen_bounds;
+use crate::render::stats::FrameCounts;
+use crate::render::stats::FrameTimes;
 use crate::render::stats::{Kept, Stage};
-use crate::render::vulkan::renderer::{Counts, FrameTimes};
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -187,11 +188,11 @@ impl CpuRenderer {
         };
         packing.end(&mut times);
         times.host_ms = times.pack_ms;
-        times.counts = Counts {
+        times.counts = FrameCounts {
             splats: counts.splats as u64,
             triangles: counts.triangles as u64,
             draw_list_bytes: counts.list_bytes,
-            ..Counts::default()
+            ..FrameCounts::default()
         };
         if settings.has_cut() {
             times.counts.nodes_visited = self.cut.stats.visited;

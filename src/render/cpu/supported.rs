@@ -2,8 +2,8 @@
 
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::pack::ColorBy;
+use crate::render::PictureOutputs;
 use crate::render::frame_plan::Drawing;
-use crate::render::reference::Outputs;
 use crate::render::{CutOn, Method, Settings, SplatKind};
 
 /// Longest side of a picture, pixels: beyond it corners of triangles do not fit whole steps.
@@ -12,7 +12,7 @@ pub const LARGEST_SIDE_PX: u32 = 8192;
 /// Why pictures of these settings cannot be drawn here; `None` where they can.
 pub fn unsupported_reason(
     settings: &Settings,
-    outputs: Outputs,
+    outputs: PictureOutputs,
     size: [u32; 2],
 ) -> Option<&'static str> {
     if outputs.normal {

@@ -4,7 +4,7 @@
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
 use crate::pack::Style;
-use crate::render::reference::Outputs;
+use crate::render::PictureOutputs;
 use rayon::prelude::*;
 use std::ops::Range;
 
@@ -145,7 +145,7 @@ impl ShownPixel {
 /// The picture of a view whose pixel `i`, from the top left, is `shown(i)`.
 pub(super) fn picture(
     view: &View,
-    outputs: Outputs,
+    outputs: PictureOutputs,
     shown: impl Fn(usize) -> ShownPixel + Send + Sync,
 ) -> Image {
     let count = view.width as usize * view.height as usize;

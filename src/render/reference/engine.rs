@@ -7,11 +7,13 @@ use crate::math::camera::View;
 use crate::pack;
 use crate::pack::splats::Record;
 use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style, triangles};
+use crate::render::PictureOutputs;
 use crate::render::frame_plan::{Choice, Drawing, filtered_shade, largest_splat_px, splat_plan};
-use crate::render::reference::{BlendPasses, HoleFilling, Outputs, OverdrawList};
+use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList};
+use crate::render::stats::FrameCounts;
+use crate::render::stats::FrameTimes;
+use crate::render::stats::OverdrawSummary;
 use crate::render::stats::Stage;
-use crate::render::vulkan::overdraw::Overdraw;
-use crate::render::vulkan::renderer::{Counts, FrameTimes};
 use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -22,7 +24,7 @@ use std::time::Instant;
 /// Draws the frames of one model on the CPU, and keeps the last.
 #[derive(Debug)]
 pub(in crate::render) struct MirrorEngine {
-    pub(in crate::render) outputs: Outputs,
+    pub(in crate::render) outputs: PictureOutputs,
     /// As [`Style::subpixel_bits`].
     subpixel_bits: u32,
     selector: Selector,
@@ -48,7 +50,7 @@ struct PackedLists<'m> {
 }
 
 impl MirrorEngine {
-    pub(in crate::render) fn new(outputs: Outputs) -> Self {
+    pub(in crate::render) fn new(outputs: PictureOutputs) -> Self {
         let subpixel_bits = Style::default().subpixel_bits;
         Self {
             outputs,
@@ -107,7 +109,7 @@ impl MirrorEngine {
         };
         self.draw_lists(model, view, settings, &style, &lists);
         if let Some(counts) = &self.counts {
-            times.overdraw = Some(Overdraw::of(counts.iter().copied()));
+            times.overdraw = Some(OverdrawSummary::of(counts.iter().copied()));
             self.image.color = crate::render::reference::show_overdraw(counts, &style);
         }
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
@@ -221,7 +223,7 @@ impl MirrorEngine {
 
 impl PackedLists<'_> {
     /// What there is to draw, and the bytes that were written for it.
-    fn count(&self, counts: &mut Counts) {
+    fn count(&self, counts: &mut FrameCounts) {
         counts.splats = (self.splats.len() + self.weighted.len() + self.filtered.len()) as u64;
         counts.triangles = self.triangles.len() as u64;
         counts.points = self.points.len() as u64;

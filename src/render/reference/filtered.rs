@@ -11,7 +11,7 @@ use crate::abi::FilteredSplat;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{FilteredList, Style};
-use crate::render::reference::Outputs;
+use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelCoverage, PixelRows};
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::splat::{RasterSplat, SplatFootprint};
@@ -72,7 +72,7 @@ pub fn render_filtered(
     view: &View,
     list: &FilteredList,
     style: &Style,
-    outputs: Outputs,
+    outputs: PictureOutputs,
 ) -> FilteredRendering {
     let frame = ReferenceFrame::new(view, style);
     let place = |corners: &[u32; 3]| {

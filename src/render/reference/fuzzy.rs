@@ -12,11 +12,12 @@ pub(super) use crate::render::reference::fuzzy::set_up::{set_up_blended, weighte
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{FuzzyList, Style};
+use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelRows, plane};
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::fuzzy::set_up::{FuzzyFragment, place_pushed, set_up_pushed, share};
 use crate::render::reference::splat::RasterSplat;
-use crate::render::reference::{Outputs, triangle};
+use crate::render::reference::triangle;
 use glam::{Vec3, Vec4};
 
 /// How splats that overlap become one surface.
@@ -70,7 +71,7 @@ pub fn render_fuzzy(
     list: &FuzzyList,
     style: &Style,
     passes: BlendPasses,
-    outputs: Outputs,
+    outputs: PictureOutputs,
 ) -> FuzzyRendering {
     let frame = ReferenceFrame::new(view, style);
     let mut target = PixelRows::cleared(view, FuzzyPixel::default());

@@ -4,7 +4,7 @@ use crate::abi::Splat;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{DrawList, Footprint, Style};
-use crate::render::reference::Outputs;
+use crate::render::PictureOutputs;
 use crate::render::reference::bands::{PixelRows, ShownPixel, picture};
 use crate::render::reference::disc::DiscFootprint;
 use crate::render::reference::frame::ReferenceFrame;
@@ -33,7 +33,7 @@ pub(super) struct OpaquePixel {
 ///
 /// Cost: linear in primitives plus covered pixels, on all threads of the rayon pool; the picture does not
 /// depend on their number.
-pub fn render(view: &View, list: &DrawList, style: &Style, outputs: Outputs) -> Image {
+pub fn render(view: &View, list: &DrawList, style: &Style, outputs: PictureOutputs) -> Image {
     let frame = ReferenceFrame::new(view, style);
     let mut target = PixelRows::cleared(
         view,

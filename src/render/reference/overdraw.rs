@@ -22,7 +22,7 @@ pub enum OverdrawList<'a> {
     Filtered(&'a FilteredList<'a>),
 }
 
-/// Counts, row by row from the top left, how many primitives of a list cover each pixel: without a depth test, so in any
+/// FrameCounts, row by row from the top left, how many primitives of a list cover each pixel: without a depth test, so in any
 /// order. A triangle, square, disc or ellipse covers the pixels whose centers lie in it, at least one pixel as it is drawn; a
 /// fuzzy splat those in which it is blended, widened by [`Style::low_pass_px`]; a filtered splat those that its rectangle
 /// overlaps. What [`crate::render::reference::render`] drops or culls covers nothing. Empty for a picture without pixels.

@@ -9,6 +9,7 @@ use crate::abi::{Splat, Vertex};
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
 use crate::pack::{ColorBy, DrawList, Style};
+use crate::render::PictureOutputs;
 use crate::render::Reconstruction;
 use crate::render::reference::bands::{PixelRows, plane};
 use crate::render::reference::disc::DiscFootprint;
@@ -16,8 +17,8 @@ use crate::render::reference::frame::{PlacedVertex, ReferenceFrame};
 use crate::render::reference::shade::{SurfacePoint, normal_of};
 use crate::render::reference::splat::{PlacedSplat, RasterSplat, SplatFootprint, splat_of_vertex};
 use crate::render::reference::square::SquareFootprint;
+use crate::render::reference::triangle;
 use crate::render::reference::visibility::reconstruct::PyramidLevel;
-use crate::render::reference::{Outputs, triangle};
 use glam::DVec3;
 
 /// The least |cosine| between normal and view direction that a depth offset is divided by: offsets grow to 10 times
@@ -104,7 +105,7 @@ pub fn render_visibility(
     list: &DrawList,
     style: &Style,
     filling: HoleFilling,
-    outputs: Outputs,
+    outputs: PictureOutputs,
 ) -> VisibilityRendering {
     let frame = ReferenceFrame::new(view, style);
     let mut target = PixelRows::cleared(view, TestedPixel::default());

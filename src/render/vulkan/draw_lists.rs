@@ -12,17 +12,16 @@ use crate::pack::ColorBy;
 use crate::pack::splats;
 use crate::pack::splats::Packed;
 use crate::pack::{filtered, fuzzy, ids};
+use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::filtered as cpu_filtered;
 use crate::render::cpu::filtered::Canvas;
 use crate::render::cpu::opaque;
 use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
-use crate::render::vulkan::blended::compute::Share;
 use crate::render::vulkan::expand_ids;
 use crate::render::vulkan::expand_ids::Whole;
 use crate::render::vulkan::mapped_picture::Onto;
-use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::opaque::triangle_runs::Run;
 use crate::render::vulkan::scene::Scene;
 use crate::render::{Method, Path, Settings};
@@ -92,13 +91,16 @@ pub(super) struct Ways {
     /// Compute draws opaque splats.
     pub(super) is_small: bool,
     /// What it draws of blended ones, where that is known before they are packed.
-    pub(super) share: Option<Share>,
+    pub(super) share: Option<ComputeShare>,
 }
 
 impl Ways {
     /// Whether the rasterizer may draw all splats.
     pub(super) fn is_rastered(&self) -> bool {
-        !self.is_small && self.share.is_none_or(|share| share == Share::Nothing)
+        !self.is_small
+            && self
+                .share
+                .is_none_or(|share| share == ComputeShare::Nothing)
     }
 }
 
@@ -251,7 +253,9 @@ impl Lists {
         self.held = None;
         let view = &key.view;
         let mut samples = None;
-        let by_compute = ways.share.is_some_and(|share| share != Share::Nothing);
+        let by_compute = ways
+            .share
+            .is_some_and(|share| share != ComputeShare::Nothing);
         let mut placed = None;
         let mut is_filtered = false;
         // Small triangles are the device's, and the keys with them, unless they become samples.
@@ -375,8 +379,13 @@ impl Lists {
         };
         // Of those that are left after samples most are large.
         let has_small = ways.takes_triangles && samples.is_none();
-        let is_small = has_small
-            .then(|| triangles::are_small_on_screen(model, view, compute::LARGEST_TRIANGLE_PX));
+        let is_small = has_small.then(|| {
+            triangles::are_small_on_screen(
+                model,
+                view,
+                crate::render::compute_limits::LARGEST_TRIANGLE_PX,
+            )
+        });
         let rest = std::mem::take(&mut self.rest_ids);
         let triangles: &[u32] = match samples {
             _ if faces_drawn && is_shown => &[],

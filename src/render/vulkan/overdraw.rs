@@ -27,60 +27,6 @@ use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::{SPLAT, VERTEX};
 use std::sync::Arc;
 
-/// How many primitives cover the pixels of a picture.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Overdraw {
-    /// Pixels that one covers at least.
-    pub covered: u64,
-    /// Sum over all pixels.
-    pub primitives: u64,
-    /// The largest count of a pixel.
-    pub most: u32,
-}
-
-impl Overdraw {
-    /// That of counts of pixels.
-    pub fn of(counts: impl IntoIterator<Item = u32>) -> Self {
-        counts.into_iter().fold(Self::default(), |sum, count| Self {
-            covered: sum.covered + u64::from(count > 0),
-            primitives: sum.primitives + u64::from(count),
-            most: sum.most.max(count),
-        })
-    }
-
-    /// That of this picture and another together.
-    #[must_use]
-    pub fn with(self, other: Self) -> Self {
-        Self {
-            covered: self.covered + other.covered,
-            primitives: self.primitives + other.primitives,
-            most: self.most.max(other.most),
-        }
-    }
-
-    /// Mean over the pixels that are covered; 0 of none.
-    pub fn mean(&self) -> f64 {
-        if self.covered > 0 {
-            self.primitives as f64 / self.covered as f64
-        } else {
-            0.0
-        }
-    }
-}
-
-impl std::fmt::Display for Overdraw {
-    /// In words, without an end of line.
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "overdraw: mean {:.2} in {} covered pixels, most {}",
-            self.mean(),
-            self.covered,
-            self.most
-        )
-    }
-}
-
 /// What the colors mean: counts with their color and its name, each twice the one before.
 pub fn legend() -> impl Iterator<Item = (u32, [f32; 3], &'static str)> {
     const NAMES: [&str; 7] = [
@@ -132,7 +78,7 @@ enum Kind {
     Filtered,
 }
 
-/// Counts of one picture size.
+/// FrameCounts of one picture size.
 #[derive(Debug)]
 pub(crate) struct Counter {
     gpu: Arc<Gpu>,
@@ -214,7 +160,7 @@ impl Counter {
         Ok(())
     }
 
-    /// Counts what a frame drew, shows it in place of its picture, and has the counts read back.
+    /// FrameCounts what a frame drew, shows it in place of its picture, and has the counts read back.
     pub(crate) fn record(
         &self,
         frame: &mut Frame<'_>,
@@ -365,19 +311,20 @@ impl Pipelines {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::render::stats::OverdrawSummary;
 
     #[test]
     fn figures_are_those_of_the_pixels() {
-        let found = Overdraw::of([0, 3, 1, 0, 8]);
-        let expected = Overdraw {
+        let found = OverdrawSummary::of([0, 3, 1, 0, 8]);
+        let expected = OverdrawSummary {
             covered: 3,
             primitives: 12,
             most: 8,
         };
         assert_eq!(found, expected);
         assert!((found.mean() - 4.0).abs() < 1e-12);
-        assert_eq!(Overdraw::of([0; 5]).mean(), 0.0);
-        let both = found.with(Overdraw::of([1, 1, 2]));
+        assert_eq!(OverdrawSummary::of([0; 5]).mean(), 0.0);
+        let both = found.with(OverdrawSummary::of([1, 1, 2]));
         assert_eq!((both.covered, both.primitives, both.most), (6, 16, 8));
     }
 

@@ -19,14 +19,15 @@ use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::pack;
 use crate::pack::ColorBy;
+pub use crate::render::PictureOutputs;
 use crate::render::cost::choose::Asked;
 use crate::render::cost::model::Costs;
 use crate::render::frame_constants::frame_flags;
 pub(crate) use crate::render::frame_constants::margin_px;
 use crate::render::frame_plan::{Choice, Drawing, LARGEST_HIDDEN_PX, check, for_view, splat_plan};
-pub use crate::render::reference::Outputs;
 pub use crate::render::stats::FrameTimes;
-use crate::render::stats::{Kept, Stage};
+use crate::render::stats::OverdrawSummary;
+use crate::render::stats::{FrameCounts, Kept, Stage};
 use crate::render::vulkan::blended::filtered;
 use crate::render::vulkan::blended::filtered::Filtered;
 use crate::render::vulkan::blended::fuzzy;
@@ -39,7 +40,6 @@ use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::opaque::compute::Small;
 use crate::render::vulkan::opaque::hardware::{Source, Splats};
 use crate::render::vulkan::overdraw;
-use crate::render::vulkan::overdraw::Overdraw;
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::triangles;
@@ -50,26 +50,6 @@ use crate::render::{Method, Occlusion, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
 use std::time::Instant;
-
-/// Counts of one frame.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Counts {
-    /// Nodes and leaves that the cut looked at, when it was chosen.
-    pub nodes_visited: u64,
-    /// Splats of the cut that are left out because nearer ones hide them, or because they are smaller than a pixel and contain
-    /// no center.
-    pub hidden: u64,
-    /// Triangles of the cut that are left out because they lie between the centers of pixels.
-    pub between: u64,
-    /// Splats drawn.
-    pub splats: u64,
-    /// Triangles drawn.
-    pub triangles: u64,
-    /// Vertices drawn as points.
-    pub points: u64,
-    /// Bytes of the draw lists.
-    pub draw_list_bytes: u64,
-}
 
 /// A frame on its way through the device.
 #[derive(Debug)]
@@ -93,7 +73,7 @@ pub struct Renderer {
     gpu: Arc<Gpu>,
     frames: Frames,
     targets: Targets,
-    outputs: Outputs,
+    outputs: PictureOutputs,
     lists: Vec<Lists>,
     cut: Cut,
     selector: cut::Selector,
@@ -163,7 +143,7 @@ impl Renderer {
         gpu: &Arc<Gpu>,
         width: u32,
         height: u32,
-        outputs: Outputs,
+        outputs: PictureOutputs,
         timestamps: bool,
     ) -> Result<Self, Error> {
         let frames = Frames::new(gpu, 2, timestamps)?;
@@ -215,9 +195,9 @@ impl Renderer {
     /// # Errors
     /// As [`Renderer::new`].
     pub(crate) fn of_values(&self) -> Result<Self, Error> {
-        let outputs = Outputs {
+        let outputs = PictureOutputs {
             values: true,
-            ..Outputs::default()
+            ..PictureOutputs::default()
         };
         let color = &self.targets.color;
         Self::new(&self.gpu, color.width, color.height, outputs, false)
@@ -348,11 +328,11 @@ impl Renderer {
         times.counters = finished.counters;
         if let (true, Some(cut)) = (on_device, &mut self.device_cut) {
             let counts = cut.counts(ticket.slot);
-            times.counts = Counts {
+            times.counts = FrameCounts {
                 nodes_visited: u64::from(counts.visited),
                 splats: u64::from(counts.splats[0]),
                 triangles: u64::from(counts.triangles[0] / 3),
-                ..Counts::default()
+                ..FrameCounts::default()
             };
             if times.kept != Kept::Lists {
                 self.visited += times.counts.nodes_visited;
@@ -363,7 +343,7 @@ impl Renderer {
             times.uploaded_bytes += times.counts.draw_list_bytes;
         }
         self.counted = counted;
-        times.overdraw = self.counted().map(Overdraw::of);
+        times.overdraw = self.counted().map(OverdrawSummary::of);
         Ok(times)
     }
 

@@ -4,8 +4,8 @@ use super::draw::camera_of;
 use super::{App, Ask, FLY_SPEED, Fly};
 use crate::math::camera::Camera;
 use crate::pack::Lighting;
+use crate::render::PictureOutputs;
 use crate::render::frame_plan;
-use crate::render::vulkan::renderer::Outputs;
 use crate::render::{Culling, Method, Settings, Shading};
 use crate::viewer::camera::Orbit;
 use crate::viewer::choices::{self, Choice, others};
@@ -210,7 +210,7 @@ impl App {
             // As they are drawn.
             settings.threshold_px = settings.threshold_px.min(max_size_px);
         }
-        let outputs = Outputs {
+        let outputs = PictureOutputs {
             depth: false,
             normal: false,
             values: false,

@@ -4,6 +4,7 @@
 use super::*;
 use crate::math::camera::Light;
 use crate::pack::{Lamp, Phong};
+use crate::render::stats::{FrameCounts, OverdrawSummary};
 use crate::viewer::event::{Key, Modifiers};
 use crate::viewer::input::{KEYS, command};
 use crate::viewer::store::Look;
@@ -184,7 +185,7 @@ fn state<'a>(settings: &'a Settings, facts: &'a Facts) -> State<'a> {
         facts: Some(facts),
         status: None,
         frame_ms: 1.0,
-        counts: Counts::default(),
+        counts: FrameCounts::default(),
         overdraw: None,
         control: None,
         is_flying: false,
@@ -500,7 +501,7 @@ fn every_choice_of_the_panel_is_kept() {
 fn the_colors_of_overdraw_have_a_legend() {
     let mut stage = Stage::new();
     let facts = Facts::default();
-    let mut texts = |color_by: ColorBy, found: Option<Overdraw>| {
+    let mut texts = |color_by: ColorBy, found: Option<OverdrawSummary>| {
         let settings = Settings {
             color_by,
             ..Settings::default()
@@ -512,7 +513,7 @@ fn the_colors_of_overdraw_have_a_legend() {
         stage.controls(&state);
         stage.pass(&state, Vec::new()).1
     };
-    let found = Overdraw::of([0, 1, 2, 1500]);
+    let found = OverdrawSummary::of([0, 1, 2, 1500]);
     let shown = texts(ColorBy::Overdraw, Some(found));
     for text in [" 1 ", " 8 ", " 64+ ", "mean 501.00 a pixel, most 1,500"] {
         assert!(shown.iter().any(|t| t == text), "{text}: {shown:?}");

@@ -4,7 +4,8 @@ use super::{OUTPUTS, Screen};
 use crate::gpu::Error;
 use crate::image::{Accumulator, Image, jittered};
 use crate::math::camera::Camera;
-use crate::render::vulkan::renderer::{Outputs, Renderer};
+use crate::render::PictureOutputs;
+use crate::render::vulkan::renderer::Renderer;
 use crate::render::{Method, Settings};
 
 /// Samples a pixel, in each direction.
@@ -32,7 +33,7 @@ impl Screen {
         if settings.method == Method::Points {
             settings.threshold_px = settings.threshold_px.min(self.gpu.info().max_point_size_px);
         }
-        let outputs = Outputs {
+        let outputs = PictureOutputs {
             values: !settings.draws_visibility(),
             ..OUTPUTS
         };

@@ -6,7 +6,7 @@ use crate::abi::constants::{
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::Style;
-use crate::render::reference::Outputs;
+use crate::render::PictureOutputs;
 use crate::render::reference::bands::{LEAST_ALPHA, ShownPixel, picture};
 use crate::render::reference::filtered::FilteredPixel;
 use glam::{DVec3, DVec4, IVec2};
@@ -19,7 +19,7 @@ const LEAST_WEIGHT: f32 = 1e-6;
 pub(super) fn image(
     view: &View,
     style: &Style,
-    outputs: Outputs,
+    outputs: PictureOutputs,
     pixels: &[FilteredPixel],
 ) -> Image {
     let sums = FilteredSums {

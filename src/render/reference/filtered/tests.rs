@@ -108,7 +108,7 @@ fn draw_splats(view: &View, splats: &[FilteredPatch], style: &Style) -> Filtered
         splats: &placed(view, splats),
         ..FilteredList::default()
     };
-    render_filtered(view, &list, style, Outputs::default())
+    render_filtered(view, &list, style, PictureOutputs::default())
 }
 
 fn at(x: usize, y: usize) -> usize {
@@ -541,7 +541,7 @@ fn a_constant_color_stays_constant() {
 
 #[test]
 fn depth_is_that_of_the_pushed_front_where_covered() {
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: true,
         values: false,

@@ -4,7 +4,7 @@ use crate::abi::constants::LEAST_FUZZY_WEIGHT;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{ColorBy, Style};
-use crate::render::reference::Outputs;
+use crate::render::PictureOutputs;
 use crate::render::reference::bands::{LEAST_ALPHA, ShownPixel, picture};
 use crate::render::reference::disc::through;
 use crate::render::reference::frame::ReferenceFrame;
@@ -16,7 +16,7 @@ use glam::{DVec3, Vec4};
 pub(super) fn image(
     frame: &ReferenceFrame,
     has_coverage: bool,
-    outputs: Outputs,
+    outputs: PictureOutputs,
     pixels: &[FuzzyPixel],
 ) -> Image {
     // The sums of deferred shading hold what decides the color.

@@ -222,7 +222,7 @@ proptest! {
         other.reverse();
         other.rotate_left(turn % splats.len());
         let style = Style { splat_size_px: size, depth_offset: 1.0, ..Style::default() };
-        let outputs = Outputs { depth: true, normal: true, values: false };
+        let outputs = PictureOutputs { depth: true, normal: true, values: false };
         for reconstruction in ALL {
             let filling = HoleFilling { reconstruction, largest_px: f32::INFINITY };
             let [a, b] = [&splats, &other].map(|splats| {
@@ -260,7 +260,7 @@ fn degenerate_splats_draw_nothing() {
             reconstruction,
             largest_px: 1.0,
         };
-        let outputs = Outputs::default();
+        let outputs = PictureOutputs::default();
         let drawn = render_visibility(&view(), &list, &Style::default(), filling, outputs);
         assert_eq!(drawn.image.covered_pixels(), 0);
         assert!(

@@ -27,7 +27,6 @@ use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::storage_ranges::{Bound, Triangles};
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::triangles::targets;
-use crate::render::{Path, Settings};
 use std::sync::Arc;
 
 /// The center of a tile.
@@ -39,43 +38,6 @@ const TILE: Record = Record {
         offset: 0,
     }],
 };
-
-/// What compute draws of a list of splats.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Share {
-    /// Nothing: the rasterizer draws all.
-    Nothing,
-    /// What is small; there may be larger ones.
-    Small,
-    /// Everything: all are small.
-    All,
-}
-
-impl Share {
-    /// Of a list of `splats` beside `others` that are rastered, in a frame that may be drawn by compute.
-    ///
-    /// Where the rasterizer draws as well, its depth and its sums are merged with those of compute, which costs a software
-    /// device some 20 ns a pixel; a small splat saves it 100 to 150.
-    pub(crate) fn of(
-        settings: &Settings,
-        (splats, others): (usize, usize),
-        has_large: bool,
-        rect_px: [u32; 4],
-    ) -> Self {
-        let is_alone = others == 0 && !has_large;
-        let is_many = 8 * splats as u64 >= screen_bounds::pixels(rect_px);
-        if settings.path != Path::Compute && !is_alone && !is_many {
-            Self::Nothing
-        } else {
-            Self::of_all(has_large)
-        }
-    }
-
-    /// All that compute can draw of a list; whether there are larger splats in it.
-    pub(crate) fn of_all(has_large: bool) -> Self {
-        if has_large { Self::Small } else { Self::All }
-    }
-}
 
 /// Names of the passes of one kind of splats.
 #[derive(Debug)]

@@ -14,9 +14,10 @@ use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::{Format, Image as Target};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
 use crate::gpu::{Error, Gpu};
+use crate::render::cost::choose::ComputeShare;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
-use crate::render::vulkan::blended::compute::{OwnConstants, Share, Twin};
+use crate::render::vulkan::blended::compute::{OwnConstants, Twin};
 use crate::render::vulkan::mapped_sums::Drawn;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
@@ -202,7 +203,7 @@ impl Filtered {
         frame: &mut Frame<'_>,
         targets: &Targets,
         list: List<'_>,
-        share: Share,
+        share: ComputeShare,
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
@@ -211,7 +212,8 @@ impl Filtered {
             return (by_compute.twin).finish(frame, targets, (drawn, none), context, constants);
         }
         let all = &list.raster;
-        let (Some(by_compute), Share::Small | Share::All) = (&self.by_compute, share) else {
+        let (Some(by_compute), ComputeShare::Small | ComputeShare::All) = (&self.by_compute, share)
+        else {
             self.raster_depth(frame, targets, all, &self.depth_splats, context, constants);
             self.raster_blend(frame, targets, all, &self.blend_splats, context, constants);
             self.normalize(frame, targets, context, constants);
@@ -223,7 +225,7 @@ impl Filtered {
             blend_splats,
         } = by_compute;
         let large = match share {
-            Share::Small => *all,
+            ComputeShare::Small => *all,
             _ => all.only_triangles(),
         };
         let rastered = compute::Rastered {

@@ -9,7 +9,7 @@
 
 pub(crate) use crate::render::vulkan::storage_ranges::List;
 
-use crate::abi::constants::{self, LARGEST_SMALL_BLENDED_PX};
+use crate::abi::constants;
 use crate::abi::shaders;
 use crate::abi::specialization::{ARE_DISCS, LOOKS_FIRST, SIDE_PX};
 use crate::gpu::bind::Slice;
@@ -18,6 +18,7 @@ use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
+use crate::render::compute_limits::{LARGEST_SQUARE_PX, largest_threshold_px};
 use crate::render::frame_plan::Drawing;
 use crate::render::screen_bounds;
 use crate::render::vulkan::COLOR;
@@ -28,18 +29,6 @@ use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::{blended, storage_ranges};
 use crate::render::{Method, Path, Settings, Shading, SplatKind};
 use std::sync::Arc;
-
-/// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
-/// atomics do.
-pub const LARGEST_SQUARE_PX: f32 = 6.0;
-/// Largest threshold at which ellipses are drawn this way, pixels: above it a rasterizer fills faster (docs/PERFORMANCE.md).
-pub const LARGEST_ELLIPSE_PX: f32 = 10.0;
-/// Largest footprint of a visibility splat that is drawn this way, as draw lists count it: in the plane of the surface a
-/// footprint may reach a diameter beyond its center to each side.
-pub(crate) const LARGEST_VISIBLE_PX: f32 =
-    2.0 * LARGEST_SMALL_BLENDED_PX + crate::pack::splats::SLACK_PX;
-/// Largest bounding circle of a triangle that is drawn this way, pixels.
-pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 
 /// What decides the pipeline of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -155,16 +144,6 @@ pub(crate) fn is_wanted(
     }
 }
 
-/// The largest threshold with which splats are drawn by compute, pixels, or by the host in its place; 0 where there are none.
-pub(crate) fn largest_threshold_px(settings: &Settings, host_px: Option<f32>) -> f32 {
-    match Drawing::of(settings) {
-        Drawing::Nothing => 0.0,
-        Drawing::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
-        Drawing::Opaque => host_px.unwrap_or(LARGEST_SQUARE_PX),
-        Drawing::Visibility | Drawing::Fuzzy | Drawing::Filtered => LARGEST_SMALL_BLENDED_PX,
-    }
-}
-
 /// Why opaque splats are not drawn by compute.
 fn not_as_opaque(settings: &Settings, host_px: Option<f32>) -> Option<&'static str> {
     if !settings.has_headlight() {
@@ -202,24 +181,6 @@ fn not_as_visible(settings: &Settings) -> Option<&'static str> {
     (settings.threshold_px > largest_threshold_px(settings, None)).then_some(
         "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
     )
-}
-
-/// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: round ones with their slack, and
-/// in the plane of the surface a diameter beyond the center to each side.
-pub(crate) fn largest_point_px(settings: &Settings, host_px: Option<f32>) -> f32 {
-    let facing_px = host_px.unwrap_or(LARGEST_SQUARE_PX);
-    match settings.footprint() {
-        Footprint::Square => facing_px,
-        Footprint::Circle => facing_px + crate::pack::splats::SLACK_PX,
-        Footprint::Oriented => 2.0 * LARGEST_ELLIPSE_PX + crate::pack::splats::SLACK_PX,
-    }
-}
-
-/// Whether `count` primitives are enough to pay for the pass that shades the picture, by a rule of thumb for devices whose
-/// costs are not known: `least` of them for each pixel of the rectangle that the model may be in. Shading a pixel afterwards costs a software device 40 ns (splats) to 400 ns
-/// (triangles), drawing a primitive by compute instead of the rasterizer saves it about 60 to 80.
-pub(crate) fn pays(count: usize, least: f64, rect_px: [u32; 4], settings: &Settings) -> bool {
-    settings.path == Path::Compute || count as f64 >= least * screen_bounds::pixels(rect_px) as f64
 }
 
 impl Small {
@@ -481,7 +442,7 @@ mod tests {
         let (wide, host_px) = (pixels(20.0, SplatKind::Disc), Some(20.0));
         assert_eq!(not_as_opaque(&wide, host_px), None);
         assert!(not_as_opaque(&wide, None).is_some());
-        assert!(largest_point_px(&wide, host_px) > 20.0);
+        assert!(crate::render::compute_limits::largest_point_px(&wide, host_px) > 20.0);
         assert!(not_as_opaque(&pixels(20.5, SplatKind::Disc), host_px).is_some());
     }
 }

@@ -6,16 +6,18 @@ use crate::gpu::frame::Ticket;
 use crate::math::camera::View;
 use crate::pack::splats::SLACK_PX;
 use crate::pack::{ColorBy, Footprint};
+use crate::render::compute_limits;
 use crate::render::cost::choose;
 use crate::render::cost::choose::Asked;
+use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::filtered::{Canvas, Light};
 use crate::render::cpu::opaque;
 use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_constants::frame_constants;
 use crate::render::frame_plan::{Choice, Drawing, largest_splat_px, splat_plan};
+use crate::render::stats::FrameCounts;
 use crate::render::stats::{Kept, Stage};
 use crate::render::vulkan::blended::compute as blended_compute;
-use crate::render::vulkan::blended::compute::Share;
 use crate::render::vulkan::blended::{filtered, fuzzy};
 use crate::render::vulkan::draw_lists::{Held, Host, Key, Packing, Ways};
 use crate::render::vulkan::expand_ids;
@@ -24,7 +26,7 @@ use crate::render::vulkan::opaque::compute::Small;
 use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
-use crate::render::vulkan::renderer::{Counts, End, FrameTimes, Renderer, margin_px};
+use crate::render::vulkan::renderer::{End, FrameTimes, Renderer, margin_px};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Triangles;
 use crate::render::vulkan::targets::Context;
@@ -70,7 +72,7 @@ impl Renderer {
         let is_wanted = self.wants_compute(settings, model)?;
         let by_compute = drawing == Drawing::Opaque && is_wanted;
         let max_point = if by_compute {
-            compute::largest_point_px(settings, self.host_px(settings, model))
+            compute_limits::largest_point_px(settings, self.host_px(settings, model))
         } else {
             self.gpu.info().max_point_size_px
         };
@@ -132,7 +134,7 @@ impl Renderer {
             // Where the rasterizer draws, what is cheaper as a quad is one. Of visibility splats it draws quads alone beside compute.
             let max_point = match &self.costs {
                 _ if ways.is_small && drawing == Drawing::Visibility => {
-                    compute::LARGEST_VISIBLE_PX.min(max_point)
+                    compute_limits::LARGEST_VISIBLE_PX.min(max_point)
                 }
                 Some(costs) if ways.is_rastered() => {
                     choose::largest_point_px(costs, settings, max_point)
@@ -149,7 +151,7 @@ impl Renderer {
                     ..asked
                 };
                 // Few as they are, triangles cost the host no more than a software rasterizer.
-                let pays = triangles > 0 || asked.blended(0, false) != Share::Nothing;
+                let pays = triangles > 0 || asked.blended(0, false) != ComputeShare::Nothing;
                 let canvas = canvas.filter(|_| pays)?;
                 Some((canvas, Light::new(&constants, screen)))
             };
@@ -340,7 +342,7 @@ impl Renderer {
         if held.is_drawn && times.kept != Kept::Lists {
             times.host_ms = host_ms;
         }
-        times.counts = Counts {
+        times.counts = FrameCounts {
             nodes_visited: held.stats.visited,
             hidden: held.stats.hidden,
             between: held.stats.between,
@@ -411,7 +413,7 @@ impl Renderer {
         let takes_triangles = is_wanted && Small::takes_triangles(&self.gpu, scene);
         match Drawing::of(asked.settings) {
             _ if !is_wanted => Ways {
-                share: Some(Share::Nothing),
+                share: Some(ComputeShare::Nothing),
                 ..Ways::default()
             },
             Drawing::Opaque => {
@@ -420,27 +422,27 @@ impl Renderer {
                 Ways {
                     takes_triangles,
                     is_small: takes_triangles || paths.splats == Path::Compute,
-                    share: Some(Share::Nothing),
+                    share: Some(ComputeShare::Nothing),
                 }
             }
             Drawing::Visibility => Ways {
                 is_small: asked.visible() == Path::Compute,
-                share: Some(Share::Nothing),
+                share: Some(ComputeShare::Nothing),
                 ..Ways::default()
             },
             drawing => {
                 let all = match takes_triangles && asked.triangles > 0 {
                     true => asked.all_blended(has_large),
-                    false => Share::Nothing,
+                    false => ComputeShare::Nothing,
                 };
                 // Filtered splats are known once they are packed.
                 let share = match drawing {
-                    _ if all != Share::Nothing => Some(all),
+                    _ if all != ComputeShare::Nothing => Some(all),
                     Drawing::Fuzzy => Some(asked.blended(asked.triangles, has_large)),
                     _ => None,
                 };
                 Ways {
-                    takes_triangles: all != Share::Nothing,
+                    takes_triangles: all != ComputeShare::Nothing,
                     is_small: false,
                     share,
                 }

@@ -14,11 +14,12 @@ use crate::pack::Lighting;
 use crate::pack::filtered::drawn_counts;
 use crate::render::cost::choose;
 use crate::render::cost::choose::Asked;
+use crate::render::cost::choose::ComputeShare;
 use crate::render::frame_plan::{Choice, Drawing, filtered_shade};
-use crate::render::vulkan::blended::compute::Share;
+use crate::render::stats::FrameCounts;
 use crate::render::vulkan::mapped_picture::Drawn;
 use crate::render::vulkan::opaque::compute;
-use crate::render::vulkan::renderer::{Counts, FrameTimes, Renderer, Submitted};
+use crate::render::vulkan::renderer::{FrameTimes, Renderer, Submitted};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::{Method, Path, Settings};
@@ -34,7 +35,7 @@ const PROBE_PIXELS: u64 = (2 * PROBE_RADIUS_PX as u64 + 1).pow(2);
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Foreseen {
     /// How much.
-    pub counts: Counts,
+    pub counts: FrameCounts,
     /// Pixels of the box around the model in the picture.
     pub pixels: u64,
     /// Splats are blended.
@@ -114,7 +115,7 @@ impl Renderer {
         Ok(())
     }
 
-    /// Counts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next
+    /// FrameCounts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next
     /// frame if that has the same view and settings. The time is booked as that frame's. Nothing without a cut.
     pub fn foresee(
         &mut self,
@@ -166,22 +167,24 @@ impl Renderer {
             // As the frame will be: with the triangles, where compute takes those.
             _ if triangles > 0
                 && compute::Small::takes_triangles(&self.gpu, scene)
-                && asked.all_blended(has_large) != Share::Nothing =>
+                && asked.all_blended(has_large) != ComputeShare::Nothing =>
             {
                 true
             }
-            _ => asked.blended(triangles as usize, has_large) != Share::Nothing,
+            _ => asked.blended(triangles as usize, has_large) != ComputeShare::Nothing,
         };
         Foreseen {
             pixels: crate::render::screen_bounds::pixels(rect),
             is_blended,
             is_free: by_compute && settings.path == Path::Auto,
-            largest_by_compute_px: compute::largest_threshold_px(settings, host_px),
-            counts: Counts {
+            largest_by_compute_px: crate::render::compute_limits::largest_threshold_px(
+                settings, host_px,
+            ),
+            counts: FrameCounts {
                 nodes_visited: self.cut.stats.visited,
                 splats,
                 triangles,
-                ..Counts::default()
+                ..FrameCounts::default()
             },
             by_compute: by_compute && pays,
         }

@@ -9,11 +9,12 @@ use crate::render::Settings;
 use crate::render::cost::choose;
 use crate::render::frame_constants::frame_constants;
 use crate::render::frame_plan::{Drawing, largest_splat_px, splat_plan};
+use crate::render::stats::FrameCounts;
 use crate::render::stats::Stage;
 use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles};
-use crate::render::vulkan::renderer::{Counts, End, FrameTimes, Renderer};
+use crate::render::vulkan::renderer::{End, FrameTimes, Renderer};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::Targets;
 use crate::render::vulkan::triangles;
@@ -33,9 +34,9 @@ impl Renderer {
         let Some((_, pipeline)) = &self.triangles else {
             unreachable!("prepare made the pipeline")
         };
-        let counts = Counts {
+        let counts = FrameCounts {
             triangles: model.triangles.len() as u64,
-            ..Counts::default()
+            ..FrameCounts::default()
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
@@ -82,9 +83,9 @@ impl Renderer {
         // Quads need no guard band; those that might be points have the same, so that both give the same picture.
         let guard_px = if largest > max_point { 0.0 } else { largest };
         let context = self.context(view, settings, model, guard_px);
-        let counts = Counts {
+        let counts = FrameCounts {
             points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
-            ..Counts::default()
+            ..FrameCounts::default()
         };
         let constants = frame_constants(view, settings, &context);
         let targets = &self.targets;
@@ -145,7 +146,7 @@ fn submit_whole(
     frames: &mut Frames,
     targets: &Targets,
     constants: &FrameConstants,
-    counts: Counts,
+    counts: FrameCounts,
     end: &mut End<'_>,
     record: impl FnOnce(&mut Frame<'_>, Uniform) -> Result<(), Error>,
 ) -> Result<(Ticket, FrameTimes), Error> {

@@ -26,7 +26,7 @@ fn nothing_and_nonsense_draw_the_background() {
             splats: &[nan],
         },
     ] {
-        let got = render_filtered(&flat(), &list, &style, Outputs::default());
+        let got = render_filtered(&flat(), &list, &style, PictureOutputs::default());
         assert!(got.image.color == vec![[255, 128, 0, 0]; 48 * 40]);
         assert!(got.front == vec![0.0; 48 * 40]);
         assert!(got.sums == vec![[0.0; 4]; 48 * 40]);

@@ -51,7 +51,7 @@ fn triangles_alone_look_as_in_one_pass() {
         background: [0.1, 0.2, 0.3],
         ..style(2.0)
     };
-    let outputs = Outputs {
+    let outputs = PictureOutputs {
         depth: true,
         normal: true,
         values: false,
@@ -99,13 +99,13 @@ fn a_floor_from_behind_the_eye_to_behind_the_far_plane_has_no_holes() {
         triangles: &triangles,
         ..DrawList::default()
     };
-    let expected = render(&view, &list, &style(8.0), Outputs::default());
+    let expected = render(&view, &list, &style(8.0), PictureOutputs::default());
     let list = FilteredList {
         vertices: &vertices,
         triangles: &triangles,
         splats: &[],
     };
-    let got = render_filtered(&view, &list, &style(8.0), Outputs::default());
+    let got = render_filtered(&view, &list, &style(8.0), PictureOutputs::default());
     let mut covered = 0;
     for (i, (a, b)) in expected.color.iter().zip(&got.image.color).enumerate() {
         covered += usize::from(a[3] == 255);
@@ -126,7 +126,7 @@ fn splats_blend_with_triangles_behind_them_by_their_offset() {
             triangles: &[[0, 1, 2]],
             splats: &placed(&flat(), &splats),
         };
-        render_filtered(&flat(), &list, &style(4.0), Outputs::default()).sums[i]
+        render_filtered(&flat(), &list, &style(4.0), PictureOutputs::default()).sums[i]
     };
     // The wall in headlight is 0.8; the splat has half the weight and is 0.5 deep.
     for (z, weight, green) in [
@@ -164,7 +164,7 @@ fn backs_are_in_no_pass_when_they_are_culled() {
                 cull_back_faces: cull,
                 ..style(2.0)
             };
-            let got = render_filtered(&view, &list, &style, Outputs::default());
+            let got = render_filtered(&view, &list, &style, PictureOutputs::default());
             assert_eq!(
                 got.front.iter().any(|&d| d > 0.0),
                 is_drawn,
@@ -209,7 +209,7 @@ fn a_mirrored_view_gives_the_mirrored_picture() {
                 triangles: &surface.triangles,
                 splats: &placed(view, &splats),
             };
-            render_filtered(view, &list, &style, Outputs::default())
+            render_filtered(view, &list, &style, PictureOutputs::default())
         };
         let (a, b) = (drawn(&view), drawn(&mirrored));
         // Sides and edges exactly at pixel centers fall the other way: a few, at 1/256 pixel.

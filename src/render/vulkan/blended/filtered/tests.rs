@@ -12,13 +12,15 @@ use crate::pack::FilteredList;
 use crate::pack::filtered::FilteredPatch;
 use crate::pack::filtered::ScreenGroups;
 use crate::pack::splats::Packed;
+use crate::render::PictureOutputs;
+use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::Canvas;
 use crate::render::engine::style;
 use crate::render::frame_constants::frame_constants;
-use crate::render::reference::{Outputs, render_filtered};
+use crate::render::reference::render_filtered;
 use crate::render::vulkan::COLOR;
-use crate::render::vulkan::blended::compute::{Share, Small};
+use crate::render::vulkan::blended::compute::Small;
 use crate::render::vulkan::blended::filtered::{Filtered, List, Variant};
 use crate::render::vulkan::mapped_sums::Drawn;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
@@ -160,7 +162,7 @@ fn picture(
             &mut frame,
             &targets,
             what,
-            Share::Small,
+            ComputeShare::Small,
             &context,
             constants,
         )
@@ -178,7 +180,7 @@ fn mirrored(splats: &[FilteredPatch]) -> Image {
         ..FilteredList::default()
     };
     let style = style(&settings(), &Model::default());
-    render_filtered(&view(), &list, &style, Outputs::default()).image
+    render_filtered(&view(), &list, &style, PictureOutputs::default()).image
 }
 
 /// The most that a channel differs by, and how many pixels differ by more than one level.
