@@ -360,6 +360,103 @@ fn arrows_that_point_back_are_seen() {
     assert_eq!(see("src/tree/node.rs", late).len(), 1);
 }
 
+/// A folder below `src/render`, what it must not name, and files that still do: an entry that is no longer needed fails.
+struct Backend {
+    folder: &'static str,
+    unknown: &'static [&'static str],
+    overdue: &'static [&'static str],
+}
+
+/// No backend knows another, and only that of Vulkan knows a device.
+const BACKENDS: &[Backend] = &[
+    Backend {
+        folder: "src/render/cpu",
+        unknown: &[
+            "crate::gpu",
+            "crate::render::vulkan",
+            "crate::render::reference",
+            "crate::render::engine",
+        ],
+        overdue: &[],
+    },
+    Backend {
+        folder: "src/render/reference",
+        unknown: &[
+            "crate::gpu",
+            "crate::render::vulkan",
+            "crate::render::cpu",
+            "crate::render::engine",
+            "crate::render::cost",
+        ],
+        overdue: &[],
+    },
+    Backend {
+        folder: "src/render/cost",
+        unknown: &[
+            "crate::gpu",
+            "crate::render::vulkan",
+            "crate::render::cpu",
+            "crate::render::reference",
+            "crate::render::engine",
+        ],
+        overdue: &[],
+    },
+    // The window still draws with the processor through the Vulkan renderer.
+    Backend {
+        folder: "src/render/vulkan",
+        unknown: &[
+            "crate::render::cpu",
+            "crate::render::reference",
+            "crate::render::engine",
+        ],
+        overdue: &[
+            "src/render/vulkan/draw_lists.rs",
+            "src/render/vulkan/mapped_picture.rs",
+            "src/render/vulkan/mapped_sums.rs",
+            "src/render/vulkan/renderer/cut_frame.rs",
+        ],
+    },
+];
+
+/// Files of a backend's folder that name what they must not, in the order of their names; tests may compare backends.
+fn files_that_know_another(backend: &Backend, sources: &BTreeMap<String, String>) -> Vec<String> {
+    let is_own = |file: &&String| file.starts_with(backend.folder) && !file.contains("/tests");
+    let files = sources.keys().filter(is_own);
+    let knows = |file: &&String| {
+        let code = code(&sources[*file]);
+        backend.unknown.iter().any(|name| code.contains(name))
+    };
+    files.filter(knows).cloned().collect()
+}
+
+#[test]
+fn no_backend_knows_another() {
+    let sources = sources();
+    for backend in BACKENDS {
+        assert!(
+            root().join(backend.folder).is_dir(),
+            "{} is not there",
+            backend.folder
+        );
+        let found = files_that_know_another(backend, &sources);
+        assert_eq!(found, backend.overdue, "{}", backend.folder);
+    }
+}
+
+#[test]
+fn a_backend_that_knows_another_is_seen() {
+    let mut sources = BTreeMap::new();
+    for (name, text) in [
+        ("a.rs", "use crate::gpu::Gpu;\n"),
+        ("b.rs", "// crate::gpu\nuse crate::math;\n"),
+        ("c.rs", "mod tests {\n}\n"),
+    ] {
+        sources.insert(format!("src/render/cpu/{name}"), text.to_owned());
+    }
+    let found = files_that_know_another(&BACKENDS[0], &sources);
+    assert_eq!(found, ["src/render/cpu/a.rs"]);
+}
+
 #[test]
 fn unsafe_stands_only_where_vulkan_is() {
     let has_unsafe = |code: &str| {

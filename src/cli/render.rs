@@ -93,7 +93,14 @@ impl DeviceArgs {
 /// What drawing costs on the device that is to draw with these settings, measured now if it never was: the engine's to
 /// decide by. `None` of the mirror.
 pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<Costs> {
-    calibrate::for_use(backend.device()?, settings)
+    let decided: Vec<Settings> = (settings.iter())
+        .filter(|settings| !backend.draws_by_cpu(settings))
+        .copied()
+        .collect();
+    match decided.is_empty() {
+        true => None,
+        false => calibrate::for_use(backend.device()?, &decided),
+    }
 }
 
 /// A failure if the validation layer had anything to say.

@@ -63,6 +63,18 @@ impl Backend {
         }
     }
 
+    /// Whether the processor's renderer makes plain pictures of these settings, so that nothing of a device decides.
+    pub fn draws_by_cpu(&self, settings: &Settings) -> bool {
+        let can = unsupported_reason(settings, PictureOutputs::default(), [1, 1]).is_none();
+        match self {
+            Self::Device(gpu) => {
+                can && gpu.info().is_cpu() && settings.path == Path::Auto && settings.has_cut()
+            }
+            Self::Cpu | Self::WithoutDevice => can,
+            Self::Vulkan(_) | Self::Mirror => false,
+        }
+    }
+
     /// The Vulkan device, if pictures are made on one.
     pub fn device(&self) -> Option<&Arc<Gpu>> {
         match self {

@@ -349,7 +349,8 @@ fn the_log_has_spans_of_stages_and_passes() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let words = "render generate:torus:20000 --size 64x48 -o a.png --log surfel=debug";
+    let words =
+        "render generate:torus:20000 --size 64x48 -o a.png --log surfel=debug --backend vulkan";
     let err = expect(folder.path(), 0, words).err;
     for span in [
         "cut: ",

@@ -358,7 +358,7 @@ fn a_device_that_is_not_there() {
         std::fs::remove_file(at.join("a.png")).unwrap();
     }
     let run = without_vulkan("render generate:square:8 -o a.png --backend cpu --normals n.exr");
-    assert_eq!(run.code, 1, "{}", run.err);
+    assert_eq!(run.code, 2, "{}", run.err);
     assert!(run.err.contains("leave --normals out"), "{}", run.err);
 
     if super::harness::has_device() {

@@ -81,6 +81,7 @@ pub struct CpuRenderer {
 struct DrawnCounts {
     splats: usize,
     triangles: usize,
+    /// Bytes of records, of corners, and of what was drawn into.
     list_bytes: u64,
 }
 
@@ -288,6 +289,10 @@ impl CpuRenderer {
             is_begun: has_triangles,
         };
         let splats = &self.splats[..written + samples];
+        let triangles = match settings.method {
+            Method::Pop => self.cut.triangles.len(),
+            _ => self.triangle_ids.len(),
+        };
         let target = (&screen, light);
         let mut undrawn_count = 0;
         if has_one_size && is_cut {
@@ -316,8 +321,9 @@ impl CpuRenderer {
             } else {
                 written
             },
-            triangles: self.triangles_of(frame).len(),
-            list_bytes: (size_of::<Splat>() * splats.len()) as u64,
+            triangles,
+            list_bytes: (size_of::<Splat>() * splats.len() + 12 * triangles + 8 * rect_pixels)
+                as u64,
         }
     }
 
@@ -368,15 +374,6 @@ impl CpuRenderer {
         let light = Light::new(frame.constants, frame.corner_screen());
         let is_lit = self.triangles.set(model, &self.triangle_ids, light);
         debug_assert!(is_lit, "lamps and data are not supported");
-    }
-
-    /// Triangles of the frame, as far as the cut names them.
-    fn triangles_of(&self, frame: &CpuFrame<'_>) -> &[u32] {
-        match frame.settings.method {
-            Method::Pop => &self.cut.triangles,
-            Method::Triangles => &self.triangle_ids,
-            Method::Splats | Method::Points => &[],
-        }
     }
 
     /// Filtered splats and triangles: depths, sums, and their quotients.
@@ -432,7 +429,8 @@ impl CpuRenderer {
         DrawnCounts {
             splats: written.count(),
             triangles: ids.len(),
-            list_bytes: (size_of::<FilteredSplat>() * written.count()) as u64,
+            list_bytes: (size_of::<FilteredSplat>() * written.count() + 12 * ids.len() + 8 * words)
+                as u64,
         }
     }
 
