@@ -223,7 +223,13 @@ fn pages_do_not_show() {
                 continue;
             }
             let s = settings_of(case);
-            let whole = draw(&device, model, &view, &s);
+            let drawn = |scene: &mut Scene| {
+                let outputs = outputs_of(case);
+                let mut renderer = Renderer::new(device.gpu(), 200, 200, outputs, false).unwrap();
+                renderer.draw(model, scene, &view, &s).unwrap();
+                renderer.read(&view).unwrap()
+            };
+            let whole = drawn(&mut Scene::new(device.gpu(), model).unwrap());
             for (vertices, triangles) in [(1000, usize::MAX), (usize::MAX, 777), (3, 1_000)] {
                 if (vertices, model.triangles.len() > 10_000) == (3, true) {
                     continue; // A page a triangle: 20,000 buffers prove nothing more.
@@ -231,10 +237,7 @@ fn pages_do_not_show() {
                 let mut scene =
                     Scene::with_page_limits(device.gpu(), model, vertices, triangles).unwrap();
                 assert!(scene.pages.len() > 1 || model.triangles.is_empty());
-                let mut renderer =
-                    Renderer::new(device.gpu(), 200, 200, outputs_of(case), false).unwrap();
-                renderer.draw(model, &mut scene, &view, &s).unwrap();
-                let paged = renderer.read(&view).unwrap();
+                let paged = drawn(&mut scene);
                 assert!(whole == paged, "{case:?}: {} pages show", scene.pages.len());
             }
         }

@@ -136,7 +136,7 @@ fn check_times(profile: &Profile, passes: &[&str], is_timed: bool) {
 #[test]
 fn passes_stages_and_counters_hang_together() {
     let Some(device) = Device::open() else { return };
-    let backend = Backend::Device(device.gpu().clone());
+    let backend = Backend::Vulkan(device.gpu().clone());
     let info = device.gpu().info().clone();
     let is_timed = info.timestamp_period_ns > 0.0;
     let model = common::generated(Shape::Torus, 20_000);
@@ -234,7 +234,7 @@ fn passes_stages_and_counters_hang_together() {
 #[test]
 fn a_square_is_drawn_over_once() {
     let Some(device) = Device::open() else { return };
-    let backend = Backend::Device(device.gpu().clone());
+    let backend = Backend::Vulkan(device.gpu().clone());
     let model = common::generated(Shape::Square, 200);
     let settings = Settings {
         culling: Culling::Off,
@@ -251,7 +251,7 @@ fn a_square_is_drawn_over_once() {
 #[test]
 fn measuring_changes_no_picture_and_makes_nothing_new() {
     let Some(device) = Device::open() else { return };
-    let backend = Backend::Device(device.gpu().clone());
+    let backend = Backend::Vulkan(device.gpu().clone());
     let model = common::generated(Shape::Sphere, 20_000);
     let view = common::orbit(&model, SIZE, 10.0, 20.0, 1.0);
     let has_timestamps = device.gpu().info().timestamp_period_ns > 0.0;
@@ -336,7 +336,7 @@ fn spans(trace: &serde_json::Value) -> Vec<Span> {
 #[test]
 fn a_trace_has_both_tracks_on_one_clock() {
     let Some(device) = Device::open() else { return };
-    let backend = Backend::Device(device.gpu().clone());
+    let backend = Backend::Vulkan(device.gpu().clone());
     let model = common::generated(Shape::Sphere, 20_000);
     let views = views(&model, 4);
     // Compute has passes of its own, where it pays.

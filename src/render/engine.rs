@@ -360,11 +360,11 @@ impl<'m> Engine<'m> {
             // The processor's renderer has pictures of eight bits.
             return self.render(view, settings);
         };
-        check(self.model, settings, self.outputs, f32::INFINITY)?;
         let values = PictureOutputs {
             values: true,
             ..PictureOutputs::default()
         };
+        check(self.model, settings, values, f32::INFINITY)?;
         let outputs = std::mem::replace(&mut reference.outputs, values);
         let settings = for_view(settings, self.model, view);
         reference.draw(self.model, view, &settings);
