@@ -13,7 +13,7 @@ use surfel::generate::{self, Shape, Spec};
 use surfel::gpu::{Gpu, Options};
 use surfel::image::compare;
 use surfel::input;
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::measure::Distribution;
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
@@ -181,8 +181,8 @@ fn building(scale: u64) {
 }
 
 fn orbit(model: &Model, fill: f64, k: u32, n: u32) -> View {
-    let center = model.origin + model.orbit_center.as_dvec3();
-    Camera::orbit_view(SIZE, center, f64::from(model.orbit_radius), fill, k, n)
+    model
+        .orbit_step(SIZE, fill, k, n)
         .view(model.origin)
         .expect("a valid camera")
 }
@@ -242,7 +242,7 @@ fn hiding(model: &Model, name: &str) {
         hides: true,
         are_discs: false,
         large_leaves: false,
-        is_cloud: model.triangles.is_empty(),
+        is_cloud: model.kind().is_points(),
     };
     let undrawn = Undrawn::new(model);
     let splats = |cut: &Cut| {

@@ -15,7 +15,7 @@ use surfel::generate::{self, Shape, Spec};
 use surfel::gpu::Options;
 use surfel::image::compare;
 use surfel::input;
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::measure::Distribution;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -68,8 +68,8 @@ fn models(only: Option<&str>) -> Vec<(&'static str, Model)> {
 }
 
 fn orbit(model: &Model, size: (u32, u32), fill: f64, k: u32, n: u32) -> View {
-    let center = model.origin + model.orbit_center.as_dvec3();
-    Camera::orbit_view(size, center, f64::from(model.orbit_radius), fill, k, n)
+    model
+        .orbit_step(size, fill, k, n)
         .view(model.origin)
         .expect("a camera of the orbit")
 }

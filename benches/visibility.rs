@@ -15,7 +15,7 @@ use surfel::generate::{self, Shape, Spec};
 use surfel::gpu::Options;
 use surfel::image::{FloatImage, Image, compare};
 use surfel::input;
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::measure::Distribution;
 use surfel::pack::{ColorBy, splats};
 use surfel::progress::Silent;
@@ -51,10 +51,9 @@ fn real(name: &str) -> Option<Model> {
 }
 
 fn orbit(model: &Model, size: (u32, u32)) -> View {
-    let center = model.origin + model.orbit_center.as_dvec3();
     let (azimuth, elevation) = (30f64.to_radians(), 20f64.to_radians());
-    let radius = f64::from(model.orbit_radius);
-    Camera::orbit(size, center, radius, azimuth, elevation, 1.0)
+    model
+        .orbit_camera(size, azimuth, elevation, 1.0)
         .view(model.origin)
         .expect("a valid camera")
 }

@@ -10,7 +10,7 @@ use std::fmt::Write as _;
 use std::path::Path;
 use surfel::generate::{self, Shape, Spec};
 use surfel::image::Image;
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -133,9 +133,7 @@ fn scan() -> Result<Mesh, Box<dyn std::error::Error>> {
     let mut mesh = Mesh::default();
     let mut random = Random(7);
     for (azimuth, elevation, tint) in [(0.3, 0.15, [230, 205, 170]), (1.25, 0.4, [205, 210, 225])] {
-        let center = model.origin + model.orbit_center.as_dvec3();
-        let radius = f64::from(model.orbit_radius);
-        let camera = Camera::orbit((SIDE, SIDE), center, radius, azimuth, elevation, 1.1);
+        let camera = model.orbit_camera((SIDE, SIDE), azimuth, elevation, 1.1);
         let view = camera.view(model.origin)?;
         let seen = engine.render(&view, &settings)?;
         add_range_map(&mut mesh, &view, &seen, tint, &mut random);

@@ -22,6 +22,9 @@ pub enum Error {
     /// A model could not be generated, or a mesh not be written.
     #[error(transparent)]
     Generate(#[from] crate::generate::Error),
+    /// There is no built-in scene of that name.
+    #[error(transparent)]
+    Scene(#[from] crate::scenes::SceneError),
     /// A profile could not be made.
     #[error(transparent)]
     Profile(#[from] crate::measure::profile::Error),
@@ -34,4 +37,21 @@ pub enum Error {
     /// Something could not be measured.
     #[error(transparent)]
     Bench(#[from] crate::bench::Error),
+}
+
+impl Error {
+    /// Whether the work stopped because its [`Progress`](crate::progress::Progress) was cancelled: nothing is wrong.
+    pub fn is_cancelled(&self) -> bool {
+        use crate::measure::profile::Error as ProfileError;
+        matches!(
+            self,
+            Self::Input(crate::input::Error::Cancelled)
+                | Self::Tree(crate::tree::Error::Cancelled)
+                | Self::Generate(crate::generate::Error::Cancelled)
+                | Self::Profile(ProfileError::Cancelled(_))
+                | Self::Failures(crate::failures::Error::Cancelled)
+                | Self::Chart(crate::chart::Error::Cancelled)
+                | Self::Bench(crate::bench::Error::Cancelled)
+        )
+    }
 }

@@ -179,9 +179,8 @@ fn a_trembling_camera_changes_little() {
     let backend = Backend::Device(device.gpu().clone());
     for (model_name, model) in models().into_iter().skip(1) {
         let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
-        let center = model.origin + model.orbit_center.as_dvec3();
-        let radius = f64::from(model.orbit_radius);
-        let camera = Camera::orbit(SIZE, center, radius, 0.5, 0.35, 1.0);
+        let center = model.orbit_sphere().center;
+        let camera = model.orbit_camera(SIZE, 0.5, 0.35, 1.0);
         let eye = camera.view.inverse().transform_point3(DVec3::ZERO);
         for s in looks(1.0).into_iter().chain(looks(3.0)) {
             let mut render = |by: DVec3| {

@@ -78,15 +78,22 @@ const LAYERS: &[Layer] = &[
     layer(
         "error",
         &[
-            "math", "input", "generate", "tree", "image", "gpu", "measure", "failures", "chart",
-            "bench",
+            "math", "input", "generate", "scenes", "tree", "image", "gpu", "measure", "failures",
+            "chart", "bench",
+        ],
+    ),
+    // The one door: what a name means, read and built. Its errors are those of the library.
+    layer(
+        "open",
+        &[
+            "progress", "math", "mesh", "input", "generate", "scenes", "tree", "error",
         ],
     ),
     layer(
         "viewer",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "tree", "cut", "pack", "image",
-            "gpu", "render", "measure", "bench", "error",
+            "gpu", "render", "measure", "bench", "error", "open",
         ],
     ),
     layer(
@@ -94,7 +101,7 @@ const LAYERS: &[Layer] = &[
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
             "pack", "image", "gpu", "render", "measure", "failures", "chart", "bench", "error",
-            "viewer",
+            "open", "viewer",
         ],
     ),
 ];
@@ -669,6 +676,67 @@ fn the_documents_name_only_what_is_there() {
             );
         }
     }
+}
+
+/// The code lines of a Rust example in a document, without blank lines and comments.
+fn example(document: &str, fence: &str) -> Vec<String> {
+    let after = document.split(fence).nth(1).unwrap_or_default();
+    let block = after.split("```").next().unwrap_or_default();
+    block
+        .lines()
+        .map(|line| line.trim_start_matches("//!").trim().to_owned())
+        .filter(|line| !line.is_empty() && !line.starts_with("//"))
+        .collect()
+}
+
+#[test]
+fn the_library_example_is_short_and_the_same_everywhere() {
+    const MOST_LINES: usize = 12;
+    let readme = example(&text("README.md"), "```rust\n");
+    assert_eq!(readme, example(&text("src/lib.rs"), "```no_run\n"));
+    let program: Vec<_> = text("examples/headless.rs")
+        .lines()
+        .map(str::to_owned)
+        .collect();
+    let start = program.iter().position(|l| l.starts_with("use ")).unwrap();
+    let program = example(&format!("#{}", program[start..].join("\n")), "#");
+    for (name, lines) in [("README.md", &readme), ("examples/headless.rs", &program)] {
+        assert!(
+            (5..=MOST_LINES).contains(&lines.len()) && lines.iter().any(|l| l.contains("::open(")),
+            "the example of {name} has {} lines, or does not open a model",
+            lines.len()
+        );
+    }
+}
+
+/// Files that may read a model file or a tree file themselves: the door, and the layers below it.
+const BEHIND_THE_DOOR: &[&str] = &["src/open", "src/input/", "src/tree/"];
+
+#[test]
+fn models_are_opened_through_the_one_door() {
+    let reads = |code: &str| {
+        [
+            "input::load",
+            "load_stream(",
+            "tree::file::read",
+            "file::read_from(",
+        ]
+        .iter()
+        .any(|name| code.contains(name))
+    };
+    let mut behind = 0;
+    for (file, code) in sources() {
+        // Unit tests in a file of their own may look at whatever they like.
+        if !reads(&code) || file.ends_with("/tests.rs") {
+            continue;
+        }
+        assert!(
+            BEHIND_THE_DOOR.iter().any(|place| file.starts_with(place)),
+            "{file} opens a model beside `surfel::open`"
+        );
+        behind += 1;
+    }
+    assert!(behind > 0, "the search is broken");
 }
 
 /// The files that a checkout has: those of the index where git is there, else the folders of the crate.

@@ -102,7 +102,7 @@ fn promises_hold_on_clouds() {
             (model.tree.leaves.len(), model.used_vertices as usize),
             (count, count)
         );
-        assert!(model.is_cloud() && !model.is_closed);
+        assert!(model.kind().is_points() && !model.is_closed);
         // No normals: nothing is culled, and everything says so.
         assert!(model.tree.nodes.iter().all(|node| node.cone == Cone::ALL));
         assert!(model.vertices.iter().all(|v| v.color == [255, 255, 255, 0]));

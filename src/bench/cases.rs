@@ -5,7 +5,7 @@ use super::verdict::Target;
 use crate::chart::run::orbit;
 use crate::math::camera::{Camera, View};
 use crate::render::{CutOn, ListOf, Method, Path, Settings, SplatKind};
-use crate::tree::Model;
+use crate::tree::{Model, OrbitSphere};
 use glam::DVec3;
 
 /// A model of the run.
@@ -311,8 +311,8 @@ pub fn views(
 /// # Errors
 /// When the model has no size that a camera can show.
 pub fn empty_view(model: &Model, size: (u32, u32)) -> Result<View, crate::math::camera::Error> {
-    let center = model.origin + model.orbit_center.as_dvec3();
-    let radius = f64::from(model.orbit_radius).max(f64::MIN_POSITIVE);
+    let OrbitSphere { center, radius } = model.orbit_sphere();
+    let radius = radius.max(f64::MIN_POSITIVE);
     let eye = center + 3.0 * radius * DVec3::Z;
     let away = eye + radius * DVec3::Z;
     Camera::look_at(

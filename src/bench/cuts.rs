@@ -4,7 +4,6 @@ use super::cases::{self, SIZE, views};
 use super::verdict::Target;
 use super::{Case, Error, Figure, Plan, Session};
 use crate::cut::{Cut, Selector};
-use crate::math::camera::Camera;
 use crate::progress::Progress;
 use crate::render::Settings;
 use crate::render::frame_plan::{cut_settings, for_view};
@@ -150,14 +149,7 @@ fn moving(
                 return Err(Error::Cancelled);
             }
             let azimuth = f64::to_radians(20.0 + degrees * frame as f64);
-            let camera = Camera::orbit(
-                SIZE,
-                model.origin + model.orbit_center.as_dvec3(),
-                f64::from(model.orbit_radius),
-                azimuth,
-                f64::to_radians(20.0),
-                1.0,
-            );
+            let camera = model.orbit_camera(SIZE, azimuth, f64::to_radians(20.0), 1.0);
             let view = camera.view(model.origin)?;
             let settings = cut_settings(&for_view(&line.settings, model, &view), model);
             let each = selectors.iter_mut().zip(&mut times).zip(&mut visited);

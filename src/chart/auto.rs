@@ -112,7 +112,7 @@ impl Key {
                 .map_or_else(String::new, |gpu| gpu.info().driver.clone()),
             size_class: primitives.ilog2() / 2,
             is_closed: model.is_closed,
-            is_cloud: model.is_cloud(),
+            is_cloud: model.kind().is_points(),
             width,
             height,
         }
@@ -354,7 +354,6 @@ mod tests {
     use super::super::Ways;
     use super::*;
     use crate::generate::{Shape, Spec};
-    use crate::math::camera::Camera;
     use crate::progress::Silent;
     use crate::tree;
 
@@ -470,9 +469,7 @@ mod tests {
     fn a_small_model_is_calibrated_and_the_fill_is_that_of_the_orbit() {
         let model = model();
         for fill in [1.0, 0.5, 3.0] {
-            let center = model.origin + model.orbit_center.as_dvec3();
-            let radius = f64::from(model.orbit_radius);
-            let camera = Camera::orbit((300, 200), center, radius, 0.3, 0.2, fill);
+            let camera = model.orbit_camera((300, 200), 0.3, 0.2, fill);
             let found = fill_of(&model, &camera.view(model.origin).unwrap());
             assert!((found - fill).abs() < 1e-4, "{found} {fill}");
         }

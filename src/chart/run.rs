@@ -5,7 +5,7 @@ use super::errors::{Errors, Reference, TILE_PX};
 use super::{Choice, Error, Row, Ways};
 use crate::gpu;
 use crate::image::{Accumulator, Image, stratified};
-use crate::math::camera::{Camera, View};
+use crate::math::camera::View;
 use crate::measure::{Distribution, frames};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
@@ -65,8 +65,8 @@ impl Plan {
             None => Ways::default(),
         };
         match &self.thresholds {
-            Some(thresholds) => Choice::all(thresholds, model.is_cloud(), ways),
-            None => Choice::few(model.is_cloud(), ways),
+            Some(thresholds) => Choice::all(thresholds, model.kind().is_points(), ways),
+            None => Choice::few(model.kind().is_points(), ways),
         }
     }
 
@@ -87,15 +87,7 @@ pub fn orbit(
     k: u32,
     n: u32,
 ) -> Result<View, crate::math::camera::Error> {
-    Camera::orbit_view(
-        size,
-        model.origin + model.orbit_center.as_dvec3(),
-        f64::from(model.orbit_radius),
-        fill,
-        k,
-        n,
-    )
-    .view(model.origin)
+    model.orbit_step(size, fill, k, n).view(model.origin)
 }
 
 /// What draws the reference: all triangles; of a cloud the densest cut, every point as the disc that its spacing gives it.
@@ -169,7 +161,7 @@ impl<'m> Bench<'m> {
         grid: u32,
         progress: &dyn Progress,
     ) -> Result<Reference, Error> {
-        let settings = reference_settings(self.model.is_cloud());
+        let settings = reference_settings(self.model.kind().is_points());
         let mut mean = Accumulator::new();
         for i in 0..grid * grid {
             if progress.is_cancelled() {

@@ -2,8 +2,8 @@
 
 use super::progress::Bar;
 use super::render::costs_of;
-use super::source::Ready;
 use super::{Failure, Outcome, say, usage};
+use surfel::OpenedModel;
 use surfel::chart::auto::{Bounds, Calibration, Chosen, Key, fill_of};
 use surfel::chart::{Choice, Plan};
 use surfel::math::camera::View;
@@ -66,7 +66,7 @@ impl AutoArgs {
         &self,
         settings: Settings,
         backend: &Backend,
-        ready: &Ready,
+        ready: &OpenedModel,
         view: &View,
         quiet: bool,
     ) -> Result<Settings, Failure> {

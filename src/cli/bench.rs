@@ -2,9 +2,10 @@
 
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Ready, Source};
+use super::source::Source;
 use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
+use surfel::OpenedModel;
 use surfel::bench::cases::Standard;
 use surfel::bench::report::{csv, line, summary};
 use surfel::bench::{
@@ -207,15 +208,8 @@ fn with_hint(failure: Failure, args: &Args) -> Failure {
 }
 
 fn is_cancelled(error: &anyhow::Error) -> bool {
-    use surfel::Error as E;
-    matches!(
-        error.downcast_ref(),
-        Some(
-            E::Bench(Error::Cancelled)
-                | E::Input(surfel::input::Error::Cancelled)
-                | E::Tree(surfel::tree::Error::Cancelled)
-        )
-    )
+    let error: Option<&surfel::Error> = error.downcast_ref();
+    error.is_some_and(surfel::Error::is_cancelled)
 }
 
 /// A model of the run, once it is needed: name and file.
@@ -246,13 +240,13 @@ fn sources(args: &Args) -> Vec<(String, PathBuf)> {
     sources
 }
 
-fn load(path: &Path, bar: &Bar) -> Result<Ready, Failure> {
+fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
     let source = Source {
         model: path.to_owned(),
         weld: false,
     };
-    let ready = source.ready_with(bar, &mut |_| ())?;
-    if ready.model.triangles.is_empty() {
+    let ready = source.open_with(bar)?;
+    if !ready.model.kind().is_surface() {
         return Err(usage(format!(
             "{}: bench compares with triangles, and there are none in it",
             ready.name

@@ -4,6 +4,7 @@ use super::source::Source;
 use super::{Failure, Outcome, bytes, count, say};
 use std::path::PathBuf;
 use std::time::Instant;
+use surfel::open::ModelSource;
 use surfel::tree;
 
 /// Build the tree of a model and write it to a file that opens at once.
@@ -22,15 +23,14 @@ pub(crate) struct Args {
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let output = match args.output {
         Some(path) => path,
-        None if args.source.model == std::path::Path::new("-")
-            || super::source::generated(&args.source.model).is_some()
-            || super::source::scene(&args.source.model).is_some() =>
-        {
-            return Err(super::usage(
-                "-o FILE is needed for a model without a file name",
-            ));
-        }
-        None => args.source.model.with_extension("surfel"),
+        None => match ModelSource::parse(&args.source.model)? {
+            ModelSource::File(path) => path.with_extension("surfel"),
+            _ => {
+                return Err(super::usage(
+                    "-o FILE is needed for a model without a file name",
+                ));
+            }
+        },
     };
     if output == args.source.model {
         return Err(super::usage(format!(
@@ -39,7 +39,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         )));
     }
     super::require_folder(&output)?;
-    let ready = args.source.ready(quiet)?;
+    let ready = args.source.open(quiet)?;
     let start = Instant::now();
     // The model was good; only the file can fail here, and that is no bad input.
     tree::file::write(&ready.model, &output).map_err(|e| {

@@ -2,11 +2,12 @@
 
 use super::progress::Bar;
 use super::render::{DeviceArgs, costs_of, parse_size, validated};
-use super::source::{Ready, Source};
+use super::source::Source;
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use surfel::OpenedModel;
 use surfel::chart::agree::{Agreement, agreement};
 use surfel::chart::page::{Shot, html, panel_facts};
 use surfel::chart::plot::{METRICS, pixels, svg};
@@ -181,7 +182,7 @@ struct Run<'a> {
 
 impl Run<'_> {
     /// Measures all of a model that is not measured yet, and draws the pictures of its frontier.
-    fn model(&mut self, ready: &Ready, bar: &Bar) -> Outcome {
+    fn model(&mut self, ready: &OpenedModel, bar: &Bar) -> Outcome {
         let (model, plan) = (&ready.model, self.plan);
         let choices = plan.choices(model, self.backend);
         let mut bench = Bench::new(self.backend, model, plan.size)?;
@@ -269,7 +270,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             model: path.clone(),
             weld: args.weld,
         };
-        let ready = source.ready_with(&bar, &mut |_| ())?;
+        let ready = source.open_with(&bar)?;
         if ready.model.vertices.is_empty() {
             return Err(usage(format!(
                 "{}: there is nothing in it to draw",

@@ -35,7 +35,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             model: path.clone(),
             weld: args.weld,
         };
-        let ready = match source.ready(quiet) {
+        let ready = match source.open(quiet) {
             Ok(ready) => ready,
             Err(Failure::Input(error)) => {
                 rows.push(json!({ "file": path.display().to_string(), "error": chain(&error) }));

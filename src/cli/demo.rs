@@ -141,7 +141,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         model: args.model.clone(),
         weld: false,
     };
-    let ready = source.ready(quiet)?;
+    let ready = source.open(quiet)?;
     let model = &ready.model;
     say(&format!(
         "{}: {} triangles, {} vertices; ready in {:.1} s (tree {:.1} s)",
@@ -178,7 +178,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         if super::progress::is_interrupted() {
             return Err(Failure::Run(anyhow::anyhow!("cancelled")));
         }
-        if model.is_cloud() && !shot.draws_clouds() {
+        if model.kind().is_points() && !shot.draws_clouds() {
             bar.inc(1);
             continue;
         }

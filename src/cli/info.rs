@@ -1,9 +1,10 @@
 //! `surfel info`
 
-use super::source::{Ready, Source};
+use super::source::Source;
 use super::{Failure, Outcome, bytes, count, print};
 use serde_json::json;
 use std::fmt::Write;
+use surfel::OpenedModel;
 
 /// Say what is in a model file.
 #[derive(Debug, clap::Args)]
@@ -17,7 +18,7 @@ pub(crate) struct Args {
 }
 
 /// Facts about a model, as JSON.
-pub(crate) fn facts(ready: &Ready) -> serde_json::Value {
+pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
     let m = &ready.model;
     let world = |v: glam::Vec3| {
         let v = m.origin + v.as_dvec3();
@@ -26,12 +27,12 @@ pub(crate) fn facts(ready: &Ready) -> serde_json::Value {
     let memory = m.memory_bytes();
     json!({
         "file": ready.name,
-        "format": ready.format,
+        "format": ready.format.name(),
         "file_bytes": ready.file_bytes,
         "vertices": m.vertices.len(),
         "used_vertices": m.used_vertices,
         "triangles": m.triangles.len(),
-        "is_cloud": m.triangles.is_empty(),
+        "is_cloud": !m.kind().is_surface(),
         "is_closed": m.is_closed,
         "has_colors": m.has_colors,
         "min": world(m.min),
@@ -53,7 +54,7 @@ pub(crate) fn facts(ready: &Ready) -> serde_json::Value {
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
-    let ready = args.source.ready(quiet)?;
+    let ready = args.source.open(quiet)?;
     let facts = facts(&ready);
     if args.json {
         let text = serde_json::to_string_pretty(&facts).map_err(|e| Failure::Run(e.into()))?;
@@ -77,7 +78,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         count(m.vertices.len() as u64),
         count(u64::from(m.used_vertices)),
         count(m.triangles.len() as u64),
-        if m.triangles.is_empty() {
+        if !m.kind().is_surface() {
             ": a point cloud"
         } else {
             ""

@@ -49,12 +49,10 @@ impl From<surfel::Error> for Failure {
         use surfel::Error as E;
         use surfel::generate::Error as G;
         let is_input = match &error {
-            E::Input(surfel::input::Error::Cancelled) | E::Tree(surfel::tree::Error::Cancelled) => {
-                false
-            }
+            error if error.is_cancelled() => false,
             // A bad specification is bad input; a file that cannot be written is not.
-            E::Generate(G::Write { .. } | G::Stream(_) | G::Cancelled) => false,
-            E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) => true,
+            E::Generate(G::Write { .. } | G::Stream(_)) => false,
+            E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) | E::Scene(_) => true,
             E::Image(surfel::image::Error::Read { .. }) => true,
             E::Bench(surfel::bench::Error::Memory { .. } | surfel::bench::Error::Camera(_)) => true,
             E::Chart(surfel::chart::Error::Rows { .. } | surfel::chart::Error::Camera(_)) => true,

@@ -196,9 +196,9 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let mut subjects = args.subjects()?;
     let camera = args.camera.read()?;
-    let ready = args.source.ready(quiet)?;
+    let ready = args.source.open(quiet)?;
     let model = &ready.model;
-    if model.triangles.is_empty() {
+    if !model.kind().is_surface() {
         // Of a cloud every point is drawn, as the reference does.
         subjects[0].settings = motion::reference_settings(model, &subjects[0].settings);
     }

@@ -3,12 +3,13 @@
 use super::look::LookArgs;
 use super::progress::Bar;
 use super::render::{CameraArgs, DeviceArgs, costs_of, orbit_cameras, parse_orbit, validated};
-use super::source::{Ready, Source};
+use super::source::Source;
 use super::stats::{device_of, settings_of};
 use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+use surfel::OpenedModel;
 use surfel::measure::Distribution;
 use surfel::measure::profile::{Plan, Profile, Proof};
 use surfel::measure::report::Report;
@@ -91,7 +92,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     args.check()?;
     let settings = args.look.settings()?;
     let camera = args.camera.read()?;
-    let ready = args.source.ready(quiet)?;
+    let ready = args.source.open(quiet)?;
     let cameras = match camera {
         Some(camera) => vec![camera; args.frames as usize],
         None => orbit_cameras(&ready, args.camera.size(), args.orbit, args.frames),
@@ -172,7 +173,7 @@ fn word(value: &impl serde::Serialize) -> String {
 }
 
 /// What the model and the device's allocations take, bytes.
-fn memory(ready: &Ready, profile: &Profile) -> serde_json::Value {
+fn memory(ready: &OpenedModel, profile: &Profile) -> serde_json::Value {
     let resources: Vec<_> = profile
         .memory
         .iter()
@@ -240,7 +241,7 @@ impl Table {
 
 const UNKNOWN: &str = "not known on this device";
 
-fn table(ready: &Ready, profile: &Profile, report: &Report) -> String {
+fn table(ready: &OpenedModel, profile: &Profile, report: &Report) -> String {
     let mut t = Table::default();
     match &profile.device {
         Some(info) if info.is_cpu() => t.text(&format!(

@@ -3,10 +3,11 @@
 use super::auto::AutoArgs;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
-use super::source::{Ready, Source};
+use super::source::Source;
 use super::{Failure, Outcome, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
+use surfel::OpenedModel;
 use surfel::bench::calibrate;
 use surfel::gpu::{Error as GpuError, Gpu, Options as GpuOptions};
 use surfel::image::{FloatImage, Image};
@@ -269,19 +270,12 @@ impl CameraArgs {
 
 /// The camera of `orbit` for a model.
 pub(crate) fn orbit_camera(
-    ready: &Ready,
+    ready: &OpenedModel,
     size: (u32, u32),
     [azimuth, elevation, fill]: [f64; 3],
 ) -> Camera {
-    let model = &ready.model;
-    Camera::orbit(
-        size,
-        model.origin + model.orbit_center.as_dvec3(),
-        f64::from(model.orbit_radius),
-        azimuth.to_radians(),
-        elevation.to_radians(),
-        fill,
-    )
+    let (azimuth, elevation) = (azimuth.to_radians(), elevation.to_radians());
+    ready.model.orbit_camera(size, azimuth, elevation, fill)
 }
 
 /// Reads a camera file; every error names it.
@@ -312,7 +306,7 @@ fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failu
 
 /// `frames` cameras of the standard orbit, or the one of `--orbit`.
 pub(crate) fn orbit_cameras(
-    ready: &Ready,
+    ready: &OpenedModel,
     size: Option<(u32, u32)>,
     orbit: Option<[f64; 3]>,
     frames: u32,
@@ -429,21 +423,11 @@ enum Picture {
 const WARM_UP: u32 = 2;
 
 pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
-    let camera = match args.scene.as_deref() {
+    match args.scene.as_deref() {
         Some("list") => return super::scenes::print_list(),
-        Some(name) => {
-            let entry = super::source::named_scene(name)?;
-            args.source.model = PathBuf::from(format!("scene:{name}"));
-            let scene = entry.make();
-            if !args.look.is_auto() {
-                args.look.default_threshold(scene.threshold_px);
-            }
-            // Another view of the scene is one of its model.
-            let is_its_own = args.camera.is_none() && args.orbit.is_none() && args.frames == 1;
-            is_its_own.then_some(scene.camera)
-        }
-        None => None,
-    };
+        Some(name) => args.source.model = PathBuf::from(format!("scene:{name}")),
+        None => {}
+    }
     args.check()?;
     args.auto.check(args.look.is_auto())?;
     let mut settings = args.look.settings_to_choose()?;
@@ -459,8 +443,19 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             "--cut-camera: only --method pop and --method splats draw a cut",
         ));
     }
-    let camera = read.or(camera);
-    let ready = args.source.ready(quiet)?;
+    let ready = args.source.open(quiet)?;
+    // A scene that is named as a model is looked at as any model.
+    let scene = ready.scene.as_ref().filter(|_| args.scene.is_some());
+    if let Some(scene) = scene
+        && !args.look.is_auto()
+    {
+        args.look.default_threshold(scene.threshold_px);
+        settings = args.look.settings_to_choose()?;
+    }
+    // Another view of the scene is one of its model.
+    let is_its_own = args.camera.is_none() && args.orbit.is_none() && args.frames == 1;
+    let own = scene.filter(|_| is_its_own).map(|s| s.camera.clone());
+    let camera = read.or(own);
     let cameras = match camera {
         Some(camera) => vec![resized(camera, args.size)?],
         None => orbit_cameras(&ready, args.size, args.orbit, args.frames),

@@ -60,7 +60,7 @@ fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
                 model: PathBuf::from(format!("generate:square:{triangles}")),
                 weld: false,
             };
-            let tree = source.ready_with(bar, &mut |_| ())?.model.tree;
+            let tree = source.open_with(bar)?.model.tree;
             Ok((triangles, (tree.nodes.len() + tree.leaves.len()) as u64))
         })
         .collect()
@@ -94,7 +94,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             model: path.clone(),
             weld: false,
         };
-        let ready = source.ready_with(&bar, &mut |_| ())?;
+        let ready = source.open_with(&bar)?;
         if ready.model.vertices.is_empty() {
             return Err(usage(format!(
                 "{}: there is nothing in it to draw",

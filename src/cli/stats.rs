@@ -1,7 +1,7 @@
 //! What `--stats` writes.
 
-use super::source::Ready;
 use serde_json::json;
+use surfel::OpenedModel;
 use surfel::measure::Distribution;
 use surfel::render::Settings;
 use surfel::render::engine::Backend;
@@ -9,7 +9,7 @@ use surfel::render::stats::{FrameTimes, Stage};
 
 /// How the pictures were drawn.
 pub(crate) fn settings_of(
-    ready: &Ready,
+    ready: &OpenedModel,
     settings: &Settings,
     size: (u32, u32),
 ) -> serde_json::Value {
@@ -41,7 +41,7 @@ pub(crate) fn device_of(backend: &Backend) -> serde_json::Value {
 
 /// Counts and times of a run, as `--stats` writes them.
 pub(crate) fn of(
-    ready: &Ready,
+    ready: &OpenedModel,
     backend: &Backend,
     settings: &Settings,
     size: (u32, u32),

@@ -3,14 +3,10 @@
 use super::look::LookArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, parse_orbit, parse_size, read_camera, require_ending};
-use super::source::Source;
+use super::source::open_options;
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
-use std::sync::Arc;
-use surfel::mesh::Mesh;
-use surfel::progress::Progress;
-use surfel::viewer::loader::Open;
 use surfel::viewer::{self, Faults, Options, store};
 
 /// Mouse and keys, for `surfel --help`.
@@ -177,27 +173,12 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         window.panel = panel == Switch::On;
     }
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
-    let weld = args.weld;
-    let open: Arc<Open> = Arc::new(move |path, progress: &dyn Progress, preview| {
-        let source = Source {
-            model: path.to_owned(),
-            weld,
-        };
-        let mut early = |mesh: &Mesh| {
-            if let Some(model) = viewer::preview::model(mesh, progress) {
-                preview(model);
-            }
-        };
-        match source.ready_with(progress, &mut early) {
-            Ok(ready) => Ok(ready.model),
-            Err(Failure::Input(error) | Failure::Run(error)) => Err(format!("{error}").into()),
-        }
-    });
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);
     let options = Options {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
+        opening: open_options(args.weld),
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,
         ui_scale: args.ui_scale,
@@ -226,5 +207,5 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
             memory: args.exhaust_memory_every,
         },
     };
-    Ok(viewer::run(options, open, &is_interrupted)?)
+    Ok(viewer::run(options, &is_interrupted)?)
 }

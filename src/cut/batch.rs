@@ -366,7 +366,7 @@ impl Batch {
             self.drop_between(simd, hiding, groups.len(), cut);
         }
         // A point has no triangle: large or small, it is a splat.
-        let always = Mask::all(model.triangles.is_empty());
+        let always = Mask::all(model.kind().is_points());
         if let Some(hiding) = hiding {
             self.hide_leaves(simd, hiding, groups, always, (cut, marks));
         }
@@ -427,7 +427,7 @@ impl Batch {
             self.faces.push((self.siblings.number(lane), lane as u32));
         }
         let mut away = Mask::default();
-        if model.triangles.is_empty() {
+        if model.kind().is_points() {
             for &(leaf, lane) in &self.faces {
                 let is_away = tester.leaf_faces_away(model, leaf);
                 away.add(lane as usize, u32::from(is_away));

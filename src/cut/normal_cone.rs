@@ -121,7 +121,7 @@ impl Tester {
             }
         };
         let position = |i: u32| model.vertices.get(i as usize).map(|v| v.position);
-        if model.triangles.is_empty() {
+        if model.kind().is_points() {
             let Some(&Vertex {
                 position,
                 normal,

@@ -452,7 +452,6 @@ pub fn select(model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
 mod tests {
     use super::*;
     use crate::generate::{self, Shape, Spec};
-    use crate::math::camera::Camera;
     use crate::pack::for_tests::levels;
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
@@ -465,10 +464,8 @@ mod tests {
             let spec = Spec::with_triangles(shape, 30_000).expect("a valid size");
             let mesh = generate::mesh(&spec);
             let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree");
-            let center = model.origin + model.orbit_center.as_dvec3();
-            let radius = f64::from(model.orbit_radius);
             for (k, fill) in [(0, 0.1), (1, 0.5), (2, 2.0)] {
-                let camera = Camera::orbit_view((300, 300), center, radius, fill, k, 3);
+                let camera = model.orbit_step((300, 300), fill, k, 3);
                 let view = camera.view(model.origin).expect("a usable camera");
                 for threshold_px in [0.0, 3.0, 12.0] {
                     let settings = Settings {
@@ -525,12 +522,10 @@ mod tests {
         let mut counts = [0; 6];
         for model in &models {
             let undrawn = Undrawn::new(model);
-            let is_cloud = model.triangles.is_empty();
-            let center = model.origin + model.orbit_center.as_dvec3();
-            let radius = f64::from(model.orbit_radius);
+            let is_cloud = model.kind().is_points();
             for (fill, threshold_px) in [(0.3, 1.0), (1.0, 0.5), (1.0, 1.0), (2.0, 2.0), (1.0, 6.0)]
             {
-                let camera = Camera::orbit_view((300, 200), center, radius, fill, 1, 3);
+                let camera = model.orbit_step((300, 200), fill, 1, 3);
                 let view = camera.view(model.origin).expect("a usable camera");
                 let settings = Settings {
                     threshold_px,

@@ -156,7 +156,7 @@ impl Case {
         let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
         let view = camera.view(model.origin)?;
         let (mut ranges, mut is_center_open) = (Vec::new(), Vec::new());
-        let truth = if model.triangles.is_empty() && !model.tree.leaves.is_empty() {
+        let truth = if model.kind().is_points() {
             None
         } else {
             let settings = Settings {
@@ -352,7 +352,7 @@ fn distances(model: &Model, view: &View, truth: Option<&FloatImage>) -> Vec<f64>
             corners.iter().for_each(|i| touch(*i));
         }
     }
-    if model.is_cloud() {
+    if model.kind().is_points() {
         (0..model.tree.leaf_count()).for_each(&mut touch);
     }
     let squared = squared_distances(&is_touched, wide, height + 2 * MARGIN);

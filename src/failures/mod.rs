@@ -67,7 +67,7 @@ impl Look {
     /// one is; points of clouds have sizes of their own in both.
     pub fn is_for(&self, case: &Case) -> bool {
         let is_own_picture = match (self.settings.method, self.settings.splat) {
-            (Method::Splats, SplatKind::Filtered) if case.model.is_cloud() => true,
+            (Method::Splats, SplatKind::Filtered) if case.model.kind().is_points() => true,
             (Method::Splats, _) => case.has_large_leaves,
             _ => true,
         };

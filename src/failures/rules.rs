@@ -108,7 +108,7 @@ const MOIRE: f64 = 6.0;
 /// t is the largest leaf where that is larger.
 pub fn reach_px(case: &Case, look: &Look) -> f64 {
     let has_own_size = look.settings.method == Method::Splats
-        || (look.settings.method == Method::Pop && case.model.is_cloud());
+        || (look.settings.method == Method::Pop && case.model.kind().is_points());
     let mut t = f64::from(case.threshold_px.max(1.0));
     if has_own_size {
         t = t.max(case.largest_px);
@@ -183,7 +183,7 @@ pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> 
             ]);
         }
     }
-    if let (true, Some(squares)) = (case.model.is_cloud(), case.expected.squares_px)
+    if let (true, Some(squares)) = (case.model.kind().is_points(), case.expected.squares_px)
         && look.settings.draws_splats()
     {
         rules.push((
@@ -192,7 +192,7 @@ pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> 
             "a square, or the disc in it, for every point",
         ));
     }
-    if look.settings.method == Method::Triangles && case.model.is_cloud() {
+    if look.settings.method == Method::Triangles && case.model.kind().is_points() {
         rules.push((Figure::Covered, [0.0; 2], "a cloud has no triangles"));
     } else if let (Some(color), true) = (case.expected.color, case.has_center) {
         // Rounding in several places, and the light of a splat some pixels away.

@@ -40,6 +40,9 @@ pub enum Error {
     /// No shape of that name.
     #[error("unknown shape '{0}'; there are square, sphere, torus and statue")]
     UnknownShape(String),
+    /// What should be a number of triangles is none.
+    #[error("generate: {0:?} is no number of triangles")]
+    BadCount(String),
     /// A model without triangles was asked for.
     #[error("a model needs at least one triangle")]
     TooFewTriangles,

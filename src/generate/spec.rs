@@ -64,6 +64,24 @@ pub struct Spec {
     rows: u32,
 }
 
+impl FromStr for Spec {
+    type Err = Error;
+
+    /// `SHAPE[:TRIANGLES]`, a million triangles without a number; `_` may part its digits.
+    fn from_str(text: &str) -> Result<Spec, Error> {
+        let (shape, triangles) = match text.split_once(':') {
+            Some((shape, triangles)) => (shape, Some(triangles)),
+            None => (text, None),
+        };
+        let shape: Shape = shape.parse()?;
+        let triangles = triangles.map_or(Ok(1_000_000), |text| {
+            let digits = text.replace('_', "");
+            digits.parse().map_err(|_| Error::BadCount(text.to_owned()))
+        })?;
+        Spec::with_triangles(shape, triangles)
+    }
+}
+
 /// Vertices have 32-bit indices; one value stays free, so that the number of vertices fits as well.
 const MOST_VERTICES: u64 = u32::MAX as u64;
 

@@ -23,7 +23,7 @@ impl fmt::Display for Place {
 
 /// Why a file could not be read as a model.
 ///
-/// Every variant but [`Cancelled`](Error::Cancelled) holds the file as the caller named it ("standard input"
+/// Every variant but [`Cancelled`](Error::Cancelled) and [`Remote`](Error::Remote) holds the file as the caller named it ("standard input"
 /// for `-`), and its text ends with what can be done.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -38,6 +38,14 @@ pub enum Error {
         path: PathBuf,
         /// What the operating system said.
         source: std::io::Error,
+    },
+    /// An address of a network, where a file was wanted.
+    #[error(
+        "{url}: addresses are not fetched; download it and open the file, or pipe it to standard input (-)"
+    )]
+    Remote {
+        /// The address.
+        url: String,
     },
     /// The gzip stream is damaged or cut short.
     #[error("{}: the gzip data is damaged after {unpacked} unpacked bytes: {source}; fetch the file again", path.display())]

@@ -23,6 +23,7 @@ mod tri;
 mod warning;
 
 use std::fmt;
+use std::io::Read;
 use std::path::Path;
 
 pub use error::{Error, Place};
@@ -32,6 +33,9 @@ use crate::mesh::{Mesh, weld};
 use crate::progress::Progress;
 use job::Job;
 use sniff::Kind;
+
+/// Standard input, as messages name it.
+pub const STANDARD_INPUT: &str = "standard input";
 
 /// How to read. The default keeps the vertices of the file as they are.
 #[derive(Debug, Clone)]
@@ -151,6 +155,37 @@ pub struct Loaded {
     pub counts: Counts,
 }
 
+/// The bytes of a model that somebody else opened.
+pub struct InputStream<'a> {
+    /// The file as messages name it; its ending decides where the content leaves the format open.
+    pub path: &'a Path,
+    /// Where files that the model names (materials) are looked for; `None` looks for none, which is a warning.
+    pub folder: Option<&'a Path>,
+    /// The bytes, from the first to the last.
+    pub reader: &'a mut dyn Read,
+    /// How many there will be; 0 when unknown. Memory is reserved by it, and too large a file is refused by it.
+    pub expected_bytes: u64,
+}
+
+impl fmt::Debug for InputStream<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("InputStream")
+            .field("path", &self.path)
+            .field("expected_bytes", &self.expected_bytes)
+            .finish_non_exhaustive()
+    }
+}
+
+impl InputStream<'_> {
+    /// Reads all bytes, within the limits. Reports one stage, `read`.
+    ///
+    /// # Errors
+    /// [`Error::Open`], [`Error::TooLarge`], [`Error::Cancelled`].
+    pub fn read_all(&mut self, limits: &Limits, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
+        source::read_all(self, limits.file_bytes, progress)
+    }
+}
+
 /// Reads the model at `path`, or from standard input when `path` is `-`.
 ///
 /// Reports two stages, `read` and `parse`, in bytes (and `unpack` between them for gzip).
@@ -158,19 +193,37 @@ pub struct Loaded {
 /// # Errors
 /// See [`Error`]; a file that is damaged anywhere gives exactly one.
 pub fn load(path: &Path, options: &Options, progress: &dyn Progress) -> Result<Loaded, Error> {
-    let _span = tracing::info_span!("input.load", path = %path.display()).entered();
     if path == Path::new("-") {
-        let bytes = source::read_stdin(options, progress)?;
-        return load_from(Path::new("standard input"), None, bytes, options, progress);
+        let stream = InputStream {
+            path: Path::new(STANDARD_INPUT),
+            folder: None,
+            reader: &mut std::io::stdin().lock(),
+            expected_bytes: 0,
+        };
+        return load_stream(stream, options, progress);
     }
-    let bytes = source::read_file(path, options, progress)?;
-    load_from(
+    let (mut file, expected_bytes) = source::open_file(path)?;
+    let stream = InputStream {
         path,
-        Some(path.parent().unwrap_or(Path::new(""))),
-        bytes,
-        options,
-        progress,
-    )
+        folder: Some(path.parent().unwrap_or(Path::new(""))),
+        reader: &mut file,
+        expected_bytes,
+    };
+    load_stream(stream, options, progress)
+}
+
+/// Reads the model in a stream to its end.
+///
+/// # Errors
+/// As for [`load`].
+pub fn load_stream(
+    mut stream: InputStream<'_>,
+    options: &Options,
+    progress: &dyn Progress,
+) -> Result<Loaded, Error> {
+    let _span = tracing::info_span!("input.load", path = %stream.path.display()).entered();
+    let bytes = stream.read_all(&options.limits, progress)?;
+    load_from(stream.path, stream.folder, bytes, options, progress)
 }
 
 /// Reads a model from memory. `name` serves messages and the ending of the name; files that the model names

@@ -7,7 +7,7 @@ use std::path::Path;
 use flate2::bufread::MultiGzDecoder;
 
 use super::job::Job;
-use super::{Error, Options};
+use super::{Error, InputStream};
 use crate::progress::Progress;
 
 /// Bytes read between two looks at the progress.
@@ -18,64 +18,47 @@ const CHUNK: usize = 4 << 20;
 const FREE_UNPACKED_BYTES: u64 = 64 << 20;
 const LARGEST_RATIO: u64 = 256;
 
-/// Reads a whole file. A memory map would save one copy (some 30 ms for 100 MB), but a file that another program
-/// shortens meanwhile would then end the process; a copy cannot change under the reader.
-pub(super) fn read_file(
-    path: &Path,
-    options: &Options,
-    progress: &dyn Progress,
-) -> Result<Vec<u8>, Error> {
+/// Opens a file; with its length in bytes, 0 where it has none.
+pub(super) fn open_file(path: &Path) -> Result<(File, u64), Error> {
     let open_error = |source| Error::Open {
         path: path.to_owned(),
         source,
     };
     let file = File::open(path).map_err(open_error)?;
     let length = file.metadata().map_err(open_error)?.len();
-    let limit = options.limits.file_bytes;
-    if length > limit {
-        return Err(Error::TooLarge {
-            path: path.to_owned(),
-            what: "bytes",
-            found: length,
-            limit,
-        });
-    }
-    progress.stage("read", length);
-    read_all(file, length, limit, path, progress)
+    Ok((file, length))
 }
 
-/// Reads standard input to its end.
-pub(super) fn read_stdin(options: &Options, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
-    progress.stage("read", 0);
-    read_all(
-        io::stdin().lock(),
-        0,
-        options.limits.file_bytes,
-        Path::new("standard input"),
-        progress,
-    )
-}
-
-fn read_all(
-    mut reader: impl Read,
-    expected: u64,
+/// Reads a stream to its end. A memory map of a file would save one copy (some 30 ms for 100 MB), but a file that another
+/// program shortens meanwhile would then end the process; a copy cannot change under the reader.
+pub(super) fn read_all(
+    stream: &mut InputStream<'_>,
     limit: u64,
-    path: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<u8>, Error> {
-    let mut bytes = Vec::new();
+    let (path, expected) = (stream.path, stream.expected_bytes);
+    let too_large = |found| Error::TooLarge {
+        path: path.to_owned(),
+        what: "bytes",
+        found,
+        limit,
+    };
     let open_error = |source| Error::Open {
         path: path.to_owned(),
         source,
     };
+    if expected > limit {
+        return Err(too_large(expected));
+    }
+    progress.stage("read", expected);
+    let mut bytes = Vec::new();
     // One byte more than expected, so that the read that finds the end needs no larger buffer.
     let reserve = usize::try_from(expected.saturating_add(1)).unwrap_or(usize::MAX);
     bytes
         .try_reserve_exact(reserve)
         .map_err(|_| open_error(io::ErrorKind::OutOfMemory.into()))?;
     loop {
-        let got = reader
-            .by_ref()
+        let got = (&mut *stream.reader)
             .take(CHUNK as u64)
             .read_to_end(&mut bytes)
             .map_err(open_error)?;
@@ -84,12 +67,7 @@ fn read_all(
             return Err(Error::Cancelled);
         }
         if bytes.len() as u64 > limit {
-            return Err(Error::TooLarge {
-                path: path.to_owned(),
-                what: "bytes",
-                found: bytes.len() as u64,
-                limit,
-            });
+            return Err(too_large(bytes.len() as u64));
         }
         if got == 0 {
             return Ok(bytes);

@@ -8,7 +8,7 @@ use crate::math::camera::{self, Camera, View};
 use crate::progress::Progress;
 use crate::render::engine::Engine;
 use crate::render::{Blend, Method, Settings, Shading, SplatKind, frame_plan};
-use crate::tree::Model;
+use crate::tree::{Model, OrbitSphere};
 use glam::{DMat4, DVec3};
 use std::sync::Arc;
 
@@ -61,10 +61,11 @@ pub struct Steps {
 impl Target {
     /// The model's middle and radius, those of the standard orbit.
     pub fn of(model: &Model) -> Self {
+        let OrbitSphere { center, radius } = model.orbit_sphere();
         Self {
             origin: model.origin,
-            center: model.origin + model.orbit_center.as_dvec3(),
-            radius: f64::from(model.orbit_radius).max(f64::MIN_POSITIVE),
+            center,
+            radius: radius.max(f64::MIN_POSITIVE),
         }
     }
 }
@@ -146,7 +147,7 @@ pub struct Plan<'a> {
 /// What stands for the truth where a model is drawn with `settings`: its triangles in the same light, or of a point cloud
 /// all points as splats of their own size.
 pub fn reference_settings(model: &Model, settings: &Settings) -> Settings {
-    let is_cloud = model.triangles.is_empty();
+    let is_cloud = !model.kind().is_surface();
     Settings {
         method: if is_cloud {
             Method::Splats

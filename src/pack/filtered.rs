@@ -326,7 +326,7 @@ impl Eye<'_> {
 
     fn nodes(&self, model: &Model, ids: &[u32], sink: &mut Sink<'_, FilteredSplat>) {
         let size = self.dense();
-        let is_cloud = model.is_cloud();
+        let is_cloud = model.kind().is_points();
         for (index, group) in ids.chunks(4).enumerate() {
             for &next in ids.iter().skip(4 * index + parallel::AHEAD).take(4) {
                 ask_for(model, next);
@@ -459,7 +459,7 @@ impl Eye<'_> {
             let ids = [0, 1, 2, 3].map(|i: u32| first + i.min(count - 1));
             let four = if !parent.has_leaves() {
                 Four::of_nodes(model, ids)
-            } else if !model.triangles.is_empty() {
+            } else if model.kind().is_surface() {
                 let triangles = ids.map(|leaf| triangle_of(model, leaf as usize));
                 Four::of_triangles(triangles.each_ref())
             } else {
@@ -490,7 +490,7 @@ impl Eye<'_> {
         let Some(&first) = ids.first() else {
             return;
         };
-        if model.triangles.is_empty() {
+        if !model.kind().is_surface() {
             return self.leaf_points(model, ids, sink);
         }
         let mut group = Group::new(self, triangle_of(model, first as usize));

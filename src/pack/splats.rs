@@ -102,7 +102,7 @@ impl Plan {
             && !self.draws_large_leaves
             && self.cut_view.is_none()
             && (self.footprint != Footprint::Oriented || self.size == SizeMetric::Exact)
-            && !model.triangles.is_empty()
+            && model.kind().is_surface()
     }
 
     /// Whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
@@ -112,7 +112,7 @@ impl Plan {
             && self.size == SizeMetric::Exact
             && !self.draws_large_leaves
             && self.cut_view.is_none()
-            && !model.triangles.is_empty()
+            && model.kind().is_surface()
     }
 
     fn bound_px(&self) -> f32 {
@@ -327,7 +327,7 @@ impl<'a> Writer<'a> {
             plan,
             is_oriented: plan.footprint == Footprint::Oriented,
             is_checked: !plan.fits_always(model),
-            has_triangles: !model.triangles.is_empty(),
+            has_triangles: model.kind().is_surface(),
         }
     }
 

@@ -31,7 +31,7 @@ pub fn for_view(settings: &Settings, model: &Model, view: &View) -> Settings {
         && model.surrounds(of_cut.eye);
     let as_a_pixel = settings.method == Method::Pop
         && knows_footprints(settings)
-        && !model.triangles.is_empty()
+        && model.kind().is_surface()
         && settings.threshold_px > 1.0
         && settings.threshold_px <= AS_A_PIXEL_PX;
     Settings {
@@ -74,7 +74,7 @@ fn knows_footprints(settings: &Settings) -> bool {
 pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
     cut::Settings {
         threshold_px: settings.threshold_px,
-        cull_back: settings.culls_back(model.is_closed) && !model.triangles.is_empty(),
+        cull_back: settings.culls_back(model.is_closed) && model.kind().is_surface(),
         cull_frustum: true,
         size: settings.size,
     }
@@ -97,7 +97,7 @@ fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
         Occlusion::On => true,
         Occlusion::Off => false,
     };
-    let is_cloud = model.triangles.is_empty();
+    let is_cloud = !model.kind().is_surface();
     // A disc of this diameter contains a pixel's center wherever it lies.
     let may_miss = settings.threshold_px < std::f32::consts::SQRT_2 && !is_cloud;
     (knows_footprints(settings) && (is_wanted || may_miss)).then(|| cut::Footprints {
@@ -165,7 +165,7 @@ impl Choice {
 /// No splat is larger than this, pixels: infinite where splats have sizes of their own.
 pub(super) fn largest_splat_px(model: &Model, settings: &Settings) -> f32 {
     let have_own = settings.method == Method::Splats || settings.holds_cut();
-    if have_own || (settings.has_cut() && model.triangles.is_empty()) {
+    if have_own || (settings.has_cut() && !model.kind().is_surface()) {
         f32::INFINITY
     } else {
         settings.threshold_px.max(1.0)
@@ -233,7 +233,7 @@ pub fn filtered_shade(
     model: &Model,
     max_size_px: f32,
 ) -> pack::filtered::Shade {
-    let cull_back = settings.draws_fronts_only(model.is_closed) && !model.triangles.is_empty();
+    let cull_back = settings.draws_fronts_only(model.is_closed) && model.kind().is_surface();
     pack::filtered::Shade {
         side_px: settings.threshold_px.max(1.0),
         max_size_px,

@@ -339,6 +339,15 @@ pub fn find(name: &str) -> Option<&'static Entry> {
     ALL.iter().find(|entry| entry.name == name)
 }
 
+/// Why there is no scene.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// No scene has that name.
+    #[error("there is no scene {0:?}; surfel scenes lists them")]
+    Unknown(String),
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

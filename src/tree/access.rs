@@ -59,11 +59,6 @@ impl Model {
             triangles: bytes(&self.triangles),
         }
     }
-
-    /// Whether the leaves are points rather than triangles.
-    pub fn is_cloud(&self) -> bool {
-        self.triangles.is_empty() && !self.tree.leaves.is_empty()
-    }
 }
 
 impl Tree {

@@ -144,7 +144,7 @@ pub(super) fn links(model: &Model) -> Result<(), String> {
     }
     let used = model.used_vertices as usize;
     expect(used <= vertices, "more used vertices than vertices")?;
-    if model.triangles.is_empty() {
+    if !model.kind().is_surface() {
         expect(
             used == leaves,
             "a cloud without one leaf for each used vertex",

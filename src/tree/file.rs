@@ -7,6 +7,7 @@
 
 use super::{Error, Leaf, Model, Moments, NodeAttributes, Records, Tree, check};
 use crate::abi::Vertex;
+use crate::progress::{Progress, Silent};
 use bytemuck::{Pod, Zeroable};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -153,18 +154,29 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
 /// The file cannot be read, is not a tree file, is of another version, or is damaged; with the path, the byte, and what
 /// is wrong.
 pub fn read(path: &Path) -> Result<Model, Error> {
-    require_little_endian(path)?;
     let failed = |source| Error::Io {
         path: path.to_owned(),
         source,
     };
     let mut file = File::open(path).map_err(failed)?;
     let length = file.metadata().map_err(failed)?.len();
-    read_from(&mut file, length, path)
+    read_from(&mut file, length, path, &Silent)
 }
 
-/// Reads a model from `length` bytes; `path` is for the errors.
-fn read_from(file: &mut dyn Read, length: u64, path: &Path) -> Result<Model, Error> {
+/// Reads a model from a file that somebody else opened, `length` bytes long; `path` is for the errors. Reports one stage,
+/// `read tree`, in bytes.
+///
+/// # Errors
+///
+/// As [`read`]; cancelled.
+pub fn read_from(
+    file: &mut dyn Read,
+    length: u64,
+    path: &Path,
+    progress: &dyn Progress,
+) -> Result<Model, Error> {
+    require_little_endian(path)?;
+    progress.stage("read tree", length);
     let failed = |source| Error::Io {
         path: path.to_owned(),
         source,
@@ -217,6 +229,7 @@ fn read_from(file: &mut dyn Read, length: u64, path: &Path) -> Result<Model, Err
         next: 0,
         sections: header.sections,
         path,
+        progress,
     };
     let model = Model {
         vertices: reader.section::<Vertex>()?,
@@ -265,6 +278,7 @@ struct Reader<'a> {
     next: usize,
     sections: [Section; SECTIONS],
     path: &'a Path,
+    progress: &'a dyn Progress,
 }
 
 impl Reader<'_> {
@@ -321,7 +335,12 @@ impl Reader<'_> {
         if checksum(bytemuck::cast_slice(&values)) != section.checksum {
             return Err(damaged(section.offset, "the checksum is wrong".to_owned()));
         }
-        self.at = section.offset + size.unwrap_or(0);
+        let end = section.offset + size.unwrap_or(0);
+        self.progress.advance(end - self.at);
+        self.at = end;
+        if self.progress.is_cancelled() {
+            return Err(Error::Cancelled);
+        }
         Ok(values)
     }
 }
@@ -399,7 +418,6 @@ fn require_little_endian(path: &Path) -> Result<(), Error> {
 mod tests {
     use super::*;
     use crate::mesh::Mesh;
-    use crate::progress::Silent;
     use crate::tree::{BuildOptions, build};
 
     /// A strip of triangles, as a file in memory.
@@ -420,7 +438,7 @@ mod tests {
 
     fn reads(mut bytes: &[u8]) -> Result<Model, Error> {
         let length = bytes.len() as u64;
-        read_from(&mut bytes, length, Path::new("model.surfel"))
+        read_from(&mut bytes, length, Path::new("model.surfel"), &Silent)
     }
 
     #[test]

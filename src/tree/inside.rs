@@ -23,7 +23,7 @@ impl Model {
             let distance = point.distance(root.center);
             distance.is_nan() || distance > root.radius
         });
-        if is_outside || self.triangles.is_empty() {
+        if is_outside || !self.kind().is_surface() {
             return false;
         }
         let eye = point.as_dvec3();

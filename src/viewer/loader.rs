@@ -1,7 +1,11 @@
 //! Loads models on a thread of its own, and copies them to the device there, so that the window answers meanwhile.
 //! Of a large one a coarse preview comes first, as soon as its mesh is known.
 
+use super::preview;
 use crate::gpu::{self, Gpu, lock};
+use crate::input::Warning;
+use crate::mesh::Mesh;
+use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
 use crate::render::vulkan::scene::Scene;
 use crate::tree::Model;
@@ -12,19 +16,38 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// Why a model could not be opened, in words.
-pub type OpenError = Box<dyn std::error::Error + Send + Sync>;
+/// Why a model could not be loaded.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum LoadError {
+    /// The model could not be opened, or not be copied to the device.
+    #[error(transparent)]
+    Open(#[from] crate::Error),
+    /// The system has no thread left.
+    #[error(transparent)]
+    Thread(std::io::Error),
+    /// The thread panicked; its message is on standard error.
+    #[error("loading stopped unexpectedly")]
+    Stopped,
+}
 
-/// Opens what a path or `generate:SHAPE` names; returns early with an error once cancelled. It may hand over a coarse
-/// model of the same sphere before.
-pub type Open =
-    dyn Fn(&Path, &dyn Progress, &mut dyn FnMut(Model)) -> Result<Model, OpenError> + Send + Sync;
+impl From<gpu::Error> for LoadError {
+    fn from(error: gpu::Error) -> Self {
+        Self::Open(error.into())
+    }
+}
+
+/// Opens what a path names, [`open_with_preview`] but for tests; may hand over a coarse model of the same sphere before.
+type OpenFunction =
+    dyn Fn(&Path, &dyn Progress, &mut dyn FnMut(Model)) -> Result<Loaded, LoadError> + Send + Sync;
 
 /// A model that was loaded.
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct Loaded {
     /// The model.
     pub model: Model,
+    /// What of its file was repaired or left out.
+    pub warnings: Vec<Warning>,
     /// What of it is on the device already.
     pub scene: Option<Scene>,
     /// A coarse one; the model itself is still to come.
@@ -63,7 +86,7 @@ impl Progress for Shared {
 struct Job {
     path: PathBuf,
     shared: Arc<Shared>,
-    results: Receiver<Result<Loaded, OpenError>>,
+    results: Receiver<Result<Loaded, LoadError>>,
     thread: JoinHandle<()>,
 }
 
@@ -75,7 +98,7 @@ impl Drop for Job {
 
 /// Loads one model at a time.
 pub struct Loader {
-    open: Arc<Open>,
+    open: Arc<OpenFunction>,
     device: Device,
     job: Option<Job>,
 }
@@ -93,7 +116,23 @@ const FAREWELL: Duration = Duration::from_secs(2);
 
 impl Loader {
     /// A loader without a job.
-    pub fn new(open: Arc<Open>) -> Self {
+    pub fn new(options: OpenOptions) -> Self {
+        Self::of_function(Arc::new(move |path, progress, on_preview| {
+            let mut on_mesh = |mesh: &Mesh| {
+                if let Some(model) = preview::model(mesh, progress) {
+                    on_preview(model);
+                }
+            };
+            let opened = open_with_preview(path, &options, progress, &mut on_mesh)?;
+            Ok(Loaded {
+                model: opened.model,
+                warnings: opened.warnings,
+                ..Loaded::default()
+            })
+        }))
+    }
+
+    fn of_function(open: Arc<OpenFunction>) -> Self {
         Self {
             open,
             device: Device::default(),
@@ -120,15 +159,20 @@ impl Loader {
             .name("loader".into())
             .spawn(move || {
                 // Nobody listens any more when the job was cancelled.
-                let mut preview = |model| {
-                    if let Ok(preview) = copied(&device, model, true) {
+                let mut on_preview = |model| {
+                    let preview = Loaded {
+                        model,
+                        is_preview: true,
+                        ..Loaded::default()
+                    };
+                    if let Ok(preview) = copied(&device, preview) {
                         let _ = sender.send(Ok(preview));
                     }
                 };
-                let opened = open(&target, progress.as_ref(), &mut preview);
-                let result = opened.and_then(|model| {
+                let opened = open(&target, progress.as_ref(), &mut on_preview);
+                let result = opened.and_then(|loaded| {
                     progress.stage("copying to the device", 0);
-                    Ok(copied(&device, model, false)?)
+                    Ok(copied(&device, loaded)?)
                 });
                 let _ = sender.send(result);
             })?;
@@ -165,13 +209,12 @@ impl Loader {
     }
 
     /// What has come since the last call: a preview, or the result of a job that has ended.
-    pub fn poll(&mut self) -> Option<(PathBuf, Result<Loaded, OpenError>)> {
+    pub fn poll(&mut self) -> Option<(PathBuf, Result<Loaded, LoadError>)> {
         let job = self.job.as_ref()?;
         let result = match job.results.try_recv() {
             Err(TryRecvError::Empty) => return None,
             Ok(result) => result,
-            // The thread panicked; its message is on standard error.
-            Err(TryRecvError::Disconnected) => Err("loading stopped unexpectedly".into()),
+            Err(TryRecvError::Disconnected) => Err(LoadError::Stopped),
         };
         let path = job.path.clone();
         if !matches!(&result, Ok(loaded) if loaded.is_preview) {
@@ -195,23 +238,16 @@ impl Loader {
 }
 
 /// Copies a model to the device that is open, if one is.
-fn copied(device: &Device, model: Model, is_preview: bool) -> Result<Loaded, gpu::Error> {
+fn copied(device: &Device, mut loaded: Loaded) -> Result<Loaded, gpu::Error> {
     let device = lock(device).clone();
-    let scene = match device {
-        None => None,
-        Some((gpu, with_indices)) => {
-            let mut scene = Scene::new(&gpu, &model)?;
-            if with_indices && !is_preview {
-                scene.ensure_indices(&model)?;
-            }
-            Some(scene)
+    if let Some((gpu, with_indices)) = device {
+        let mut scene = Scene::new(&gpu, &loaded.model)?;
+        if with_indices && !loaded.is_preview {
+            scene.ensure_indices(&loaded.model)?;
         }
-    };
-    Ok(Loaded {
-        model,
-        scene,
-        is_preview,
-    })
+        loaded.scene = Some(scene);
+    }
+    Ok(loaded)
 }
 
 #[cfg(test)]
@@ -219,8 +255,16 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
     use super::*;
+    use crate::input;
 
-    fn wait(loader: &mut Loader) -> (PathBuf, Result<Loaded, OpenError>) {
+    fn of_model(model: Model) -> Loaded {
+        Loaded {
+            model,
+            ..Loaded::default()
+        }
+    }
+
+    fn wait(loader: &mut Loader) -> (PathBuf, Result<Loaded, LoadError>) {
         loop {
             if let Some(result) = loader.poll() {
                 return result;
@@ -234,13 +278,13 @@ mod tests {
         let (go, gate) = channel::<()>();
         let (told, at_stage) = channel::<()>();
         let (gate, told) = (Mutex::new(gate), Mutex::new(told));
-        let mut loader = Loader::new(Arc::new(move |path, progress, _| {
+        let mut loader = Loader::of_function(Arc::new(move |path, progress, _| {
             assert_eq!(path, Path::new("scan.ply"));
             progress.stage("building nodes", 200);
             progress.advance(86);
             told.lock().unwrap().send(()).unwrap();
-            gate.lock().unwrap().recv()?;
-            Ok(Model::default())
+            gate.lock().unwrap().recv().unwrap();
+            Ok(Loaded::default())
         }));
         assert!(loader.poll().is_none() && loader.status().is_none());
         loader.start(Path::new("scan.ply")).unwrap();
@@ -258,22 +302,27 @@ mod tests {
     fn a_new_job_cancels_the_old_one_and_errors_come_through() {
         let (saw, cancelled) = channel::<()>();
         let saw = Mutex::new(saw);
-        let mut loader = Loader::new(Arc::new(move |path, progress, _| {
+        let mut loader = Loader::of_function(Arc::new(move |path, progress, _| {
             if path == Path::new("slow") {
                 while !progress.is_cancelled() {
                     std::thread::yield_now();
                 }
                 saw.lock().unwrap().send(()).unwrap();
-                return Err("cancelled".into());
+                return Err(crate::Error::from(input::Error::Cancelled).into());
             }
-            Err(format!("cannot open {}", path.display()).into())
+            let path = path.to_owned();
+            Err(crate::Error::from(input::Error::UnknownFormat { path }).into())
         }));
         loader.start(Path::new("slow")).unwrap();
         loader.start(Path::new("broken")).unwrap();
         cancelled.recv().unwrap();
         let (path, result) = wait(&mut loader);
         assert_eq!(path, Path::new("broken"));
-        assert_eq!(result.unwrap_err().to_string(), "cannot open broken");
+        assert!(matches!(
+            result,
+            Err(LoadError::Open(crate::Error::Input(input::Error::UnknownFormat { path })))
+                if path == Path::new("broken")
+        ));
         loader.start(Path::new("slow")).unwrap();
         loader.stop();
         cancelled.recv().unwrap();
@@ -283,16 +332,16 @@ mod tests {
     fn a_preview_comes_before_the_model_and_the_job_goes_on() {
         let (go, gate) = channel::<()>();
         let gate = Mutex::new(gate);
-        let mut loader = Loader::new(Arc::new(move |_, _, preview| {
+        let mut loader = Loader::of_function(Arc::new(move |_, _, preview| {
             preview(Model {
                 used_vertices: 1,
                 ..Model::default()
             });
-            gate.lock().unwrap().recv()?;
-            Ok(Model {
+            gate.lock().unwrap().recv().unwrap();
+            Ok(of_model(Model {
                 used_vertices: 2,
                 ..Model::default()
-            })
+            }))
         }));
         loader.start(Path::new("scan.ply")).unwrap();
         let first = wait(&mut loader).1.unwrap();
@@ -307,8 +356,8 @@ mod tests {
 
     #[test]
     fn a_panic_while_loading_is_an_error_not_the_end() {
-        let mut loader = Loader::new(Arc::new(|_, _, _| panic!("on purpose")));
+        let mut loader = Loader::of_function(Arc::new(|_, _, _| panic!("on purpose")));
         loader.start(Path::new("bad")).unwrap();
-        assert!(wait(&mut loader).1.is_err());
+        assert!(matches!(wait(&mut loader).1, Err(LoadError::Stopped)));
     }
 }

@@ -31,15 +31,15 @@ use crate::bench::calibrate;
 use crate::gpu::messages::Messages;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
+use crate::open::OpenOptions;
 use crate::render::Settings;
 use app::App;
 use glfw::{ClientApiHint, WindowHint};
-use loader::{Loader, Open, OpenError};
+use loader::{LoadError, Loader};
 use record::{Entry, Recorder};
 pub use screen::Faults;
 use screen::Screen;
 use std::path::PathBuf;
-use std::sync::Arc;
 use window::Window;
 
 /// Why the window closed early.
@@ -56,8 +56,8 @@ pub enum Error {
     #[error("the device was lost and opening it again does not help: {0}")]
     DeviceGone(gpu::Error),
     /// The model that a picture was asked of could not be opened.
-    #[error("{0}")]
-    Open(OpenError),
+    #[error(transparent)]
+    Open(LoadError),
     /// The picture could not be written.
     #[error(transparent)]
     Image(#[from] crate::image::Error),
@@ -80,8 +80,10 @@ pub enum Error {
 /// What to show and how.
 #[derive(Debug, Clone, Default)]
 pub struct Options {
-    /// Model to open, or `generate:SHAPE`.
+    /// Model to open, as [`crate::open()`] names it.
     pub model: PathBuf,
+    /// How models are opened, this one and those that are dropped onto the window.
+    pub opening: OpenOptions,
     /// Nobody asked for that model: a replay takes the one of its recording.
     pub model_is_usual: bool,
     /// Size of the window, in the window system's units.
@@ -133,8 +135,8 @@ pub struct Options {
     pub faults: Faults,
 }
 
-/// Opens the window and returns when it is closed. `open` loads models, on another thread; `should_stop` is
-/// asked now and then (Ctrl-C). Must be called on the main thread.
+/// Opens the window and returns when it is closed. Models are opened on another thread; `should_stop` is asked now and
+/// then (Ctrl-C). Must be called on the main thread.
 ///
 /// A model that cannot be opened is told in the window and on standard error, and the window stays open for
 /// another, unless a picture of it was asked for.
@@ -142,8 +144,8 @@ pub struct Options {
 /// # Errors
 /// When there is no window or device, the device is lost and cannot be opened again, or a file that was asked for
 /// cannot be read or written.
-pub fn run(options: Options, open: Arc<Open>, should_stop: &dyn Fn() -> bool) -> Result<(), Error> {
-    let mut loader = Loader::new(open);
+pub fn run(options: Options, should_stop: &dyn Fn() -> bool) -> Result<(), Error> {
+    let mut loader = Loader::new(options.opening.clone());
     let outcome = if options.headless {
         replay_headless(options, &mut loader, should_stop)
     } else {

@@ -2,7 +2,7 @@
 
 use super::app::App;
 use super::event::Event;
-use super::loader::{Loaded, Loader, OpenError};
+use super::loader::{LoadError, Loaded, Loader};
 use super::record::Entry;
 use super::window::Window;
 use super::{Error, Options};
@@ -16,11 +16,11 @@ fn load(
     path: &Path,
     wants_preview: bool,
     should_stop: &dyn Fn() -> bool,
-) -> Result<Result<Loaded, OpenError>, Error> {
+) -> Result<Result<Loaded, LoadError>, Error> {
     if loader.path() != Some(path)
         && let Err(error) = loader.start(path)
     {
-        return Ok(Err(Box::new(error)));
+        return Ok(Err(LoadError::Thread(error)));
     }
     loop {
         match loader.poll() {

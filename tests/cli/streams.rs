@@ -151,7 +151,17 @@ fn standard_input_is_the_file() {
             "another picture"
         );
     }
+    // A tree as well.
+    expect(at, 0, "build a.ply -o a.surfel");
+    let tree = std::fs::read(at.join("a.surfel")).unwrap();
+    let mut info = command();
+    info.args(["info", "-", "--json"]);
+    let run = run_with(info, Some(&tree));
+    assert_eq!((run.code, run.err.as_str()), (0, ""));
+    assert_eq!(run.json()["format"], "surfel tree");
+    assert_eq!(run.json()["file_bytes"], tree.len());
     for (input, reason) in [
+        (&tree[..tree.len() - 1], "standard input, byte"),
         (&bytes[..0], "standard input: the file is empty"),
         (&bytes[..bytes.len() - 1], "standard input"),
         (&packed[..packed.len() - 9], "standard input"),

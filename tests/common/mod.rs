@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use surfel::generate::{Shape, Spec};
 use surfel::gpu::messages::Messages;
 use surfel::gpu::{Gpu, Options};
-use surfel::math::camera::{Camera, View};
+use surfel::math::camera::View;
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -146,8 +146,7 @@ pub(crate) fn load(path: &Path) -> surfel::mesh::Mesh {
 
 /// A model without perspective, off the middle of the picture, with pixels that are not square.
 pub(crate) fn orthographic(model: &Model, size: (u32, u32)) -> View {
-    let center = model.origin + model.orbit_center.as_dvec3();
-    let mut camera = Camera::orbit(size, center, f64::from(model.orbit_radius), 0.5, 0.3, 0.7);
+    let mut camera = model.orbit_camera(size, 0.5, 0.3, 0.7);
     let (near, far) = (0.1, 100.0);
     camera.proj = glam::DMat4::from_cols(
         glam::DVec4::X * 0.6,
@@ -168,14 +167,8 @@ pub(crate) fn orbit(
     elevation: f64,
     fill: f64,
 ) -> View {
-    Camera::orbit(
-        size,
-        model.origin + model.orbit_center.as_dvec3(),
-        f64::from(model.orbit_radius),
-        azimuth.to_radians(),
-        elevation.to_radians(),
-        fill,
-    )
-    .view(model.origin)
-    .unwrap()
+    model
+        .orbit_camera(size, azimuth.to_radians(), elevation.to_radians(), fill)
+        .view(model.origin)
+        .unwrap()
 }

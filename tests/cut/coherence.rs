@@ -161,7 +161,7 @@ fn walk(name: &str, model: &Model, frames: u32, seed: u64) -> Pair {
             hides: true,
             are_discs: false,
             large_leaves: false,
-            is_cloud: model.triangles.is_empty(),
+            is_cloud: model.kind().is_points(),
         });
         let what = format!("{name}, frame {frame}");
         pair.compare((model, &undrawn), &view, &settings, seen, &what);

@@ -8,7 +8,7 @@ use surfel::generate::{Shape, Spec};
 use surfel::math::camera::View;
 use surfel::progress::Silent;
 use surfel::render::{LARGEST_COMPUTE_BLENDED_PX, LARGEST_COMPUTE_SQUARE_PX, Settings, frame_plan};
-use surfel::tree::{self, BuildOptions, Model};
+use surfel::tree::{self, BuildOptions, Model, OrbitSphere};
 use surfel::viewer::camera::Orbit;
 use surfel::viewer::control::{Control, Place, Took, Work};
 use surfel::viewer::event::{Event, Key};
@@ -21,8 +21,7 @@ use glam::{DVec2, DVec3};
 /// The cameras of the walk, one for each step that moves, as the window makes them: a drag, a flight, and back.
 fn walk(model: &Model) -> Vec<Orbit> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/walk.jsonl");
-    let center = model.origin + model.orbit_center.as_dvec3();
-    let radius = f64::from(model.orbit_radius);
+    let OrbitSphere { center, radius } = model.orbit_sphere();
     let home = (30f64.to_radians(), 20f64.to_radians(), 1.0);
     let mut orbit = Orbit::new(center, radius, (640, 480), home);
     let (mut mouse, mut held, mut flies, mut last) = (Mouse::default(), None, false, None);
@@ -186,7 +185,7 @@ const TARGET: f64 = 33.0;
 
 /// Pixels of the square around the model's ball in a picture.
 fn pixels(model: &Model, orbit: &Orbit, view: &View) -> u64 {
-    let center = model.origin + model.orbit_center.as_dvec3();
+    let center = model.orbit_sphere().center;
     let distance = (orbit.eye() - center).length() as f32;
     let radius_px = view.focal_px() * model.orbit_radius / distance.max(1e-3);
     let side = |most: u32| (2.0 * radius_px).min(most as f32);
@@ -195,7 +194,7 @@ fn pixels(model: &Model, orbit: &Orbit, view: &View) -> u64 {
 
 /// Eye and direction of a camera, as the window tells them.
 fn place(model: &Model, orbit: &Orbit) -> Place {
-    let center = model.origin + model.orbit_center.as_dvec3();
+    let center = model.orbit_sphere().center;
     let world = orbit.camera().view.inverse();
     let eye = (world.w_axis.truncate() - center) / f64::from(model.orbit_radius);
     let toward = -world.z_axis.truncate();

@@ -12,7 +12,7 @@ use crate::math::camera::{Camera, View};
 use crate::progress::Progress;
 use crate::render::engine::Backend;
 use crate::render::{Culling, Method, Path, Settings};
-use crate::tree::Model;
+use crate::tree::{Model, OrbitSphere};
 use glam::DVec3;
 
 /// FPS, triangles and points of a frame.
@@ -194,12 +194,8 @@ pub fn published(model: &Model) -> Option<&'static Published> {
 
 /// His window, in the eye that fits.
 fn view(model: &Model, z: u32, elevation: f64) -> Result<View, Error> {
-    let radius = if model.orbit_radius > 0.0 {
-        f64::from(model.orbit_radius)
-    } else {
-        1.0
-    };
-    let center = model.origin + model.orbit_center.as_dvec3();
+    let OrbitSphere { center, radius } = model.orbit_sphere();
+    let radius = if radius > 0.0 { radius } else { 1.0 };
     let distance = f64::from(z) + 0.9;
     let (sin, cos) = elevation.to_radians().sin_cos();
     let eye = center + DVec3::new(0.0, sin, cos) * distance * radius;

@@ -84,7 +84,7 @@ const SAMPLE: usize = 256;
 /// compute draws.
 pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: &Cut) -> f32 {
     let usual = settings.threshold_px.max(1.0);
-    let has_own = model.triangles.is_empty()
+    let has_own = !model.kind().is_surface()
         && Drawing::of(settings) == Drawing::Opaque
         && settings.footprint() == Footprint::Oriented;
     let step = cut.leaves.len().div_ceil(SAMPLE);

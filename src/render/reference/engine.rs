@@ -181,7 +181,7 @@ impl MirrorEngine {
             triangles,
             splats: &lists.weighted,
             points,
-            has_coverage: settings.sums_coverage(!model.triangles.is_empty()),
+            has_coverage: settings.sums_coverage(model.kind().is_surface()),
         };
         let filtered = FilteredList {
             vertices,

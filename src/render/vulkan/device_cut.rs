@@ -45,7 +45,7 @@ pub(crate) fn why_not(settings: &Settings, model: &Model) -> Option<&'static str
         Some("overdraw is counted of the host's lists; use another --color-by")
     } else if settings.color_by == ColorBy::Level {
         Some("it does not tell levels of the tree; use another --color-by")
-    } else if model.triangles.is_empty() {
+    } else if !model.kind().is_surface() {
         Some("the model has no triangles")
     } else {
         None
@@ -285,7 +285,7 @@ mod tests {
     use crate::gpu::buffer::AnyBuffer as _;
     use crate::gpu::for_tests::{close_in_silence, device};
     use crate::gpu::frame::Frames;
-    use crate::math::camera::{Camera, View};
+    use crate::math::camera::View;
     use crate::pack::splats;
     use crate::progress::Silent;
     use crate::render::frame_plan::{cut_settings, splat_plan};
@@ -298,9 +298,7 @@ mod tests {
     }
 
     fn orbit(model: &Model, size: (u32, u32), fill: f64, step: u32) -> View {
-        let center = model.origin + model.orbit_center.as_dvec3();
-        let radius = f64::from(model.orbit_radius);
-        let camera = Camera::orbit_view(size, center, radius, fill, step, 5);
+        let camera = model.orbit_step(size, fill, step, 5);
         camera.view(model.origin).unwrap()
     }
 
@@ -381,9 +379,7 @@ mod tests {
             let mut views: Vec<View> = [(0.1, 0), (0.5, 1), (1.0, 2), (2.5, 3)]
                 .map(|(fill, step)| orbit(&model, (320, 200), fill, step))
                 .to_vec();
-            let center = model.origin + model.orbit_center.as_dvec3();
-            let mut camera =
-                Camera::orbit_view((320, 200), center, f64::from(model.orbit_radius), 0.5, 4, 5);
+            let mut camera = model.orbit_step((320, 200), 0.5, 4, 5);
             // Without perspective, off the middle of the picture.
             let (wide, near, far) = (0.6 / f64::from(model.orbit_radius), 0.01, 100.0);
             camera.proj = glam::DMat4::from_cols(

@@ -287,7 +287,7 @@ mod tests {
     use crate::gpu::device::Kind as Device;
     use crate::gpu::for_tests::{close_in_silence, device};
     use crate::gpu::frame::Frames;
-    use crate::math::camera::{Camera, View};
+    use crate::math::camera::View;
     use crate::pack::splats;
     use crate::pack::splats::Plan;
     use crate::pack::{Footprint, ids};
@@ -308,9 +308,7 @@ mod tests {
     }
 
     fn orbit(model: &Model, fill: f64, step: u32) -> View {
-        let center = model.origin + model.orbit_center.as_dvec3();
-        let radius = f64::from(model.orbit_radius);
-        let camera = Camera::orbit_view((320, 200), center, radius, fill, step, 5);
+        let camera = model.orbit_step((320, 200), fill, step, 5);
         camera.view(model.origin).unwrap()
     }
 
@@ -322,7 +320,7 @@ mod tests {
         kind: Kind,
     ) -> Vec<u32> {
         let tree = DeviceTree::new(gpu, model, scene).unwrap();
-        let by_id = ById::new(gpu, !model.triangles.is_empty()).unwrap();
+        let by_id = ById::new(gpu, model.kind().is_surface()).unwrap();
         let bytes: &[u8] = bytemuck::cast_slice(named);
         let mut list = Upload::new(gpu, "numbers", bytes.len() as u64).unwrap();
         list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);

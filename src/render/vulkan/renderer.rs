@@ -502,7 +502,7 @@ impl Renderer {
                 }
             }
             Drawing::Fuzzy => {
-                let has_triangles = !model.triangles.is_empty();
+                let has_triangles = model.kind().is_surface();
                 let variant = fuzzy::Variant::new(
                     &self.gpu,
                     settings,

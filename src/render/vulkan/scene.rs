@@ -84,7 +84,7 @@ impl Scene {
                 triangles: 0..model.triangles.len() as u32,
                 local: None,
             });
-        } else if model.triangles.is_empty() {
+        } else if !model.kind().is_surface() {
             for (index, chunk) in used.chunks(max_vertices).enumerate() {
                 pages.push(Page {
                     vertices: upload(gpu, &format!("vertices, page {index}"), chunk)?,

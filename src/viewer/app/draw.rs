@@ -128,8 +128,8 @@ impl App {
             }
             let screen = &mut self.screen;
             let place = screen.model().map_or([0.0; 6], |model| {
-                let center = model.origin + model.orbit_center.as_dvec3();
-                place_of(&camera, center, f64::from(model.orbit_radius))
+                let sphere = model.orbit_sphere();
+                place_of(&camera, sphere.center, sphere.radius)
             });
             control.know(screen.costs_of(settings.splat));
             let px = if is_planned {

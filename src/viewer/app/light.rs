@@ -72,9 +72,9 @@ impl App {
     /// What the lamp is moved about, and the model's radius; none without a model.
     pub(super) fn around(&self) -> Option<(Around, f64)> {
         let model = self.screen.model()?;
-        let center = model.origin + model.orbit_center.as_dvec3();
-        let radius = f64::from(model.orbit_radius);
-        Some((Around::new(center, radius, &self.camera()?), radius))
+        let sphere = model.orbit_sphere();
+        let around = Around::new(sphere.center, sphere.radius, &self.camera()?);
+        Some((around, sphere.radius))
     }
 
     /// Holds frames to another time from now on, milliseconds, or to none.

@@ -12,7 +12,7 @@ use super::control::Control;
 use super::event::Key;
 use super::graph::History;
 use super::input::Mouse;
-use super::loader::{Loaded, Loader, OpenError};
+use super::loader::{LoadError, Loaded, Loader};
 use super::notice::{Notices, Weight};
 use super::pace::Paced;
 use super::panel::Facts;
@@ -23,6 +23,7 @@ use crate::gpu::messages::Messages;
 use crate::math::camera::{Camera, Light};
 use crate::pack::{Lighting, Phong};
 use crate::render::{Method, Settings};
+use crate::tree::OrbitSphere;
 use commands::Turntable;
 use glam::DVec2;
 use std::collections::BTreeSet;
@@ -132,6 +133,12 @@ pub(super) struct App {
     pub(super) asks: Vec<Ask>,
 }
 
+/// Writes a message to standard error, which may be gone; the window is there.
+fn tell(message: &str) {
+    let line = format!("surfel: {message}\n");
+    let _ = std::io::Write::write_all(&mut std::io::stderr(), line.as_bytes());
+}
+
 impl App {
     pub(super) fn new(screen: Screen, options: Options) -> Self {
         let control = options
@@ -227,20 +234,13 @@ impl App {
     }
 
     pub(super) fn warn(&mut self, message: &str) {
-        // Standard error may be gone; the window is there.
-        let _ = std::io::Write::write_all(
-            &mut std::io::stderr(),
-            format!("surfel: {message}\n").as_bytes(),
-        );
+        tell(message);
         self.notices.add(message, Weight::Warning, self.time);
         self.is_cover_dirty = true;
     }
 
     fn inform(&mut self, message: &str) {
-        let _ = std::io::Write::write_all(
-            &mut std::io::stderr(),
-            format!("surfel: {message}\n").as_bytes(),
-        );
+        tell(message);
         self.notices.add(message, Weight::Info, self.time);
         self.is_cover_dirty = true;
     }
@@ -261,7 +261,7 @@ impl App {
     pub(super) fn loaded(
         &mut self,
         path: &Path,
-        result: Result<Loaded, OpenError>,
+        result: Result<Loaded, LoadError>,
     ) -> Result<(), Error> {
         self.is_cover_dirty = true;
         let result = match result {
@@ -274,10 +274,14 @@ impl App {
             self.status = None;
         }
         let outcome = match result {
-            Ok(loaded) => self
-                .screen
-                .set_model(loaded.model, loaded.scene)
-                .map_err(|e| Box::new(e) as OpenError),
+            Ok(loaded) => {
+                for warning in &loaded.warnings {
+                    tell(&format!("{}: warning: {warning}", path.display()));
+                }
+                self.screen
+                    .set_model(loaded.model, loaded.scene)
+                    .map_err(LoadError::from)
+            }
             Err(error) => Err(error),
         };
         match outcome {
@@ -324,8 +328,7 @@ impl App {
             is_closed: model.is_closed,
         });
         self.is_dirty = true;
-        let center = model.origin + model.orbit_center.as_dvec3();
-        let radius = f64::from(model.orbit_radius);
+        let OrbitSphere { center, radius } = model.orbit_sphere();
         if !is_expected || self.orbit.is_none() {
             self.orbit = Some(Orbit::new(center, radius, self.picture_size(), orbit));
             if is_another {

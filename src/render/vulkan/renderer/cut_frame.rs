@@ -78,7 +78,7 @@ impl Renderer {
         };
         let is_whole = settings.method == Method::Splats;
         let largest = match Drawing::of(settings) {
-            Drawing::Filtered if is_whole || model.triangles.is_empty() || settings.holds_cut() => {
+            Drawing::Filtered if is_whole || !model.kind().is_surface() || settings.holds_cut() => {
                 max_point
             }
             Drawing::Filtered => (settings.threshold_px.max(3.0) + 2.0).min(max_point),
@@ -88,7 +88,7 @@ impl Renderer {
         let mut times = FrameTimes::default();
         let gpu = self.gpu.clone();
         // Those of a mesh are as large as the threshold at most, those of pieces of triangles smaller.
-        let has_large = is_whole || model.triangles.is_empty() || settings.holds_cut();
+        let has_large = is_whole || !model.kind().is_surface() || settings.holds_cut();
         let samples = gpu.info().is_cpu() && self.targets.normal().is_none();
         let constants = frame_constants(view, settings, &context);
         let light = (by_compute && self.host_may_draw_opaque(settings))
@@ -381,7 +381,7 @@ impl Renderer {
     pub(super) fn host_px(&self, settings: &Settings, model: &Model) -> Option<f32> {
         // Else small triangles are compute's, and splats with them.
         let is_sure = settings.method == Method::Splats
-            || model.triangles.is_empty()
+            || !model.kind().is_surface()
             || settings.color_by == ColorBy::Shading
                 && splat_plan(settings, f32::INFINITY).has_one_size(model);
         let color = self.targets.color();

@@ -139,7 +139,7 @@ impl Renderer {
             self.too_large[1] = Some(scene.id());
             return Ok(false);
         }
-        let has_triangles = !model.triangles.is_empty();
+        let has_triangles = model.kind().is_surface();
         if self
             .by_id
             .as_ref()

@@ -159,7 +159,7 @@ impl Renderer {
             size: (self.targets.color.width, self.targets.color.height),
             by_host: host_px.is_some(),
         };
-        let has_large = is_whole || model.triangles.is_empty();
+        let has_large = is_whole || !model.kind().is_surface();
         let is_blended = matches!(Drawing::of(settings), Drawing::Fuzzy | Drawing::Filtered);
         let pays = match Drawing::of(settings) {
             Drawing::Opaque => asked.opaque().splats == Path::Compute,

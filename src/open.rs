@@ -1,0 +1,361 @@
+//! The one door to a model: [`open()`] takes what a name means (a file, standard input, a generator, a scene) and gives a
+//! [`Model`] that can be drawn.
+//!
+//! Command line, window and library users all come through here. A stream is opened once and decided by its first bytes: a
+//! tree file is read as it is, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
+//! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
+
+#[cfg(test)]
+mod tests;
+
+use crate::Error;
+use crate::generate::{self, Spec};
+use crate::input::{self, Counts, Format, InputStream, Warning};
+use crate::math::camera::Camera;
+use crate::mesh::Mesh;
+use crate::progress::Progress;
+use crate::scenes::{self, SceneError};
+use crate::tree::{self, BuildOptions, Model};
+use std::fmt;
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// How to open a model. The default keeps the vertices of a file as they are.
+#[derive(Debug, Clone, Default)]
+pub struct OpenOptions {
+    /// How files are read, and what is too much.
+    pub input: input::Options,
+    /// How the tree is built.
+    pub tree: BuildOptions,
+}
+
+/// Where a model comes from.
+#[derive(Debug, Clone)]
+pub enum ModelSource {
+    /// A file: a model or a tree.
+    File(PathBuf),
+    /// Standard input: a model or a tree.
+    StandardInput,
+    /// A generated model.
+    Generator(Spec),
+    /// A built-in scene.
+    Scene(&'static scenes::Entry),
+}
+
+impl ModelSource {
+    /// The source that a name means: `-` is standard input, `generate:SHAPE[:TRIANGLES]` a generator, `scene:NAME` a
+    /// built-in scene, anything else a file. A file with such a name is meant by `./` before it. Touches no file.
+    ///
+    /// # Errors
+    /// An unknown shape or scene, a bad number of triangles, or an address such as `https://...`, which is not fetched.
+    pub fn parse(name: &Path) -> Result<Self, Error> {
+        let file = || Self::File(name.to_owned());
+        let Some(text) = name.to_str() else {
+            return Ok(file());
+        };
+        if text == "-" {
+            Ok(Self::StandardInput)
+        } else if let Some(spec) = text.strip_prefix("generate:") {
+            Ok(Self::Generator(spec.parse()?))
+        } else if let Some(scene) = text.strip_prefix("scene:") {
+            let entry = scenes::find(scene).ok_or_else(|| SceneError::Unknown(scene.to_owned()))?;
+            Ok(Self::Scene(entry))
+        } else if is_address(text) {
+            let url = text.to_owned();
+            Err(input::Error::Remote { url }.into())
+        } else {
+            Ok(file())
+        }
+    }
+}
+
+/// Whether a name is an address: a scheme, `://` and more.
+fn is_address(name: &str) -> bool {
+    name.split_once("://").is_some_and(|(scheme, _)| {
+        scheme.starts_with(|c: char| c.is_ascii_alphabetic())
+            && scheme
+                .chars()
+                .all(|c| c.is_ascii_alphanumeric() || "+-.".contains(c))
+    })
+}
+
+/// What a model was read as.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum SourceFormat {
+    /// A model file of this format.
+    Mesh(Format),
+    /// A tree file.
+    Tree,
+    /// No file: a generator or a scene.
+    Generated,
+}
+
+impl SourceFormat {
+    /// The name as people write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Mesh(format) => format.name(),
+            Self::Tree => "surfel tree",
+            Self::Generated => "generated",
+        }
+    }
+}
+
+impl fmt::Display for SourceFormat {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// How a scene is looked at.
+#[derive(Debug, Clone)]
+pub struct SceneView {
+    /// The camera, with the size of the picture.
+    pub camera: Camera,
+    /// Threshold at which the scene's failure shows, pixels.
+    pub threshold_px: f32,
+}
+
+/// A model that was opened, and what is known about its source.
+#[derive(Debug, Clone)]
+pub struct OpenedModel {
+    /// The model.
+    pub model: Model,
+    /// The source as it was named.
+    pub name: String,
+    /// What it was read as.
+    pub format: SourceFormat,
+    /// Size of the file as stored, bytes; 0 without a file.
+    pub file_bytes: u64,
+    /// How many things the source holds, before anything was divided, merged or left out.
+    pub counts: Counts,
+    /// What was repaired or left out.
+    pub warnings: Vec<Warning>,
+    /// How it is looked at, where it is a scene.
+    pub scene: Option<SceneView>,
+    /// Time to read or generate it, milliseconds.
+    pub load_ms: f64,
+    /// Time to build the tree, milliseconds; 0 for a tree file.
+    pub build_ms: f64,
+}
+
+/// Opens the model that `source` names, as [`ModelSource::parse`] reads it, and builds its tree.
+///
+/// # Errors
+/// [`Error::Input`], [`Error::Tree`], [`Error::Generate`] or [`Error::Scene`]; see there. A cancelled `progress` gives an
+/// error of which [`Error::is_cancelled`] is true.
+pub fn open(
+    source: impl AsRef<Path>,
+    options: &OpenOptions,
+    progress: &dyn Progress,
+) -> Result<OpenedModel, Error> {
+    open_with_preview(source.as_ref(), options, progress, &mut |_| ())
+}
+
+/// As [`open()`]; `on_mesh` sees the mesh before its tree is built, so that a coarse picture of it can be shown meanwhile.
+/// A tree file has no such moment.
+///
+/// # Errors
+/// As [`open()`].
+pub fn open_with_preview(
+    source: &Path,
+    options: &OpenOptions,
+    progress: &dyn Progress,
+    on_mesh: &mut dyn FnMut(&Mesh),
+) -> Result<OpenedModel, Error> {
+    let start = Instant::now();
+    let found = read(&ModelSource::parse(source)?, options, progress)?;
+    let load_ms = milliseconds_since(start);
+    let (model, build_ms) = match found.content {
+        Content::Model(model) => (model, 0.0),
+        Content::Mesh(mesh) => {
+            on_mesh(&mesh);
+            let start = Instant::now();
+            let model = tree::build(mesh, &options.tree, progress)?;
+            (model, milliseconds_since(start))
+        }
+    };
+    Ok(OpenedModel {
+        model,
+        name: source.display().to_string(),
+        format: found.format,
+        file_bytes: found.file_bytes,
+        counts: found.counts,
+        warnings: found.warnings,
+        scene: found.scene,
+        load_ms,
+        build_ms,
+    })
+}
+
+fn milliseconds_since(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
+}
+
+/// What a source holds.
+enum Content {
+    Mesh(Mesh),
+    Model(Model),
+}
+
+/// What a source holds, with its facts.
+struct SourceContent {
+    content: Content,
+    format: SourceFormat,
+    file_bytes: u64,
+    counts: Counts,
+    warnings: Vec<Warning>,
+    scene: Option<SceneView>,
+}
+
+impl SourceContent {
+    fn generated(mesh: Mesh, scene: Option<SceneView>) -> Self {
+        Self {
+            counts: Counts {
+                vertices: mesh.positions.len() as u64,
+                faces: mesh.triangles.len() as u64,
+            },
+            content: Content::Mesh(mesh),
+            format: SourceFormat::Generated,
+            file_bytes: 0,
+            warnings: Vec::new(),
+            scene,
+        }
+    }
+
+    fn tree(model: Model, file_bytes: u64) -> Self {
+        Self {
+            counts: Counts {
+                vertices: model.vertices.len() as u64,
+                faces: model.triangles.len() as u64,
+            },
+            content: Content::Model(model),
+            format: SourceFormat::Tree,
+            file_bytes,
+            warnings: Vec::new(),
+            scene: None,
+        }
+    }
+}
+
+impl From<input::Loaded> for SourceContent {
+    fn from(loaded: input::Loaded) -> Self {
+        Self {
+            content: Content::Mesh(loaded.mesh),
+            format: SourceFormat::Mesh(loaded.format),
+            file_bytes: loaded.file_bytes,
+            counts: loaded.counts,
+            warnings: loaded.warnings,
+            scene: None,
+        }
+    }
+}
+
+fn read(
+    source: &ModelSource,
+    options: &OpenOptions,
+    progress: &dyn Progress,
+) -> Result<SourceContent, Error> {
+    // Standard input may keep one waiting, and generators ask nobody.
+    if progress.is_cancelled() {
+        return Err(input::Error::Cancelled.into());
+    }
+    match source {
+        ModelSource::File(path) => read_file(path, options, progress),
+        ModelSource::StandardInput => {
+            let stream = InputStream {
+                path: Path::new(input::STANDARD_INPUT),
+                folder: None,
+                reader: &mut io::stdin().lock(),
+                expected_bytes: 0,
+            };
+            read_stream(stream, false, options, progress)
+        }
+        ModelSource::Generator(spec) => {
+            progress.stage("generate", 0);
+            let mesh = generate::mesh(spec);
+            if progress.is_cancelled() {
+                return Err(generate::Error::Cancelled.into());
+            }
+            Ok(SourceContent::generated(mesh, None))
+        }
+        ModelSource::Scene(entry) => {
+            let scene = entry.make();
+            let view = SceneView {
+                camera: scene.camera,
+                threshold_px: scene.threshold_px,
+            };
+            Ok(SourceContent::generated(scene.mesh, Some(view)))
+        }
+    }
+}
+
+fn read_file(
+    path: &Path,
+    options: &OpenOptions,
+    progress: &dyn Progress,
+) -> Result<SourceContent, Error> {
+    let failed = |source| unreadable(path, source);
+    let mut file = File::open(path).map_err(failed)?;
+    let metadata = file.metadata().map_err(failed)?;
+    let stream = InputStream {
+        path,
+        folder: Some(path.parent().unwrap_or(Path::new(""))),
+        reader: &mut file,
+        expected_bytes: metadata.len(),
+    };
+    read_stream(stream, metadata.is_file(), options, progress)
+}
+
+/// Reads a stream as the tree or the model that it is. Its length is known where it `is_file`.
+fn read_stream(
+    stream: InputStream<'_>,
+    is_file: bool,
+    options: &OpenOptions,
+    progress: &dyn Progress,
+) -> Result<SourceContent, Error> {
+    let path = stream.path;
+    let mut start = Vec::new();
+    let wanted = tree::file::MAGIC.len() as u64;
+    (&mut *stream.reader)
+        .take(wanted)
+        .read_to_end(&mut start)
+        .map_err(|source| unreadable(path, source))?;
+    let is_tree = tree::file::is_tree_file(&start)
+        // The reader of trees says what is wrong with an empty file of that name.
+        || (start.is_empty() && is_file && has_tree_ending(path));
+    // What was read from a pipe to look at it is gone.
+    let mut whole = start.as_slice().chain(&mut *stream.reader);
+    if is_tree && is_file {
+        let model = tree::file::read_from(&mut whole, stream.expected_bytes, path, progress)?;
+        return Ok(SourceContent::tree(model, stream.expected_bytes));
+    }
+    let mut stream = InputStream {
+        reader: &mut whole,
+        ..stream
+    };
+    if is_tree {
+        let bytes = stream.read_all(&options.input.limits, progress)?;
+        let length = bytes.len() as u64;
+        let model = tree::file::read_from(&mut bytes.as_slice(), length, path, progress)?;
+        return Ok(SourceContent::tree(model, length));
+    }
+    Ok(input::load_stream(stream, &options.input, progress)?.into())
+}
+
+fn has_tree_ending(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|ending| ending.eq_ignore_ascii_case(tree::file::EXTENSION))
+}
+
+/// The error of a file that the system does not give.
+fn unreadable(path: &Path, source: io::Error) -> Error {
+    let path = path.to_owned();
+    if has_tree_ending(&path) && !path.is_dir() {
+        tree::Error::Io { path, source }.into()
+    } else {
+        input::Error::Open { path, source }.into()
+    }
+}

@@ -1,0 +1,414 @@
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use super::*;
+use crate::generate::Error as GenerateError;
+use crate::input::Error as InputError;
+use crate::progress::Silent;
+use crate::tree::{Error as TreeError, ModelKind};
+use std::sync::atomic::{AtomicU32, Ordering};
+
+fn opened(source: impl AsRef<Path>) -> Result<OpenedModel, Error> {
+    open(source, &OpenOptions::default(), &Silent)
+}
+
+fn asset(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("assets")
+        .join(name)
+}
+
+/// Two triangles and one that is left out.
+const PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+    element face 3\nproperty list uchar int vertex_indices\nend_header\n\
+    0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n2 0 1\n";
+
+/// A folder with a model `a.ply` and its tree `a.surfel`.
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("a.ply"), PLY).unwrap();
+    let model = opened(at.join("a.ply")).unwrap().model;
+    tree::file::write(&model, &at.join("a.surfel")).unwrap();
+    folder
+}
+
+#[test]
+fn a_mesh_file_comes_with_its_format_its_counts_and_what_was_left_out() {
+    let folder = folder();
+    let path = folder.path().join("a.ply");
+    let found = opened(&path).unwrap();
+    assert_eq!(found.name, path.display().to_string());
+    assert_eq!(found.format, SourceFormat::Mesh(Format::PlyAscii));
+    assert_eq!(found.format.to_string(), "PLY (text)");
+    assert_eq!(found.file_bytes, PLY.len() as u64);
+    assert_eq!((found.counts.vertices, found.counts.faces), (4, 3));
+    assert_eq!(found.warnings, [Warning::FacesTooSmall { count: 1 }]);
+    assert_eq!(found.model.triangles.len(), 2);
+    assert_eq!(found.model.kind(), ModelKind::Surface);
+    assert!(found.scene.is_none() && found.load_ms > 0.0 && found.build_ms > 0.0);
+
+    let ring = opened(asset("ring.obj")).unwrap();
+    assert_eq!(ring.format, SourceFormat::Mesh(Format::Obj));
+    assert_eq!(ring.model.kind(), ModelKind::Surface);
+    // Packed files are measured as they are stored.
+    let scan = opened(asset("scan.ply.gz")).unwrap();
+    let stored = std::fs::metadata(asset("scan.ply.gz")).unwrap().len();
+    assert_eq!(scan.file_bytes, stored);
+}
+
+#[test]
+fn options_reach_the_reader() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(
+        &path,
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 0\nf 1 2 3\nf 4 3 2\n",
+    )
+    .unwrap();
+    let used = |options: &OpenOptions| open(&path, options, &Silent).map(|o| o.model.used_vertices);
+    let mut options = OpenOptions::default();
+    assert_eq!(used(&options).unwrap(), 4);
+    options.input.weld = true;
+    assert_eq!(used(&options).unwrap(), 3);
+    options.input.limits.file_bytes = 8;
+    let found = used(&options);
+    assert!(
+        matches!(
+            &found,
+            Err(Error::Input(InputError::TooLarge { limit: 8, .. }))
+        ),
+        "{found:?}"
+    );
+}
+
+#[test]
+fn a_tree_file_is_told_by_its_content_and_read_as_it_is() {
+    let folder = folder();
+    let at = folder.path();
+    let plain = opened(at.join("a.ply")).unwrap();
+    std::fs::copy(at.join("a.surfel"), at.join("b.obj")).unwrap();
+    for name in ["a.surfel", "b.obj"] {
+        let found = opened(at.join(name)).unwrap();
+        assert_eq!(found.format, SourceFormat::Tree);
+        assert_eq!(found.format.name(), "surfel tree");
+        assert_eq!(found.model.triangles, plain.model.triangles);
+        assert_eq!(found.build_ms, 0.0);
+        assert_eq!((found.counts.vertices, found.counts.faces), (4, 2));
+        let stored = std::fs::metadata(at.join(name)).unwrap().len();
+        assert_eq!(found.file_bytes, stored);
+    }
+    // A model with the ending of a tree is a model.
+    std::fs::copy(at.join("a.ply"), at.join("c.surfel")).unwrap();
+    let found = opened(at.join("c.surfel")).unwrap();
+    assert_eq!(found.format, SourceFormat::Mesh(Format::PlyAscii));
+}
+
+#[test]
+fn generators_and_scenes_are_opened_by_name() {
+    let found = opened("generate:torus:2_000").unwrap();
+    assert_eq!(found.format, SourceFormat::Generated);
+    assert_eq!(found.name, "generate:torus:2_000");
+    assert_eq!(found.counts.faces, found.model.triangles.len() as u64);
+    assert!(found.counts.faces.abs_diff(2000) < 500 && found.scene.is_none());
+    assert_eq!(found.file_bytes, 0);
+
+    let entry = scenes::find("needles").unwrap().make();
+    let found = opened("scene:needles").unwrap();
+    let view = found.scene.unwrap();
+    assert_eq!(view.camera, entry.camera);
+    assert_eq!(view.threshold_px, entry.threshold_px);
+    assert_eq!(found.model.triangles.len(), entry.mesh.triangles.len());
+    assert_eq!(found.format.name(), "generated");
+    let empty = opened("scene:empty").unwrap();
+    assert_eq!(empty.model.kind(), ModelKind::Empty);
+}
+
+#[test]
+fn names_mean_sources_without_a_file_being_touched() {
+    let parse = |name: &str| ModelSource::parse(Path::new(name)).unwrap();
+    assert!(matches!(parse("-"), ModelSource::StandardInput));
+    assert!(matches!(parse("scene:fence"), ModelSource::Scene(entry) if entry.name == "fence"));
+    let ModelSource::Generator(spec) = parse("generate:square") else {
+        panic!("no generator");
+    };
+    assert_eq!(
+        spec,
+        Spec::with_triangles(generate::Shape::Square, 1_000_000).unwrap()
+    );
+    for name in [
+        "a.ply",
+        "./-",
+        "./scene:fence",
+        "C:\\a.ply",
+        "a b://c",
+        "://a",
+        "7z://a",
+    ] {
+        assert!(
+            matches!(parse(name), ModelSource::File(path) if path == Path::new(name)),
+            "{name}"
+        );
+    }
+}
+
+#[test]
+fn every_error_has_its_type_and_says_what_to_do() {
+    let folder = folder();
+    let at = folder.path();
+    std::fs::write(at.join("empty.ply"), "").unwrap();
+    std::fs::write(at.join("empty.surfel"), "").unwrap();
+    std::fs::write(at.join("text.surfel"), "hello\n").unwrap();
+    std::fs::create_dir(at.join("folder.surfel")).unwrap();
+    let tree = std::fs::read(at.join("a.surfel")).unwrap();
+    std::fs::write(at.join("short.surfel"), &tree[..tree.len() - 1]).unwrap();
+    let in_folder = |name: &str| at.join(name).display().to_string();
+    type Check = fn(&Error) -> bool;
+    let cases: [(String, Check, &str); 16] = [
+        (
+            "generate:cube".into(),
+            |e| matches!(e, Error::Generate(GenerateError::UnknownShape(shape)) if shape == "cube"),
+            "statue",
+        ),
+        (
+            "generate:sphere:many".into(),
+            |e| matches!(e, Error::Generate(GenerateError::BadCount(text)) if text == "many"),
+            "generate: \"many\" is no number of triangles",
+        ),
+        (
+            "generate:sphere:0".into(),
+            |e| matches!(e, Error::Generate(GenerateError::TooFewTriangles)),
+            "at least one",
+        ),
+        (
+            "scene:no-such".into(),
+            |e| matches!(e, Error::Scene(SceneError::Unknown(name)) if name == "no-such"),
+            "surfel scenes lists them",
+        ),
+        (
+            "https://example.org/a.ply".into(),
+            |e| matches!(e, Error::Input(InputError::Remote { url }) if url == "https://example.org/a.ply"),
+            "https://example.org/a.ply: addresses are not fetched; download it",
+        ),
+        (
+            "HTTP://example.org".into(),
+            |e| matches!(e, Error::Input(InputError::Remote { .. })),
+            "standard input",
+        ),
+        (
+            in_folder("missing.ply"),
+            |e| matches!(e, Error::Input(InputError::Open { .. })),
+            "missing.ply: cannot be read",
+        ),
+        (
+            in_folder("missing.surfel"),
+            |e| matches!(e, Error::Tree(TreeError::Io { .. })),
+            "missing.surfel",
+        ),
+        (
+            in_folder("folder.surfel"),
+            |e| matches!(e, Error::Input(InputError::Open { .. })),
+            "folder.surfel: cannot be read",
+        ),
+        (
+            in_folder("empty.ply"),
+            |e| matches!(e, Error::Input(InputError::Empty { .. })),
+            "the file is empty",
+        ),
+        (
+            in_folder("empty.surfel"),
+            |e| matches!(e, Error::Tree(TreeError::File { offset: 0, .. })),
+            "not a tree file",
+        ),
+        (
+            in_folder("text.surfel"),
+            |e| matches!(e, Error::Input(InputError::UnknownFormat { .. })),
+            "not a model in a known format",
+        ),
+        (
+            in_folder("short.surfel"),
+            |e| matches!(e, Error::Tree(TreeError::File { .. })),
+            "its header says",
+        ),
+        (
+            String::new(),
+            |e| matches!(e, Error::Input(InputError::Open { .. })),
+            "cannot be read",
+        ),
+        (
+            "scene:".into(),
+            |e| matches!(e, Error::Scene(SceneError::Unknown(name)) if name.is_empty()),
+            "no scene \"\"",
+        ),
+        (
+            "generate:".into(),
+            |e| matches!(e, Error::Generate(GenerateError::UnknownShape(_))),
+            "unknown shape",
+        ),
+    ];
+    for (source, is_expected, text) in cases {
+        let error = opened(&source).expect_err(&source);
+        assert!(is_expected(&error), "{source}: {error:?}");
+        assert!(error.to_string().contains(text), "{source}: {error}");
+        assert!(!error.is_cancelled(), "{source}");
+    }
+}
+
+/// Bytes as a pipe gives them: once, in small pieces, of unknown length.
+struct Dripping<'a>(&'a [u8]);
+
+impl Read for Dripping<'_> {
+    fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
+        let end = out.len().min(3);
+        self.0.read(&mut out[..end])
+    }
+}
+
+#[test]
+fn a_stream_is_read_once_and_decided_by_its_first_bytes() {
+    let folder = folder();
+    let tree = std::fs::read(folder.path().join("a.surfel")).unwrap();
+    let of_bytes = |bytes: &[u8]| {
+        let stream = InputStream {
+            path: Path::new(input::STANDARD_INPUT),
+            folder: None,
+            reader: &mut Dripping(bytes),
+            expected_bytes: 0,
+        };
+        read_stream(stream, false, &OpenOptions::default(), &Silent)
+    };
+    let found = of_bytes(PLY.as_bytes()).unwrap();
+    assert_eq!(found.format, SourceFormat::Mesh(Format::PlyAscii));
+    assert_eq!(found.file_bytes, PLY.len() as u64);
+    let found = of_bytes(&tree).unwrap();
+    assert_eq!(found.format, SourceFormat::Tree);
+    assert_eq!(found.file_bytes, tree.len() as u64);
+    assert_eq!((found.counts.vertices, found.counts.faces), (4, 2));
+    for (bytes, text) in [
+        (&tree[..tree.len() - 1], "standard input, byte"),
+        (&tree[..9], "ends within its header"),
+        (&tree[..7], "standard input: not a model"),
+        (&[], "standard input: the file is empty"),
+    ] {
+        let error = of_bytes(bytes).err().unwrap().to_string();
+        assert!(error.contains(text), "{error}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_named_pipe_is_opened_once() {
+    let folder = folder();
+    let at = folder.path();
+    for (name, format) in [
+        ("a.ply", SourceFormat::Mesh(Format::PlyAscii)),
+        ("a.surfel", SourceFormat::Tree),
+    ] {
+        let bytes = std::fs::read(at.join(name)).unwrap();
+        let pipe = at.join(format!("pipe-{name}"));
+        let made = std::process::Command::new("mkfifo").arg(&pipe).status();
+        assert!(made.unwrap().success());
+        let found = std::thread::scope(|scope| {
+            // A reader that opens the pipe again would wait for another writer forever.
+            scope.spawn(|| std::fs::write(&pipe, &bytes).unwrap());
+            opened(&pipe).unwrap()
+        });
+        assert_eq!(found.format, format);
+        assert_eq!(found.model.triangles.len(), 2);
+        assert_eq!(found.file_bytes, bytes.len() as u64);
+    }
+}
+
+/// Cancels from a stage on; notes all of them.
+struct Until {
+    stage: &'static str,
+    is_over: std::sync::atomic::AtomicBool,
+    stages: std::sync::Mutex<Vec<String>>,
+}
+
+impl Until {
+    fn new(stage: &'static str) -> Self {
+        Self {
+            stage,
+            is_over: stage.is_empty().into(),
+            stages: std::sync::Mutex::default(),
+        }
+    }
+}
+
+impl Progress for Until {
+    fn stage(&self, name: &str, _total: u64) {
+        self.stages.lock().unwrap().push(name.to_owned());
+        if name == self.stage {
+            self.is_over.store(true, Ordering::Relaxed);
+        }
+    }
+
+    fn advance(&self, _amount: u64) {}
+
+    fn is_cancelled(&self) -> bool {
+        self.is_over.load(Ordering::Relaxed)
+    }
+}
+
+#[test]
+fn cancelled_work_ends_with_an_error_that_says_so() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let meshes = AtomicU32::new(0);
+    let stopped = |source: &str, stage| {
+        let progress = Until::new(stage);
+        let options = OpenOptions::default();
+        let error = open_with_preview(Path::new(source), &options, &progress, &mut |_| {
+            meshes.fetch_add(1, Ordering::Relaxed);
+        })
+        .map(|found| found.model.tree.leaves.len())
+        .expect_err(source);
+        assert!(error.is_cancelled(), "{source}, {stage}: {error:?}");
+        assert_eq!(error.to_string(), "cancelled");
+        let stages = progress.stages.into_inner().unwrap();
+        // Nothing begins after the stage that was cancelled.
+        assert_eq!(stages.last().map_or("", String::as_str), stage, "{source}");
+        error
+    };
+    // Before anything was read: not even standard input is waited for.
+    for source in ["-", "scene:fence", "generate:sphere:100", "missing.ply"] {
+        stopped(source, "");
+    }
+    let error = stopped("generate:sphere:1000", "generate");
+    assert!(matches!(error, Error::Generate(GenerateError::Cancelled)));
+    let error = stopped(&at("a.ply"), "read");
+    assert!(matches!(error, Error::Input(InputError::Cancelled)));
+    let error = stopped(&at("a.ply"), "parse");
+    assert!(matches!(error, Error::Input(InputError::Cancelled)));
+    let error = stopped(&at("a.surfel"), "read tree");
+    assert!(matches!(error, Error::Tree(TreeError::Cancelled)));
+    assert_eq!(meshes.load(Ordering::Relaxed), 0, "a mesh came too early");
+}
+
+#[test]
+fn the_mesh_is_shown_before_its_tree_is_built() {
+    let folder = folder();
+    let see = |source: &Path| {
+        let progress = Until::new("none of that name");
+        let mut seen = Vec::new();
+        let options = OpenOptions::default();
+        let found = open_with_preview(source, &options, &progress, &mut |mesh| {
+            let stages = progress.stages.lock().unwrap().clone();
+            seen.push((mesh.positions.len(), stages));
+        });
+        found.unwrap();
+        (seen, progress.stages.into_inner().unwrap())
+    };
+    let (seen, stages) = see(&folder.path().join("a.ply"));
+    assert_eq!(seen, [(4, vec!["read".to_owned(), "parse".to_owned()])]);
+    assert!(
+        stages.len() > 2,
+        "the tree has stages of its own: {stages:?}"
+    );
+    let (seen, stages) = see(Path::new("generate:square:2"));
+    assert_eq!(seen, [(4, vec!["generate".to_owned()])]);
+    assert!(stages.len() > 1);
+    // A tree is there at once.
+    let (seen, stages) = see(&folder.path().join("a.surfel"));
+    assert!(seen.is_empty() && stages == ["read tree"], "{stages:?}");
+}

@@ -1,0 +1,136 @@
+//! What a model is made of, and the camera that sees all of it.
+
+use super::Model;
+use crate::math::camera::Camera;
+use glam::DVec3;
+
+/// What the leaves of a model are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum ModelKind {
+    /// Triangles.
+    Surface,
+    /// Points: a point cloud.
+    Points,
+    /// Nothing: the model has neither triangles nor points.
+    Empty,
+}
+
+impl ModelKind {
+    /// Whether the leaves are triangles.
+    #[inline]
+    pub fn is_surface(self) -> bool {
+        self == Self::Surface
+    }
+
+    /// Whether the leaves are points.
+    #[inline]
+    pub fn is_points(self) -> bool {
+        self == Self::Points
+    }
+}
+
+/// The sphere that the standard orbit frames, world space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OrbitSphere {
+    /// Middle of the model's box.
+    pub center: DVec3,
+    /// Largest distance of a used vertex from the center; 0 for a single point.
+    pub radius: f64,
+}
+
+impl Model {
+    /// What the leaves are.
+    #[inline]
+    pub fn kind(&self) -> ModelKind {
+        if !self.triangles.is_empty() {
+            ModelKind::Surface
+        } else if self.tree.leaves.is_empty() {
+            ModelKind::Empty
+        } else {
+            ModelKind::Points
+        }
+    }
+
+    /// The sphere that the standard orbit frames.
+    pub fn orbit_sphere(&self) -> OrbitSphere {
+        OrbitSphere {
+            center: self.origin + self.orbit_center.as_dvec3(),
+            radius: f64::from(self.orbit_radius),
+        }
+    }
+
+    /// The camera of the standard orbit ([`Camera::orbit`]) for a picture of `size` pixels: `azimuth` and `elevation` in
+    /// radians; `fill` is the projected diameter of the bounding sphere over the shorter side (1 fills the picture).
+    pub fn orbit_camera(
+        &self,
+        size: (u32, u32),
+        azimuth: f64,
+        elevation: f64,
+        fill: f64,
+    ) -> Camera {
+        let sphere = self.orbit_sphere();
+        Camera::orbit(size, sphere.center, sphere.radius, azimuth, elevation, fill)
+    }
+
+    /// View `step` of `steps` around the model ([`Camera::orbit_view`]).
+    pub fn orbit_step(&self, size: (u32, u32), fill: f64, step: u32, steps: u32) -> Camera {
+        let sphere = self.orbit_sphere();
+        Camera::orbit_view(size, sphere.center, sphere.radius, fill, step, steps)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::progress::Silent;
+    use crate::tree::{BuildOptions, build};
+    use glam::Vec3;
+
+    fn corner() -> Mesh {
+        Mesh {
+            positions: vec![Vec3::ZERO, Vec3::X * 6.0, Vec3::Y * 8.0],
+            triangles: vec![[0, 1, 2]],
+            origin: DVec3::new(1e6, 0.0, -1e6),
+            ..Mesh::default()
+        }
+    }
+
+    #[test]
+    fn a_model_is_a_surface_points_or_empty() {
+        let kind = |mesh| {
+            build(mesh, &BuildOptions::default(), &Silent)
+                .unwrap()
+                .kind()
+        };
+        assert_eq!(kind(corner()), ModelKind::Surface);
+        let points = Mesh {
+            triangles: Vec::new(),
+            ..corner()
+        };
+        assert_eq!(kind(points), ModelKind::Points);
+        assert_eq!(kind(Mesh::default()), ModelKind::Empty);
+        assert!(ModelKind::Surface.is_surface() && !ModelKind::Surface.is_points());
+        assert!(ModelKind::Points.is_points() && !ModelKind::Points.is_surface());
+        assert!(!ModelKind::Empty.is_surface() && !ModelKind::Empty.is_points());
+    }
+
+    #[test]
+    fn the_orbit_looks_at_the_middle_of_the_model_in_the_world() {
+        let model = build(corner(), &BuildOptions::default(), &Silent).unwrap();
+        let sphere = model.orbit_sphere();
+        assert_eq!(sphere.center, DVec3::new(1e6 + 3.0, 4.0, -1e6));
+        assert!((sphere.radius - 5.0).abs() < 1e-6);
+        let camera = model.orbit_camera((200, 100), 0.5, 0.25, 1.0);
+        assert_eq!(
+            camera,
+            Camera::orbit((200, 100), sphere.center, sphere.radius, 0.5, 0.25, 1.0)
+        );
+        assert_eq!(
+            model.orbit_step((200, 100), 0.5, 1, 4),
+            Camera::orbit_view((200, 100), sphere.center, sphere.radius, 0.5, 1, 4)
+        );
+    }
+}
