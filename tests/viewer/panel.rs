@@ -425,6 +425,8 @@ fn a_hidden_panel_has_no_pass() {
             "400x300",
             "--panel",
             panel,
+            "--path",
+            "raster",
         ];
         let mut command = display.surfel(&arguments);
         command.args(["--exit-after-frames", "4", "--log", "surfel=debug"]);

@@ -28,6 +28,9 @@ use crate::tree::Model;
 use bytemuck::Zeroable;
 use std::time::Instant;
 
+/// Splats of more pixels have no wider guard band.
+const LARGEST_GUARDED_PX: f32 = 254.0;
+
 /// Binary places of a pixel to which corners are snapped.
 const SUBPIXEL_BITS: u32 = 8;
 
@@ -225,8 +228,12 @@ impl CpuRenderer {
             Drawing::Nothing => 0.0,
             _ => largest_splat_px(model, view, settings),
         };
-        // Nothing is dropped whose center is outside of the picture, so no guard band is needed.
-        FrameContext::new(model, view, settings, largest_px, 0)
+        // The guard band of a device, so that positions are rounded as there.
+        let guard_px = match largest_px > 0.0 {
+            true => (largest_px.min(LARGEST_GUARDED_PX) / 2.0).ceil() as u32 + 1,
+            false => 0,
+        };
+        FrameContext::new(model, view, settings, largest_px, guard_px)
     }
 
     /// Triangles, then squares or discs and triangles of a few pixels.
@@ -504,7 +511,7 @@ fn largest_splat_px(model: &Model, view: &View, settings: &Settings) -> f32 {
     match Drawing::of(settings) {
         _ if have_own => view.width.max(view.height) as f32,
         Drawing::Filtered => settings.threshold_px.max(3.0) + 2.0,
-        _ => settings.threshold_px.max(1.0),
+        _ => splat_plan(settings, f32::INFINITY).largest_point_px(model),
     }
 }
 
