@@ -169,7 +169,7 @@ pub fn open_with_preview(
     let found = read(&ModelSource::parse(source)?, options, progress)?;
     let load_ms = milliseconds_since(start);
     let (model, build_ms) = match found.content {
-        Content::Model(model) => (model, 0.0),
+        Content::Model(model) => (*model, 0.0),
         Content::Mesh(mesh) => {
             on_mesh(&mesh);
             let start = Instant::now();
@@ -197,7 +197,7 @@ fn milliseconds_since(start: Instant) -> f64 {
 /// What a source holds.
 enum Content {
     Mesh(Mesh),
-    Model(Model),
+    Model(Box<Model>),
 }
 
 /// What a source holds, with its facts.
@@ -231,7 +231,7 @@ impl SourceContent {
                 vertices: model.vertices.len() as u64,
                 faces: model.triangles.len() as u64,
             },
-            content: Content::Model(model),
+            content: Content::Model(Box::new(model)),
             format: SourceFormat::Tree,
             file_bytes,
             warnings: Vec::new(),
