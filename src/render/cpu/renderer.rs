@@ -329,8 +329,7 @@ impl CpuRenderer {
                 written
             },
             triangles,
-            list_bytes: (size_of::<Splat>() * splats.len() + 12 * triangles + 8 * rect_pixels)
-                as u64,
+            list_bytes: (size_of_val(splats) + 12 * triangles + 8 * rect_pixels) as u64,
         }
     }
 

@@ -131,7 +131,7 @@ fn drags_follow_the_button_that_began_them() {
         "the other button's release ends nothing"
     );
     mouse.button(Button::Right, false, NONE, 0.0);
-    assert!(!mouse.drag.is_some());
+    assert!(mouse.drag.is_none());
     assert_eq!(mouse.moved(at), None);
     let with_shift = press(&mut mouse, Button::Left, SHIFT);
     assert_eq!(with_shift, Some(Gesture::Begin(Drag::Pan, at)));
