@@ -60,6 +60,7 @@ impl DeviceArgs {
     }
 
     /// Whether what is asked for has no Vulkan device.
+    #[cfg(feature = "viewer")]
     pub(crate) fn is_without_vulkan(&self) -> bool {
         matches!(self.backend, BackendChoice::Cpu | BackendChoice::Reference)
             || matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR))

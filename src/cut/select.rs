@@ -254,7 +254,7 @@ impl Selector {
         self
     }
 
-    /// Starts cuts at the front of the last one where that is known to give the same lists ([`crate::cut::coherent`]), or at the root, as
+    /// Starts cuts at the front of the last one where that is known to give the same lists (`src/cut/coherent.rs`), or at the root, as
     /// at first. [`Stats`](crate::cut::Stats) may differ.
     pub fn set_coherent(&mut self, is_coherent: bool) {
         if is_coherent != self.coherent.is_some() {

@@ -178,7 +178,7 @@ impl Eye<'_> {
 #[derive(Debug)]
 pub struct Written {
     parts: Vec<Range<usize>>,
-    /// For [`filtered::draw`].
+    /// The splats by the rows that they touch, for [`crate::render::cpu::filtered::draw`].
     pub groups: ScreenGroups,
 }
 

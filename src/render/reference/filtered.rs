@@ -53,8 +53,8 @@ pub struct FilteredRendering {
 /// **Normalize.** With W the sum of weights, a pixel shows the mean color where W > 1e-6. Else it shows the background with
 /// alpha 0, unless it has a depth: it lies between rectangles, which are not as dense as squares. Then it shows the mean of
 /// what pixels near by of its part deposited: the nearest in eight directions, at 1, 2, 3, 5, 8, 13 and 21 pixels along x, y or
-/// both ([`FILTERED_REACH_PX`]); where nothing lies there the nearest all around (by the larger of the distances along x and y, at
-/// most [`FILTERED_AROUND_PX`]). Of its part are those whose depths differ by no more than parts do, see below. A neighbor in the
+/// both ([`FILTERED_REACH_PX`](crate::abi::constants::FILTERED_REACH_PX)); where nothing lies there the nearest all around (by the larger of the distances along x and y, at
+/// most [`FILTERED_AROUND_PX`](crate::abi::constants::FILTERED_AROUND_PX)). Of its part are those whose depths differ by no more than parts do, see below. A neighbor in the
 /// picture (of 8) without depth is empty; one whose depth is farther than the pixel's
 /// by more than 3 pixels' (or [`Style::splat_size_px`], if that is more) width there is another part. Beside either, and
 /// where the pixel has no depth, the pixel is covered by min(W, 1) only; behind it lies the mean of what these neighbors

@@ -16,10 +16,10 @@
 //! position by one step of the grid, hence single pixels on edges; and one grey level from single-precision
 //! shading.
 //!
-//! Every technique is a sequence of passes over one loop: what is drawn is set up ([`triangle`], [`splat`] with its
-//! footprints [`square`] and [`disc`]), each pixel that it covers is visited in the order of the list ([`bands`]), and
-//! what a fragment makes of a pixel stands with the technique: [`opaque`], [`fuzzy`], [`filtered`], [`visibility`] and
-//! [`overdraw`].
+//! Every technique is a sequence of passes over one loop: what is drawn is set up (`triangle`, `splat` with its
+//! footprints `square` and `disc`), each pixel that it covers is visited in the order of the list (`bands`), and
+//! what a fragment makes of a pixel stands with the technique: `opaque`, `fuzzy`, `filtered`, `visibility` and
+//! `overdraw`.
 
 mod bands;
 mod clip;
