@@ -22,7 +22,7 @@ use surfel::render::stats::FrameTimes;
 use surfel::render::stats::OverdrawSummary;
 use surfel::render::vulkan::overdraw;
 
-/// What draws pictures.
+/// Backends that can be asked for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum BackendChoice {
     /// The Vulkan device; the processor where that is faster than a software device, or where there is no Vulkan
@@ -42,7 +42,7 @@ pub(crate) struct DeviceArgs {
     /// Device by index or part of its name (see `surfel devices`); `cpu` and `mirror` stand for --backend cpu and reference
     #[arg(long, value_name = "NAME|INDEX")]
     device: Option<String>,
-    /// What draws
+    /// Backend that draws
     #[arg(long, value_enum, default_value_t = BackendChoice::Auto, value_name = "BACKEND")]
     backend: BackendChoice,
     /// Load the Vulkan validation layer; the run fails if it finds anything
@@ -59,14 +59,14 @@ impl DeviceArgs {
         }
     }
 
-    /// Whether what is asked for has no Vulkan device.
+    /// True where the backend that is asked for has no Vulkan device.
     #[cfg(feature = "viewer")]
     pub(crate) fn is_without_vulkan(&self) -> bool {
         matches!(self.backend, BackendChoice::Cpu | BackendChoice::Reference)
             || matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR))
     }
 
-    /// What draws, opened. Without Vulkan, and unless a device is asked for by name, that is the processor.
+    /// Opens the backend. Without Vulkan, and unless a device is asked for by name, that is the processor.
     pub(crate) fn open(&self) -> Result<Backend, Failure> {
         let options = self.options();
         if self.backend != BackendChoice::Auto && self.device.is_some() {

@@ -8,6 +8,7 @@ use crate::gpu::{Error, Gpu};
 use crate::render::cpu::filtered::Triangles;
 use crate::render::cpu::opaque;
 use crate::render::cpu::opaque::{Look, Picture, Places};
+use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::vulkan::draw_lists::records;
 use std::sync::Arc;
 use std::time::Instant;
@@ -29,9 +30,7 @@ pub(crate) struct Drawn {
 #[derive(Debug)]
 struct Shown {
     image: Image,
-    /// Where anything may be but the background: left, top, and one past right and bottom, pixels.
-    rect_px: [u32; 4],
-    background: u32,
+    area: DrawnArea,
 }
 
 /// Where the colors go.
@@ -147,8 +146,7 @@ impl Drawn {
             let image = Image::mapped(gpu, &self.name, width, height)?;
             self.image = image.map(|image| Shown {
                 image,
-                rect_px: [0, 0, width, height],
-                background: 0,
+                area: DrawnArea::unknown(width, height),
             });
         }
         Ok(self.image.is_some())
@@ -210,71 +208,12 @@ impl Drawn {
 impl Shown {
     /// The pixels from the first of a rectangle on, and from row to row; what lies beside it becomes background.
     fn within(&mut self, rect_px: [u32; 4], background: u32) -> (&mut [u32], usize) {
-        let (width, height) = (self.image.width, self.image.height);
-        let old = match self.background == background {
-            true => self.rect_px,
-            false => [0, 0, width, height],
-        };
-        (self.rect_px, self.background) = (rect_px, background);
+        let size = [self.image.width, self.image.height];
         let (words, pitch) = self.image.words_mut();
-        clear_beside(words, pitch, (old, rect_px), background);
+        let mut pixels = PixelWords { words, pitch };
+        self.area.begin(&mut pixels, size, rect_px, background);
         let [left, top, ..] = rect_px.map(|v| v as usize);
         let first = (top * pitch + left).min(words.len());
         (&mut words[first..], pitch)
-    }
-}
-
-/// Fills what lies in the old rectangle of a picture and not in the new one.
-fn clear_beside(words: &mut [u32], pitch: usize, (old, new): ([u32; 4], [u32; 4]), value: u32) {
-    let [left, top, right, bottom] = old.map(|v| v as usize);
-    let [new_left, new_top, new_right, new_bottom] = new.map(|v| v as usize);
-    for y in top..bottom {
-        let row = &mut words[y * pitch..];
-        if (new_top..new_bottom).contains(&y) && new_left < new_right {
-            row[left..new_left.clamp(left, right)].fill(value);
-            row[new_right.clamp(left, right)..right].fill(value);
-        } else {
-            row[left..right].fill(value);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_is_beside_the_new_rectangle_is_cleared() {
-        const PITCH: usize = 11;
-        const ROWS: u32 = 7;
-        let sides = [0, 2, 3, 5, 8];
-        let spans: Vec<[u32; 2]> = (sides.iter())
-            .flat_map(|&a| sides.iter().map(move |&b| [a, b]))
-            .filter(|[a, b]| a <= b)
-            .collect();
-        for [left, right] in &spans {
-            for [new_left, new_right] in &spans {
-                for ([top, bottom], [new_top, new_bottom]) in [
-                    ([0, ROWS], [2, 5]),
-                    ([2, 5], [0, ROWS]),
-                    ([1, 4], [3, 6]),
-                    ([3, 6], [1, 4]),
-                    ([0, 3], [3, 3]),
-                ] {
-                    let mut words = vec![9; PITCH * ROWS as usize];
-                    let old = [*left, top, *right, bottom];
-                    let new = [*new_left, new_top, *new_right, new_bottom];
-                    clear_beside(&mut words, PITCH, (old, new), 4);
-                    for (i, word) in words.iter().enumerate() {
-                        let (x, y) = ((i % PITCH) as u32, (i / PITCH) as u32);
-                        let is_in = |[left, top, right, bottom]: [u32; 4]| {
-                            (left..right).contains(&x) && (top..bottom).contains(&y)
-                        };
-                        let wanted = if is_in(old) && !is_in(new) { 4 } else { 9 };
-                        assert_eq!(*word, wanted, "{old:?} {new:?} {x} {y}");
-                    }
-                }
-            }
-        }
     }
 }
