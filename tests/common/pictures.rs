@@ -172,8 +172,16 @@ oracles! {
         no_pixel(Coverage(0)),
         picture_share(DepthFootprint(0.05), 1, 1e-3),
     ];
-    /// The processor's renderer and a device. Splats are meant to have the same depths and pixels to the bit, which this does
-    /// not ask: it takes triangles beside them. Where a value lies in the middle between two of 255, the last place of a root
+    /// Opaque splats by the processor's renderer and by compute, no triangles beside them: depths and coverage to the bit.
+    /// Where a value lies in the middle between two of 255, the last place of a root decides, which a shader may find
+    /// otherwise: some of 10,000 pixels.
+    CPU_AS_COMPUTE: 0, &[
+        picture_share(Color(0), 0, 5e-4),
+        no_pixel(Color(1)),
+        no_pixel(Coverage(0)),
+        no_pixel(DepthBits),
+    ];
+    /// The processor's renderer and a device. For splats alone there is CPU_AS_COMPUTE. Where a value lies in the middle between two of 255, the last place of a root
     /// decides. A rasterizer interpolates the depth of a large triangle
     /// from a place some steps of 1/256 pixel away, which on what is seen edge-on is a thousandth in one of 1000 pixels; and
     /// so it hides other splats: another color in one of 10,000.
