@@ -300,15 +300,6 @@ fn what_numbers_cannot_say_is_refused_by_name() {
     let has_compute = device.paths().contains(&Path::Compute);
     // Without compute that is refused before.
     cases.retain(|(settings, _)| has_compute || settings.path != Path::Compute);
-    if has_compute && common::host_draws(&device) {
-        cases.push((
-            Settings {
-                path: Path::Auto,
-                ..usual
-            },
-            "the host draws",
-        ));
-    }
     for (settings, word) in cases {
         match renderer.draw(&model, &mut scene, &view, &settings) {
             Err(Error::Unsupported { what, why }) => assert!(

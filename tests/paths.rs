@@ -222,88 +222,6 @@ fn the_processor_draws_what_the_device_does() {
     assert!(drawn == 288 && with_triangles >= 120 && tinted >= 20);
 }
 
-/// What the host draws alone brings nothing to the targets. What lies under the cursor is the same, whoever drew the last frame;
-/// beside the model and outside of the picture there is nothing.
-#[test]
-#[cfg(feature = "viewer")]
-fn the_distance_under_the_cursor_is_that_of_the_last_frame() {
-    use surfel::render::vulkan::renderer::Renderer;
-    use surfel::render::vulkan::scene::Scene;
-
-    let Some(device) = Device::with_compute() else {
-        return;
-    };
-    let is_software = common::host_draws(&device);
-    let model = generated(Shape::Statue, 60_000);
-    let size = (240, 200);
-    let outputs = PictureOutputs {
-        depth: false,
-        normal: false,
-        values: false,
-    };
-    let renderer = |()| Renderer::new(device.gpu(), size.0, size.1, outputs, true).unwrap();
-    let mut renderers = [(), ()].map(renderer);
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
-    let (mut found, mut by_host) = ([0, 0], [0, 0]);
-    let square = Settings {
-        threshold_px: 1.6,
-        path: Path::Auto,
-        ..Settings::default()
-    };
-    let by_rasterizer = Settings {
-        path: Path::Raster,
-        ..square
-    };
-    let triangles = Settings {
-        method: Method::Triangles,
-        ..square
-    };
-    let by_compute = |settings: Settings| Settings {
-        path: match settings {
-            _ if settings == square => Path::Compute,
-            _ => settings.path,
-        },
-        ..settings
-    };
-    for fill in [0.3, 1.0, 1.6] {
-        for (settings, azimuth) in [
-            (square, 30.0),
-            (by_rasterizer, 60.0),
-            (square, 90.0),
-            (triangles, 120.0),
-            (square, 150.0),
-            (square, 150.0),
-        ] {
-            let view = orbit(&model, size, azimuth, 20.0, fill);
-            // By whoever draws, and by compute.
-            let paths = [settings.path, by_compute(settings).path];
-            let [a, b] = [0, 1].map(|which| {
-                let (renderer, path) = (&mut renderers[which], paths[which]);
-                let settings = Settings { path, ..settings };
-                let times = renderer.draw(&model, &mut scene, &view, &settings).unwrap();
-                by_host[which] += usize::from(times.passes.is_empty());
-                let places = (0..14).flat_map(|y| (0..16).map(move |x| (16 * x, 16 * y)));
-                let near = |(x, y)| renderer.distance_near(&view, x, y).unwrap();
-                places.map(near).collect::<Vec<_>>()
-            });
-            for (a, b) in a.iter().zip(&b) {
-                // Where triangles meet in a pixel either may win: samples of them are not the device's triangles.
-                let is_same = match (a, b) {
-                    (Some(a), Some(b)) => (a - b).abs() < 1e-3 * b,
-                    _ => a == b,
-                };
-                assert!(is_same, "{a:?}, {b:?}: {settings:?}, {fill}");
-            }
-            for near in a {
-                found[usize::from(near.is_some())] += 1;
-            }
-        }
-    }
-    assert!(found[0] > 500 && found[1] > 500, "{found:?}");
-    assert_eq!(by_host[0] >= 4, is_software, "{by_host:?}");
-    assert_eq!(by_host[1], 0, "{by_host:?}");
-}
-
 #[test]
 fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
     let Some(device) = Device::with_compute() else {
@@ -402,7 +320,7 @@ fn assert_ways(
         return;
     };
     let model = generated(Shape::Statue, 60_000);
-    let backend = Backend::Device(device.gpu().clone());
+    let backend = Backend::Vulkan(device.gpu().clone());
     for &(fill, threshold_px, path, is_wanted) in wanted {
         let view = orbit(&model, (200, 200), 30.0, 20.0, fill);
         let mut engine =
@@ -413,30 +331,24 @@ fn assert_ways(
         };
         let (_, passes, _) = passes(&mut engine, &view, &settings);
         let what = format!("{fill}, {threshold_px}, {path:?}: {passes:?}");
-        // Without any the host drew all.
-        let is_there = passes.is_empty() || passes.iter().any(|pass| any.contains(pass));
+        let is_there = passes.iter().any(|pass| any.contains(pass));
         assert_eq!(is_there, is_wanted, "{what}");
     }
 }
 
 /// A view full of small discs is drawn by compute unless it is asked not to, and one of a few pixels is not, nor are large
-/// discs. In the place of a software device the host draws these too.
+/// discs.
 #[test]
 fn discs_go_by_compute_where_that_pays() {
-    let Some(device) = Device::with_compute() else {
-        return;
-    };
-    let is_software = common::host_draws(&device);
-    drop(device);
     assert_ways(
         discs,
         &["small.resolve"],
         &[
             (1.0, 2.0, Path::Auto, true),
             (1.0, 2.0, Path::Raster, false),
-            (1.0, 6.5, Path::Auto, is_software),
+            (1.0, 6.5, Path::Auto, false),
             (1.0, 6.5, Path::Raster, false),
-            (0.01, 2.0, Path::Auto, is_software),
+            (0.01, 2.0, Path::Auto, false),
             (0.01, 2.0, Path::Compute, true),
         ],
     );

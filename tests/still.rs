@@ -105,8 +105,6 @@ fn looks() -> Vec<Settings> {
             ..of_splat(SplatKind::Disc, 4.0)
         },
         of_splat(SplatKind::Filtered, 1.0),
-        // Splats alone, which the host draws on a software device.
-        of_splat(SplatKind::Filtered, 4.0),
         of_splat(SplatKind::Gauss, 2.0),
         of_splat(SplatKind::Visibility, 3.0),
     ]
@@ -399,12 +397,7 @@ fn what_does_not_change_is_not_made_again() {
         background: [1.0, 0.0, 0.0],
         ..black
     };
-    // Where the host draws, what is behind everything is part of what it draws.
-    let kept = match common::host_draws(&device) {
-        true => Kept::Cut,
-        false => Kept::Lists,
-    };
-    assert_eq!(stand.draw(&view, &background).kept, kept);
+    assert_eq!(stand.draw(&view, &background).kept, Kept::Lists);
 }
 
 #[test]
@@ -459,7 +452,7 @@ fn nothing_is_kept_from_another_device() {
 
 #[cfg(feature = "viewer")]
 #[test]
-fn what_was_foreseen_for_other_settings_is_not_drawn() {
+fn what_was_predicted_for_other_settings_is_not_drawn() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
@@ -472,7 +465,7 @@ fn what_was_foreseen_for_other_settings_is_not_drawn() {
         for (foreseen, drawn) in [(square, square), (square, disc), (disc, square)] {
             let ahead = stand
                 .renderer
-                .foresee(&model, &stand.scene, &view, &foreseen);
+                .predict(&model, &stand.scene, &view, &foreseen);
             assert!(ahead.counts.nodes_visited > 0);
             let before = stand.renderer.nodes_visited();
             let times = stand.draw(&view, &drawn);

@@ -418,8 +418,6 @@ const BACKENDS: &[Backend] = &[
         ],
         overdue: &[
             "src/render/vulkan/draw_lists.rs",
-            "src/render/vulkan/mapped_picture.rs",
-            "src/render/vulkan/mapped_sums.rs",
             "src/render/vulkan/renderer/cut_frame.rs",
         ],
     },

@@ -228,41 +228,41 @@ pub fn figures(
             None,
         ),
     ];
-    // Where the host may draw in the place of a software device, both are measured, and the faster one has to be fast.
-    let has_host = |kind| {
-        let by_host = [SplatKind::Square, SplatKind::Disc, SplatKind::Filtered].contains(&kind);
-        by_host && session.is_software()
+    // Where the processor's renderer draws in the place of a software device, both are measured, and the faster one has to be
+    // fast.
+    let has_cpu = |kind| {
+        let by_cpu = [SplatKind::Square, SplatKind::Disc, SplatKind::Filtered].contains(&kind);
+        by_cpu && session.is_software()
     };
     let lines: Vec<_> = wanted
         .iter()
         .flat_map(|&(name, kind, threshold, occlusion, target)| {
-            let ways = match has_host(kind) {
+            let ways = match has_cpu(kind) {
                 true => vec![
-                    (Path::Compute, true, target),
-                    (Path::Compute, false, target),
-                    (Path::Raster, false, None),
+                    (Path::Auto, target),
+                    (Path::Compute, target),
+                    (Path::Raster, None),
                 ],
-                false => vec![(Path::Compute, false, target), (Path::Raster, false, None)],
+                false => vec![(Path::Compute, target), (Path::Raster, None)],
             };
-            ways.into_iter().map(move |(path, by_host, target)| {
+            ways.into_iter().map(move |(path, target)| {
                 let mut line = cases::pop(kind, path, threshold);
                 line.settings.occlusion = occlusion;
-                if by_host {
-                    line.name.push_str(", the host for it");
+                if path == Path::Auto {
+                    line.name.push_str(", by the processor");
                 }
-                (name, line, by_host, target)
+                (name, line, target)
             })
         })
         .collect();
     let mut frames: Vec<Result<Vec<FrameTimes>, String>> = vec![Ok(Vec::new()); lines.len()];
     progress.stage("rates", plan.rounds as u64 + 1);
     for round in 0..=plan.rounds {
-        for ((_, line, by_host, _), found) in lines.iter().zip(&mut frames) {
+        for ((_, line, _), found) in lines.iter().zip(&mut frames) {
             if progress.is_cancelled() {
                 return Err(Error::Cancelled);
             }
             let Ok(list) = found else { continue };
-            engine.let_host_draw(*by_host);
             match engine.draw(&view, &line.settings) {
                 Ok(times) if round > 0 => list.push(times),
                 Ok(_) => {}
@@ -275,9 +275,8 @@ pub fn figures(
         progress.advance(1);
     }
     let mut figures = Vec::new();
-    engine.let_host_draw(false);
     let mut of_target: Option<(&str, f64)> = None;
-    for ((name, line, _, target), found) in lines.iter().zip(frames) {
+    for ((name, line, target), found) in lines.iter().zip(frames) {
         let target = target.filter(|_| case.standard().is_some());
         let figure = match found {
             Ok(list) => rate(&place, &line.name, name, &list),

@@ -21,6 +21,8 @@ use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::OverdrawSummary;
 use surfel::render::vulkan::overdraw;
+#[cfg(feature = "viewer")]
+use surfel::render::window_renderer::WindowBackend;
 
 /// Backends that can be asked for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -59,11 +61,21 @@ impl DeviceArgs {
         }
     }
 
-    /// True where the backend that is asked for has no Vulkan device.
+    /// The backend of a window's frames.
     #[cfg(feature = "viewer")]
-    pub(crate) fn is_without_vulkan(&self) -> bool {
-        matches!(self.backend, BackendChoice::Cpu | BackendChoice::Reference)
-            || matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR))
+    pub(crate) fn window_backend(&self) -> Result<WindowBackend, Failure> {
+        let is_named = matches!(self.device.as_deref(), Some(Backend::CPU | Backend::MIRROR));
+        match self.backend {
+            BackendChoice::Auto if !is_named => Ok(WindowBackend::Auto),
+            BackendChoice::Vulkan if !is_named => Ok(WindowBackend::Vulkan),
+            BackendChoice::Cpu if !is_named => Ok(WindowBackend::Cpu),
+            BackendChoice::Reference => Err(usage(
+                "--backend reference draws pictures only; use it with surfel render",
+            )),
+            _ => Err(usage(
+                "a window needs a Vulkan device that shows its frames: name one, or use --backend cpu without --device",
+            )),
+        }
     }
 
     /// Opens the backend. Without Vulkan, and unless a device is asked for by name, that is the processor.

@@ -120,11 +120,7 @@ impl From<viewer::Error> for Failure {
 pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();
-    if args.device.is_without_vulkan() {
-        return Err(usage(
-            "a window needs a Vulkan device: --backend cpu and reference draw pictures only; use them with surfel render",
-        ));
-    }
+    let backend = args.device.window_backend()?;
     require_ending("--screenshot", args.screenshot.as_ref(), &["png"])?;
     if let Some(ms) = args.frame_ms
         && !(1.0..=10_000.0).contains(&ms)
@@ -186,6 +182,7 @@ pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
         camera,
         settings,
         frame_ms: args.frame_ms.or(window.frame_ms),
+        backend,
         vsync: args.vsync != Some(Switch::Off),
         gpu,
         window,

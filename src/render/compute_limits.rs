@@ -17,23 +17,22 @@ pub(crate) const LARGEST_VISIBLE_PX: f32 = 2.0 * LARGEST_SMALL_BLENDED_PX + SLAC
 /// Largest bounding circle of a triangle that is drawn this way, pixels.
 pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 
-/// The largest threshold with which splats are drawn by compute, pixels, or by the host in its place; 0 where there are none.
-pub(crate) fn largest_threshold_px(settings: &Settings, host_px: Option<f32>) -> f32 {
+/// The largest threshold with which splats are drawn by compute, pixels; 0 where there are none.
+pub(crate) fn largest_threshold_px(settings: &Settings) -> f32 {
     match Drawing::of(settings) {
         Drawing::Nothing => 0.0,
         Drawing::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
-        Drawing::Opaque => host_px.unwrap_or(LARGEST_SQUARE_PX),
+        Drawing::Opaque => LARGEST_SQUARE_PX,
         Drawing::Visibility | Drawing::Fuzzy | Drawing::Filtered => LARGEST_SMALL_BLENDED_PX,
     }
 }
 
 /// Largest footprint of an opaque splat that is drawn this way, as draw lists count it: round ones with their slack, and
 /// in the plane of the surface a diameter beyond the center to each side.
-pub(crate) fn largest_point_px(settings: &Settings, host_px: Option<f32>) -> f32 {
-    let facing_px = host_px.unwrap_or(LARGEST_SQUARE_PX);
+pub(crate) fn largest_point_px(settings: &Settings) -> f32 {
     match settings.footprint() {
-        Footprint::Square => facing_px,
-        Footprint::Circle => facing_px + SLACK_PX,
+        Footprint::Square => LARGEST_SQUARE_PX,
+        Footprint::Circle => LARGEST_SQUARE_PX + SLACK_PX,
         Footprint::Oriented => 2.0 * LARGEST_ELLIPSE_PX + SLACK_PX,
     }
 }

@@ -6,6 +6,7 @@ use crate::gpu::{Error, Gpu, Options};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
 use crate::render::PictureOutputs;
+use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::Costs;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::{CpuRenderer, FactedModel};
@@ -96,14 +97,6 @@ pub struct Engine<'m> {
     last: FrameBackend,
 }
 
-/// The backend of a frame.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum FrameBackend {
-    Device,
-    Cpu,
-    Reference,
-}
-
 /// The part of an engine that draws on a device.
 #[derive(Debug)]
 struct DeviceEngine {
@@ -121,8 +114,6 @@ struct CpuEngine {
     facts: Option<ModelFacts>,
     words: Vec<u32>,
     area: DrawnArea,
-    /// May draw what compute is asked for by name.
-    for_compute: bool,
 }
 
 impl<'m> Engine<'m> {
@@ -133,6 +124,21 @@ impl<'m> Engine<'m> {
     pub fn new(
         backend: &Backend,
         model: &'m Model,
+        size: (u32, u32),
+        outputs: PictureOutputs,
+    ) -> Result<Self, Error> {
+        Self::of_scene(backend, model, &mut None, size, outputs)
+    }
+
+    /// Readies a model whose copy may be on the backend's device already: `scene` is taken unless this fails, and given
+    /// back by [`Engine::into_scene`].
+    ///
+    /// # Errors
+    /// As [`Engine::new`].
+    pub(crate) fn of_scene(
+        backend: &Backend,
+        model: &'m Model,
+        scene: &mut Option<Scene>,
         (width, height): (u32, u32),
         outputs: PictureOutputs,
     ) -> Result<Self, Error> {
@@ -141,7 +147,6 @@ impl<'m> Engine<'m> {
             facts,
             words: Vec::new(),
             area: DrawnArea::unknown(width, height),
-            for_compute: false,
         };
         let mut engine = Self {
             model,
@@ -153,12 +158,14 @@ impl<'m> Engine<'m> {
         };
         match backend {
             Backend::Device(gpu) | Backend::Vulkan(gpu) => {
-                let mut renderer = Renderer::new(gpu, width, height, outputs, true)?;
-                renderer.draw_alone();
+                let renderer = Renderer::new(gpu, width, height, outputs, true)?;
                 engine.device = Some(DeviceEngine {
                     renderer: Box::new(renderer),
                     samples: None,
-                    scene: Scene::new(gpu, model)?,
+                    scene: match scene.take() {
+                        Some(scene) => scene,
+                        None => Scene::new(gpu, model)?,
+                    },
                 });
                 let is_alone = matches!(backend, Backend::Vulkan(_));
                 engine.cpu = (gpu.info().is_cpu() && !is_alone).then(|| cpu(None));
@@ -174,6 +181,12 @@ impl<'m> Engine<'m> {
         Ok(engine)
     }
 
+    /// The copy of the model on the device, if there is one.
+    #[cfg(feature = "viewer")]
+    pub(crate) fn into_scene(self) -> Option<Scene> {
+        self.device.map(|device| device.scene)
+    }
+
     /// Lets the mirror snap positions to so many binary places of a pixel, 4..=8, in pictures that are compared with those
     /// of a device ([`Gpu::info`] has its number); 8 at first. A device has its own.
     #[must_use]
@@ -182,38 +195,6 @@ impl<'m> Engine<'m> {
             reference.set_subpixel_bits(bits);
         }
         self
-    }
-
-    /// The backend of a frame of these settings.
-    ///
-    /// # Errors
-    /// When none can draw it; the reason is in the error.
-    fn backend_of(&self, settings: &Settings) -> Result<FrameBackend, Error> {
-        let reason = match &self.cpu {
-            None => Some("it is not asked for"),
-            Some(cpu) => {
-                // Beside a device it draws what nobody insists on, and leaves the whole mesh to the device.
-                let is_free = match settings.path {
-                    Path::Auto => true,
-                    Path::Compute => cpu.for_compute,
-                    Path::Raster => false,
-                };
-                let is_left = self.device.is_some() && !(is_free && settings.has_cut());
-                match is_left {
-                    true => Some("it is left to the device"),
-                    false => unsupported_reason(settings, self.outputs, cpu.renderer.size()),
-                }
-            }
-        };
-        match (reason, &self.device, &self.reference) {
-            (None, ..) => Ok(FrameBackend::Cpu),
-            (_, Some(_), _) => Ok(FrameBackend::Device),
-            (_, None, Some(_)) => Ok(FrameBackend::Reference),
-            (Some(why), None, None) => Err(Error::Unsupported {
-                what: "this picture by the processor's renderer",
-                why: why.into(),
-            }),
-        }
     }
 
     /// Draws a frame and waits until it is finished.
@@ -225,7 +206,12 @@ impl<'m> Engine<'m> {
         if self.device.is_none() {
             check(self.model, settings, self.outputs, f32::INFINITY)?;
         }
-        self.last = self.backend_of(settings)?;
+        let available = AvailableBackends {
+            has_device: self.device.is_some(),
+            has_cpu: self.cpu.is_some(),
+            has_reference: self.reference.is_some(),
+        };
+        self.last = available.choose(settings, self.outputs, [view.width, view.height])?;
         match (
             self.last,
             &mut self.cpu,
@@ -262,13 +248,6 @@ impl<'m> Engine<'m> {
         }
         if let Some(cpu) = &mut self.cpu {
             cpu.renderer.keep_frames(keep);
-        }
-    }
-
-    /// Whether the processor may draw what compute is asked for by name, on a device that is the processor. Not at first.
-    pub fn let_host_draw(&mut self, may: bool) {
-        if let Some(cpu) = &mut self.cpu {
-            cpu.for_compute = may;
         }
     }
 

@@ -1,19 +1,25 @@
 //! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
 //! mirror on the CPU that tests compare it with.
 
+pub(crate) mod backend_choice;
 pub(crate) mod compute_limits;
 pub mod cost;
 pub mod cpu;
 pub mod engine;
 pub(crate) mod frame_constants;
+pub mod frame_estimate;
 pub mod frame_plan;
 pub mod model_facts;
 mod outputs;
+#[cfg(feature = "viewer")]
+pub(crate) mod probe_area;
 pub mod reference;
 pub(crate) mod screen_bounds;
 mod settings;
 pub mod stats;
 pub mod vulkan;
+#[cfg(feature = "viewer")]
+pub mod window_renderer;
 
 pub use crate::render::outputs::PictureOutputs;
 pub use crate::render::settings::{

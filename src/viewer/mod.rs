@@ -33,6 +33,7 @@ use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
 use crate::open::OpenOptions;
 use crate::render::Settings;
+use crate::render::window_renderer::WindowBackend;
 use app::App;
 use glfw::{ClientApiHint, WindowHint};
 use loader::{LoadError, Loader};
@@ -84,6 +85,8 @@ pub struct Options {
     pub model: PathBuf,
     /// How models are opened, this one and those that are dropped onto the window.
     pub opening: OpenOptions,
+    /// Who draws the frames.
+    pub backend: WindowBackend,
     /// Nobody asked for that model: a replay takes the one of its recording.
     pub model_is_usual: bool,
     /// Size of the window, in the window system's units.
@@ -175,7 +178,7 @@ fn replay_headless(
 ) -> Result<Vec<Messages>, Error> {
     let entries = replayed(&options)?.unwrap_or_default();
     let gpu = Gpu::open(&options.gpu)?;
-    let mut screen = Screen::new(&gpu, None, options.vsync)?;
+    let mut screen = Screen::new(&gpu, None, options.vsync, options.backend)?;
     screen.set_costs(calibrate::for_use(&gpu, &[options.settings]));
     screen.inject(options.faults);
     // The screen holds the device from here on.
@@ -224,7 +227,8 @@ fn show(
         .get_required_instance_extensions()
         .ok_or_else(|| window_error("Vulkan cannot draw into windows here", &cause.borrow()))?;
     let gpu = Gpu::open(&options.gpu)?;
-    let mut screen = Screen::new(&gpu, Some(&window.window), options.vsync)?;
+    let (vsync, backend) = (options.vsync, options.backend);
+    let mut screen = Screen::new(&gpu, Some(&window.window), vsync, backend)?;
     screen.set_costs(calibrate::for_use(&gpu, &[options.settings]));
     drop(gpu);
     screen.inject(options.faults);

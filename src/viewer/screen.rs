@@ -13,9 +13,10 @@ use crate::image::Image;
 use crate::math::camera::{Camera, View};
 use crate::render::cost::model::{Costs, SplatCosts, Ways};
 use crate::render::stats::FrameTimes;
-use crate::render::vulkan::renderer::{Renderer, Submitted, present::Show};
+use crate::render::vulkan::renderer::{Submitted, present::Show};
 use crate::render::vulkan::scene::Scene;
-use crate::render::{Method, PictureOutputs, Settings, SplatKind};
+use crate::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
+use crate::render::{Method, Settings, SplatKind};
 use crate::tree::Model;
 use ash::vk::Result as R;
 use glam::DVec2;
@@ -122,7 +123,8 @@ pub(super) struct Request<'r> {
 pub(super) struct Screen {
     model: Option<Model>,
     scene: Option<Scene>,
-    renderer: Renderer,
+    renderer: WindowRenderer,
+    backend: WindowBackend,
     overlay: Option<Overlay>,
     has_overlay: bool,
     surface: Option<Surface>,
@@ -145,21 +147,15 @@ pub(super) struct Screen {
     costs: Option<Costs>,
 }
 
-const OUTPUTS: PictureOutputs = PictureOutputs {
-    depth: false,
-    normal: false,
-    values: false,
-};
-
 impl Screen {
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         window: Option<&glfw::Window>,
         vsync: bool,
+        backend: WindowBackend,
     ) -> Result<Self, Error> {
         // The size is that of the first acquired image.
-        let mut renderer = Renderer::new(gpu, 1, 1, OUTPUTS, true)?;
-        renderer.keep_lists(true);
+        let renderer = WindowRenderer::new(gpu, backend)?;
         let surface = window
             .map(|window| Surface::new(gpu, window, renderer.in_flight(), vsync))
             .transpose()?;
@@ -167,6 +163,7 @@ impl Screen {
             model: None,
             scene: None,
             renderer,
+            backend,
             overlay: None,
             has_overlay: false,
             surface,
@@ -196,7 +193,7 @@ impl Screen {
         // A window takes one surface at a time.
         self.surface = None;
         self.scene = None;
-        let mut new = Self::new(gpu, window, self.vsync)?;
+        let mut new = Self::new(gpu, window, self.vsync, self.backend)?;
         new.set_costs(self.costs);
         if let Some(old) = self.overlay.take() {
             let in_flight = new.renderer.in_flight();
@@ -214,7 +211,7 @@ impl Screen {
         Ok(())
     }
 
-    /// What drawing costs on the device: see [`Renderer::set_costs`].
+    /// What drawing costs on the device: see [`WindowRenderer::set_costs`].
     pub(super) fn set_costs(&mut self, costs: Option<Costs>) {
         self.costs = costs;
         self.renderer.set_costs(costs);
@@ -225,10 +222,8 @@ impl Screen {
         self.costs.as_ref()?.of(kind).copied()
     }
 
-    /// Whether those costs decide how frames are drawn, or rules of thumb; and whether the host may draw what compute is
-    /// asked for, see [`Renderer::let_host_draw`].
-    pub(super) fn decide(&mut self, by_costs: bool, host_may_draw: bool) {
-        self.renderer.let_host_draw(host_may_draw);
+    /// Lets those costs decide how frames are drawn on the device, or else rules of thumb.
+    pub(super) fn decide(&mut self, by_costs: bool) {
         self.renderer.set_costs(self.costs.filter(|_| by_costs));
     }
 
@@ -284,7 +279,7 @@ impl Screen {
     pub(super) fn drop_model(&mut self) {
         self.model = None;
         self.scene = None;
-        self.renderer.forget_foreseen();
+        self.renderer.forget_prediction();
         self.drawn = None;
         self.picture = None;
         self.frame_times_ms.clear();
@@ -335,14 +330,15 @@ impl Screen {
     }
 
     /// What would be drawn with these settings.
-    pub(super) fn foresee(&mut self, settings: &Settings, camera: &Camera) -> Work {
-        let (Some(model), Some(scene)) = (&self.model, &self.scene) else {
+    pub(super) fn predict(&mut self, settings: &Settings, camera: &Camera) -> Work {
+        let (Some(model), Some(scene)) = (&self.model, &mut self.scene) else {
             return Work::default();
         };
         let Ok(view) = camera.view(model.origin) else {
             return Work::default();
         };
-        let foreseen = self.renderer.foresee(model, scene, &view, settings);
+        let shown = ShownModel { model, scene };
+        let foreseen = self.renderer.predict(&shown, &view, settings);
         Work {
             visited: foreseen.counts.nodes_visited,
             splats: foreseen.counts.splats,
@@ -521,9 +517,9 @@ impl Screen {
         };
         let submitted = match (view, &self.model, &mut self.scene) {
             (Some(view), Some(model), Some(scene)) => {
-                let submitted = self
-                    .renderer
-                    .submit_shown(model, scene, &view, settings, shown)?;
+                let submitted =
+                    self.renderer
+                        .submit(ShownModel { model, scene }, &view, settings, shown)?;
                 self.drawn = Some(view);
                 (submitted, Some(settings.threshold_px))
             }
@@ -548,9 +544,8 @@ impl Screen {
             return Ok(None);
         }
         self.finish()?;
-        let distance = self
-            .renderer
-            .distance_near(&view, at.x as u32, at.y as u32)?;
+        let pixel = [at.x as u32, at.y as u32];
+        let distance = self.renderer.distance_near(&view, pixel)?;
         Ok(distance.map(f64::from))
     }
 

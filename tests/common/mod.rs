@@ -128,11 +128,11 @@ fn built(path: &Path) -> Model {
     tree::build(load(path), &BuildOptions::default(), &Silent).unwrap()
 }
 
-/// Whether the host draws in the place of a device: only of a software device. One line says what is not tested where not.
-pub(crate) fn host_draws(device: &Device) -> bool {
+/// Tells whether a device is the processor in disguise; where not, one line says that its shortcuts are not tested.
+pub(crate) fn is_software(device: &Device) -> bool {
     let is_software = device.gpu().info().is_cpu();
     if !is_software {
-        println!("this is no software device: what the host draws in its place is not tested");
+        println!("this is no software device: what the processor does in its place is not tested");
     }
     is_software
 }

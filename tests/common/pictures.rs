@@ -189,9 +189,9 @@ oracles! {
         picture_share(Any(&[Color(1), Coverage(1)]), 1, 1e-4),
         picture_share(DepthShare(1e-3), 1, 1e-3),
     ];
-    /// Large splats by the host and by the rasterizer. Depths that are the same but for their last place decide between
+    /// Large splats by the processor and by the rasterizer. Depths that are the same but for their last place decide between
     /// splats, and samples of triangles between the rasterizer's: 0.01 percent of the pixels, and two.
-    HOST_LARGE_AS_RASTER: 100, &[
+    CPU_LARGE_AS_RASTER: 100, &[
         picture_share(LOOK, 2, 1e-4),
         picture_share(DepthShare(1e-3), 2, 1e-4),
     ];

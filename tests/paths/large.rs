@@ -1,4 +1,4 @@
-//! Large squares and discs: a rasterizer draws them, and in the place of a software device the host.
+//! Large squares and discs by the processor, beside those of the rasterizer.
 
 use super::common::{self, Device, generated, orbit};
 use super::{built, colored, passes, pictures};
@@ -7,8 +7,8 @@ use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 
-/// Asserts of statue, torus, a model of colors and its points that the host's pictures are those of the rasterizer. How many the
-/// processor drew, and how many have splats of the rasterizer.
+/// Asserts of statue, torus, a model of colors and its points that the processor's pictures are those of the rasterizer: how many it
+/// drew, and how many have splats of the rasterizer.
 fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 2]> {
     let device = Device::with_compute()?;
     let mut cloud = colored();
@@ -59,7 +59,7 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 2]> {
                     let what = format!("{name}, {splat:?}, {threshold_px}: {own:?}");
                     alone += usize::from(own.is_empty());
                     rasterized += usize::from(others.contains(&"hybrid.splats"));
-                    pictures::HOST_LARGE_AS_RASTER.assert_same(&wanted, &picture, &what);
+                    pictures::CPU_LARGE_AS_RASTER.assert_same(&wanted, &picture, &what);
                 }
             }
         }
@@ -69,7 +69,7 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 2]> {
 }
 
 #[test]
-fn large_splats_are_the_same_by_the_host() {
+fn large_splats_are_the_same_by_the_processor() {
     if let Some([alone, rasterized]) = compared(Method::Pop, &[6.5, 12.0, 25.3, 70.0]) {
         assert!(alone == 96 && rasterized >= 60);
     }
@@ -77,7 +77,7 @@ fn large_splats_are_the_same_by_the_host() {
 
 /// A leaf that is larger than the threshold is a splat of its own size.
 #[test]
-fn leaves_of_their_own_sizes_are_the_same_by_the_host() {
+fn leaves_of_their_own_sizes_are_the_same_by_the_processor() {
     if let Some([alone, rasterized]) = compared(Method::Splats, &[0.5, 1.0, 3.0, 12.0]) {
         assert!(alone == 96 && rasterized >= 60);
     }

@@ -320,23 +320,8 @@ impl Stand {
         if raster.is_none() && compute.is_none() {
             return Ok((None, None));
         }
-        // On a software device the host takes the place of compute, unless somebody insists on that.
-        let by_host = match (&compute, kind) {
-            (Some(_), SplatKind::Filtered | SplatKind::Square) if self.is_software => {
-                self.by_host(|stand| stand.way(&base(Path::Compute)))?
-            }
-            _ => None,
-        };
-        let [raster, compute] = [raster, by_host.or(compute)].map(|way| way.map(|w| w.0));
+        let [raster, compute] = [raster, compute].map(|way| way.map(|w| w.0));
         Ok((Some(Ways { raster, compute }), merge))
-    }
-
-    /// Measures what the host draws in the place of compute.
-    fn by_host<T>(&mut self, measure: impl FnOnce(&mut Self) -> T) -> T {
-        self.renderer.let_host_draw(true);
-        let measured = measure(self);
-        self.renderer.let_host_draw(false);
-        measured
     }
 
     /// Points and quads.
@@ -391,10 +376,7 @@ impl Stand {
             }))
         };
         let raster = way(self, Path::Raster)?;
-        let compute = match self.is_software {
-            true => self.by_host(|stand| way(stand, Path::Compute))?,
-            false => way(self, Path::Compute)?,
-        };
+        let compute = way(self, Path::Compute)?;
         let any = raster.is_some() || compute.is_some();
         Ok(any.then_some(Ways { raster, compute }))
     }

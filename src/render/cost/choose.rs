@@ -72,8 +72,6 @@ pub(crate) struct Asked<'a> {
     pub(crate) rect_px: [u32; 4],
     /// Width and height of the picture.
     pub(crate) size: (u32, u32),
-    /// The host draws opaque splats in the place of compute.
-    pub(crate) by_host: bool,
 }
 
 /// Leaves that are looked at for the size of all.
@@ -91,7 +89,7 @@ pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: 
     if !has_own || step == 0 {
         return usual;
     }
-    let most = crate::render::compute_limits::largest_point_px(settings, None);
+    let most = crate::render::compute_limits::largest_point_px(settings);
     let (mut sum, mut count) = (0.0, 0.0);
     for &leaf in cut.leaves.iter().step_by(step) {
         let sphere = &model.tree.leaves[leaf as usize];
@@ -136,13 +134,6 @@ impl Asked<'_> {
     /// The paths of opaque splats and small triangles, in a frame that may be drawn by compute.
     pub(crate) fn opaque(&self) -> Paths {
         let settings = self.settings;
-        if self.by_host && self.triangles == 0 {
-            // Nothing is set up, no pass goes over the picture, and nothing is submitted and waited for.
-            return Paths {
-                triangles: Path::Raster,
-                splats: Path::Compute,
-            };
-        }
         // Where hidden squares are left out by themselves, about one for each pixel of the box is left, at larger sizes fewer.
         let pixels = screen_bounds::pixels(self.rect_px) as f64;
         let left = pixels / f64::from(settings.threshold_px.max(1.0));
@@ -161,7 +152,7 @@ impl Asked<'_> {
         {
             Some(chosen) => {
                 log("opaque splats and small triangles", &chosen);
-                self.with_samples(chosen.choice)
+                chosen.choice
             }
             None => {
                 let path = |count, least| match pays(count, least, self.rect_px, settings) {
@@ -175,20 +166,8 @@ impl Asked<'_> {
                     splats: path(self.splats, least),
                 };
                 self.log_guess("opaque splats and small triangles", &paths);
-                self.with_samples(paths)
+                paths
             }
-        }
-    }
-
-    /// Where the host draws splats it takes small triangles as well, as samples, in less time than handing them over takes: a
-    /// frame without large ones then needs no pass.
-    fn with_samples(&self, paths: Paths) -> Paths {
-        match paths.splats {
-            Path::Compute if self.by_host => Paths {
-                triangles: Path::Compute,
-                ..paths
-            },
-            _ => paths,
         }
     }
 
@@ -348,7 +327,6 @@ mod tests {
                 triangles: 0,
                 rect_px: [0, 0, 500, 200],
                 size: (500, 500),
-                by_host: false,
             };
             asked.opaque().splats
         };
@@ -362,48 +340,6 @@ mod tests {
             ..ways
         });
         assert_eq!(path(SplatKind::Ellipse, cheap), Path::Raster);
-        // Whatever was measured, the host has no passes.
-        let splats = |triangles, by_host| {
-            let settings = Settings {
-                path: Path::Auto,
-                ..Settings::default()
-            };
-            let asked = Asked {
-                settings: &settings,
-                costs: Some(cheap),
-                splats: 10,
-                size_px: 1.0,
-                triangles,
-                rect_px: [0, 0, 500, 200],
-                size: (500, 500),
-                by_host,
-            };
-            asked.opaque().splats
-        };
-        assert_eq!(splats(0, true), Path::Compute);
-        assert_eq!(splats(0, false), Path::Raster);
-        assert_eq!(splats(5, true), Path::Raster);
-    }
-
-    #[test]
-    fn a_host_that_draws_splats_takes_small_triangles_too() {
-        let paths = |splats, by_host| {
-            let asked = Asked {
-                settings: &Settings::default(),
-                costs: None,
-                splats,
-                size_px: 1.0,
-                triangles: 5,
-                rect_px: [0, 0, 500, 200],
-                size: (500, 500),
-                by_host,
-            };
-            let Paths { triangles, splats } = asked.opaque();
-            [triangles, splats]
-        };
-        assert_eq!(paths(1_000_000, false), [Path::Raster, Path::Compute]);
-        assert_eq!(paths(1_000_000, true), [Path::Compute; 2]);
-        assert_eq!(paths(10, true), [Path::Raster; 2]);
     }
 
     #[test]

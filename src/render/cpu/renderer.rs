@@ -17,6 +17,7 @@ use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Rest;
 use crate::render::cpu::triangles::{Light, Triangles};
 use crate::render::frame_constants::{FrameContext, frame_constants};
+use crate::render::frame_estimate::{CutAhead, FrameEstimate, counts_of_cut};
 use crate::render::frame_plan::{Choice, Drawing, cpu_settings, filtered_shade, splat_plan};
 use crate::render::model_facts::ModelFacts;
 use crate::render::screen_bounds;
@@ -64,6 +65,8 @@ pub struct CpuRenderer {
     drawn: Option<CpuFrameKey>,
     keeps_frames: bool,
     last_times: FrameTimes,
+    /// The cut that was chosen for the next frame before it is drawn; none: not yet.
+    ahead: Option<CutAhead>,
     visited: u64,
     splats: Vec<Splat>,
     rest: Rest,
@@ -99,6 +102,7 @@ impl CpuRenderer {
             drawn: None,
             keeps_frames: false,
             last_times: FrameTimes::default(),
+            ahead: None,
             visited: 0,
             splats: Vec::new(),
             rest: Rest::new(),
@@ -167,10 +171,13 @@ impl CpuRenderer {
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
         let cutting = Stage::Cut.begin();
-        if settings.has_cut() && !self.choose_cut(drawn, settings, view) {
+        let is_kept = settings.has_cut() && !self.choose_cut(drawn, settings, view);
+        let ahead = self.ahead.take().unwrap_or_default();
+        if is_kept && !ahead.is_new {
             times.kept = Kept::Cut;
         }
         cutting.end(&mut times);
+        times.cut_ms += ahead.ms;
         let packing = Stage::Pack.begin();
         let context = self.context(model, view, settings);
         let constants = frame_constants(view, settings, &context);
@@ -209,11 +216,47 @@ impl CpuRenderer {
         times
     }
 
-    /// Chooses the cut, unless it is there; whether it was chosen.
+    /// Counts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next frame
+    /// if that has the same view and settings. The time is booked as that frame's. Nothing without a cut.
+    pub fn predict(
+        &mut self,
+        drawn: FactedModel<'_>,
+        view: &View,
+        settings: &Settings,
+    ) -> FrameEstimate {
+        if !settings.has_cut() {
+            return FrameEstimate::default();
+        }
+        let start = Instant::now();
+        let FactedModel { model, .. } = drawn;
+        let settings = &cpu_settings(settings, model, view);
+        let is_new = self.choose_cut(drawn, settings, view);
+        let counts = counts_of_cut(settings, model, view, &self.cut);
+        let ahead = self.ahead.get_or_insert_default();
+        ahead.ms += elapsed_ms(start);
+        ahead.is_new |= is_new;
+        let rect_px = screen_bounds::rect_px(model, view, settings.threshold_px + 3.0);
+        FrameEstimate {
+            counts,
+            pixels: screen_bounds::pixels(rect_px),
+            is_blended: Drawing::of(settings) == Drawing::Filtered,
+            by_compute: true,
+            is_free: false,
+            largest_by_compute_px: f32::INFINITY,
+        }
+    }
+
+    /// Forgets the cut that was chosen for a frame that is not drawn; to be called when the model changes.
+    pub fn forget_prediction(&mut self) {
+        self.ahead = None;
+    }
+
+    /// Chooses the cut, unless it is there; tells whether it was chosen.
     fn choose_cut(&mut self, drawn: FactedModel<'_>, settings: &Settings, view: &View) -> bool {
         let FactedModel { model, facts } = drawn;
         let chosen = (facts.id(), Choice::of(settings, model, view));
-        if self.keeps_frames && self.chosen == Some(chosen) {
+        let may_stay = self.keeps_frames || self.ahead.is_some();
+        if may_stay && self.chosen == Some(chosen) {
             return false;
         }
         let undrawn = || facts.undrawn(model);
@@ -448,6 +491,13 @@ impl CpuRenderer {
         }
         let at = (y - top) as usize * (right - left) as usize + (x - left) as usize;
         self.depths.get(at).copied().unwrap_or(0.0)
+    }
+
+    /// Reversed depths of a part of the last picture, row by row: left, top, width and height, pixels.
+    pub fn depths_of(&self, [left, top, width, height]: [u32; 4]) -> Vec<f32> {
+        let rows = top..top + height;
+        rows.flat_map(|y| (left..left + width).map(move |x| self.depth_at(x, y)))
+            .collect()
     }
 
     /// The picture of the last frame, which is in these pixels; with distances if they are asked for.

@@ -13,15 +13,11 @@ use crate::pack::splats;
 use crate::pack::splats::Packed;
 use crate::pack::{filtered, fuzzy, ids};
 use crate::render::cost::choose::ComputeShare;
-use crate::render::cpu::filtered as cpu_filtered;
-use crate::render::cpu::filtered::Canvas;
-use crate::render::cpu::opaque;
 use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
 use crate::render::vulkan::expand_ids;
 use crate::render::vulkan::expand_ids::Whole;
-use crate::render::vulkan::mapped_picture::Onto;
 use crate::render::vulkan::opaque::triangle_runs::Run;
 use crate::render::vulkan::scene::Scene;
 use crate::render::{Method, Path, Settings};
@@ -41,12 +37,6 @@ pub(super) struct Lists {
     /// Triangles that stay such where others become samples.
     rest: small_triangles::Rest,
     rest_ids: Vec<u32>,
-    /// What the host draws itself: filtered splats.
-    pub(super) drawn: crate::render::vulkan::mapped_sums::Drawn,
-    /// The triangles among them.
-    faces: cpu_filtered::Triangles,
-    /// And opaque ones.
-    pub(super) nearest: crate::render::vulkan::mapped_picture::Drawn,
     /// What the device makes of numbers.
     whole: Option<Whole>,
     /// None before the first frame, and after one that failed.
@@ -60,8 +50,6 @@ pub(super) struct Held {
     pub(super) packed: Packed,
     /// How many of them are triangles that cover one pixel.
     pub(super) samples: usize,
-    /// How many of them have no area, and are not drawn.
-    pub(super) undrawn: usize,
     /// Where compute draws fuzzy splats, what of them is where; then nothing is in `packed`.
     pub(super) placed: Option<fuzzy::Placed>,
     /// Records of the list of splats, with gaps.
@@ -75,10 +63,6 @@ pub(super) struct Held {
     pub(super) are_ids: bool,
     /// It has.
     pub(super) is_made: bool,
-    /// The host has drawn the splats.
-    pub(super) is_drawn: bool,
-    /// They are all there is, and the picture is [`crate::render::vulkan::mapped_picture::Drawn::image`].
-    pub(super) is_shown: bool,
     /// Of the cut.
     pub(super) stats: Stats,
 }
@@ -122,8 +106,6 @@ pub(super) struct Key {
     may_sample: bool,
     /// Splats and triangles are named by their numbers, if the lists can be bound.
     by_id: bool,
-    /// What the host lights opaque splats by, where it may draw them: colors are part of what is packed then.
-    light: Option<opaque::Light>,
 }
 
 /// How the splats of a cut are written.
@@ -165,15 +147,14 @@ impl Packing {
 
 impl Key {
     /// That of a frame whose points have at most `max_point_px` pixels, drawn by compute if it `is_wanted`, on a device that
-    /// `samples` triangles of one pixel, where the host may draw opaque splats by a `light`, or lists may be `by_id`; of settings
-    /// that [`for_view`](crate::render::frame_plan::for_view) gave.
+    /// `samples` triangles of one pixel, where lists may be `by_id`; of settings that [`for_view`](crate::render::frame_plan::for_view) gave.
     pub(super) fn of(
         settings: &Settings,
         model: &Model,
         scene: &Scene,
         view: &View,
         (max_point_px, is_wanted, samples): (f32, bool, bool),
-        (light, by_id): (Option<opaque::Light>, bool),
+        by_id: bool,
     ) -> Self {
         Self {
             scene: scene.id(),
@@ -190,7 +171,6 @@ impl Key {
                 && !settings.holds_cut()
                 && !by_id,
             by_id,
-            light,
         }
     }
 
@@ -198,17 +178,6 @@ impl Key {
     pub(super) fn cut(&self) -> (u64, Choice) {
         (self.scene, self.choice)
     }
-}
-
-/// Where the host draws splats, if it is to.
-#[derive(Clone, Copy)]
-pub(super) struct Host<'a> {
-    /// So many filtered ones and triangles, and in which light.
-    pub(super) filtered: &'a dyn Fn([usize; 2]) -> Option<(Canvas, Option<cpu_filtered::Light>)>,
-    /// Opaque squares and discs, and what they look like, if compute is to draw them.
-    pub(super) opaque: Option<(opaque::Look, (opaque::Screen, opaque::Light))>,
-    /// What opaque triangles are lit by, if the host draws them too.
-    pub(super) triangle_light: Option<cpu_filtered::Light>,
 }
 
 impl Lists {
@@ -224,9 +193,6 @@ impl Lists {
             small_runs: Vec::new(),
             rest: small_triangles::Rest::new(),
             rest_ids: Vec::new(),
-            drawn: crate::render::vulkan::mapped_sums::Drawn::new(gpu, slot)?,
-            faces: cpu_filtered::Triangles::default(),
-            nearest: crate::render::vulkan::mapped_picture::Drawn::new(gpu, slot)?,
             whole: None,
             held: None,
         })
@@ -248,7 +214,7 @@ impl Lists {
         (model, scene): (&Model, &Scene),
         cut: &mut Cut,
         (key, packing): (Key, Packing),
-        (ways, screen, by_host): (Ways, &Screen, Host<'_>),
+        (ways, screen): (Ways, &Screen),
     ) -> Result<(), Error> {
         self.held = None;
         let view = &key.view;
@@ -257,19 +223,8 @@ impl Lists {
             .share
             .is_some_and(|share| share != ComputeShare::Nothing);
         let mut placed = None;
-        let mut is_filtered = false;
         // Small triangles are the device's, and the keys with them, unless they become samples.
         let may_sample = key.may_sample && ways.takes_triangles && ways.is_small;
-        let host_draws = by_host.opaque.filter(|_| {
-            let has_triangles =
-                key.has_triangles && ways.takes_triangles && !cut.triangles.is_empty();
-            let has_one_size = |plan: &splats::Plan| plan.has_one_size(model);
-            let may_sample =
-                may_sample && matches!(&packing, Packing::Splats(plan) if has_one_size(plan));
-            ways.is_small && (may_sample || !has_triangles || by_host.triangle_light.is_some())
-        });
-        let (mut is_drawn, mut is_shown, mut undrawn) = (false, false, 0);
-        let mut faces_drawn = false;
         let are_ids = self.are_ids(gpu, key.by_id, &packing, cut)?;
         let (packed, capacity, record_bytes) = match &packing {
             Packing::Splats(plan) | Packing::Weighted(plan) if are_ids => {
@@ -285,14 +240,8 @@ impl Lists {
                     false => 0,
                 };
                 let count = splats::count(cut, plan);
-                // What the host looks at in the cut itself is not written.
-                let by_cut = host_draws.is_some() && plan.has_one_size(model);
-                let own = if by_cut { 0 } else { count };
-                let out = records::<Splat>(gpu, &mut self.splats, own + room)?;
-                let mut packed = match by_cut {
-                    true => Packed::default(),
-                    false => splats::pack(model, cut, view, plan, &mut out[..count]),
-                };
+                let out = records::<Splat>(gpu, &mut self.splats, count + room)?;
+                let mut packed = splats::pack(model, cut, view, plan, &mut out[..count]);
                 if may_sample {
                     // None is too large for a point: all have one size.
                     let out = &mut out[packed.points..];
@@ -303,45 +252,8 @@ impl Lists {
                     self.rest_ids.extend(self.rest.iter().flatten());
                     samples = Some(found);
                 }
-                let written = packed.points;
-                if by_cut {
-                    packed.points += count;
-                }
-                if let Some((look, (screen, light))) = host_draws {
-                    let rest: &[u32] = match samples {
-                        Some(_) => &self.rest_ids,
-                        None if key.has_triangles => &cut.triangles,
-                        None => &[],
-                    };
-                    faces_drawn = self.faces.set(model, rest, by_host.triangle_light);
-                    let has_triangles = !faces_drawn && !rest.is_empty();
-                    let onto = match has_triangles || packed.quads > 0 {
-                        true => Onto::Storage,
-                        false => Onto::Image(view.width, view.height),
-                    };
-                    let (splats, frame) = (&out[..written], ((&screen, &light), onto));
-                    let under = (faces_drawn && !rest.is_empty())
-                        .then_some((&self.faces, model.vertices.as_slice()));
-                    if by_cut {
-                        let all = scene.undrawn(model);
-                        undrawn = all.count_in(cut);
-                        let own = opaque::Splats {
-                            model,
-                            undrawn: all,
-                            cut,
-                            view,
-                            plan,
-                            are_discs: look.are_discs,
-                            are_seen: key.choice.hides(),
-                        };
-                        is_shown = self.nearest.draw_cut(gpu, (own, splats), under, frame)?;
-                    } else {
-                        is_shown = self.nearest.draw(gpu, splats, (look, 0), under, frame)?;
-                    }
-                    is_drawn = true;
-                }
                 // Quads end where splats without gaps would.
-                let capacity = own.max(written);
+                let capacity = count.max(packed.points);
                 (packed, capacity, size_of::<Splat>())
             }
             Packing::Fuzzy(plan, look) if by_compute => {
@@ -362,13 +274,7 @@ impl Lists {
                 let out = records(gpu, &mut self.splats, most)?;
                 let splats = filtered::write(model, cut, large, view, *shade, out);
                 let count = splats.count();
-                is_filtered = true;
-                let triangles: &[u32] = match key.has_triangles {
-                    true => &cut.triangles,
-                    false => &[],
-                };
-                let canvas = (by_host.filtered)([count, triangles.len()]);
-                is_drawn = self.draw(gpu, (&splats, model, triangles), canvas)?;
+                splats.close_gaps(whole_records(self.splats.bytes_mut()));
                 let packed = Packed {
                     points: count,
                     quads: 0,
@@ -388,10 +294,7 @@ impl Lists {
         });
         let rest = std::mem::take(&mut self.rest_ids);
         let triangles: &[u32] = match samples {
-            _ if faces_drawn && is_shown => &[],
             Some(_) => &rest,
-            // They are drawn.
-            None if is_filtered && is_drawn => &[],
             None if key.has_triangles => &cut.triangles,
             None => &[],
         };
@@ -413,7 +316,6 @@ impl Lists {
         self.held = Some(Held {
             packed,
             samples: samples.unwrap_or(0),
-            undrawn,
             placed,
             capacity,
             splat_bytes: (capacity * record_bytes) as u64,
@@ -426,8 +328,6 @@ impl Lists {
             ways,
             are_ids,
             is_made: false,
-            is_drawn,
-            is_shown,
             stats: cut.stats,
             key,
         });
@@ -500,55 +400,10 @@ impl Lists {
         self.whole().map_or(&self.small, |whole| &whole.small)
     }
 
-    /// Draws the filtered splats that were written and these triangles, unless nothing says where, some splats are too large, or
-    /// some triangles are the device's to clip; whether it has. What the device is to draw it gets without gaps.
-    ///
-    /// # Errors
-    /// When memory runs out.
-    fn draw(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        (written, model, triangles): (&filtered::Written, &Model, &[u32]),
-        canvas: Option<(Canvas, Option<cpu_filtered::Light>)>,
-    ) -> Result<bool, Error> {
-        let splats: &mut [FilteredSplat] = whole_records(self.splats.bytes_mut());
-        let canvas = canvas.filter(|(_, light)| {
-            written.groups.are_small() && self.faces.set(model, triangles, *light)
-        });
-        let Some((canvas, _)) = canvas else {
-            written.close_gaps(splats);
-            return Ok(false);
-        };
-        let list = cpu_filtered::List {
-            splats: &*splats,
-            groups: &written.groups,
-            vertices: &model.vertices,
-            triangles: &self.faces,
-        };
-        self.drawn.draw(gpu, list, canvas)?;
-        Ok(true)
-    }
-
-    /// How long the host drew, milliseconds, and how many bytes.
-    pub(super) fn host(&self) -> (f64, u64) {
-        match &self.held {
-            Some(held) if held.is_drawn => match held.key.packing {
-                Packing::Filtered(_) => (self.drawn.ms(), self.drawn.bytes()),
-                _ => (self.nearest.ms(), self.nearest.bytes()),
-            },
-            _ => (0.0, 0),
-        }
-    }
-
     /// Makes what was packed visible to the device.
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
-        match held.key.packing {
-            _ if !held.is_drawn => {}
-            Packing::Filtered(_) => self.drawn.flush(),
-            _ => self.nearest.flush(),
-        }
         self.indices.flush(0..held.index_bytes);
         if held.ways.takes_triangles {
             self.small.flush(0..held.index_bytes);

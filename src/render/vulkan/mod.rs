@@ -6,8 +6,6 @@ pub(crate) mod device_cut;
 pub(crate) mod device_tree;
 pub(crate) mod draw_lists;
 pub(crate) mod expand_ids;
-pub(crate) mod mapped_picture;
-pub(crate) mod mapped_sums;
 pub mod opaque;
 pub mod overdraw;
 pub(crate) mod raster_pass;

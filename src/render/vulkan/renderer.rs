@@ -24,7 +24,8 @@ use crate::render::cost::choose::Asked;
 use crate::render::cost::model::Costs;
 use crate::render::frame_constants::frame_flags;
 pub(crate) use crate::render::frame_constants::margin_px;
-use crate::render::frame_plan::{Choice, Drawing, LARGEST_HIDDEN_PX, check, for_view, splat_plan};
+use crate::render::frame_estimate::CutAhead;
+use crate::render::frame_plan::{Choice, Drawing, check, for_view, splat_plan};
 pub use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
 use crate::render::stats::{FrameCounts, Kept, Stage};
@@ -46,7 +47,7 @@ use crate::render::vulkan::triangles;
 use crate::render::vulkan::triangles::Variant;
 use crate::render::vulkan::visibility::hardware::Visibility;
 use crate::render::vulkan::{COLOR, SAMPLES};
-use crate::render::{Method, Occlusion, Settings};
+use crate::render::{Method, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
 use std::time::Instant;
@@ -64,6 +65,26 @@ pub struct Submitted {
     counted: Option<usize>,
 }
 
+impl Submitted {
+    /// A frame that shows what was there before, from `start` on.
+    #[cfg(feature = "viewer")]
+    fn without_cut(ticket: Ticket, times: FrameTimes, start: Instant) -> Self {
+        Self {
+            ticket,
+            times,
+            start,
+            on_device: false,
+            counted: None,
+        }
+    }
+
+    /// The submission.
+    #[cfg(feature = "viewer")]
+    pub(crate) fn ticket(&self) -> Ticket {
+        self.ticket
+    }
+}
+
 /// Ends a frame: submits it, after passes of its own that may read the color target.
 type End<'e> = dyn FnMut(Frame<'_>, &Target) -> Result<Ticket, Error> + 'e;
 
@@ -78,10 +99,6 @@ pub struct Renderer {
     cut: Cut,
     selector: cut::Selector,
     costs: Option<Costs>,
-    /// In place of compute, too.
-    host_may_draw: bool,
-    /// The processor may draw in the place of a software device.
-    is_helped: bool,
     device_tree: Option<DeviceTree>,
     /// What makes records of numbers, once lists have held some.
     by_id: Option<ById>,
@@ -108,26 +125,13 @@ pub struct Renderer {
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
     probe: Option<Readback>,
-    /// The slot whose lists have the picture of the last frame, and depths of a part of it, where they are not in the targets.
-    by_host: Option<(usize, [u32; 4])>,
-    /// The frame that showed such a picture again, from another slot.
-    shown_again: Option<Ticket>,
     keeps_lists: bool,
     /// What the present cut was chosen for, and in which scene; none where packing changed it.
     chosen: Option<(u64, Choice)>,
     /// Nodes and leaves that all cuts looked at.
     visited: u64,
-    /// What was done for the next frame before it is drawn; none: nothing.
-    foreseen: Option<Ahead>,
-}
-
-/// Cuts that were chosen ahead of their frame.
-#[derive(Debug, Clone, Copy, Default)]
-struct Ahead {
-    /// What they took, milliseconds.
-    ms: f64,
-    /// There were any.
-    is_new: bool,
+    /// The cut that was chosen for the next frame before it is drawn; none: not yet.
+    ahead: Option<CutAhead>,
 }
 
 fn ms(since: Instant) -> f64 {
@@ -160,8 +164,6 @@ impl Renderer {
             cut: Cut::default(),
             selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
-            host_may_draw: false,
-            is_helped: true,
             device_tree: None,
             by_id: None,
             device_cut: None,
@@ -181,12 +183,10 @@ impl Renderer {
             readback: None,
             #[cfg(feature = "viewer")]
             probe: None,
-            by_host: None,
-            shown_again: None,
             keeps_lists: false,
             chosen: None,
             visited: 0,
-            foreseen: None,
+            ahead: None,
         })
     }
 
@@ -236,24 +236,13 @@ impl Renderer {
         }
     }
 
-    /// Whether the host may draw what compute is asked for by name, where it does so for [`Path::Auto`](crate::render::Path::Auto) as
-    /// well: filtered splats, and opaque squares and discs, on a software device. The picture is the same. Not at first.
-    pub fn let_host_draw(&mut self, may: bool) {
-        self.host_may_draw = may;
-    }
-
-    /// Leaves all drawing to the device, also where that is the processor itself.
-    pub(crate) fn draw_alone(&mut self) {
-        self.is_helped = false;
-    }
-
     /// The costs that decide.
     pub fn costs(&self) -> Option<Costs> {
         self.costs
     }
 
     /// What the cut asks for in a picture.
-    fn asked<'a>(&self, settings: &'a Settings, model: &Model, context: &Context) -> Asked<'a> {
+    fn asked<'a>(&self, settings: &'a Settings, context: &Context) -> Asked<'a> {
         let cut = &self.cut;
         // Which plan does not matter to how many there are but for large leaves.
         let splats = pack::splats::count(cut, &splat_plan(settings, f32::INFINITY));
@@ -266,7 +255,6 @@ impl Renderer {
             triangles: if is_whole { 0 } else { cut.triangles.len() },
             rect_px: context.rect_px,
             size: (context.width, context.height),
-            by_host: self.host_px(settings, model).is_some(),
         }
     }
 
@@ -389,11 +377,10 @@ impl Renderer {
         }
         let max_point = self.gpu.info().max_point_size_px;
         check(model, settings, self.outputs, max_point)?;
-        let settings = &self.for_frame(settings, model, view);
+        let settings = &for_view(settings, model, view);
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
         let by_id = !on_device && self.prepare_lists(model, scene, settings)?;
-        self.by_host = None;
         let start = Instant::now();
         let is_counted = settings.color_by == ColorBy::Overdraw;
         let counted = is_counted.then(|| self.frames.next_slot());
@@ -412,22 +399,6 @@ impl Renderer {
             on_device,
             counted,
         })
-    }
-
-    /// The settings of a frame, see [`for_view`]. Where the host draws splats of more than a pixel, that takes it less time than
-    /// to look for hidden ones.
-    fn for_frame(&self, settings: &Settings, model: &Model, view: &View) -> Settings {
-        let mut settings = for_view(settings, model, view);
-        let is_large = settings.threshold_px > LARGEST_HIDDEN_PX[2];
-        if settings.occlusion == Occlusion::Auto
-            && is_large
-            && Drawing::of(&settings) == Drawing::Opaque
-            && self.host_may_draw_opaque(&settings)
-            && self.wants_compute(&settings, model).unwrap_or(false)
-        {
-            settings.occlusion = Occlusion::Off;
-        }
-        settings
     }
 
     /// Makes the pipelines and buffers that `settings` need, outside of the frame.
@@ -457,7 +428,7 @@ impl Renderer {
                 self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
             }
         }
-        let by_compute = self.wants_compute(settings, model)?;
+        let by_compute = self.wants_compute(settings)?;
         let is_opaque = Drawing::of(settings) == Drawing::Opaque;
         let is_gray = settings.color_by == ColorBy::Shading
             && !(settings.use_colors && scene.facts().has_colors());
@@ -469,9 +440,8 @@ impl Renderer {
             small.ensure(cut_frame::compute_variant(settings, model, flags))?;
             small.ensure(compute::Variant::SAMPLES)?;
         }
-        let by_host = by_compute && is_opaque && self.host_may_draw_opaque(settings);
         let asks = || Choice::of(settings, model, view).needs_undrawn();
-        if settings.has_cut() && (by_host || asks()) {
+        if settings.has_cut() && asks() {
             // Looks at the whole model, once.
             scene.undrawn(model);
         }

@@ -5,7 +5,6 @@ use crate::gpu::Error;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{Frame, Uniform};
-use crate::render::vulkan::mapped_picture::Drawn;
 use crate::render::vulkan::opaque::compute::Variant;
 use crate::render::vulkan::opaque::triangle_runs::Run;
 use crate::render::vulkan::scene::Scene;
@@ -25,8 +24,6 @@ pub(crate) struct List<'a> {
     pub(crate) variant: Variant,
     /// Parts of the picture in which anything can be.
     pub(crate) areas: &'a [[u32; 4]],
-    /// What the host has drawn of it: all, and there are no triangles.
-    pub(crate) drawn: Option<&'a Drawn>,
 }
 
 /// Triangles of a scene: their corner indices, page by page.

@@ -117,8 +117,7 @@ impl App {
         let holds = settings.has_cut() && self.turntable.is_none();
         // What holds the time chooses the way itself, by what frames took; costs would change it from frame to frame.
         let is_held = holds && self.control.is_some() && camera.is_some();
-        // With neither path nobody insists on the device.
-        self.screen.decide(!is_held, settings.path == Path::Auto);
+        self.screen.decide(!is_held);
         if let (Some(control), Some(camera)) = (&mut self.control, camera)
             && holds
         {
@@ -138,13 +137,13 @@ impl App {
                         threshold_px,
                         ..settings
                     };
-                    screen.foresee(&settings, &camera)
+                    screen.predict(&settings, &camera)
                 })
             } else {
                 control.threshold_px()
             };
             settings.threshold_px = px.max(settings.threshold_px);
-            let mut work = is_new_picture.then(|| self.screen.foresee(&settings, &camera));
+            let mut work = is_new_picture.then(|| self.screen.predict(&settings, &camera));
             if let (true, Some(work)) = (is_planned, &mut work) {
                 // Of the drawn frame only this is comparable with what is foreseen of others.
                 (work.counted, work.place) = (control.counted(), place);

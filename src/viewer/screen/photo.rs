@@ -1,11 +1,11 @@
 //! A photo: a picture larger and smoother than the window's, drawn beside its frames.
 
-use super::{OUTPUTS, Screen};
+use super::Screen;
 use crate::gpu::Error;
-use crate::image::{Accumulator, Image, jittered};
+use crate::image::Image;
 use crate::math::camera::Camera;
-use crate::render::PictureOutputs;
-use crate::render::vulkan::renderer::Renderer;
+use crate::render::engine::{Backend, Engine};
+use crate::render::window_renderer::{WINDOW_OUTPUTS, WindowBackend};
 use crate::render::{Method, Settings};
 
 /// Samples a pixel, in each direction.
@@ -16,14 +16,14 @@ impl Screen {
     /// without a model. Takes the time of 16 frames of that size, and targets of its own on the device meanwhile.
     ///
     /// # Errors
-    /// As [`Renderer::new`] and [`Renderer::draw`]: a picture larger than the device draws, or not enough memory.
+    /// As [`Engine::supersample`]: a picture larger than the device draws, or not enough memory.
     pub(in crate::viewer) fn photo(
         &mut self,
         settings: &Settings,
         camera: &Camera,
     ) -> Result<Option<Image>, Error> {
         self.finish()?;
-        let (Some(model), Some(scene)) = (&self.model, &mut self.scene) else {
+        let Some(model) = &self.model else {
             return Ok(None);
         };
         let Ok(view) = camera.view(model.origin) else {
@@ -33,20 +33,18 @@ impl Screen {
         if settings.method == Method::Points {
             settings.threshold_px = settings.threshold_px.min(self.gpu.info().max_point_size_px);
         }
-        let outputs = PictureOutputs {
-            values: !settings.draws_visibility(),
-            ..OUTPUTS
+        let size = (view.width, view.height);
+        let backend = match self.backend {
+            WindowBackend::Auto => Backend::Device(self.gpu.clone()),
+            WindowBackend::Vulkan => Backend::Vulkan(self.gpu.clone()),
+            WindowBackend::Cpu => Backend::Cpu,
         };
-        let mut renderer = Renderer::new(&self.gpu, view.width, view.height, outputs, false)?;
-        let mut mean = Accumulator::new();
-        for sample in 0..SAMPLES_SIDE * SAMPLES_SIDE {
-            let view = jittered(&view, sample, SAMPLES_SIDE);
-            renderer.draw(model, scene, &view, &settings)?;
-            // Every picture has the size of the view, which is all that can go wrong.
-            if let Err(error) = mean.add(&renderer.read(&view)?) {
-                unreachable!("pictures of one view: {error}");
-            }
+        let scene = &mut self.scene;
+        let mut engine = Engine::of_scene(&backend, model, scene, size, WINDOW_OUTPUTS)?;
+        let picture = engine.supersample(&view, &settings, SAMPLES_SIDE);
+        if let Some(scene) = engine.into_scene() {
+            self.scene = Some(scene);
         }
-        Ok(Some(mean.mean().to_image()))
+        Ok(Some(picture?.to_image()))
     }
 }

@@ -8,19 +8,15 @@
 //! [`LARGEST_SMALL_BLENDED_PX`](crate::abi::constants::LARGEST_SMALL_BLENDED_PX); its depth is where the compute passes
 //! begin from, and its sums are added to theirs.
 
-use crate::abi::constants::FILTERED_TILE_PX;
 use crate::abi::specialization::{HAS_LAMP, HAS_LARGE, IS_GRAY, IS_PUSHED};
 use crate::abi::{ConstantValue, FilteredSplat, FuzzySplat, Shader, shaders};
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
 use crate::gpu::frame::{Frame, Load, Pass, Uniform};
 use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{
-    Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology,
-};
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::render::screen_bounds;
-use crate::render::vulkan::mapped_sums::Drawn;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::ScreenDraw;
 use crate::render::vulkan::storage_ranges;
@@ -28,16 +24,6 @@ use crate::render::vulkan::storage_ranges::{Bound, Triangles};
 use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
-
-/// The center of a tile.
-const TILE: Record = Record {
-    stride: 8,
-    attributes: &[Attribute {
-        name: "center_px",
-        format: AttributeFormat::Float2,
-        offset: 0,
-    }],
-};
 
 /// Names of the passes of one kind of splats.
 #[derive(Debug)]
@@ -57,8 +43,6 @@ pub(crate) struct Kind {
     depth: &'static Shader,
     blend: &'static Shader,
     normalize: &'static Shader,
-    /// The host can draw them.
-    has_host: bool,
     /// Bytes of a splat.
     record: u64,
     /// Triangles are pushed away in the first pass, as splats are.
@@ -80,7 +64,6 @@ pub(crate) const FILTERED: Kind = Kind {
     depth: &shaders::FILTERED_DEPTH_COMP,
     blend: &shaders::FILTERED_BLEND_COMP,
     normalize: &shaders::FILTERED_NORMALIZE_SMALL_FRAG,
-    has_host: true,
     record: size_of::<FilteredSplat>() as u64,
     pushes_triangles: false,
     blend_needs_frame: false,
@@ -99,7 +82,6 @@ pub(crate) const FUZZY: Kind = Kind {
     depth: &shaders::FUZZY_DEPTH_COMP,
     blend: &shaders::FUZZY_BLEND_COMP,
     normalize: &shaders::FUZZY_NORMALIZE_SMALL_FRAG,
-    has_host: false,
     record: size_of::<FuzzySplat>() as u64,
     pushes_triangles: true,
     // How far Gaussians are widened.
@@ -129,8 +111,6 @@ pub(crate) struct Twin {
     normalize: Pipeline,
     /// As `normalize`, where the rasterizer drew as well.
     normalize_all: Pipeline,
-    /// As `normalize`, tile by tile; of kinds that the host draws.
-    normalize_tiles: Option<Pipeline>,
     front: Buffer,
     sums: Buffer,
     max_binding: u64,
@@ -227,15 +207,6 @@ impl Twin {
                 },
             )
         };
-        let of_tiles = of_normalize(false);
-        let tiles = Description {
-            name: "normalize of tiles",
-            vertex: &shaders::FILTERED_NORMALIZE_TILES_VERT,
-            record: TILE,
-            constants: &of_tiles,
-            topology: Topology::Points,
-            ..last
-        };
         let pixels = u64::from(width) * u64::from(height);
         let compute = |name, shader, constants: &[ConstantValue]| {
             Pipeline::compute(gpu, name, shader, constants)
@@ -262,10 +233,6 @@ impl Twin {
             merge: Pipeline::new(gpu, &base)?,
             normalize: normalize("normalize of small splats", false)?,
             normalize_all: normalize("normalize of all splats", true)?,
-            normalize_tiles: kind
-                .has_host
-                .then(|| Pipeline::new(gpu, &tiles))
-                .transpose()?,
             front: storage("front of small splats", 4 * pixels)?,
             sums: storage("sums of small splats", sum_bytes(is_gray) * pixels)?,
             max_binding: gpu.info().max_storage_range,
@@ -305,45 +272,6 @@ impl Twin {
         self.blend(frame, &ready, constants);
         let rastered = rastered.map(|_| sums);
         self.normalize(frame, targets, (rastered, sums), context, constants)
-    }
-
-    /// The passes of a frame that the host has drawn: there is `normalize` alone, of the tiles that have anything in them.
-    /// `none` stands for rastered sums.
-    ///
-    /// # Errors
-    /// When the frame has no room for constants.
-    pub(crate) fn finish(
-        &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        (drawn, none): (&Drawn, &Target),
-        context: &Context,
-        constants: Uniform,
-    ) -> Result<(), Error> {
-        let Some(pipeline) = &self.normalize_tiles else {
-            unreachable!("the host draws no others")
-        };
-        let picture = frame.uniform(&storage_ranges::constants(context))?;
-        let [front, sums] = drawn.buffers();
-        // See the vertex shader.
-        let size_px = [context.width, context.height];
-        let [width, height] = size_px.map(|side| (side + FILTERED_TILE_PX) as f32);
-        let viewport = [0.0, 0.0, width, height];
-        targets
-            .attach(frame.pass(self.kind.passes.normalize), context)
-            .sampled(none)
-            .fragment_storage(front)
-            .fragment_storage(sums)
-            .vertices(&drawn.tiles)
-            .draw(viewport, |draw| {
-                draw.cull_back_faces(false, false);
-                draw.scissor(screen_bounds::area(context.rect_px));
-                let uniforms = [constants, picture];
-                draw.bind_storage(pipeline, &uniforms, &[none], &drawn.storage());
-                draw.vertices(&drawn.tiles, 0);
-                draw.draw(0, drawn.tile_count());
-            });
-        Ok(())
     }
 
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.

@@ -18,7 +18,6 @@ use crate::render::cost::choose::ComputeShare;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
 use crate::render::vulkan::blended::compute::{OwnConstants, Twin};
-use crate::render::vulkan::mapped_sums::Drawn;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
 use crate::render::vulkan::targets::{Context, Targets};
@@ -78,8 +77,6 @@ pub(crate) struct List<'a> {
     pub(crate) raster: RasterList<'a>,
     /// The same splats and small triangles for compute.
     pub(crate) small: compute::Small<'a>,
-    /// All of it, where the host has drawn it.
-    pub(crate) drawn: Option<&'a Drawn>,
 }
 
 impl Filtered {
@@ -207,10 +204,6 @@ impl Filtered {
         context: &Context,
         constants: Uniform,
     ) -> Result<(), Error> {
-        if let (Some(by_compute), Some(drawn)) = (&self.by_compute, list.drawn) {
-            let none = &self.sums;
-            return (by_compute.twin).finish(frame, targets, (drawn, none), context, constants);
-        }
         let all = &list.raster;
         let (Some(by_compute), ComputeShare::Small | ComputeShare::All) = (&self.by_compute, share)
         else {

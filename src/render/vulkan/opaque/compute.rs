@@ -21,12 +21,11 @@ use crate::pack::Footprint;
 use crate::render::compute_limits::{LARGEST_SQUARE_PX, largest_threshold_px};
 use crate::render::frame_plan::Drawing;
 use crate::render::screen_bounds;
-use crate::render::vulkan::COLOR;
+use crate::render::vulkan::blended;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Items;
 use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::vulkan::{blended, storage_ranges};
 use crate::render::{Method, Path, Settings, Shading, SplatKind};
 use std::sync::Arc;
 
@@ -70,8 +69,6 @@ pub(crate) struct Small {
     triangles: Pipeline,
     resolve_splats: Pipeline,
     resolve_triangles: Pipeline,
-    /// Of what the host draws, if it may.
-    resolve_drawn: Option<Pipeline>,
     keys: Buffer,
     max_binding: u64,
 }
@@ -82,30 +79,19 @@ fn key_bytes(targets: &Targets) -> u64 {
     8 * u64::from(color.width) * u64::from(color.height)
 }
 
-/// Whether the host may draw instead of compute: a software device, and values of a byte. Others are those of samples in a pixel.
-pub(crate) fn host_draws(gpu: &Gpu, targets: &Targets) -> bool {
-    gpu.info().is_cpu() && targets.normal().is_none() && targets.color.format == COLOR
-}
-
-/// Whether `settings` want small primitives drawn by compute, and this device can. `host_px`: the largest opaque splat that the host
-/// draws in its place, pixels, where it draws all of them.
+/// Whether `settings` want small primitives drawn by compute, and this device can.
 ///
 /// # Errors
 /// When they insist on it and it cannot be; the reason is in the error.
-pub(crate) fn is_wanted(
-    gpu: &Gpu,
-    settings: &Settings,
-    targets: &Targets,
-    host_px: Option<f32>,
-) -> Result<bool, Error> {
+pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Result<bool, Error> {
     if settings.path == Path::Raster {
         return Ok(false);
     }
     let info = gpu.info();
     let color = targets.color();
     let (why, bytes) = match Drawing::of(settings) {
-        Drawing::Opaque if settings.method == Method::Pop || host_px.is_some() => {
-            (not_as_opaque(settings, host_px), key_bytes(targets))
+        Drawing::Opaque if settings.method == Method::Pop => {
+            (not_as_opaque(settings), key_bytes(targets))
         }
         Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
             let bytes = blended::compute::storage_bytes((color.width, color.height));
@@ -145,10 +131,10 @@ pub(crate) fn is_wanted(
 }
 
 /// Why opaque splats are not drawn by compute.
-fn not_as_opaque(settings: &Settings, host_px: Option<f32>) -> Option<&'static str> {
+fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
     if !settings.has_headlight() {
         Some("it knows the headlight only, and no colors by level, normal or depth")
-    } else if settings.threshold_px <= largest_threshold_px(settings, host_px) {
+    } else if settings.threshold_px <= largest_threshold_px(settings) {
         None
     } else if settings.splat == SplatKind::Ellipse {
         Some("ellipses of this size are cheaper to rasterize; use a threshold of at most 10 pixels")
@@ -161,7 +147,7 @@ fn not_as_opaque(settings: &Settings, host_px: Option<f32>) -> Option<&'static s
 
 /// Why filtered and fuzzy splats are not drawn by compute.
 fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str> {
-    if settings.threshold_px > largest_threshold_px(settings, None) {
+    if settings.threshold_px > largest_threshold_px(settings) {
         Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
     } else if settings.shading == Shading::Deferred {
         Some("it sums colors, not normals; leave --shading out")
@@ -178,7 +164,7 @@ fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str
 
 /// Why visibility splats are not drawn by compute.
 fn not_as_visible(settings: &Settings) -> Option<&'static str> {
-    (settings.threshold_px > largest_threshold_px(settings, None)).then_some(
+    (settings.threshold_px > largest_threshold_px(settings)).then_some(
         "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
     )
 }
@@ -213,10 +199,6 @@ impl Small {
                 },
             )
         };
-        let drawn = || {
-            let fragment = &shaders::COMPUTE_RESOLVE_DRAWN_FRAG;
-            resolve("small.resolve drawn", fragment)
-        };
         Ok(Self {
             gpu: gpu.clone(),
             splats: Vec::new(),
@@ -234,7 +216,6 @@ impl Small {
                 "small.resolve triangles",
                 shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG.of(normals),
             )?,
-            resolve_drawn: host_draws(gpu, targets).then(drawn).transpose()?,
             keys: Buffer::new(
                 gpu,
                 "nearest small primitives",
@@ -278,7 +259,7 @@ impl Small {
         Ok(())
     }
 
-    /// Passes small.clear, small.triangles, small.splats and small.resolve; of a list that the host has drawn the last alone.
+    /// Passes small.clear, small.triangles, small.splats and small.resolve.
     /// Keeps what the targets hold where it is nearer; where these passes are the first of the frame, that is nothing.
     ///
     /// # Errors
@@ -292,16 +273,6 @@ impl Small {
         constants: Uniform,
     ) -> Result<(), Error> {
         if list.is_empty() {
-            return Ok(());
-        }
-        if let (Some(drawn), Some(pipeline)) = (list.drawn, &self.resolve_drawn) {
-            let uniform = frame.uniform(&storage_ranges::constants(context))?;
-            let pass = targets.attach_after(frame.pass("small.resolve"), context, is_first);
-            let pass = pass.fragment_storage(drawn.buffer());
-            pass.draw_whole(|draw| {
-                draw.bind_storage(pipeline, &[constants, uniform], &[], &[drawn.storage()]);
-                raster_pass::cover(draw, list.areas);
-            });
             return Ok(());
         }
         let items = list.bound(frame, context, self.max_binding)?;
@@ -424,25 +395,15 @@ mod tests {
             (of(SplatKind::Filtered, Blend::Opaque), 16.0),
             (of(SplatKind::Visibility, Blend::Opaque), 16.0),
         ] {
-            assert_eq!(
-                largest_threshold_px(&settings, None),
-                largest,
-                "{settings:?}"
-            );
+            assert_eq!(largest_threshold_px(&settings), largest, "{settings:?}");
         }
         let pixels = |threshold_px, splat| Settings {
             threshold_px,
             ..of(splat, Blend::Opaque)
         };
         for (splat, largest) in [(SplatKind::Square, 6.0), (SplatKind::Ellipse, 10.0)] {
-            assert_eq!(not_as_opaque(&pixels(largest, splat), None), None);
-            assert!(not_as_opaque(&pixels(largest + 0.01, splat), None).is_some());
+            assert_eq!(not_as_opaque(&pixels(largest, splat)), None);
+            assert!(not_as_opaque(&pixels(largest + 0.01, splat)).is_some());
         }
-        // The host has no set-up of a primitive, and no atomics that a rasterizer could be faster than.
-        let (wide, host_px) = (pixels(20.0, SplatKind::Disc), Some(20.0));
-        assert_eq!(not_as_opaque(&wide, host_px), None);
-        assert!(not_as_opaque(&wide, None).is_some());
-        assert!(crate::render::compute_limits::largest_point_px(&wide, host_px) > 20.0);
-        assert!(not_as_opaque(&pixels(20.5, SplatKind::Disc), host_px).is_some());
     }
 }

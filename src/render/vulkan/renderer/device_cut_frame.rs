@@ -108,7 +108,7 @@ impl Renderer {
             why: why.into(),
         };
         let drawing = Drawing::of(settings);
-        let by_compute = self.wants_compute(settings, model)?;
+        let by_compute = self.wants_compute(settings)?;
         let why_not = if !settings.has_cut() {
             Some("methods without a cut have no lists")
         } else if !matches!(
@@ -118,8 +118,6 @@ impl Renderer {
             Some("filtered splats depend on the view, and the host makes them")
         } else if drawing == Drawing::Fuzzy && by_compute {
             Some("what compute draws of fuzzy splats the host makes; use --path raster")
-        } else if drawing == Drawing::Opaque && by_compute && self.host_may_draw_opaque(settings) {
-            Some("the host draws; use --path raster or compute")
         } else {
             ids::why_not(&splat_plan(settings, f32::INFINITY))
         };
@@ -164,7 +162,7 @@ impl Renderer {
         let largest = splat_plan(settings, max_point).largest_point_px(model);
         let context = self.context(view, settings, model, largest);
         let mut times = FrameTimes::default();
-        self.foreseen = None;
+        self.ahead = None;
         let choice = (scene.id(), Choice::of(settings, model, view));
         if self.keeps_lists && self.held_on_device == Some(choice) {
             times.kept = Kept::Lists;

@@ -1,7 +1,6 @@
 //! What a window asks of the renderer beyond pictures: frames that go to the screen without waiting for each
 //! other, new sizes, and the depth under the cursor.
 
-use crate::cut::StripRun;
 use crate::gpu::Error;
 use crate::gpu::buffer::Readback;
 use crate::gpu::frame::{Frame, Ticket};
@@ -11,13 +10,13 @@ use crate::gpu::surface::Acquired;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::Lighting;
-use crate::pack::filtered::drawn_counts;
 use crate::render::cost::choose;
 use crate::render::cost::choose::Asked;
 use crate::render::cost::choose::ComputeShare;
-use crate::render::frame_plan::{Choice, Drawing, filtered_shade};
-use crate::render::stats::FrameCounts;
-use crate::render::vulkan::mapped_picture::Drawn;
+use crate::render::frame_estimate::{FrameEstimate, counts_of_cut};
+use crate::render::frame_plan::{Choice, Drawing, for_view};
+use crate::render::probe_area::MOST_PROBE_PIXELS;
+use crate::render::stats::Stage;
 use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::renderer::{FrameTimes, Renderer, Submitted};
 use crate::render::vulkan::scene::Scene;
@@ -25,28 +24,6 @@ use crate::render::vulkan::targets::{Context, Targets};
 use crate::render::{Method, Path, Settings};
 use crate::tree::Model;
 use std::time::Instant;
-
-/// How far around a pixel [`Renderer::distance_near`] looks, pixels.
-const PROBE_RADIUS_PX: u32 = 6;
-/// Most pixels of a probe.
-const PROBE_PIXELS: u64 = (2 * PROBE_RADIUS_PX as u64 + 1).pow(2);
-
-/// What a frame would draw.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Foreseen {
-    /// How much.
-    pub counts: FrameCounts,
-    /// Pixels of the box around the model in the picture.
-    pub pixels: u64,
-    /// Splats are blended.
-    pub is_blended: bool,
-    /// Small splats by compute.
-    pub by_compute: bool,
-    /// Compute can draw them, and nobody insists on either way.
-    pub is_free: bool,
-    /// The largest threshold with which it can, pixels.
-    pub largest_by_compute_px: f32,
-}
 
 /// Where a frame goes besides the renderer's own targets.
 #[derive(Debug)]
@@ -77,6 +54,11 @@ impl Show<'_> {
 }
 
 impl Renderer {
+    /// Width and height of its pictures, pixels.
+    pub fn size(&self) -> [u32; 2] {
+        [self.targets.color.width, self.targets.color.height]
+    }
+
     /// How many frames can be on their way at once.
     pub fn in_flight(&self) -> usize {
         self.frames.in_flight()
@@ -105,7 +87,6 @@ impl Renderer {
                 (self.targets.color.format, self.outputs.normal),
             )?;
             self.readback = None;
-            self.by_host = None;
             self.small = None;
             (self.filtered, self.spare_filtered) = (None, Vec::new());
             self.visibility = None;
@@ -115,51 +96,39 @@ impl Renderer {
         Ok(())
     }
 
-    /// FrameCounts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next
+    /// Counts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next
     /// frame if that has the same view and settings. The time is booked as that frame's. Nothing without a cut.
-    pub fn foresee(
+    pub fn predict(
         &mut self,
         model: &Model,
         scene: &Scene,
         view: &View,
         settings: &Settings,
-    ) -> Foreseen {
+    ) -> FrameEstimate {
         if !settings.has_cut() {
-            return Foreseen::default();
+            return FrameEstimate::default();
         }
         let start = Instant::now();
-        let settings = &self.for_frame(settings, model, view);
+        let settings = &for_view(settings, model, view);
         let choice = Choice::of(settings, model, view);
         let is_new = self.select(model, scene, (scene.id(), choice));
-        let (splats, large) = if Drawing::of(settings) == Drawing::Filtered {
-            let shade = filtered_shade(settings, model, f32::INFINITY);
-            let [splats, triangles] = drawn_counts(model, view, &shade, &self.cut);
-            (splats as u64, triangles as u64)
-        } else {
-            let strips = StripRun::splats_of(&self.cut.strips);
-            let splats = (self.cut.nodes.len() + self.cut.leaves.len() + strips) as u64;
-            (splats, self.cut.triangles.len() as u64)
-        };
-        let foreseen = self.foreseen.get_or_insert_default();
-        foreseen.ms += crate::render::vulkan::renderer::ms(start);
-        foreseen.is_new |= is_new;
-        let is_whole = settings.method == Method::Splats;
-        let splats = if is_whole { splats + large } else { splats };
-        let host_px = self.host_px(settings, model);
-        let by_compute = self.wants_compute(settings, model).unwrap_or(false);
+        let counts = counts_of_cut(settings, model, view, &self.cut);
+        let ahead = self.ahead.get_or_insert_default();
+        ahead.ms += crate::render::vulkan::renderer::ms(start);
+        ahead.is_new |= is_new;
+        let by_compute = self.wants_compute(settings).unwrap_or(false);
         let rect = crate::render::screen_bounds::rect_px(model, view, settings.threshold_px + 3.0);
-        let triangles = if is_whole { 0 } else { large };
+        let triangles = counts.triangles as usize;
         let asked = Asked {
             settings,
             costs: self.costs,
-            splats: (splats + self.cut.stats.hidden) as usize,
+            splats: (counts.splats + self.cut.stats.hidden) as usize,
             size_px: choose::size_px(settings, (model, view), &self.cut),
-            triangles: triangles as usize,
+            triangles,
             rect_px: rect,
             size: (self.targets.color.width, self.targets.color.height),
-            by_host: host_px.is_some(),
         };
-        let has_large = is_whole || !model.kind().is_surface();
+        let has_large = settings.method == Method::Splats || !model.kind().is_surface();
         let is_blended = matches!(Drawing::of(settings), Drawing::Fuzzy | Drawing::Filtered);
         let pays = match Drawing::of(settings) {
             Drawing::Opaque => asked.opaque().splats == Path::Compute,
@@ -171,28 +140,21 @@ impl Renderer {
             {
                 true
             }
-            _ => asked.blended(triangles as usize, has_large) != ComputeShare::Nothing,
+            _ => asked.blended(triangles, has_large) != ComputeShare::Nothing,
         };
-        Foreseen {
+        FrameEstimate {
+            counts,
             pixels: crate::render::screen_bounds::pixels(rect),
             is_blended,
-            is_free: by_compute && settings.path == Path::Auto,
-            largest_by_compute_px: crate::render::compute_limits::largest_threshold_px(
-                settings, host_px,
-            ),
-            counts: FrameCounts {
-                nodes_visited: self.cut.stats.visited,
-                splats,
-                triangles,
-                ..FrameCounts::default()
-            },
             by_compute: by_compute && pays,
+            is_free: by_compute && settings.path == Path::Auto,
+            largest_by_compute_px: crate::render::compute_limits::largest_threshold_px(settings),
         }
     }
 
     /// Forgets the cut that was chosen for a frame that is not drawn; to be called when the model changes.
-    pub fn forget_foreseen(&mut self) {
-        self.foreseen = None;
+    pub fn forget_prediction(&mut self) {
+        self.ahead = None;
     }
 
     /// Submits one frame that is drawn, covered by the overlay (if any) and put where `shown` says, and does not
@@ -222,21 +184,41 @@ impl Renderer {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
         let frame = self.frames.begin()?;
-        let by_host = self.by_host.map(|(slot, _)| &self.lists[slot].nearest);
-        let by_host = by_host.and_then(Drawn::image);
-        let ticket = shown.end(frame, by_host.unwrap_or(&self.targets.color))?;
-        if by_host.is_some() {
-            self.shown_again = Some(ticket);
-        }
-        Ok(Submitted {
-            ticket,
-            times: FrameTimes::default(),
-            start,
-            on_device: false,
-            counted: None,
-        })
+        let ticket = shown.end(frame, &self.targets.color)?;
+        Ok(Submitted::without_cut(ticket, FrameTimes::default(), start))
     }
 
+    /// Submits a frame that shows a picture that was drawn elsewhere, as its `times` say, from `start` on.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost; an acquired image must be abandoned then.
+    pub fn submit_picture(
+        &mut self,
+        picture: &Target,
+        mut times: FrameTimes,
+        start: Instant,
+        mut shown: Show<'_>,
+    ) -> Result<Submitted, Error> {
+        let submit = Stage::Submit.begin();
+        self.prepare_overlay(&mut shown)?;
+        let frame = self.frames.begin()?;
+        let ticket = shown.end(frame, picture)?;
+        submit.end(&mut times);
+        Ok(Submitted::without_cut(ticket, times, start))
+    }
+
+    /// Waits until a frame no longer reads what it shows.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub(crate) fn wait_for(&self, submitted: Ticket) -> Result<(), Error> {
+        self.frames.wait_for(submitted)
+    }
+
+    /// Waits for the slot of the next frame and readies its overlay, if it has one.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
     fn prepare_overlay(&mut self, shown: &mut Show<'_>) -> Result<(), Error> {
         let Some(overlay) = &mut shown.overlay else {
             return Ok(());
@@ -258,7 +240,6 @@ impl Renderer {
     ) -> Result<Submitted, Error> {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
-        self.by_host = None;
         let context = Context {
             rect_px: [0, 0, self.targets.color.width, self.targets.color.height],
             width: self.targets.color.width,
@@ -275,23 +256,20 @@ impl Renderer {
             .attach(frame.pass("background"), &context)
             .draw(context.viewport(), |_| {});
         let ticket = shown.end(frame, &self.targets.color)?;
-        Ok(Submitted {
-            ticket,
-            times: FrameTimes::default(),
-            start,
-            on_device: false,
-            counted: None,
-        })
+        Ok(Submitted::without_cut(ticket, FrameTimes::default(), start))
     }
 
-    /// What the last frame showed, overlay and all. Waits for the device; not for every frame.
+    /// Reads what the last frame showed, overlay and all; `picture` is what lay under it, where that was drawn elsewhere.
+    /// Waits for the device; not for every frame.
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn read_shown(&mut self, overlay: Option<&Overlay>) -> Result<Image, Error> {
-        let by_host = self.by_host.map(|(slot, _)| &self.lists[slot].nearest);
-        let shown = overlay.and_then(Overlay::shown);
-        let shown = shown.or_else(|| by_host.and_then(Drawn::image));
+    pub fn read_shown(
+        &mut self,
+        overlay: Option<&Overlay>,
+        picture: Option<&Target>,
+    ) -> Result<Image, Error> {
+        let shown = overlay.and_then(Overlay::shown).or(picture);
         let shown = shown.unwrap_or(&self.targets.color);
         let mut pixels = Readback::new(&self.gpu, "readback of the window", shown.bytes())?;
         let mut frame = self.frames.begin()?;
@@ -306,40 +284,18 @@ impl Renderer {
         })
     }
 
-    /// View-space distance along the view direction of what the last frame, drawn with `view`, shows at
-    /// pixel (`x`, `y`), or at the nearest covered pixel within 6 pixels; `None` where there is nothing, and
-    /// outside of the picture. May wait for the device; not for every frame.
+    /// Reads reversed depths of a part of the picture of the last frame: left, top, width and height, pixels. Waits for the
+    /// device; not for every frame.
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn distance_near(&mut self, view: &View, x: u32, y: u32) -> Result<Option<f32>, Error> {
-        let (width, height) = (self.targets.depth.width, self.targets.depth.height);
-        if x >= width || y >= height {
-            return Ok(None);
-        }
-        let (left, top) = (
-            x.saturating_sub(PROBE_RADIUS_PX),
-            y.saturating_sub(PROBE_RADIUS_PX),
-        );
-        let right = (x + PROBE_RADIUS_PX + 1).min(width);
-        let bottom = (y + PROBE_RADIUS_PX + 1).min(height);
-        let part = [left, top, right - left, bottom - top];
-        let depth = match self.by_host {
-            Some(of) => self.depths_by_host(of, part),
-            None => self.read_depths(part)?,
-        };
-        let found = nearest_covered(&depth, part[2], part[3], (x - left, y - top));
-        Ok(found.map(|depth| view.distance_of_depth(depth)))
-    }
-
-    /// Reversed depths of a part of the picture, left, top, width and height, from the target.
-    fn read_depths(&mut self, part: [u32; 4]) -> Result<Vec<f32>, Error> {
+    pub(crate) fn read_depths(&mut self, part: [u32; 4]) -> Result<Vec<f32>, Error> {
         let mut probe = match self.probe.take() {
             Some(probe) => probe,
             None => Readback::new(
                 &self.gpu,
                 "depth under the cursor",
-                PROBE_PIXELS * self.targets.depth.format.pixel_bytes(),
+                MOST_PROBE_PIXELS * self.targets.depth.format.pixel_bytes(),
             )?,
         };
         let mut frame = self.frames.begin()?;
@@ -349,44 +305,5 @@ impl Renderer {
         let depth = bytemuck::pod_collect_to_vec(probe.bytes());
         self.probe = Some(probe);
         Ok(depth)
-    }
-}
-
-/// The reversed depth of the covered pixel nearest to `(x, y)`, in a tight picture of `width` x `height`.
-fn nearest_covered(depth: &[f32], width: u32, height: u32, (x, y): (u32, u32)) -> Option<f32> {
-    let limit = PROBE_RADIUS_PX * PROBE_RADIUS_PX;
-    (0..width * height)
-        .filter(|&i| depth[i as usize] > 0.0)
-        .map(|i| {
-            (
-                (i % width).abs_diff(x).pow(2) + (i / width).abs_diff(y).pow(2),
-                i,
-            )
-        })
-        .filter(|(distance, _)| *distance <= limit)
-        .min()
-        .map(|(_, i)| depth[i as usize])
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_nearest_covered_pixel_within_reach_is_taken() {
-        let (w, h) = (13, 9);
-        let mut depth = vec![0.0; w as usize * h as usize];
-        assert_eq!(nearest_covered(&depth, w, h, (6, 4)), None);
-        depth[0] = 0.9;
-        assert_eq!(
-            nearest_covered(&depth, w, h, (6, 4)),
-            None,
-            "7.2 pixels away"
-        );
-        assert_eq!(nearest_covered(&depth, w, h, (4, 4)), Some(0.9));
-        depth[(4 * w + 8) as usize] = 0.5;
-        depth[(6 * w + 6) as usize] = 0.25;
-        assert_eq!(nearest_covered(&depth, w, h, (7, 4)), Some(0.5));
-        assert_eq!(nearest_covered(&depth, w, h, (6, 6)), Some(0.25));
     }
 }

@@ -13,9 +13,6 @@ impl Renderer {
     /// # Errors
     /// When memory runs out or the device is lost.
     pub fn read(&mut self, view: &View) -> Result<Image, Error> {
-        if let Some(by_host) = self.by_host {
-            return Ok(self.read_by_host(by_host, view));
-        }
         let gpu = &self.gpu;
         if self.readback.is_none() {
             let make = |name: &str, target: Option<&Target>| {
@@ -71,46 +68,6 @@ impl Renderer {
             image.normal = raw.into_iter().map(|[x, y, z, _]| [x, y, z]).collect();
         }
         Ok(image)
-    }
-
-    /// The same of a picture that the host drew, which has color, and depths of a part of it, and nothing else.
-    fn read_by_host(&mut self, (slot, rect_px): (usize, [u32; 4]), view: &View) -> Image {
-        let (width, height) = (self.targets.color.width, self.targets.color.height);
-        let color = self.lists[slot].nearest.pixels();
-        let depth = match self.outputs.depth {
-            true => {
-                let all = [0, 0, width, height];
-                let raw = self.depths_by_host((slot, rect_px), all);
-                distances(view, &raw, &color)
-            }
-            false => Vec::new(),
-        };
-        Image {
-            width,
-            height,
-            color,
-            depth,
-            ..Image::default()
-        }
-    }
-
-    /// Reversed depths of a part of the picture, left, top, width and height, of which the host drew the pixels of a rectangle.
-    pub(super) fn depths_by_host(
-        &mut self,
-        (slot, rect_px): (usize, [u32; 4]),
-        part: [u32; 4],
-    ) -> Vec<f32> {
-        let depths = self.lists[slot].nearest.depths();
-        let [left, top, right, bottom] = rect_px;
-        let [first_x, first_y, width, height] = part;
-        let rows = (first_y..first_y + height).flat_map(|y| {
-            (first_x..first_x + width).map(move |x| {
-                let is_in = (left..right).contains(&x) && (top..bottom).contains(&y);
-                is_in.then(|| (y - top) as usize * (right - left) as usize + (x - left) as usize)
-            })
-        });
-        rows.map(|at| at.and_then(|at| depths.get(at)).map_or(0.0, |&depth| depth))
-            .collect()
     }
 }
 

@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::gpu::buffer::{Readback, Upload};
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::frame::Frames;
-use crate::image::Image;
+use crate::image::{Image, unorm8};
 use crate::math::camera::{Camera, View};
 use crate::pack::FilteredList;
 use crate::pack::filtered::FilteredPatch;
@@ -16,13 +16,13 @@ use crate::render::PictureOutputs;
 use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::Canvas;
+use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
 use crate::render::engine::style;
 use crate::render::frame_constants::frame_constants;
 use crate::render::reference::render_filtered;
 use crate::render::vulkan::COLOR;
 use crate::render::vulkan::blended::compute::Small;
 use crate::render::vulkan::blended::filtered::{Filtered, List, Variant};
-use crate::render::vulkan::mapped_sums::Drawn;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Triangles;
@@ -62,7 +62,6 @@ enum Way {
     Raster,
     /// Shaders, of grays or of colors.
     Compute(bool),
-    Host(bool),
 }
 
 /// The picture's bytes.
@@ -86,10 +85,9 @@ fn picture(
     way: Way,
 ) -> Vec<[u8; 4]> {
     let (width, height) = SIZE;
-    let (by_compute, by_host) = match way {
-        Way::Raster => (None, false),
-        Way::Compute(is_gray) => (Some(is_gray), false),
-        Way::Host(is_gray) => (Some(is_gray), true),
+    let by_compute = match way {
+        Way::Raster => None,
+        Way::Compute(is_gray) => Some(is_gray),
     };
     let variant = Variant {
         has_lamp: false,
@@ -104,33 +102,7 @@ fn picture(
     list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
     list.flush(0..bytes.len() as u64);
     let indices = Upload::new(gpu, "indices", 4).unwrap();
-    let context = Context {
-        depth_range: [0.0, 1.0],
-        width,
-        height,
-        guard_px: 40,
-        rect_px,
-        background: settings().background,
-        cull_back: false,
-        is_mirrored: false,
-        light: settings().light,
-    };
-    let mut host = Drawn::new(gpu, 0).unwrap();
-    if by_host {
-        let canvas = Canvas {
-            rect_px,
-            is_gray: by_compute == Some(true),
-        };
-        let groups = ScreenGroups::of(splats);
-        let list = filtered::List {
-            splats,
-            groups: &groups,
-            vertices: &[],
-            triangles: &filtered::Triangles::default(),
-        };
-        host.draw(gpu, list, canvas).unwrap();
-        host.flush();
-    }
+    let context = context(rect_px);
     let mut frames = Frames::new(gpu, 1, false).unwrap();
     let mut frame = frames.begin().unwrap();
     let constants = frame
@@ -155,7 +127,6 @@ fn picture(
                 runs: &[],
             },
         },
-        drawn: by_host.then_some(&host),
     };
     filtered
         .record(
@@ -172,6 +143,53 @@ fn picture(
     let ticket = frame.submit().unwrap();
     frames.finish(ticket).unwrap();
     bytemuck::pod_collect_to_vec(Readback::bytes(&mut color))
+}
+
+/// What the passes of a frame share that draws in a part of the picture.
+fn context(rect_px: [u32; 4]) -> Context {
+    Context {
+        depth_range: [0.0, 1.0],
+        width: SIZE.0,
+        height: SIZE.1,
+        guard_px: 40,
+        rect_px,
+        background: settings().background,
+        cull_back: false,
+        is_mirrored: false,
+        light: settings().light,
+    }
+}
+
+/// The same bytes by the processor.
+fn picture_by_cpu(
+    view: &View,
+    splats: &[FilteredSplat],
+    rect_px: [u32; 4],
+    is_gray: bool,
+) -> Vec<[u8; 4]> {
+    let canvas = Canvas { rect_px, is_gray };
+    let list = filtered::List {
+        splats,
+        groups: &ScreenGroups::of(splats),
+        vertices: &[],
+        triangles: &filtered::Triangles::default(),
+    };
+    let mut front = vec![0; canvas.pixels()];
+    let mut sums = vec![0; canvas.pixels() * canvas.words()];
+    filtered::draw(list, canvas, &mut front, &mut sums, &mut Vec::new());
+    let (pitch, [left, top, ..]) = (SIZE.0 as usize, rect_px.map(|v| v as usize));
+    let background = settings().background.map(|c| unorm8(f64::from(c)));
+    let background = u32::from_le_bytes([background[0], background[1], background[2], 0]);
+    let mut words = vec![background; pitch * SIZE.1 as usize];
+    let mut depths = vec![0.0; canvas.pixels()];
+    let params = NormalizeParams::new(&frame_constants(view, &settings(), &context(rect_px)));
+    let picture = NormalizedPicture {
+        colors: &mut words[top * pitch + left..],
+        pitch,
+        depths: &mut depths,
+    };
+    normalize(canvas, &params, &front, &sums, picture);
+    words.into_iter().map(u32::to_le_bytes).collect()
 }
 
 fn mirrored(splats: &[FilteredPatch]) -> Image {
@@ -253,7 +271,7 @@ fn crowds_are_the_same_by_rasterizer_compute_and_mirror() {
 /// To the bit: the same maxima and sums, and the same last pass over fewer pixels. In perspective and without, in all of the
 /// picture and in parts that end within tiles; some splats lie beside it, behind the eye or nowhere.
 #[test]
-fn the_host_draws_the_picture_of_the_shaders() {
+fn the_processor_draws_the_picture_of_the_shaders() {
     let Some(gpu) = device() else { return };
     let (width, height) = SIZE;
     let mut camera = Camera::look_at(SIZE, DVec3::ZERO, DVec3::NEG_Z, DVec3::Y, 1.2, (1.0, 100.0));
@@ -284,9 +302,10 @@ fn the_host_draws_the_picture_of_the_shaders() {
             }
             for rect_px in [[0, 0, width, height], [5, 3, 41, 31], [63, 0, 64, 48]] {
                 let what = format!("{name}, {count} up to {largest} px in {rect_px:?}");
-                let by = |way| picture(&gpu, &view, &splats, rect_px, way);
-                let shaders = by(Way::Compute(is_gray));
-                assert!(by(Way::Host(is_gray)) == shaders, "{what}");
+                let way = Way::Compute(is_gray);
+                let shaders = picture(&gpu, &view, &splats, rect_px, way);
+                let processor = picture_by_cpu(&view, &splats, rect_px, is_gray);
+                assert!(processor == shaders, "{what}");
                 let seen = shaders.iter().filter(|p| p[3] > 0).count();
                 let is_column = rect_px[2] - rect_px[0] == 1;
                 assert!(

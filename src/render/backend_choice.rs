@@ -1,0 +1,106 @@
+//! Which backend draws a frame.
+
+use crate::gpu::Error;
+use crate::render::cpu::supported::unsupported_reason;
+use crate::render::{Path, PictureOutputs, Settings};
+
+/// The backend of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum FrameBackend {
+    /// The Vulkan device.
+    Device,
+    /// The processor's fast renderer.
+    Cpu,
+    /// The reference on the processor.
+    Reference,
+}
+
+/// The backends that may draw.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct AvailableBackends {
+    /// A Vulkan device.
+    pub(crate) has_device: bool,
+    /// The processor's fast renderer.
+    pub(crate) has_cpu: bool,
+    /// The reference.
+    pub(crate) has_reference: bool,
+}
+
+impl AvailableBackends {
+    /// Chooses the backend of a frame of these settings, outputs and size, pixels. The processor comes first. Beside a
+    /// device it leaves frames to that for which somebody insists on a rasterizer, and those that draw the whole mesh.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] when none can draw it, with the reason.
+    pub(crate) fn choose(
+        self,
+        settings: &Settings,
+        outputs: PictureOutputs,
+        size: [u32; 2],
+    ) -> Result<FrameBackend, Error> {
+        let is_left = self.has_device && !(settings.path == Path::Auto && settings.has_cut());
+        let reason = match self.has_cpu {
+            false => Some("it is not asked for"),
+            true if is_left => Some("it is left to the device"),
+            true => unsupported_reason(settings, outputs, size),
+        };
+        match reason {
+            None => Ok(FrameBackend::Cpu),
+            Some(_) if self.has_device => Ok(FrameBackend::Device),
+            Some(_) if self.has_reference => Ok(FrameBackend::Reference),
+            Some(why) => Err(Error::Unsupported {
+                what: "this picture by the processor's renderer",
+                why: why.into(),
+            }),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failing test panics")]
+
+    use super::*;
+    use crate::render::{Method, SplatKind};
+
+    #[test]
+    fn the_processor_draws_what_it_can_and_nobody_insists_on() {
+        let of = |has_device, has_cpu, has_reference| AvailableBackends {
+            has_device,
+            has_cpu,
+            has_reference,
+        };
+        let outputs = PictureOutputs::default();
+        let plain = Settings::default();
+        let rastered = Settings {
+            path: Path::Raster,
+            ..plain
+        };
+        let whole = Settings {
+            method: Method::Triangles,
+            ..plain
+        };
+        let fuzzy = Settings {
+            splat: SplatKind::Gauss,
+            ..plain
+        };
+        let (device, cpu, reference) = (
+            Some(FrameBackend::Device),
+            Some(FrameBackend::Cpu),
+            Some(FrameBackend::Reference),
+        );
+        for (available, wanted) in [
+            (of(true, true, false), [cpu, device, device, device]),
+            (of(true, false, false), [device; 4]),
+            (of(false, true, true), [cpu, cpu, cpu, reference]),
+            (of(false, true, false), [cpu, cpu, cpu, None]),
+            (of(false, false, true), [reference; 4]),
+        ] {
+            let found = [plain, rastered, whole, fuzzy]
+                .map(|settings| available.choose(&settings, outputs, [100, 100]).ok());
+            assert_eq!(found, wanted, "{available:?}");
+        }
+        let error = of(false, true, false).choose(&fuzzy, outputs, [100, 100]);
+        assert!(error.unwrap_err().to_string().contains("filtered"));
+    }
+}

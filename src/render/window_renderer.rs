@@ -1,0 +1,364 @@
+//! Frames for a window: drawn on the device, or by the processor into images that the device shows.
+
+use crate::gpu::frame::Ticket;
+use crate::gpu::image::Image as MappedImage;
+use crate::gpu::overlay::Overlay;
+use crate::gpu::{Error, Gpu};
+use crate::image::Image;
+use crate::math::camera::View;
+use crate::render::backend_choice::{AvailableBackends, FrameBackend};
+use crate::render::cost::model::Costs;
+use crate::render::cpu::picture::{DrawnArea, PixelWords};
+use crate::render::cpu::renderer::{CpuRenderer, FactedModel};
+use crate::render::frame_estimate::FrameEstimate;
+use crate::render::frame_plan::check;
+use crate::render::probe_area::ProbeArea;
+use crate::render::stats::{FrameTimes, Kept};
+use crate::render::vulkan::renderer::present::Show;
+use crate::render::vulkan::renderer::{Renderer, Submitted};
+use crate::render::vulkan::scene::Scene;
+use crate::render::{PictureOutputs, Settings};
+use crate::tree::Model;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Pictures of a window have colors alone.
+pub(crate) const WINDOW_OUTPUTS: PictureOutputs = PictureOutputs {
+    depth: false,
+    normal: false,
+    values: false,
+};
+
+/// Who may draw the frames of a window. A Vulkan device shows them in any case.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum WindowBackend {
+    /// The device; where that is the processor in disguise, the processor's own renderer what it can.
+    #[default]
+    Auto,
+    /// The device alone.
+    Vulkan,
+    /// The processor alone. Frames that it cannot draw are refused.
+    Cpu,
+}
+
+/// A model on the device and in memory.
+#[derive(Debug)]
+pub struct ShownModel<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// Its copy on the device, with its facts.
+    pub scene: &'a mut Scene,
+}
+
+/// Draws the frames of a window of any size, by the backend that the settings of each call for.
+#[derive(Debug)]
+pub struct WindowRenderer {
+    device: Renderer,
+    gpu: Arc<Gpu>,
+    backend: WindowBackend,
+    cpu: Option<CpuFrames>,
+    /// The last picture is one of the processor's.
+    is_of_cpu: bool,
+}
+
+/// Frames that the processor draws.
+#[derive(Debug)]
+struct CpuFrames {
+    renderer: CpuRenderer,
+    pictures: Vec<CpuPicture>,
+    /// The one that was drawn last.
+    last: usize,
+}
+
+/// A picture that the processor draws and the device shows.
+#[derive(Debug)]
+struct CpuPicture {
+    image: MappedImage,
+    area: DrawnArea,
+    /// The last submission that reads it.
+    reader: Option<Ticket>,
+}
+
+impl WindowRenderer {
+    /// Readies frames of one pixel, to be resized.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub fn new(gpu: &Arc<Gpu>, backend: WindowBackend) -> Result<Self, Error> {
+        let mut device = Renderer::new(gpu, 1, 1, WINDOW_OUTPUTS, true)?;
+        device.keep_lists(true);
+        Ok(Self {
+            device,
+            gpu: gpu.clone(),
+            backend,
+            cpu: None,
+            is_of_cpu: false,
+        })
+    }
+
+    /// Frames that can be on their way at once.
+    pub fn in_flight(&self) -> usize {
+        self.device.in_flight()
+    }
+
+    /// Waits until the next frame can be recorded: [`Renderer::wait_for_next`].
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn wait_for_next(&mut self) -> Result<usize, Error> {
+        self.device.wait_for_next()
+    }
+
+    /// Sets the costs of drawing on the device: [`Renderer::set_costs`].
+    pub fn set_costs(&mut self, costs: Option<Costs>) {
+        self.device.set_costs(costs);
+    }
+
+    /// Makes pictures of another size from the next frame on.
+    ///
+    /// # Errors
+    /// When a side is 0 or above the device's limit, or memory runs out.
+    pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
+        self.device.resize(width, height)?;
+        if let Some(cpu) = &self.cpu
+            && cpu.renderer.size() != [width, height]
+        {
+            self.cpu = None;
+            self.is_of_cpu = false;
+        }
+        Ok(())
+    }
+
+    /// Tells whether the processor draws frames of these settings, and readies its pictures then.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] where it is insisted on and cannot; when memory runs out.
+    fn is_by_cpu(&mut self, settings: &Settings) -> Result<bool, Error> {
+        let size = self.device.size();
+        let available = AvailableBackends {
+            has_device: self.backend != WindowBackend::Cpu,
+            has_cpu: match self.backend {
+                WindowBackend::Auto => self.gpu.info().is_cpu(),
+                WindowBackend::Vulkan => false,
+                WindowBackend::Cpu => true,
+            },
+            has_reference: false,
+        };
+        if available.choose(settings, WINDOW_OUTPUTS, size)? != FrameBackend::Cpu {
+            return Ok(false);
+        }
+        if self.cpu.is_none() {
+            self.cpu = CpuFrames::new(&self.gpu, size, self.device.in_flight())?;
+        }
+        match (&self.cpu, self.backend) {
+            (Some(_), _) => Ok(true),
+            (None, WindowBackend::Cpu) => Err(Error::Unsupported {
+                what: "this picture by the processor's renderer",
+                why: "the device shows no pictures of this size in mapped memory; use --backend vulkan".into(),
+            }),
+            (None, _) => Ok(false),
+        }
+    }
+
+    /// Counts what a frame of these settings would draw, without drawing it: [`Renderer::predict`].
+    pub fn predict(
+        &mut self,
+        shown: &ShownModel<'_>,
+        view: &View,
+        settings: &Settings,
+    ) -> FrameEstimate {
+        let ShownModel { model, scene } = shown;
+        match (self.is_by_cpu(settings), &mut self.cpu) {
+            (Ok(true), Some(cpu)) => cpu.renderer.predict(facted(model, scene), view, settings),
+            _ => self.device.predict(model, scene, view, settings),
+        }
+    }
+
+    /// Forgets the cut that was chosen for a frame that is not drawn; to be called when the model changes.
+    pub fn forget_prediction(&mut self) {
+        self.device.forget_prediction();
+        if let Some(cpu) = &mut self.cpu {
+            cpu.renderer.forget_prediction();
+        }
+    }
+
+    /// Submits one frame of a model that is drawn, covered by the overlay (if any) and put where `show` says, and does
+    /// not wait for it.
+    ///
+    /// # Errors
+    /// As [`Renderer::draw`]; an acquired image must be abandoned then.
+    pub fn submit(
+        &mut self,
+        shown: ShownModel<'_>,
+        view: &View,
+        settings: &Settings,
+        show: Show<'_>,
+    ) -> Result<Submitted, Error> {
+        let ShownModel { model, scene } = shown;
+        self.is_of_cpu = self.is_by_cpu(settings)?;
+        match &mut self.cpu {
+            Some(cpu) if self.is_of_cpu => {
+                let max_point_px = self.gpu.info().max_point_size_px;
+                check(model, settings, WINDOW_OUTPUTS, max_point_px)?;
+                let start = Instant::now();
+                let times = cpu.draw(&self.device, facted(model, scene), view, settings)?;
+                submit_picture(&mut self.device, cpu, times, start, show)
+            }
+            _ => self.device.submit_shown(model, scene, view, settings, show),
+        }
+    }
+
+    /// Submits a frame that shows the picture of the last frame again, under a new overlay.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost; an acquired image must be abandoned then.
+    pub fn submit_again(&mut self, show: Show<'_>) -> Result<Submitted, Error> {
+        match &mut self.cpu {
+            Some(cpu) if self.is_of_cpu => {
+                let (times, start) = (FrameTimes::default(), Instant::now());
+                submit_picture(&mut self.device, cpu, times, start, show)
+            }
+            _ => self.device.submit_again(show),
+        }
+    }
+
+    /// Submits a frame that shows the background alone: [`Renderer::submit_background`].
+    ///
+    /// # Errors
+    /// As there.
+    pub fn submit_background(
+        &mut self,
+        background: [f32; 3],
+        show: Show<'_>,
+    ) -> Result<Submitted, Error> {
+        self.is_of_cpu = false;
+        self.device.submit_background(background, show)
+    }
+
+    /// Waits until a frame is finished on the device and tells what it cost.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    pub fn finish(&mut self, submitted: Submitted) -> Result<FrameTimes, Error> {
+        self.device.finish(submitted)
+    }
+
+    /// Reads the picture of the last frame, without what covers it.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn read(&mut self, view: &View) -> Result<Image, Error> {
+        match &mut self.cpu {
+            Some(cpu) if self.is_of_cpu => {
+                let (words, pitch) = cpu.pictures[cpu.last].image.words_mut();
+                let pixels = PixelWords { words, pitch };
+                Ok(cpu.renderer.read(view, &pixels, WINDOW_OUTPUTS.depth))
+            }
+            _ => self.device.read(view),
+        }
+    }
+
+    /// Reads what the last frame showed, overlay and all. Waits for the device; not for every frame.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn read_shown(&mut self, overlay: Option<&Overlay>) -> Result<Image, Error> {
+        let cpu = self.cpu.as_ref().filter(|_| self.is_of_cpu);
+        let picture = cpu.map(|cpu| &cpu.pictures[cpu.last].image);
+        self.device.read_shown(overlay, picture)
+    }
+
+    /// Finds the view-space distance, along the view direction, of what the last frame, drawn with `view`, shows at pixel
+    /// `[x, y]`, or at the nearest covered pixel within 6 pixels; `None` where there is nothing, and outside of the
+    /// picture. May wait for the device; not for every frame.
+    ///
+    /// # Errors
+    /// When memory runs out or the device is lost.
+    pub fn distance_near(&mut self, view: &View, [x, y]: [u32; 2]) -> Result<Option<f32>, Error> {
+        let size = self.device.size();
+        if x >= size[0] || y >= size[1] {
+            return Ok(None);
+        }
+        let area = ProbeArea::around([x, y], size);
+        let depths = match &self.cpu {
+            Some(cpu) if self.is_of_cpu => cpu.renderer.depths_of(area.part()),
+            _ => self.device.read_depths(area.part())?,
+        };
+        let found = area.nearest_covered(&depths);
+        Ok(found.map(|depth| view.distance_of_depth(depth)))
+    }
+}
+
+fn facted<'a>(model: &'a Model, scene: &'a Scene) -> FactedModel<'a> {
+    let facts = scene.facts();
+    FactedModel { model, facts }
+}
+
+/// Submits a frame that shows the picture that the processor drew last.
+fn submit_picture(
+    device: &mut Renderer,
+    cpu: &mut CpuFrames,
+    times: FrameTimes,
+    start: Instant,
+    show: Show<'_>,
+) -> Result<Submitted, Error> {
+    let picture = &mut cpu.pictures[cpu.last];
+    let submitted = device.submit_picture(&picture.image, times, start, show)?;
+    picture.reader = Some(submitted.ticket());
+    Ok(submitted)
+}
+
+impl CpuFrames {
+    /// Makes so many pictures of a size; none where the device shows no mapped ones of it.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn new(gpu: &Arc<Gpu>, [width, height]: [u32; 2], count: usize) -> Result<Option<Self>, Error> {
+        let mut pictures = Vec::with_capacity(count);
+        for index in 0..count {
+            let name = format!("picture {index} by the processor");
+            let Some(image) = MappedImage::mapped(gpu, &name, width, height)? else {
+                return Ok(None);
+            };
+            pictures.push(CpuPicture {
+                image,
+                area: DrawnArea::unknown(width, height),
+                reader: None,
+            });
+        }
+        let mut renderer = CpuRenderer::new(width, height);
+        renderer.keep_frames(true);
+        Ok(Some(Self {
+            renderer,
+            pictures,
+            last: 0,
+        }))
+    }
+
+    /// Draws a frame into the next picture, once no submission reads that.
+    ///
+    /// # Errors
+    /// When the device is lost.
+    fn draw(
+        &mut self,
+        device: &Renderer,
+        drawn: FactedModel<'_>,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        let next = (self.last + 1) % self.pictures.len();
+        let picture = &mut self.pictures[next];
+        if let Some(reader) = picture.reader.take() {
+            device.wait_for(reader)?;
+        }
+        let (words, pitch) = picture.image.words_mut();
+        let pixels = PixelWords { words, pitch };
+        let times = (self.renderer).draw(drawn, view, settings, pixels, &mut picture.area);
+        // Else the last picture is the same.
+        if times.kept != Kept::Lists {
+            picture.image.flush();
+            self.last = next;
+        }
+        Ok(times)
+    }
+}
