@@ -21,7 +21,8 @@ use surfel::pack::{ColorBy, splats};
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::frame_plan::{cut_settings, splat_plan};
+use surfel::render::cut_key::cut_settings;
+use surfel::render::pack_params::splat_plan;
 use surfel::render::{Method, Reconstruction, Settings};
 use surfel::tree::{self, BuildOptions, Model};
 

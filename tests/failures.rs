@@ -16,8 +16,8 @@ use surfel::failures::{Case, Cell, Look, Verdict, looks, rows};
 use surfel::image::{Picture, compare};
 use surfel::render::PictureOutputs;
 use surfel::render::Settings;
+use surfel::render::cut_key::cut_settings;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::frame_plan::cut_settings;
 use surfel::scenes;
 
 /// All scenes, made once for all tests of this file.

@@ -16,7 +16,7 @@ use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameCounts;
-use surfel::render::{Blend, Method, Occlusion, Path, Settings, Shading, SplatKind, frame_plan};
+use surfel::render::{Blend, Method, Occlusion, Path, Settings, Shading, SplatKind, cut_key};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// Every way to draw that no other stands for.
@@ -242,7 +242,7 @@ fn the_depth_of_a_tilted_plane_is_a_ramp() {
 /// Levels that a cut draws, the leaves' among them, with how many splats and triangles each has.
 fn levels_of(model: &Model, view: &View, settings: &Settings) -> Vec<usize> {
     let mut cut = Cut::default();
-    let with = frame_plan::cut_settings(settings, model);
+    let with = cut_key::cut_settings(settings, model);
     Selector::default().select(model, view, &with, &mut cut);
     let count = model.tree.level_count();
     let mut levels = vec![0; count + 1];

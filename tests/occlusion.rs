@@ -13,7 +13,7 @@ use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameCounts;
-use surfel::render::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, frame_plan};
+use surfel::render::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, cut_key};
 use surfel::scenes;
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -469,7 +469,7 @@ fn what_is_left_depends_on_nothing_but_the_view() {
             threshold_px: side_px,
             ..Settings::default()
         };
-        let with = frame_plan::cut_settings(&settings, &model);
+        let with = cut_key::cut_settings(&settings, &model);
         let mut cut = Cut::default();
         selector.select_seen(
             &model,
@@ -541,7 +541,7 @@ fn rows_lose_the_splats_that_are_hidden() {
     let model = generated(Shape::Torus, 400_000);
     let undrawn = Undrawn::new(&model);
     let view = orbit(&model, (300, 300), 40.0, 20.0, 1.0);
-    let with = frame_plan::cut_settings(&Settings::default(), &model);
+    let with = cut_key::cut_settings(&Settings::default(), &model);
     let (mut cut, mut all) = (Cut::default(), Cut::default());
     let seen = (footprints(1.0), &undrawn);
     Selector::default().select_seen(&model, &view, &with, seen, &mut cut);

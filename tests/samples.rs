@@ -14,7 +14,9 @@ use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameCounts;
-use surfel::render::{Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, frame_plan};
+use surfel::render::{
+    Blend, Culling, Method, Occlusion, Path, Settings, SplatKind, cut_key, frame_plan,
+};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// A picture with its depths, what was drawn, and whether triangles were handed over as such.
@@ -211,8 +213,9 @@ fn thresholds_of_little_more_than_a_pixel_are_a_pixel() {
             }
         }
     }
-    let drawn =
-        |settings: &Settings, model| frame_plan::for_view(settings, model, &view).threshold_px;
+    let drawn = |settings: &Settings, model| {
+        frame_plan::resolve_settings(settings, model, &view).threshold_px
+    };
     assert_eq!(drawn(&at(1.2), &model), 1.0);
     assert_eq!(drawn(&at(0.7), &model), 0.7);
     assert_eq!(drawn(&at(1.2), &cloud), 1.2);
@@ -306,7 +309,7 @@ fn branches_that_are_left_out_cover_nothing() {
                 culling: Culling::Off,
                 ..Settings::default()
             };
-            let with = frame_plan::cut_settings(&settings, &model);
+            let with = cut_key::cut_settings(&settings, &model);
             let footprints = Footprints {
                 side_px,
                 hides: false,

@@ -17,7 +17,7 @@ use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::{Method, Reconstruction, Settings, SplatKind, frame_plan};
+use surfel::render::{Method, Reconstruction, Settings, SplatKind, cut_key};
 use surfel::tree::{self, BuildOptions, Model};
 
 const SPLATS: [SplatKind; 6] = [
@@ -133,7 +133,7 @@ fn a_lower_threshold_is_not_less_accurate_and_draws_no_less() {
                     assert!(counts.nodes_visited >= visited, "{line}: fewer nodes");
                     visited = counts.nodes_visited;
                     let mut cut = cut::Cut::default();
-                    let cut_settings = frame_plan::cut_settings(&s, &model);
+                    let cut_settings = cut_key::cut_settings(&s, &model);
                     Selector::default().select(&model, &view, &cut_settings, &mut cut);
                     let size = [&cut.nodes, &cut.leaves, &cut.triangles].map(Vec::len);
                     let counts = [

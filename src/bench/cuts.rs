@@ -6,7 +6,8 @@ use super::{Case, Error, Figure, Plan, Session};
 use crate::cut::{Cut, Selector};
 use crate::progress::Progress;
 use crate::render::Settings;
-use crate::render::frame_plan::{cut_settings, for_view};
+use crate::render::cut_key::cut_settings;
+use crate::render::frame_plan::resolve_settings;
 use crate::render::stats::Kept;
 use std::time::Instant;
 
@@ -48,7 +49,7 @@ pub fn figures(
                 if progress.is_cancelled() {
                     return Err(Error::Cancelled);
                 }
-                let settings = cut_settings(&for_view(&settings, model, view), model);
+                let settings = cut_settings(&resolve_settings(&settings, model, view), model);
                 for (selector, rates) in selectors.iter_mut().zip(&mut rates) {
                     let time = ms(|| selector.select(model, view, &settings, &mut cut));
                     if round > 0 {
@@ -151,7 +152,7 @@ fn moving(
             let azimuth = f64::to_radians(20.0 + degrees * frame as f64);
             let camera = model.orbit_camera(SIZE, azimuth, f64::to_radians(20.0), 1.0);
             let view = camera.view(model.origin)?;
-            let settings = cut_settings(&for_view(&line.settings, model, &view), model);
+            let settings = cut_settings(&resolve_settings(&line.settings, model, &view), model);
             let each = selectors.iter_mut().zip(&mut times).zip(&mut visited);
             for ((selector, times), visited) in each {
                 let time = ms(|| selector.select(model, &view, &settings, &mut cut));

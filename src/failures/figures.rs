@@ -8,8 +8,9 @@ use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
 use crate::progress::Silent;
 use crate::render::PictureOutputs;
+use crate::render::cut_key::cut_settings;
 use crate::render::engine::{Backend, Engine};
-use crate::render::frame_plan::{cut_settings, for_view};
+use crate::render::frame_plan::resolve_settings;
 use crate::render::{Culling, Method, Settings};
 use crate::scenes::{Entry, Expected, Scene};
 use crate::tree::{self, BuildOptions, Model};
@@ -291,7 +292,7 @@ fn has_large_leaves(model: &Model, view: &View, threshold_px: f32) -> bool {
         threshold_px,
         ..Settings::default()
     };
-    let settings = cut_settings(&for_view(&settings, model, view), model);
+    let settings = cut_settings(&resolve_settings(&settings, model, view), model);
     let mut cut = Cut::default();
     Selector::default().select(model, view, &settings, &mut cut);
     !cut.triangles.is_empty()

@@ -7,7 +7,7 @@ use crate::image::FloatImage;
 use crate::math::camera::{self, Camera, View};
 use crate::progress::Progress;
 use crate::render::engine::Engine;
-use crate::render::{Blend, Method, Settings, Shading, SplatKind, frame_plan};
+use crate::render::{Blend, Method, Settings, Shading, SplatKind, cut_key, frame_plan};
 use crate::tree::{Model, OrbitSphere};
 use glam::{DMat4, DVec3};
 use std::sync::Arc;
@@ -226,8 +226,8 @@ pub fn measure(
             let mut share = None;
             if settings.has_cut() {
                 // The frame's own cut is not kept by all that draws.
-                let settings = frame_plan::for_view(&settings, model, &view);
-                let cut_settings = frame_plan::cut_settings(&settings, model);
+                let settings = frame_plan::resolve_settings(&settings, model, &view);
+                let cut_settings = cut_key::cut_settings(&settings, model);
                 selector.select(model, &view, &cut_settings, &mut spare);
                 share = (index > 0).then(|| churn(drawn(&run.cut), drawn(&spare)));
                 std::mem::swap(&mut run.cut, &mut spare);

@@ -3,7 +3,7 @@
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::pack::Footprint;
 use crate::pack::splats::SLACK_PX;
-use crate::render::frame_plan::Drawing;
+use crate::render::technique::Technique;
 use crate::render::{Settings, SplatKind};
 
 /// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
@@ -19,11 +19,11 @@ pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 
 /// The largest threshold with which splats are drawn by compute, pixels; 0 where there are none.
 pub(crate) fn largest_threshold_px(settings: &Settings) -> f32 {
-    match Drawing::of(settings) {
-        Drawing::Nothing => 0.0,
-        Drawing::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
-        Drawing::Opaque => LARGEST_SQUARE_PX,
-        Drawing::Visibility | Drawing::Fuzzy | Drawing::Filtered => LARGEST_SMALL_BLENDED_PX,
+    match Technique::of(settings) {
+        Technique::Nothing => 0.0,
+        Technique::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
+        Technique::Opaque => LARGEST_SQUARE_PX,
+        Technique::Visibility | Technique::Fuzzy | Technique::Filtered => LARGEST_SMALL_BLENDED_PX,
     }
 }
 

@@ -11,11 +11,12 @@ use crate::render::cost::model::Costs;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::{CpuRenderer, FactedModel};
 use crate::render::cpu::supported::unsupported_reason;
-use crate::render::frame_plan::{check, for_view};
+use crate::render::frame_plan::resolve_settings;
 use crate::render::model_facts::ModelFacts;
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::stats::FrameTimes;
+use crate::render::supported::check;
 use crate::render::vulkan::renderer::Renderer;
 use crate::render::vulkan::scene::Scene;
 use crate::render::{Path, Settings};
@@ -234,7 +235,7 @@ impl<'m> Engine<'m> {
                 renderer.draw(self.model, scene, view, settings)
             }
             (FrameBackend::Reference, .., Some(reference)) => {
-                let settings = for_view(settings, self.model, view);
+                let settings = resolve_settings(settings, self.model, view);
                 Ok(reference.draw(self.model, view, &settings))
             }
             _ => unreachable!("a backend that is there was chosen"),
@@ -345,7 +346,7 @@ impl<'m> Engine<'m> {
         };
         check(self.model, settings, values, f32::INFINITY)?;
         let outputs = std::mem::replace(&mut reference.outputs, values);
-        let settings = for_view(settings, self.model, view);
+        let settings = resolve_settings(settings, self.model, view);
         reference.draw(self.model, view, &settings);
         reference.outputs = outputs;
         self.last = FrameBackend::Reference;

@@ -3,8 +3,9 @@
 use crate::cut::{Cut, StripRun};
 use crate::math::camera::View;
 use crate::pack::filtered::drawn_counts;
-use crate::render::frame_plan::{Drawing, filtered_shade};
+use crate::render::pack_params::filtered_shade;
 use crate::render::stats::FrameCounts;
+use crate::render::technique::Technique;
 use crate::render::{Method, Settings};
 use crate::tree::Model;
 
@@ -41,8 +42,8 @@ pub(crate) fn counts_of_cut(
     view: &View,
     cut: &Cut,
 ) -> FrameCounts {
-    let (splats, large) = match Drawing::of(settings) {
-        Drawing::Filtered => {
+    let (splats, large) = match Technique::of(settings) {
+        Technique::Filtered => {
             let shade = filtered_shade(settings, model, f32::INFINITY);
             let [splats, triangles] = drawn_counts(model, view, &shade, cut);
             (splats as u64, triangles as u64)

@@ -5,18 +5,22 @@ pub(crate) mod backend_choice;
 pub(crate) mod compute_limits;
 pub mod cost;
 pub mod cpu;
+pub mod cut_key;
 pub mod engine;
 pub(crate) mod frame_constants;
 pub mod frame_estimate;
 pub mod frame_plan;
 pub mod model_facts;
 mod outputs;
+pub mod pack_params;
 #[cfg(feature = "viewer")]
 pub(crate) mod probe_area;
 pub mod reference;
 pub(crate) mod screen_bounds;
 mod settings;
 pub mod stats;
+pub mod supported;
+pub(crate) mod technique;
 pub mod vulkan;
 #[cfg(feature = "viewer")]
 pub mod window_renderer;

@@ -202,7 +202,7 @@ pub struct Settings {
     /// Whether what is hidden is left out.
     pub occlusion: Occlusion,
     /// Largest projected diameter of a node drawn whole, and size of its splat; pixels. At least 0. Some frames take less than
-    /// a pixel and a half for a pixel, see [`crate::render::frame_plan::for_view`].
+    /// a pixel and a half for a pixel, see [`crate::render::frame_plan::resolve_settings`].
     pub threshold_px: f32,
     /// Factor of the depth offset where splats are blended; at least 0; `None` is the usual one of their kind,
     /// [`Settings::depth_offset`].
@@ -346,7 +346,7 @@ impl Settings {
     /// cosine, times this. What lies behind the front by
     /// less is mixed into it. 1 is enough for a smooth surface seen from the front; at a rim the surface turns away
     /// under the splat, where 1 loses area that filtered splats need, hence 3 for them (2 on what is not culled, see
-    /// [`crate::render::frame_plan::filtered_shade`]). Larger lets what is near
+    /// [`crate::render::pack_params::filtered_shade`]). Larger lets what is near
     /// behind thin parts shine through.
     pub fn depth_offset(&self) -> f32 {
         self.depth_offset.unwrap_or(match self.splat {

@@ -7,7 +7,7 @@ use surfel::cut::{Cut, Selector};
 use surfel::generate::{Shape, Spec};
 use surfel::math::camera::View;
 use surfel::progress::Silent;
-use surfel::render::{LARGEST_COMPUTE_BLENDED_PX, LARGEST_COMPUTE_SQUARE_PX, Settings, frame_plan};
+use surfel::render::{LARGEST_COMPUTE_BLENDED_PX, LARGEST_COMPUTE_SQUARE_PX, Settings, cut_key};
 use surfel::tree::{self, BuildOptions, Model, OrbitSphere};
 use surfel::viewer::camera::Orbit;
 use surfel::viewer::control::{Control, Place, Took, Work};
@@ -223,7 +223,7 @@ fn drive(
                     threshold_px,
                     ..Settings::default()
                 };
-                let with = frame_plan::cut_settings(&settings, model);
+                let with = cut_key::cut_settings(&settings, model);
                 selector.select(model, &view, &with, &mut cut);
                 let strips: u64 = cut.strips.iter().map(|s| u64::from(s.count)).sum();
                 let by_compute = device.draws_by_compute(threshold_px);

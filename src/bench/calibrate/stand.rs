@@ -14,7 +14,7 @@ use crate::render::cost::model::{
     Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PrimitiveCosts, SIZES_PX, SplatCosts,
     TriangleCosts, Ways, pixels_of,
 };
-use crate::render::frame_plan::cut_settings;
+use crate::render::cut_key::cut_settings;
 use crate::render::vulkan::renderer::Renderer;
 use crate::render::vulkan::scene::Scene;
 use crate::render::{Culling, CutOn, Method, Occlusion, Path, Settings, SplatKind};

@@ -6,8 +6,9 @@ use crate::math::camera::View;
 use crate::pack::Footprint;
 use crate::pack::splats::pixels_of_unit;
 use crate::render::cost::model::{Chosen, Costs, Load, Paths, Pixels};
-use crate::render::frame_plan::{Drawing, LARGEST_HIDDEN_PX};
+use crate::render::cut_key::LARGEST_HIDDEN_PX;
 use crate::render::screen_bounds;
+use crate::render::technique::Technique;
 use crate::render::{Occlusion, Path, Settings, SplatKind};
 use crate::tree::Model;
 
@@ -83,7 +84,7 @@ const SAMPLE: usize = 256;
 pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: &Cut) -> f32 {
     let usual = settings.threshold_px.max(1.0);
     let has_own = !model.kind().is_surface()
-        && Drawing::of(settings) == Drawing::Opaque
+        && Technique::of(settings) == Technique::Opaque
         && settings.footprint() == Footprint::Oriented;
     let step = cut.leaves.len().div_ceil(SAMPLE);
     if !has_own || step == 0 {
@@ -196,8 +197,8 @@ impl Asked<'_> {
 
     /// What compute draws of blended splats beside `others` that are rasterized; `has_large`: splats may be too large.
     pub(crate) fn blended(&self, others: usize, has_large: bool) -> ComputeShare {
-        let kind = match Drawing::of(self.settings) {
-            Drawing::Filtered => SplatKind::Filtered,
+        let kind = match Technique::of(self.settings) {
+            Technique::Filtered => SplatKind::Filtered,
             _ => SplatKind::Gauss,
         };
         let chosen = self.deciding().and_then(|costs| {
@@ -262,10 +263,10 @@ fn log<T: std::fmt::Debug>(what: &str, chosen: &Chosen<T>) {
 /// The largest splat that the rasterizer draws as a point, pixels: what the device allows (`device_px`), or less where quads
 /// are cheaper below that.
 pub(crate) fn largest_point_px(costs: &Costs, settings: &Settings, device_px: f32) -> f32 {
-    match Drawing::of(settings) {
-        Drawing::Opaque | Drawing::Fuzzy => {}
+    match Technique::of(settings) {
+        Technique::Opaque | Technique::Fuzzy => {}
         // Filtered splats have no quads. Behind quads of visibility splats all of the picture is reconstructed.
-        Drawing::Filtered | Drawing::Visibility | Drawing::Nothing => return device_px,
+        Technique::Filtered | Technique::Visibility | Technique::Nothing => return device_px,
     }
     match costs.largest_point_px() {
         Some(px) if px < device_px => {

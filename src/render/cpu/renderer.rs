@@ -16,14 +16,17 @@ use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Rest;
 use crate::render::cpu::triangles::{Light, Triangles};
+use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::{FrameContext, frame_constants};
 use crate::render::frame_estimate::{CutAhead, FrameEstimate, counts_of_cut};
-use crate::render::frame_plan::{Choice, Drawing, cpu_settings, filtered_shade, splat_plan};
+use crate::render::frame_plan::cpu_settings;
 use crate::render::model_facts::ModelFacts;
+use crate::render::pack_params::{filtered_shade, splat_plan};
 use crate::render::screen_bounds;
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::{Kept, Stage};
+use crate::render::technique::Technique;
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -60,7 +63,7 @@ pub struct CpuRenderer {
     selector: Selector,
     cut: Cut,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
-    chosen: Option<(u64, Choice)>,
+    chosen: Option<(u64, CutKey)>,
     /// What the last frame was of, where it may be kept.
     drawn: Option<CpuFrameKey>,
     keeps_frames: bool,
@@ -193,8 +196,8 @@ impl CpuRenderer {
             context: &context,
             constants: &constants,
         };
-        let counts = match Drawing::of(settings) {
-            Drawing::Filtered => self.draw_filtered(&frame, &mut pixels),
+        let counts = match Technique::of(settings) {
+            Technique::Filtered => self.draw_filtered(&frame, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
         packing.end(&mut times);
@@ -239,7 +242,7 @@ impl CpuRenderer {
         FrameEstimate {
             counts,
             pixels: screen_bounds::pixels(rect_px),
-            is_blended: Drawing::of(settings) == Drawing::Filtered,
+            is_blended: Technique::of(settings) == Technique::Filtered,
             by_compute: true,
             is_free: false,
             largest_by_compute_px: f32::INFINITY,
@@ -254,7 +257,7 @@ impl CpuRenderer {
     /// Chooses the cut, unless it is there; tells whether it was chosen.
     fn choose_cut(&mut self, drawn: FactedModel<'_>, settings: &Settings, view: &View) -> bool {
         let FactedModel { model, facts } = drawn;
-        let chosen = (facts.id(), Choice::of(settings, model, view));
+        let chosen = (facts.id(), CutKey::of(settings, model, view));
         let may_stay = self.keeps_frames || self.ahead.is_some();
         if may_stay && self.chosen == Some(chosen) {
             return false;
@@ -267,8 +270,8 @@ impl CpuRenderer {
     }
 
     fn context(&self, model: &Model, view: &View, settings: &Settings) -> FrameContext {
-        let largest_px = match Drawing::of(settings) {
-            Drawing::Nothing => 0.0,
+        let largest_px = match Technique::of(settings) {
+            Technique::Nothing => 0.0,
             _ => largest_splat_px(model, view, settings),
         };
         // The guard band of a device, so that positions are rounded as there.
@@ -557,9 +560,9 @@ impl CpuFrame<'_> {
 fn largest_splat_px(model: &Model, view: &View, settings: &Settings) -> f32 {
     let have_own =
         settings.method == Method::Splats || settings.holds_cut() || model.triangles.is_empty();
-    match Drawing::of(settings) {
+    match Technique::of(settings) {
         _ if have_own => view.width.max(view.height) as f32,
-        Drawing::Filtered => settings.threshold_px.max(3.0) + 2.0,
+        Technique::Filtered => settings.threshold_px.max(3.0) + 2.0,
         _ => splat_plan(settings, f32::INFINITY).largest_point_px(model),
     }
 }

@@ -3,7 +3,7 @@
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
 use crate::pack::ColorBy;
 use crate::render::PictureOutputs;
-use crate::render::frame_plan::Drawing;
+use crate::render::technique::Technique;
 use crate::render::{CutOn, Method, Settings, SplatKind};
 
 /// Longest side of a picture, pixels: beyond it corners of triangles do not fit whole steps.
@@ -30,18 +30,18 @@ pub fn unsupported_reason(
     } else if settings.color_by == ColorBy::Classification {
         Some("only visibility splats have a classification, and it does not draw those")
     } else {
-        match Drawing::of(settings) {
-            Drawing::Nothing => None,
-            Drawing::Opaque if settings.splat == SplatKind::Ellipse => {
+        match Technique::of(settings) {
+            Technique::Nothing => None,
+            Technique::Opaque if settings.splat == SplatKind::Ellipse => {
                 Some("it draws no discs in the plane of the surface; use --splat square or disc")
             }
-            Drawing::Opaque => None,
-            Drawing::Filtered if settings.threshold_px > LARGEST_SMALL_BLENDED_PX => {
+            Technique::Opaque => None,
+            Technique::Filtered if settings.threshold_px > LARGEST_SMALL_BLENDED_PX => {
                 Some("filtered splats of more than 16 pixels are a device's; use a lower threshold")
             }
-            Drawing::Filtered => None,
-            Drawing::Fuzzy => Some("it blends filtered splats only; use --splat filtered"),
-            Drawing::Visibility => Some("it draws no visibility splats"),
+            Technique::Filtered => None,
+            Technique::Fuzzy => Some("it blends filtered splats only; use --splat filtered"),
+            Technique::Visibility => Some("it draws no visibility splats"),
         }
     }
 }

@@ -8,12 +8,14 @@ use crate::pack;
 use crate::pack::splats::Record;
 use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style, triangles};
 use crate::render::PictureOutputs;
-use crate::render::frame_plan::{Choice, Drawing, filtered_shade, largest_splat_px, splat_plan};
+use crate::render::cut_key::CutKey;
+use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
 use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
 use crate::render::stats::Stage;
+use crate::render::technique::Technique;
 use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -119,7 +121,7 @@ impl MirrorEngine {
     fn choose_cut(&mut self, model: &Model, view: &View, settings: &Settings) {
         let undrawn = || self.undrawn.get_or_init(|| Undrawn::new(model));
         let (selector, cut) = (&mut self.selector, &mut self.cut);
-        Choice::of(settings, model, view).select(selector, model, undrawn, cut);
+        CutKey::of(settings, model, view).select(selector, model, undrawn, cut);
     }
 
     /// The draw lists of the cut.
@@ -131,12 +133,12 @@ impl MirrorEngine {
     ) -> PackedLists<'m> {
         let cut = &mut self.cut;
         let mut lists = PackedLists::default();
-        match Drawing::of(settings) {
-            Drawing::Opaque | Drawing::Visibility => {
+        match Technique::of(settings) {
+            Technique::Opaque | Technique::Visibility => {
                 lists.splats = packed_splats(model, cut, view, settings);
             }
-            Drawing::Fuzzy => lists.weighted = packed_splats(model, cut, view, settings),
-            Drawing::Filtered => {
+            Technique::Fuzzy => lists.weighted = packed_splats(model, cut, view, settings),
+            Technique::Filtered => {
                 let shade = filtered_shade(settings, model, f32::INFINITY);
                 let large = pack::filtered::take_triangles(model, view, &shade, cut);
                 let most = pack::filtered::splat_count(cut, large);
@@ -145,7 +147,7 @@ impl MirrorEngine {
                 splats.truncate(count);
                 lists.filtered = splats;
             }
-            Drawing::Nothing => {}
+            Technique::Nothing => {}
         }
         if settings.method == Method::Pop {
             let mut triangles = vec![[0; 3]; cut.triangles.len()];
@@ -188,12 +190,12 @@ impl MirrorEngine {
             triangles,
             splats: &lists.filtered,
         };
-        let (image, list) = match Drawing::of(settings) {
-            Drawing::Opaque | Drawing::Nothing => (
+        let (image, list) = match Technique::of(settings) {
+            Technique::Opaque | Technique::Nothing => (
                 crate::render::reference::render(view, &opaque, style, outputs),
                 OverdrawList::Opaque(&opaque),
             ),
-            Drawing::Visibility => {
+            Technique::Visibility => {
                 let filling = HoleFilling {
                     reconstruction: settings.reconstruction,
                     largest_px: largest_splat_px(model, settings),
@@ -203,13 +205,13 @@ impl MirrorEngine {
                 );
                 (drawn.image, OverdrawList::Opaque(&opaque))
             }
-            Drawing::Fuzzy => {
+            Technique::Fuzzy => {
                 let passes = BlendPasses::of(settings.blend());
                 let drawn =
                     crate::render::reference::render_fuzzy(view, &fuzzy, style, passes, outputs);
                 (drawn.image, OverdrawList::Fuzzy(&fuzzy))
             }
-            Drawing::Filtered => {
+            Technique::Filtered => {
                 let drawn =
                     crate::render::reference::render_filtered(view, &filtered, style, outputs);
                 (drawn.image, OverdrawList::Filtered(&filtered))

@@ -19,7 +19,7 @@ use crate::gpu::pipeline::Pipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::pack::{ColorBy, Footprint};
-use crate::render::frame_plan::Drawing;
+use crate::render::technique::Technique;
 use crate::render::vulkan::device_tree;
 use crate::render::vulkan::device_tree::DeviceTree;
 use crate::render::vulkan::opaque::hardware::Splats;
@@ -31,7 +31,7 @@ use std::sync::Arc;
 
 /// Why a frame cannot have its cut chosen on the device; `None` where it can.
 pub(crate) fn why_not(settings: &Settings, model: &Model) -> Option<&'static str> {
-    if settings.method != Method::Pop || Drawing::of(settings) != Drawing::Opaque {
+    if settings.method != Method::Pop || Technique::of(settings) != Technique::Opaque {
         Some("it knows opaque squares and discs of --method pop")
     } else if settings.footprint() == Footprint::Oriented || settings.size != SizeMetric::Exact {
         Some("it knows squares and discs of one size, by --metric exact")
@@ -288,7 +288,8 @@ mod tests {
     use crate::math::camera::View;
     use crate::pack::splats;
     use crate::progress::Silent;
-    use crate::render::frame_plan::{cut_settings, splat_plan};
+    use crate::render::cut_key::cut_settings;
+    use crate::render::pack_params::splat_plan;
     use crate::render::{Culling, CutOn};
     use crate::tree::{self, BuildOptions};
 

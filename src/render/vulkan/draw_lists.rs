@@ -15,7 +15,9 @@ use crate::pack::{filtered, fuzzy, ids};
 use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Screen;
-use crate::render::frame_plan::{Choice, Drawing, filtered_shade, fuzzy_look, splat_plan};
+use crate::render::cut_key::CutKey;
+use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
+use crate::render::technique::Technique;
 use crate::render::vulkan::expand_ids;
 use crate::render::vulkan::expand_ids::Whole;
 use crate::render::vulkan::opaque::triangle_runs::Run;
@@ -94,7 +96,7 @@ impl Ways {
 pub(super) struct Key {
     /// [`Scene::id`], and so the model.
     scene: u64,
-    pub(super) choice: Choice,
+    pub(super) choice: CutKey,
     view: View,
     packing: Packing,
     path: Path,
@@ -130,24 +132,24 @@ impl Packing {
         model: &Model,
         (max_point_px, is_wanted): (f32, bool),
     ) -> Self {
-        match Drawing::of(settings) {
-            Drawing::Opaque | Drawing::Visibility => {
+        match Technique::of(settings) {
+            Technique::Opaque | Technique::Visibility => {
                 Self::Splats(splat_plan(settings, max_point_px))
             }
-            Drawing::Fuzzy if is_wanted => Self::Fuzzy(
+            Technique::Fuzzy if is_wanted => Self::Fuzzy(
                 splat_plan(settings, max_point_px),
                 fuzzy_look(settings, model),
             ),
-            Drawing::Fuzzy => Self::Weighted(splat_plan(settings, max_point_px)),
-            Drawing::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
-            Drawing::Nothing => Self::Nothing,
+            Technique::Fuzzy => Self::Weighted(splat_plan(settings, max_point_px)),
+            Technique::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
+            Technique::Nothing => Self::Nothing,
         }
     }
 }
 
 impl Key {
     /// That of a frame whose points have at most `max_point_px` pixels, drawn by compute if it `is_wanted`, on a device that
-    /// `samples` triangles of one pixel, where lists may be `by_id`; of settings that [`for_view`](crate::render::frame_plan::for_view) gave.
+    /// `samples` triangles of one pixel, where lists may be `by_id`; of settings that [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
     pub(super) fn of(
         settings: &Settings,
         model: &Model,
@@ -158,14 +160,14 @@ impl Key {
     ) -> Self {
         Self {
             scene: scene.id(),
-            choice: Choice::of(settings, model, view),
+            choice: CutKey::of(settings, model, view),
             view: *view,
             packing: Packing::of(settings, model, (max_point_px, is_wanted)),
             path: settings.path,
             is_wanted,
             has_triangles: settings.method != Method::Splats,
             may_sample: samples
-                && Drawing::of(settings) == Drawing::Opaque
+                && Technique::of(settings) == Technique::Opaque
                 && settings.method == Method::Pop
                 && settings.color_by == ColorBy::Shading
                 && !settings.holds_cut()
@@ -175,7 +177,7 @@ impl Key {
     }
 
     /// What its cut is of, to be compared with others.
-    pub(super) fn cut(&self) -> (u64, Choice) {
+    pub(super) fn cut(&self) -> (u64, CutKey) {
         (self.scene, self.choice)
     }
 }

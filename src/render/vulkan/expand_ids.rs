@@ -293,7 +293,7 @@ mod tests {
     use crate::pack::{Footprint, ids};
     use crate::progress::Silent;
     use crate::render::Settings;
-    use crate::render::frame_plan::cut_settings;
+    use crate::render::cut_key::cut_settings;
     use crate::tree::{self, BuildOptions, Model};
 
     fn model_of(shape: Shape, triangles: u64, is_cloud: bool) -> Model {

@@ -17,7 +17,7 @@ use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
 use crate::pack::falsecolor;
 use crate::render::Settings;
-use crate::render::frame_plan::Drawing;
+use crate::render::technique::Technique;
 use crate::render::vulkan::blended::filtered;
 use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::opaque::hardware::Source;
@@ -143,10 +143,10 @@ impl Counter {
         } else {
             Source::Vertices
         };
-        let kind = match (Drawing::of(settings), fuzzy) {
-            (Drawing::Nothing, _) => Kind::Nothing,
-            (Drawing::Fuzzy, Some(variant)) => Kind::Fuzzy(variant),
-            (Drawing::Filtered, _) => Kind::Filtered,
+        let kind = match (Technique::of(settings), fuzzy) {
+            (Technique::Nothing, _) => Kind::Nothing,
+            (Technique::Fuzzy, Some(variant)) => Kind::Fuzzy(variant),
+            (Technique::Filtered, _) => Kind::Filtered,
             _ => Kind::Opaque(settings.footprint(), source),
         };
         let variant = Variant {

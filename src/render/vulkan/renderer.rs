@@ -22,13 +22,17 @@ use crate::pack::ColorBy;
 pub use crate::render::PictureOutputs;
 use crate::render::cost::choose::Asked;
 use crate::render::cost::model::Costs;
+use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::frame_flags;
 pub(crate) use crate::render::frame_constants::margin_px;
 use crate::render::frame_estimate::CutAhead;
-use crate::render::frame_plan::{Choice, Drawing, check, for_view, splat_plan};
+use crate::render::frame_plan::resolve_settings;
+use crate::render::pack_params::splat_plan;
 pub use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
 use crate::render::stats::{FrameCounts, Kept, Stage};
+use crate::render::supported::check;
+use crate::render::technique::Technique;
 use crate::render::vulkan::blended::filtered;
 use crate::render::vulkan::blended::filtered::Filtered;
 use crate::render::vulkan::blended::fuzzy;
@@ -104,7 +108,7 @@ pub struct Renderer {
     by_id: Option<ById>,
     device_cut: Option<DeviceCut>,
     /// What its lists are of.
-    held_on_device: Option<(u64, Choice)>,
+    held_on_device: Option<(u64, CutKey)>,
     /// The scene whose cuts do not fit the device, and the one whose tree does not.
     too_large: [Option<u64>; 2],
     triangles: Option<(Variant, Pipeline)>,
@@ -127,7 +131,7 @@ pub struct Renderer {
     probe: Option<Readback>,
     keeps_lists: bool,
     /// What the present cut was chosen for, and in which scene; none where packing changed it.
-    chosen: Option<(u64, Choice)>,
+    chosen: Option<(u64, CutKey)>,
     /// Nodes and leaves that all cuts looked at.
     visited: u64,
     /// The cut that was chosen for the next frame before it is drawn; none: not yet.
@@ -377,7 +381,7 @@ impl Renderer {
         }
         let max_point = self.gpu.info().max_point_size_px;
         check(model, settings, self.outputs, max_point)?;
-        let settings = &for_view(settings, model, view);
+        let settings = &resolve_settings(settings, model, view);
         self.prepare((model, scene), view, settings)?;
         let on_device = self.prepare_cut(model, scene, settings)?;
         let by_id = !on_device && self.prepare_lists(model, scene, settings)?;
@@ -429,7 +433,7 @@ impl Renderer {
             }
         }
         let by_compute = self.wants_compute(settings)?;
-        let is_opaque = Drawing::of(settings) == Drawing::Opaque;
+        let is_opaque = Technique::of(settings) == Technique::Opaque;
         let is_gray = settings.color_by == ColorBy::Shading
             && !(settings.use_colors && scene.facts().has_colors());
         if by_compute && is_opaque {
@@ -440,7 +444,7 @@ impl Renderer {
             small.ensure(cut_frame::compute_variant(settings, model, flags))?;
             small.ensure(compute::Variant::SAMPLES)?;
         }
-        let asks = || Choice::of(settings, model, view).needs_undrawn();
+        let asks = || CutKey::of(settings, model, view).needs_undrawn();
         if settings.has_cut() && asks() {
             // Looks at the whole model, once.
             scene.undrawn(model);
@@ -450,9 +454,9 @@ impl Renderer {
         } else {
             Source::List
         };
-        match Drawing::of(settings) {
-            Drawing::Nothing => {}
-            Drawing::Visibility => {
+        match Technique::of(settings) {
+            Technique::Nothing => {}
+            Technique::Visibility => {
                 let (width, height) = (self.targets.color.width, self.targets.color.height);
                 let visibility = match &mut self.visibility {
                     Some(made) => made,
@@ -461,7 +465,7 @@ impl Renderer {
                 let how = (flags, by_compute);
                 visibility.ensure(source, settings.reconstruction, how)?;
             }
-            Drawing::Opaque => {
+            Technique::Opaque => {
                 let variant = Splats::variant_of(settings, flags);
                 if self.splats.iter().all(|s| s.variant != variant) {
                     if self.splats.len() == MOST_SPLATS {
@@ -471,7 +475,7 @@ impl Renderer {
                         .push(Splats::new(&self.gpu, variant, &self.targets)?);
                 }
             }
-            Drawing::Fuzzy => {
+            Technique::Fuzzy => {
                 let has_triangles = model.kind().is_surface();
                 let variant = fuzzy::Variant::new(
                     &self.gpu,
@@ -488,7 +492,7 @@ impl Renderer {
                     self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
                 }
             }
-            Drawing::Filtered => {
+            Technique::Filtered => {
                 let variant = filtered::Variant {
                     has_lamp: lamp,
                     color: self.targets.color.format,

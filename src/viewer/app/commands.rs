@@ -5,7 +5,7 @@ use super::{App, Ask, FLY_SPEED, Fly};
 use crate::math::camera::Camera;
 use crate::pack::Lighting;
 use crate::render::PictureOutputs;
-use crate::render::frame_plan;
+use crate::render::supported;
 use crate::render::{Culling, Method, Settings, Shading};
 use crate::viewer::camera::Orbit;
 use crate::viewer::choices::{self, Choice, others};
@@ -216,7 +216,7 @@ impl App {
             values: false,
         };
         let refuses = |settings: &Settings| {
-            let outcome = frame_plan::check(model, settings, outputs, max_size_px);
+            let outcome = supported::check(model, settings, outputs, max_size_px);
             outcome.err().map(|error| error.to_string())
         };
         let old = &self.settings;

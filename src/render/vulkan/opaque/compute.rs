@@ -19,8 +19,8 @@ use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
 use crate::render::compute_limits::{LARGEST_SQUARE_PX, largest_threshold_px};
-use crate::render::frame_plan::Drawing;
 use crate::render::screen_bounds;
+use crate::render::technique::Technique;
 use crate::render::vulkan::blended;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::scene::Scene;
@@ -89,15 +89,15 @@ pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Re
     }
     let info = gpu.info();
     let color = targets.color();
-    let (why, bytes) = match Drawing::of(settings) {
-        Drawing::Opaque if settings.method == Method::Pop => {
+    let (why, bytes) = match Technique::of(settings) {
+        Technique::Opaque if settings.method == Method::Pop => {
             (not_as_opaque(settings), key_bytes(targets))
         }
-        Drawing::Filtered | Drawing::Fuzzy if settings.has_cut() => {
+        Technique::Filtered | Technique::Fuzzy if settings.has_cut() => {
             let bytes = blended::compute::storage_bytes((color.width, color.height));
             (not_as_blended(settings, targets), bytes)
         }
-        Drawing::Visibility if settings.has_cut() => {
+        Technique::Visibility if settings.has_cut() => {
             let bytes = crate::render::vulkan::visibility::compute::storage_bytes((
                 color.width,
                 color.height,

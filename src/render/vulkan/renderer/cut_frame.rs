@@ -10,10 +10,12 @@ use crate::render::cost::choose;
 use crate::render::cost::choose::Asked;
 use crate::render::cost::choose::ComputeShare;
 use crate::render::cpu::small_triangles::Screen;
+use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::frame_constants;
-use crate::render::frame_plan::{Choice, Drawing, largest_splat_px, splat_plan};
+use crate::render::pack_params::{largest_splat_px, splat_plan};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::{Kept, Stage};
+use crate::render::technique::Technique;
 use crate::render::vulkan::blended::compute as blended_compute;
 use crate::render::vulkan::blended::{filtered, fuzzy};
 use crate::render::vulkan::draw_lists::{Held, Key, Packing, Ways};
@@ -57,20 +59,22 @@ impl Renderer {
         (settings, by_id): (&Settings, bool),
         end: &mut End<'_>,
     ) -> Result<(Ticket, FrameTimes), Error> {
-        let drawing = Drawing::of(settings);
+        let drawing = Technique::of(settings);
         let is_wanted = self.wants_compute(settings)?;
-        let by_compute = drawing == Drawing::Opaque && is_wanted;
+        let by_compute = drawing == Technique::Opaque && is_wanted;
         let max_point = if by_compute {
             compute_limits::largest_point_px(settings)
         } else {
             self.gpu.info().max_point_size_px
         };
         let is_whole = settings.method == Method::Splats;
-        let largest = match Drawing::of(settings) {
-            Drawing::Filtered if is_whole || !model.kind().is_surface() || settings.holds_cut() => {
+        let largest = match Technique::of(settings) {
+            Technique::Filtered
+                if is_whole || !model.kind().is_surface() || settings.holds_cut() =>
+            {
                 max_point
             }
-            Drawing::Filtered => (settings.threshold_px.max(3.0) + 2.0).min(max_point),
+            Technique::Filtered => (settings.threshold_px.max(3.0) + 2.0).min(max_point),
             _ => splat_plan(settings, max_point).largest_point_px(model),
         };
         let context = self.context(view, settings, model, largest);
@@ -114,7 +118,7 @@ impl Renderer {
             let ways = self.ways(&sized, scene, (is_wanted, has_large));
             // Where the rasterizer draws, what is cheaper as a quad is one. Of visibility splats it draws quads alone beside compute.
             let max_point = match &self.costs {
-                _ if ways.is_small && drawing == Drawing::Visibility => {
+                _ if ways.is_small && drawing == Technique::Visibility => {
                     compute_limits::LARGEST_VISIBLE_PX.min(max_point)
                 }
                 Some(costs) if ways.is_rastered() => {
@@ -165,7 +169,7 @@ impl Renderer {
         if let (Some(by_id), Some(tree)) = (&self.by_id, &self.device_tree) {
             let kind = expand_ids::Kind {
                 are_oriented: settings.footprint() == Footprint::Oriented,
-                have_areas: drawing == Drawing::Fuzzy,
+                have_areas: drawing == Technique::Fuzzy,
             };
             by_id.record(&mut frame, (tree, scene), (lists, kind), &context)?;
         }
@@ -203,12 +207,12 @@ impl Renderer {
         let variant = Splats::variant_of(settings, flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         match (
-            Drawing::of(settings),
+            Technique::of(settings),
             &self.triangles,
             opaque,
             &self.filtered,
         ) {
-            (Drawing::Opaque, Some((_, pipeline)), Some(splats), _) => {
+            (Technique::Opaque, Some((_, pipeline)), Some(splats), _) => {
                 let small = self.small.as_ref().filter(|_| ways.is_small);
                 let records = match small {
                     Some(_) => records.without_points(),
@@ -244,7 +248,7 @@ impl Renderer {
                     constants,
                 );
             }
-            (Drawing::Fuzzy, ..) => {
+            (Technique::Fuzzy, ..) => {
                 let Some(fuzzy) = &self.fuzzy else {
                     unreachable!("prepare made the pipelines")
                 };
@@ -264,14 +268,14 @@ impl Renderer {
                 };
                 fuzzy.record(&mut frame, &self.targets, list, &context, constants)?;
             }
-            (Drawing::Filtered, _, _, Some(filtered)) => {
+            (Technique::Filtered, _, _, Some(filtered)) => {
                 let list = filtered::List {
                     raster,
                     small: small_of(packed.points),
                 };
                 filtered.record(&mut frame, &self.targets, list, share, &context, constants)?;
             }
-            (Drawing::Visibility, ..) => {
+            (Technique::Visibility, ..) => {
                 let Some(visibility) = &self.visibility else {
                     unreachable!("prepare made the pipelines")
                 };
@@ -315,12 +319,12 @@ impl Renderer {
     /// `has_large`: splats may be too large for it.
     fn ways(&self, asked: &Asked<'_>, scene: &Scene, (is_wanted, has_large): (bool, bool)) -> Ways {
         let takes_triangles = is_wanted && Small::takes_triangles(&self.gpu, scene);
-        match Drawing::of(asked.settings) {
+        match Technique::of(asked.settings) {
             _ if !is_wanted => Ways {
                 share: Some(ComputeShare::Nothing),
                 ..Ways::default()
             },
-            Drawing::Opaque => {
+            Technique::Opaque => {
                 let paths = asked.opaque();
                 let takes_triangles = takes_triangles && paths.triangles == Path::Compute;
                 Ways {
@@ -329,7 +333,7 @@ impl Renderer {
                     share: Some(ComputeShare::Nothing),
                 }
             }
-            Drawing::Visibility => Ways {
+            Technique::Visibility => Ways {
                 is_small: asked.visible() == Path::Compute,
                 share: Some(ComputeShare::Nothing),
                 ..Ways::default()
@@ -342,7 +346,7 @@ impl Renderer {
                 // Filtered splats are known once they are packed.
                 let share = match drawing {
                     _ if all != ComputeShare::Nothing => Some(all),
-                    Drawing::Fuzzy => Some(asked.blended(asked.triangles, has_large)),
+                    Technique::Fuzzy => Some(asked.blended(asked.triangles, has_large)),
                     _ => None,
                 };
                 Ways {
@@ -360,7 +364,7 @@ impl Renderer {
         &mut self,
         model: &Model,
         scene: &Scene,
-        (of_scene, choice): (u64, Choice),
+        (of_scene, choice): (u64, CutKey),
     ) -> bool {
         let may_stay = self.keeps_lists || self.ahead.is_some();
         if may_stay && self.chosen == Some((of_scene, choice)) {

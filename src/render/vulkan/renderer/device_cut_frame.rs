@@ -6,9 +6,11 @@ use crate::gpu::Error;
 use crate::gpu::frame::Ticket;
 use crate::math::camera::View;
 use crate::pack::ids;
+use crate::render::cut_key::{CutKey, cut_settings};
 use crate::render::frame_constants::frame_constants;
-use crate::render::frame_plan::{Choice, Drawing, cut_settings, splat_plan};
+use crate::render::pack_params::splat_plan;
 use crate::render::stats::{Kept, Stage};
+use crate::render::technique::Technique;
 use crate::render::vulkan::device_cut;
 use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::device_tree::DeviceTree;
@@ -107,16 +109,16 @@ impl Renderer {
             what: "draw lists of numbers",
             why: why.into(),
         };
-        let drawing = Drawing::of(settings);
+        let drawing = Technique::of(settings);
         let by_compute = self.wants_compute(settings)?;
         let why_not = if !settings.has_cut() {
             Some("methods without a cut have no lists")
         } else if !matches!(
             drawing,
-            Drawing::Opaque | Drawing::Visibility | Drawing::Fuzzy
+            Technique::Opaque | Technique::Visibility | Technique::Fuzzy
         ) {
             Some("filtered splats depend on the view, and the host makes them")
-        } else if drawing == Drawing::Fuzzy && by_compute {
+        } else if drawing == Technique::Fuzzy && by_compute {
             Some("what compute draws of fuzzy splats the host makes; use --path raster")
         } else {
             ids::why_not(&splat_plan(settings, f32::INFINITY))
@@ -163,7 +165,7 @@ impl Renderer {
         let context = self.context(view, settings, model, largest);
         let mut times = FrameTimes::default();
         self.ahead = None;
-        let choice = (scene.id(), Choice::of(settings, model, view));
+        let choice = (scene.id(), CutKey::of(settings, model, view));
         if self.keeps_lists && self.held_on_device == Some(choice) {
             times.kept = Kept::Lists;
         }

@@ -13,10 +13,12 @@ use crate::pack::Lighting;
 use crate::render::cost::choose;
 use crate::render::cost::choose::Asked;
 use crate::render::cost::choose::ComputeShare;
+use crate::render::cut_key::CutKey;
 use crate::render::frame_estimate::{FrameEstimate, counts_of_cut};
-use crate::render::frame_plan::{Choice, Drawing, for_view};
+use crate::render::frame_plan::resolve_settings;
 use crate::render::probe_area::MOST_PROBE_PIXELS;
 use crate::render::stats::Stage;
+use crate::render::technique::Technique;
 use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::renderer::{FrameTimes, Renderer, Submitted};
 use crate::render::vulkan::scene::Scene;
@@ -109,8 +111,8 @@ impl Renderer {
             return FrameEstimate::default();
         }
         let start = Instant::now();
-        let settings = &for_view(settings, model, view);
-        let choice = Choice::of(settings, model, view);
+        let settings = &resolve_settings(settings, model, view);
+        let choice = CutKey::of(settings, model, view);
         let is_new = self.select(model, scene, (scene.id(), choice));
         let counts = counts_of_cut(settings, model, view, &self.cut);
         let ahead = self.ahead.get_or_insert_default();
@@ -129,10 +131,13 @@ impl Renderer {
             size: (self.targets.color.width, self.targets.color.height),
         };
         let has_large = settings.method == Method::Splats || !model.kind().is_surface();
-        let is_blended = matches!(Drawing::of(settings), Drawing::Fuzzy | Drawing::Filtered);
-        let pays = match Drawing::of(settings) {
-            Drawing::Opaque => asked.opaque().splats == Path::Compute,
-            Drawing::Visibility => asked.visible() == Path::Compute,
+        let is_blended = matches!(
+            Technique::of(settings),
+            Technique::Fuzzy | Technique::Filtered
+        );
+        let pays = match Technique::of(settings) {
+            Technique::Opaque => asked.opaque().splats == Path::Compute,
+            Technique::Visibility => asked.visible() == Path::Compute,
             // As the frame will be: with the triangles, where compute takes those.
             _ if triangles > 0
                 && compute::Small::takes_triangles(&self.gpu, scene)

@@ -8,9 +8,10 @@ use crate::pack::ColorBy;
 use crate::render::Settings;
 use crate::render::cost::choose;
 use crate::render::frame_constants::frame_constants;
-use crate::render::frame_plan::{Drawing, largest_splat_px, splat_plan};
+use crate::render::pack_params::{largest_splat_px, splat_plan};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::Stage;
+use crate::render::technique::Technique;
 use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles};
@@ -107,18 +108,18 @@ impl Renderer {
             counts,
             end,
             |frame, c| {
-                match (Drawing::of(settings), opaque, &self.fuzzy) {
-                    (Drawing::Opaque, Some(splats), _) => {
+                match (Technique::of(settings), opaque, &self.fuzzy) {
+                    (Technique::Opaque, Some(splats), _) => {
                         splats.record_vertices(frame, targets, scene, as_quads, &context, c);
                     }
-                    (Drawing::Fuzzy, _, Some(fuzzy)) => {
+                    (Technique::Fuzzy, _, Some(fuzzy)) => {
                         let list = fuzzy::List {
                             raster,
                             small: None,
                         };
                         fuzzy.record(frame, targets, list, &context, c)?;
                     }
-                    (Drawing::Visibility, ..) => {
+                    (Technique::Visibility, ..) => {
                         let Some(visibility) = &self.visibility else {
                             unreachable!("prepare made the pipelines")
                         };

@@ -1,0 +1,112 @@
+//! What decides the cut of a frame besides the model.
+
+use crate::cut;
+use crate::cut::SizeMetric;
+use crate::math::camera::View;
+use crate::pack::Footprint;
+use crate::render::technique::Technique;
+use crate::render::{Method, Occlusion, Path, Settings, SplatKind, Traversal};
+use crate::tree::Model;
+
+/// Above this threshold hidden splats are drawn unless asked otherwise, pixels: discs, of which few are hidden, and squares
+/// that may be drawn by compute, which is cheap; squares that are rasterized; and what the host draws.
+pub(crate) const LARGEST_HIDDEN_PX: [f32; 3] = [2.0, 4.0, 1.0];
+
+/// Tells whether it is known without their attributes what splats cover: of opaque squares and discs.
+pub(crate) fn knows_footprints(settings: &Settings) -> bool {
+    settings.has_cut()
+        && Technique::of(settings) == Technique::Opaque
+        && settings.footprint() != Footprint::Oriented
+        && settings.size == SizeMetric::Exact
+}
+
+/// The cut settings of a frame.
+pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
+    cut::Settings {
+        threshold_px: settings.threshold_px,
+        cull_back: settings.culls_back(model.is_closed) && model.kind().is_surface(),
+        cull_frustum: true,
+        size: settings.size,
+    }
+}
+
+/// What the cut of a frame takes splats for where it leaves out what covers no pixel or is hidden; `None` where it does not.
+///
+/// Splats of a pixel at most are drawn where they contain a pixel's center, so that with a falling threshold pictures
+/// become those of triangles with one sample a pixel. As whole pixels they would make outlines wider, by half a pixel
+/// however fine they are. Points of a cloud are no surface that others would close: none is left out.
+///
+/// `Auto` leaves large ones alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
+fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
+    let is_wanted = match settings.occlusion {
+        Occlusion::Auto => {
+            let is_costly = settings.splat == SplatKind::Square
+                && (settings.method == Method::Splats || settings.path == Path::Raster);
+            settings.threshold_px <= LARGEST_HIDDEN_PX[usize::from(is_costly)]
+        }
+        Occlusion::On => true,
+        Occlusion::Off => false,
+    };
+    let is_cloud = !model.kind().is_surface();
+    // A disc of this diameter contains a pixel's center wherever it lies.
+    let may_miss = settings.threshold_px < std::f32::consts::SQRT_2 && !is_cloud;
+    (knows_footprints(settings) && (is_wanted || may_miss)).then(|| cut::Footprints {
+        side_px: settings.threshold_px,
+        hides: is_wanted,
+        are_discs: settings.footprint() == Footprint::Circle,
+        large_leaves: settings.method == Method::Splats,
+        is_cloud,
+    })
+}
+
+/// View, settings and footprints of a cut. Equal ones choose the same cut of a model: this is all that the selector is told.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CutKey {
+    view: View,
+    settings: cut::Settings,
+    /// What splats are taken for, where those that are hidden are left out.
+    seen: Option<cut::Footprints>,
+    /// Where the traversal starts; the lists are the same.
+    traversal: Traversal,
+}
+
+impl CutKey {
+    /// That of a frame; of settings that [`resolve_settings`] gave.
+    pub(crate) fn of(settings: &Settings, model: &Model, view: &View) -> Self {
+        Self {
+            view: *settings.view_of_cut(view),
+            settings: cut_settings(settings, model),
+            // From elsewhere what the cut's own view does not show is seen.
+            seen: footprints(settings, model).filter(|_| !settings.holds_cut()),
+            traversal: settings.traversal,
+        }
+    }
+
+    /// Whether it has to be known what of the model is not drawn.
+    pub(crate) fn needs_undrawn(&self) -> bool {
+        self.seen.is_some()
+    }
+
+    /// Whether splats that are hidden are left out.
+    pub(crate) fn hides(&self) -> bool {
+        self.seen.is_some_and(|seen| seen.hides)
+    }
+
+    /// Chooses the cut.
+    pub(crate) fn select<'a>(
+        &self,
+        selector: &mut cut::Selector,
+        model: &Model,
+        undrawn: impl FnOnce() -> &'a cut::Undrawn,
+        into: &mut cut::Cut,
+    ) {
+        let (view, settings) = (&self.view, &self.settings);
+        selector.set_coherent(self.traversal == Traversal::Coherent);
+        match self.seen {
+            Some(footprints) => {
+                selector.select_seen(model, view, settings, (footprints, undrawn()), into);
+            }
+            None => selector.select(model, view, settings, into),
+        }
+    }
+}

@@ -1,0 +1,66 @@
+//! What the packing of splats needs of the settings of a frame.
+
+use crate::pack;
+use crate::pack::ColorBy;
+use crate::render::{Method, Settings, SplatKind};
+use crate::tree::Model;
+
+/// No splat is larger than this, pixels: infinite where splats have sizes of their own.
+pub(crate) fn largest_splat_px(model: &Model, settings: &Settings) -> f32 {
+    let have_own = settings.method == Method::Splats || settings.holds_cut();
+    if have_own || (settings.has_cut() && !model.kind().is_surface()) {
+        f32::INFINITY
+    } else {
+        settings.threshold_px.max(1.0)
+    }
+}
+
+/// What the packing of splats needs of the settings.
+pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan {
+    pack::splats::Plan {
+        footprint: settings.footprint(),
+        threshold_px: settings.threshold_px.max(1.0),
+        size: settings.size,
+        draws_large_leaves: settings.method == Method::Splats,
+        low_pass_px: settings.low_pass_px(),
+        by_level: settings.color_by == ColorBy::Level,
+        cut_view: settings.cut_view,
+        max_point_px,
+    }
+}
+
+/// What the packing of fuzzy splats for compute needs of the settings besides [`splat_plan`].
+pub fn fuzzy_look(settings: &Settings, model: &Model) -> pack::fuzzy::Look {
+    pack::fuzzy::Look {
+        is_gauss: settings.splat == SplatKind::Gauss,
+        depth_offset: settings.depth_offset(),
+        two_sided: settings.two_sided,
+        cull_back: settings.draws_fronts_only(model.is_closed),
+        use_colors: settings.use_colors,
+        color_by: settings.color_by,
+        light: settings.light.in_model(model.origin),
+    }
+}
+
+/// What the packing of filtered splats needs of the settings.
+pub fn filtered_shade(
+    settings: &Settings,
+    model: &Model,
+    max_size_px: f32,
+) -> pack::filtered::Shade {
+    let cull_back = settings.draws_fronts_only(model.is_closed) && model.kind().is_surface();
+    pack::filtered::Shade {
+        side_px: settings.threshold_px.max(1.0),
+        max_size_px,
+        splats_only: settings.method == Method::Splats,
+        cut_view: settings.cut_view,
+        // Both sides of a part are near the front at its rim: a smaller offset keeps the far one out.
+        depth_offset: settings
+            .depth_offset
+            .unwrap_or(if cull_back { 3.0 } else { 2.0 }),
+        cull_back,
+        use_colors: settings.use_colors,
+        color_by: settings.color_by,
+        light: settings.light.in_model(model.origin),
+    }
+}

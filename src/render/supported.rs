@@ -1,0 +1,140 @@
+//! What settings ask for in vain, refused by name.
+
+use crate::gpu::Error;
+use crate::pack::ColorBy;
+use crate::render::{Blend, Method, Path, PictureOutputs, Settings, Shading, SplatKind};
+use crate::tree::Model;
+
+/// Refuses by name what `settings` ask for in vain: with this model, these outputs, and points of at most
+/// `max_size_px` (infinite on the mirror).
+///
+/// # Errors
+/// [`Error::Unsupported`] with the reason and what to do, or [`Error::Limit`] for a threshold that is too large.
+pub fn check(
+    _model: &Model,
+    settings: &Settings,
+    outputs: PictureOutputs,
+    max_size_px: f32,
+) -> Result<(), Error> {
+    if settings.color_by == ColorBy::Classification && !settings.draws_visibility() {
+        return Err(Error::Unsupported {
+            what: "the classification of pixels",
+            why: "only visibility splats have one; add --splat visibility".into(),
+        });
+    }
+    if settings.color_by == ColorBy::Level && !settings.has_cut() {
+        return Err(Error::Unsupported {
+            what: "color by level",
+            why: "only what is drawn from the tree has levels; use --method pop or splats".into(),
+        });
+    }
+    if settings.color_by == ColorBy::Overdraw {
+        check_overdraw(settings, outputs)?;
+    }
+    if outputs.values && settings.draws_visibility() {
+        return Err(Error::Unsupported {
+            what: "values of visibility splats",
+            why: "they are put together from pixels of eight bits; ask for the picture without"
+                .into(),
+        });
+    }
+    let is_device = max_size_px.is_finite();
+    if settings.draws_splats() {
+        check_blend(settings, is_device)?;
+    }
+    if settings.draws_filtered() {
+        check_filtered(settings, outputs, max_size_px)?;
+    }
+    Ok(())
+}
+
+/// Refuses by name where overdraw cannot be counted.
+fn check_overdraw(settings: &Settings, outputs: PictureOutputs) -> Result<(), Error> {
+    let why = if outputs.values {
+        "a mean of the colors of counts is the color of no count; draw one sample a pixel"
+    } else if settings.path == Path::Compute {
+        "footprints are counted by the rasterizer; leave --path compute out"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "color by overdraw",
+        why: why.into(),
+    })
+}
+
+/// Refuses by name what the blending of splats cannot do.
+fn check_blend(settings: &Settings, is_device: bool) -> Result<(), Error> {
+    let refuse = |what, why: &str| {
+        Err(Error::Unsupported {
+            what,
+            why: why.into(),
+        })
+    };
+    let own = match settings.splat {
+        SplatKind::Filtered => Some("filtered splats"),
+        SplatKind::Visibility => Some("visibility splats"),
+        _ => None,
+    };
+    if let Some(name) = own {
+        if settings.blend.is_some_and(|blend| blend != Blend::Opaque)
+            || settings.shading != Shading::PerSplat
+        {
+            return refuse(
+                name,
+                "they have a way of their own to blend and shade; leave --blend and --shading out",
+            );
+        }
+        return Ok(());
+    }
+    match settings.blend() {
+        Blend::Opaque if settings.shading == Shading::Deferred => refuse(
+            "deferred shading",
+            "only splats that are blended are lit once a pixel; use --blend two-pass",
+        ),
+        Blend::DepthThreshold | Blend::DepthRange if is_device => refuse(
+            "blending in one pass",
+            "it needs ordered access to a pixel; use --backend reference, or --blend two-pass",
+        ),
+        Blend::DepthThreshold | Blend::DepthRange if settings.shading == Shading::Deferred => {
+            refuse("deferred shading", "use --blend two-pass")
+        }
+        Blend::Opaque => Ok(()),
+        _ if settings.shading == Shading::Deferred && settings.color_by.is_data() => refuse(
+            "deferred shading",
+            "colors by level, normal, depth and overdraw are not lit; leave --shading deferred out",
+        ),
+        _ => Ok(()),
+    }
+}
+
+/// Refuses by name what filtered splats cannot draw.
+///
+/// # Errors
+/// For points without a tree, normals as output, one-sided light, and thresholds above
+/// `max_size_px`.
+fn check_filtered(
+    settings: &Settings,
+    outputs: PictureOutputs,
+    max_size_px: f32,
+) -> Result<(), Error> {
+    let why = if settings.method == Method::Points {
+        "points have no areas without a tree; use --method pop or splats"
+    } else if outputs.normal {
+        "they are sums over a pixel and have no normal; leave --normals out"
+    } else if !settings.two_sided {
+        "their sums do not tell the sides of a surface apart; leave --one-sided out"
+    } else if settings.threshold_px > max_size_px {
+        return Err(Error::Limit {
+            what: "the size of filtered splats (--threshold, pixels)".into(),
+            value: settings.threshold_px.ceil() as u64,
+            limit: max_size_px as u64,
+        });
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "filtered splats",
+        why: why.into(),
+    })
+}

@@ -1,0 +1,31 @@
+//! The kinds of passes that draw splats.
+
+use crate::render::{Blend, Settings, SplatKind};
+
+/// The passes that draw the splats of a frame.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Technique {
+    /// There are none.
+    Nothing,
+    /// The nearest splat wins.
+    Opaque,
+    /// The weighted mean of all that is near the front.
+    Fuzzy,
+    /// Deposits of area.
+    Filtered,
+    /// Visible centers, and what lies between reconstructed.
+    Visibility,
+}
+
+impl Technique {
+    /// The technique of settings that [`check`](crate::render::supported::check) found no fault with.
+    pub(crate) fn of(settings: &Settings) -> Self {
+        match settings.splat {
+            _ if !settings.draws_splats() => Self::Nothing,
+            SplatKind::Filtered => Self::Filtered,
+            SplatKind::Visibility => Self::Visibility,
+            _ if settings.blend() != Blend::Opaque => Self::Fuzzy,
+            _ => Self::Opaque,
+        }
+    }
+}
