@@ -9,10 +9,10 @@ use crate::render::PictureOutputs;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::Costs;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::renderer::{CpuRenderer, FactedModel};
+use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::cpu::supported::unsupported_reason;
-use crate::render::frame_plan::resolve_settings;
-use crate::render::model_facts::ModelFacts;
+use crate::render::frame_plan::{FramePlan, resolve_settings};
+use crate::render::model_facts::{FactedModel, ModelFacts};
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::stats::FrameTimes;
@@ -22,6 +22,7 @@ use crate::render::vulkan::scene::Scene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Where pictures are made.
 #[derive(Debug, Clone)]
@@ -220,13 +221,8 @@ impl<'m> Engine<'m> {
             &mut self.reference,
         ) {
             (FrameBackend::Cpu, Some(cpu), device, _) => {
-                let max_point_px = match &*device {
-                    Some(device) => device.renderer.max_point_px(),
-                    None => f32::INFINITY,
-                };
-                check(self.model, settings, self.outputs, max_point_px)?;
                 let scene = device.as_ref().map(|device| &device.scene);
-                cpu.draw(self.model, scene, view, settings)
+                cpu.draw(self.model, scene, view, (settings, self.outputs))
             }
             (FrameBackend::Device, _, Some(device), _) => {
                 let DeviceEngine {
@@ -388,7 +384,7 @@ impl CpuEngine {
         model: &Model,
         scene: Option<&Scene>,
         view: &View,
-        settings: &Settings,
+        (settings, outputs): (&Settings, PictureOutputs),
     ) -> Result<FrameTimes, Error> {
         let [width, height] = self.renderer.size();
         for (what, value, limit) in [
@@ -413,8 +409,13 @@ impl CpuEngine {
             words: &mut self.words,
             pitch: width as usize,
         };
-        let model = FactedModel { model, facts };
+        let start = Instant::now();
+        let drawn = FactedModel { model, facts };
+        let plan = FramePlan::for_processor(settings, drawn, view, outputs)?;
         let area = &mut self.area;
-        Ok(self.renderer.draw(model, view, settings, pixels, area))
+        let mut times = self.renderer.draw(drawn, &plan, pixels, area);
+        times.starts.frame = Some(start);
+        times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(times)
     }
 }

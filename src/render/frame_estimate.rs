@@ -26,15 +26,6 @@ pub struct FrameEstimate {
     pub largest_by_compute_px: f32,
 }
 
-/// The time of cuts that were chosen ahead of their frame.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct CutAhead {
-    /// Milliseconds of all of them.
-    pub(crate) ms: f64,
-    /// At least one was chosen and not kept from before.
-    pub(crate) is_new: bool,
-}
-
 /// Counts what a frame of these settings draws of a cut.
 pub(crate) fn counts_of_cut(
     settings: &Settings,

@@ -1,9 +1,26 @@
-//! What is decided of a frame before it is drawn.
+//! The one place where it is decided how a frame is drawn: a plan is made once a frame, from settings, model, view and what
+//! the renderer can do, and everything after it obeys. No device is asked, and what cannot be drawn is refused here.
+//!
+//! One thing can only be decided once the cut is there, since it depends on how much that is: which passes draw it
+//! ([`PassSelection`](crate::render::cost::choose::PassSelection)).
 
+use crate::abi::FrameConstants;
+use crate::gpu::Error;
 use crate::math::camera::View;
-use crate::render::cut_key::{LARGEST_HIDDEN_PX, knows_footprints};
+use crate::pack::splats::Plan;
+use crate::pack::{ColorBy, filtered, fuzzy};
+use crate::render::capabilities::RendererCapabilities;
+use crate::render::compute_limits;
+use crate::render::compute_limits::may_use_compute;
+use crate::render::cost::choose;
+use crate::render::cost::model::Costs;
+use crate::render::cut_key::{CutKey, knows_footprints};
+use crate::render::frame_constants::{FrameContext, frame_constants};
+use crate::render::model_facts::{FactedModel, ModelFacts};
+use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
+use crate::render::supported::{check, device_cut_refusal, ids_refusal};
 use crate::render::technique::Technique;
-use crate::render::{Culling, Method, Occlusion, Settings};
+use crate::render::{Culling, CutOn, ListOf, Method, Occlusion, Path, PictureOutputs, Settings};
 use crate::tree::Model;
 
 /// Opaque squares and discs of a mesh at thresholds above a pixel, and up to this, are drawn as at a pixel. There the cut asks
@@ -39,15 +56,314 @@ pub fn resolve_settings(settings: &Settings, model: &Model, view: &View) -> Sett
     }
 }
 
-/// The settings of one frame that the processor draws, see [`resolve_settings`]. Splats of more than a pixel take it less time than to look
-/// for hidden ones.
-pub(crate) fn cpu_settings(settings: &Settings, model: &Model, view: &View) -> Settings {
-    let mut settings = resolve_settings(settings, model, view);
-    if settings.occlusion == Occlusion::Auto
-        && settings.threshold_px > LARGEST_HIDDEN_PX[2]
-        && Technique::of(&settings) == Technique::Opaque
-    {
-        settings.occlusion = Occlusion::Off;
-    }
-    settings
+/// A model with its facts, seen in a view, and the renderer that is to draw it.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PlanInput<'a> {
+    pub(crate) model: &'a Model,
+    /// Facts of this model.
+    pub(crate) facts: &'a ModelFacts,
+    pub(crate) view: &'a View,
+    pub(crate) outputs: PictureOutputs,
+    pub(crate) capabilities: &'a RendererCapabilities,
+    /// What the renderer's device charges, where that was measured.
+    pub(crate) costs: Option<&'a Costs>,
 }
+
+/// Who chooses what is drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum CutPlace {
+    /// Nobody: the whole model is drawn.
+    Nowhere,
+    /// The processor.
+    Host,
+    /// The device, which draws it without telling.
+    Device,
+}
+
+/// The records that the splats of a cut are written as.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum RecordFormat {
+    /// None.
+    Nothing,
+    /// [`Splat`](crate::abi::Splat).
+    Splats(Plan),
+    /// [`WeightedSplat`](crate::abi::WeightedSplat).
+    Weighted(Plan),
+    /// [`FuzzySplat`](crate::abi::FuzzySplat) where compute draws them, else [`WeightedSplat`](crate::abi::WeightedSplat).
+    Fuzzy(Plan, fuzzy::Look),
+    /// [`FilteredSplat`](crate::abi::FilteredSplat).
+    Filtered(filtered::Shade),
+}
+
+/// Which primitives a frame has, as far as that is known before its cut is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct PlannedPrimitives {
+    /// Triangles of the cut are drawn as such.
+    pub(crate) has_triangles: bool,
+    /// Splats may be larger than compute draws.
+    pub(crate) has_large_splats: bool,
+    /// Triangles that cover one pixel may become splats.
+    pub(crate) may_sample: bool,
+    /// Compute can read the vertices of triangles.
+    pub(crate) binds_vertices: bool,
+    /// Everything is gray.
+    pub(crate) is_gray: bool,
+    /// Vertices are drawn as quads: they are too large for points, or cheaper so.
+    pub(crate) are_quads: bool,
+}
+
+/// A frame, planned.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FramePlan {
+    /// [`ModelFacts::id`].
+    pub(crate) model: u64,
+    pub(crate) view: View,
+    /// As [`resolve_settings`] gives them.
+    pub(crate) settings: Settings,
+    pub(crate) technique: Technique,
+    /// What decides the cut, where there is one.
+    pub(crate) cut: CutKey,
+    pub(crate) cut_place: CutPlace,
+    pub(crate) primitives: PlannedPrimitives,
+    /// Compute may draw small primitives.
+    pub(crate) may_use_compute: bool,
+    /// Draw lists name splats and triangles by numbers.
+    pub(crate) uploads_ids: bool,
+    /// Largest point that is drawn, pixels.
+    pub(crate) max_point_px: f32,
+    /// Largest footprint of a splat, pixels; 0 without splats.
+    pub(crate) largest_px: f32,
+    pub(crate) context: FrameContext,
+    pub(crate) constants: FrameConstants,
+}
+
+/// What decides the draw lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same. Made of
+/// what cut and packing are told, and they are told nothing else but what follows from it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PackKey {
+    model: u64,
+    cut: CutKey,
+    view: View,
+    records: RecordFormat,
+    path: Path,
+    primitives: PlannedPrimitives,
+    may_use_compute: bool,
+    uploads_ids: bool,
+}
+
+impl RecordFormat {
+    /// Those of a technique, with points of at most `max_point_px` pixels.
+    fn of(settings: &Settings, model: &Model, max_point_px: f32, may_use_compute: bool) -> Self {
+        let plan = splat_plan(settings, max_point_px);
+        match Technique::of(settings) {
+            Technique::Opaque | Technique::Visibility => Self::Splats(plan),
+            Technique::Fuzzy if may_use_compute => Self::Fuzzy(plan, fuzzy_look(settings, model)),
+            Technique::Fuzzy => Self::Weighted(plan),
+            Technique::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
+            Technique::Nothing => Self::Nothing,
+        }
+    }
+}
+
+impl FramePlan {
+    /// Plans a frame.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] or [`Error::Limit`] with what cannot be drawn, why, and what to do.
+    pub(crate) fn new(settings: &Settings, input: &PlanInput<'_>) -> Result<Self, Error> {
+        let PlanInput {
+            model,
+            facts,
+            view,
+            outputs,
+            capabilities,
+            costs,
+        } = *input;
+        check(model, settings, outputs, capabilities.max_point_px)?;
+        let mut settings = resolve_settings(settings, model, view);
+        let technique = Technique::of(&settings);
+        let is_slow_to_hide = settings.threshold_px > capabilities.largest_hidden_px;
+        if settings.occlusion == Occlusion::Auto
+            && technique == Technique::Opaque
+            && is_slow_to_hide
+        {
+            settings.occlusion = Occlusion::Off;
+        }
+        let size = [view.width, view.height];
+        let may_use_compute = may_use_compute(&settings, outputs, size, capabilities)?;
+        let cut_place = cut_place(&settings, model, capabilities)?;
+        let uploads_ids =
+            cut_place != CutPlace::Device && uploads_ids(&settings, may_use_compute, capabilities)?;
+        let is_whole = settings.method == Method::Splats;
+        let has_own_sizes = is_whole || !model.kind().is_surface() || settings.holds_cut();
+        let is_by_compute =
+            cut_place == CutPlace::Host && technique == Technique::Opaque && may_use_compute;
+        let max_point_px = match is_by_compute {
+            true => compute_limits::largest_point_px(&settings),
+            false => capabilities.max_point_px,
+        };
+        let vertex_px = splat_plan(&settings, max_point_px).vertex_px(view);
+        let largest_px = match settings.method {
+            Method::Triangles => 0.0,
+            // Quads need no guard band; those that might be points have the same, so that both give the same picture.
+            Method::Points if vertex_px > max_point_px => 0.0,
+            Method::Points => vertex_px,
+            Method::Pop | Method::Splats => {
+                let usual = match technique {
+                    Technique::Filtered if has_own_sizes => max_point_px,
+                    Technique::Filtered => settings.threshold_px.max(3.0) + 2.0,
+                    _ => splat_plan(&settings, max_point_px).largest_point_px(model),
+                };
+                // Without a limit nothing is larger than the picture.
+                let side_px = view.width.max(view.height) as f32;
+                let limit_px = if max_point_px.is_finite() {
+                    max_point_px
+                } else {
+                    side_px
+                };
+                usual.min(limit_px)
+            }
+        };
+        let guard_px = match largest_px > 0.0 {
+            true => (largest_px.min(capabilities.largest_guarded_px) / 2.0).ceil() as u32 + 1,
+            false => 0,
+        };
+        let cheapest_px = match costs {
+            Some(costs) => choose::largest_point_px(costs, &settings, max_point_px),
+            None => max_point_px,
+        };
+        let is_shaded = settings.color_by == ColorBy::Shading;
+        let context = FrameContext::new(model, view, &settings, largest_px, guard_px);
+        Ok(Self {
+            model: facts.id(),
+            view: *view,
+            settings,
+            technique,
+            cut: CutKey::of(&settings, model, view),
+            cut_place,
+            primitives: PlannedPrimitives {
+                has_triangles: settings.method == Method::Pop,
+                has_large_splats: has_own_sizes,
+                may_sample: capabilities.is_software
+                    && !outputs.normal
+                    && technique == Technique::Opaque
+                    && settings.method == Method::Pop
+                    && is_shaded
+                    && !settings.holds_cut()
+                    && !uploads_ids,
+                binds_vertices: capabilities.binds_vertices,
+                is_gray: is_shaded && !(settings.use_colors && facts.has_colors()),
+                are_quads: settings.method == Method::Points && vertex_px > cheapest_px,
+            },
+            may_use_compute,
+            uploads_ids,
+            max_point_px,
+            largest_px,
+            context,
+            constants: frame_constants(view, &settings, &context),
+        })
+    }
+
+    /// Plans a frame for the processor's own renderer, which has one rasterizer, and lists that nobody uploads.
+    ///
+    /// # Errors
+    /// As [`FramePlan::new`].
+    pub(crate) fn for_processor(
+        settings: &Settings,
+        drawn: FactedModel<'_>,
+        view: &View,
+        outputs: PictureOutputs,
+    ) -> Result<Self, Error> {
+        let settings = Settings {
+            path: Path::Auto,
+            list_of: ListOf::Records,
+            ..*settings
+        };
+        let input = PlanInput {
+            model: drawn.model,
+            facts: drawn.facts,
+            view,
+            outputs,
+            capabilities: &RendererCapabilities::PROCESSOR,
+            costs: None,
+        };
+        Self::new(&settings, &input)
+    }
+
+    /// The records of its splats, where points have at most `max_point_px` pixels.
+    pub(crate) fn records(&self, model: &Model, max_point_px: f32) -> RecordFormat {
+        RecordFormat::of(&self.settings, model, max_point_px, self.may_use_compute)
+    }
+
+    /// What decides its draw lists.
+    pub(crate) fn pack_key(&self, model: &Model) -> PackKey {
+        PackKey {
+            model: self.model,
+            cut: self.cut,
+            view: self.view,
+            records: self.records(model, self.max_point_px),
+            path: self.settings.path,
+            primitives: self.primitives,
+            may_use_compute: self.may_use_compute,
+            uploads_ids: self.uploads_ids,
+        }
+    }
+
+    /// Whether it has to be known what of the model has no area: that takes a look at all of it, once.
+    pub(crate) fn needs_undrawn(&self) -> bool {
+        self.cut_place != CutPlace::Nowhere && (self.cut.needs_undrawn() || self.uploads_ids)
+    }
+}
+
+/// Decides who chooses the cut.
+///
+/// # Errors
+/// When the device is asked for and cannot.
+fn cut_place(
+    settings: &Settings,
+    model: &Model,
+    capabilities: &RendererCapabilities,
+) -> Result<CutPlace, Error> {
+    let usual = match settings.has_cut() {
+        true => CutPlace::Host,
+        false => CutPlace::Nowhere,
+    };
+    let plan = splat_plan(settings, capabilities.max_point_px);
+    match (settings.cut_on, device_cut_refusal(settings, model, &plan)) {
+        (CutOn::Host, _) | (CutOn::Auto, Some(_)) => Ok(usual),
+        (CutOn::Device, Some(why)) => Err(Error::Unsupported {
+            what: "the cut on the device",
+            why: why.into(),
+        }),
+        (CutOn::Auto, None) if !(capabilities.cuts_sooner && capabilities.fits_device_cut) => {
+            Ok(usual)
+        }
+        (CutOn::Auto | CutOn::Device, None) => Ok(CutPlace::Device),
+    }
+}
+
+/// Decides whether draw lists hold numbers.
+///
+/// # Errors
+/// When they are asked to and cannot.
+fn uploads_ids(
+    settings: &Settings,
+    may_use_compute: bool,
+    capabilities: &RendererCapabilities,
+) -> Result<bool, Error> {
+    let plan = splat_plan(settings, capabilities.max_point_px);
+    let refusal = ids_refusal(settings, &plan, may_use_compute);
+    match (settings.list_of, refusal) {
+        (ListOf::Records, _) | (ListOf::Auto, Some(_)) => Ok(false),
+        (ListOf::Ids, Some(why)) => Err(Error::Unsupported {
+            what: "draw lists of numbers",
+            why: why.into(),
+        }),
+        // What a software device calls its own is the host's memory: the tree would be there twice.
+        (ListOf::Auto, None) => Ok(!capabilities.is_software && capabilities.fits_tree),
+        (ListOf::Ids, None) => Ok(true),
+    }
+}
+
+#[cfg(test)]
+mod tests;

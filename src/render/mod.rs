@@ -2,12 +2,14 @@
 //! mirror on the CPU that tests compare it with.
 
 pub(crate) mod backend_choice;
+pub(crate) mod capabilities;
 pub(crate) mod compute_limits;
 pub mod cost;
 pub mod cpu;
 pub mod cut_key;
 pub mod engine;
 pub(crate) mod frame_constants;
+#[cfg(feature = "viewer")]
 pub mod frame_estimate;
 pub mod frame_plan;
 pub mod model_facts;

@@ -16,6 +16,15 @@ pub struct ModelFacts {
     undrawn: OnceLock<Undrawn>,
 }
 
+/// A model to be drawn, with the facts that were found of it.
+#[derive(Debug, Clone, Copy)]
+pub struct FactedModel<'a> {
+    /// The model.
+    pub model: &'a Model,
+    /// Facts of this model.
+    pub facts: &'a ModelFacts,
+}
+
 impl ModelFacts {
     /// Looks at the vertices of a model.
     pub fn of(model: &Model) -> Self {

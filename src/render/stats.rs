@@ -125,6 +125,15 @@ pub enum Kept {
     Lists,
 }
 
+/// The time of cuts that were chosen ahead of their frame.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct CutAhead {
+    /// Milliseconds of all of them.
+    pub(crate) ms: f64,
+    /// At least one was chosen and not kept from before.
+    pub(crate) is_new: bool,
+}
+
 /// A stage of a frame on the CPU. Stages follow each other in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Stage {

@@ -1,7 +1,10 @@
 //! What settings ask for in vain, refused by name.
 
+use crate::cut::SizeMetric;
 use crate::gpu::Error;
-use crate::pack::ColorBy;
+use crate::pack::splats::Plan;
+use crate::pack::{ColorBy, Footprint, ids};
+use crate::render::technique::Technique;
 use crate::render::{Blend, Method, Path, PictureOutputs, Settings, Shading, SplatKind};
 use crate::tree::Model;
 
@@ -137,4 +140,52 @@ fn check_filtered(
         what: "filtered splats",
         why: why.into(),
     })
+}
+
+/// Why a frame cannot have its cut chosen on the device; `None` where it can.
+pub(crate) fn device_cut_refusal(
+    settings: &Settings,
+    model: &Model,
+    plan: &Plan,
+) -> Option<&'static str> {
+    if settings.method != Method::Pop || Technique::of(settings) != Technique::Opaque {
+        Some("it knows opaque squares and discs of --method pop")
+    } else if settings.footprint() == Footprint::Oriented || settings.size != SizeMetric::Exact {
+        Some("it knows squares and discs of one size, by --metric exact")
+    } else if settings.path == Path::Compute {
+        Some("the rasterizer draws what it chose; leave --path compute out")
+    } else if settings.threshold_px < 1.0 {
+        Some("it knows no splats below a pixel; use a threshold of at least 1")
+    } else if settings.holds_cut() {
+        Some("the cut is held")
+    } else if settings.color_by == ColorBy::Overdraw {
+        Some("overdraw is counted of the host's lists; use another --color-by")
+    } else if settings.color_by == ColorBy::Level {
+        Some("it does not tell levels of the tree; use another --color-by")
+    } else if !model.kind().is_surface() {
+        Some("the model has no triangles")
+    } else if !plan.fits_always(model) {
+        Some("the device has no points of this size")
+    } else {
+        None
+    }
+}
+
+/// Why the draw lists of a frame cannot name splats and triangles by numbers; `None` where they can. `may_use_compute`:
+/// compute may draw.
+pub(crate) fn ids_refusal(
+    settings: &Settings,
+    plan: &Plan,
+    may_use_compute: bool,
+) -> Option<&'static str> {
+    match Technique::of(settings) {
+        _ if !settings.has_cut() => Some("methods without a cut have no lists"),
+        Technique::Nothing | Technique::Filtered => {
+            Some("filtered splats depend on the view, and the host makes them")
+        }
+        Technique::Fuzzy if may_use_compute => {
+            Some("what compute draws of fuzzy splats the host makes; use --path raster")
+        }
+        _ => ids::why_not(plan),
+    }
 }

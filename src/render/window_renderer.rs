@@ -9,11 +9,12 @@ use crate::math::camera::View;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::Costs;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::renderer::{CpuRenderer, FactedModel};
+use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::frame_estimate::FrameEstimate;
+use crate::render::frame_plan::FramePlan;
+use crate::render::model_facts::FactedModel;
 use crate::render::probe_area::ProbeArea;
 use crate::render::stats::{FrameTimes, Kept};
-use crate::render::supported::check;
 use crate::render::vulkan::renderer::present::Show;
 use crate::render::vulkan::renderer::{Renderer, Submitted};
 use crate::render::vulkan::scene::Scene;
@@ -169,7 +170,14 @@ impl WindowRenderer {
     ) -> FrameEstimate {
         let ShownModel { model, scene } = shown;
         match (self.is_by_cpu(settings), &mut self.cpu) {
-            (Ok(true), Some(cpu)) => cpu.renderer.predict(facted(model, scene), view, settings),
+            (Ok(true), Some(cpu)) => {
+                let drawn = facted(model, scene);
+                match FramePlan::for_processor(settings, drawn, view, WINDOW_OUTPUTS) {
+                    Ok(plan) => cpu.renderer.predict(drawn, &plan),
+                    // The frame will say why.
+                    Err(_) => FrameEstimate::default(),
+                }
+            }
             _ => self.device.predict(model, scene, view, settings),
         }
     }
@@ -198,8 +206,6 @@ impl WindowRenderer {
         self.is_of_cpu = self.is_by_cpu(settings)?;
         match &mut self.cpu {
             Some(cpu) if self.is_of_cpu => {
-                let max_point_px = self.gpu.info().max_point_size_px;
-                check(model, settings, WINDOW_OUTPUTS, max_point_px)?;
                 let start = Instant::now();
                 let times = cpu.draw(&self.device, facted(model, scene), view, settings)?;
                 submit_picture(&mut self.device, cpu, times, start, show)
@@ -338,7 +344,7 @@ impl CpuFrames {
     /// Draws a frame into the next picture, once no submission reads that.
     ///
     /// # Errors
-    /// When the device is lost.
+    /// As [`FramePlan::new`]; when the device is lost.
     fn draw(
         &mut self,
         device: &Renderer,
@@ -351,9 +357,10 @@ impl CpuFrames {
         if let Some(reader) = picture.reader.take() {
             device.wait_for(reader)?;
         }
+        let plan = FramePlan::for_processor(settings, drawn, view, WINDOW_OUTPUTS)?;
         let (words, pitch) = picture.image.words_mut();
         let pixels = PixelWords { words, pitch };
-        let times = (self.renderer).draw(drawn, view, settings, pixels, &mut picture.area);
+        let times = (self.renderer).draw(drawn, &plan, pixels, &mut picture.area);
         // Else the last picture is the same.
         if times.kept != Kept::Lists {
             picture.image.flush();

@@ -5,6 +5,8 @@ pub(crate) mod clip;
 pub mod filtered;
 pub mod opaque;
 pub mod picture;
+#[cfg(feature = "viewer")]
+pub(crate) mod predict;
 pub mod renderer;
 pub mod small_triangles;
 pub mod supported;

@@ -17,35 +17,21 @@ use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Rest;
 use crate::render::cpu::triangles::{Light, Triangles};
 use crate::render::cut_key::CutKey;
-use crate::render::frame_constants::{FrameContext, frame_constants};
-use crate::render::frame_estimate::{CutAhead, FrameEstimate, counts_of_cut};
-use crate::render::frame_plan::cpu_settings;
-use crate::render::model_facts::ModelFacts;
+use crate::render::frame_constants::FrameContext;
+use crate::render::frame_plan::FramePlan;
+use crate::render::model_facts::FactedModel;
 use crate::render::pack_params::{filtered_shade, splat_plan};
 use crate::render::screen_bounds;
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
-use crate::render::stats::{Kept, Stage};
+use crate::render::stats::{CutAhead, Kept, Stage};
 use crate::render::technique::Technique;
 use crate::render::{Method, Settings, SplatKind};
-use crate::tree::Model;
 use bytemuck::Zeroable;
 use std::time::Instant;
 
-/// Splats of more pixels have no wider guard band.
-const LARGEST_GUARDED_PX: f32 = 254.0;
-
 /// Binary places of a pixel to which corners are snapped.
 const SUBPIXEL_BITS: u32 = 8;
-
-/// A model to be drawn, with the facts that were found of it.
-#[derive(Debug, Clone, Copy)]
-pub struct FactedModel<'a> {
-    /// The model.
-    pub model: &'a Model,
-    /// Facts of this model.
-    pub facts: &'a ModelFacts,
-}
 
 /// What decides a frame; equal ones are the same picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -61,7 +47,7 @@ struct CpuFrameKey {
 pub struct CpuRenderer {
     size: [u32; 2],
     selector: Selector,
-    cut: Cut,
+    pub(super) cut: Cut,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
     chosen: Option<(u64, CutKey)>,
     /// What the last frame was of, where it may be kept.
@@ -69,7 +55,7 @@ pub struct CpuRenderer {
     keeps_frames: bool,
     last_times: FrameTimes,
     /// The cut that was chosen for the next frame before it is drawn; none: not yet.
-    ahead: Option<CutAhead>,
+    pub(super) ahead: Option<CutAhead>,
     visited: u64,
     splats: Vec<Splat>,
     rest: Rest,
@@ -142,24 +128,22 @@ impl CpuRenderer {
         self.visited
     }
 
-    /// Draws a frame. The pixels are those that the last frame was drawn into, and `area` is of them.
+    /// Draws a frame that [`FramePlan::for_processor`] planned. The pixels are those that the last frame was drawn into, and `area` is of them.
     ///
     /// # Panics
     /// When the pixels are fewer than the picture has.
-    pub fn draw(
+    pub(crate) fn draw(
         &mut self,
         drawn: FactedModel<'_>,
-        view: &View,
-        settings: &Settings,
+        plan: &FramePlan,
         mut pixels: PixelWords<'_>,
         area: &mut DrawnArea,
     ) -> FrameTimes {
         let start = Instant::now();
-        let FactedModel { model, facts } = drawn;
-        let settings = &cpu_settings(settings, model, view);
+        let (settings, context) = (&plan.settings, &plan.context);
         let key = CpuFrameKey {
-            model: facts.id(),
-            view: *view,
+            model: plan.model,
+            view: plan.view,
             settings: *settings,
         };
         if self.keeps_frames && self.drawn == Some(key) {
@@ -174,7 +158,7 @@ impl CpuRenderer {
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
         let cutting = Stage::Cut.begin();
-        let is_kept = settings.has_cut() && !self.choose_cut(drawn, settings, view);
+        let is_kept = settings.has_cut() && !self.choose_cut(drawn, plan);
         let ahead = self.ahead.take().unwrap_or_default();
         if is_kept && !ahead.is_new {
             times.kept = Kept::Cut;
@@ -182,21 +166,19 @@ impl CpuRenderer {
         cutting.end(&mut times);
         times.cut_ms += ahead.ms;
         let packing = Stage::Pack.begin();
-        let context = self.context(model, view, settings);
-        let constants = frame_constants(view, settings, &context);
         self.rect_px = context.rect_px;
         let rect_pixels = screen_bounds::pixels(context.rect_px) as usize;
         self.depths.resize(rect_pixels.max(self.depths.len()), 0.0);
-        let light = opaque::Light::new(&constants);
+        let light = opaque::Light::new(&plan.constants);
         area.begin(&mut pixels, self.size, context.rect_px, light.background());
         let frame = CpuFrame {
             drawn,
-            view,
+            view: &plan.view,
             settings,
-            context: &context,
-            constants: &constants,
+            context,
+            constants: &plan.constants,
         };
-        let counts = match Technique::of(settings) {
+        let counts = match plan.technique {
             Technique::Filtered => self.draw_filtered(&frame, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
@@ -219,45 +201,10 @@ impl CpuRenderer {
         times
     }
 
-    /// Counts what a frame of these settings would draw, without drawing it: its cut is chosen, and used by the next frame
-    /// if that has the same view and settings. The time is booked as that frame's. Nothing without a cut.
-    pub fn predict(
-        &mut self,
-        drawn: FactedModel<'_>,
-        view: &View,
-        settings: &Settings,
-    ) -> FrameEstimate {
-        if !settings.has_cut() {
-            return FrameEstimate::default();
-        }
-        let start = Instant::now();
-        let FactedModel { model, .. } = drawn;
-        let settings = &cpu_settings(settings, model, view);
-        let is_new = self.choose_cut(drawn, settings, view);
-        let counts = counts_of_cut(settings, model, view, &self.cut);
-        let ahead = self.ahead.get_or_insert_default();
-        ahead.ms += elapsed_ms(start);
-        ahead.is_new |= is_new;
-        let rect_px = screen_bounds::rect_px(model, view, settings.threshold_px + 3.0);
-        FrameEstimate {
-            counts,
-            pixels: screen_bounds::pixels(rect_px),
-            is_blended: Technique::of(settings) == Technique::Filtered,
-            by_compute: true,
-            is_free: false,
-            largest_by_compute_px: f32::INFINITY,
-        }
-    }
-
-    /// Forgets the cut that was chosen for a frame that is not drawn; to be called when the model changes.
-    pub fn forget_prediction(&mut self) {
-        self.ahead = None;
-    }
-
     /// Chooses the cut, unless it is there; tells whether it was chosen.
-    fn choose_cut(&mut self, drawn: FactedModel<'_>, settings: &Settings, view: &View) -> bool {
+    pub(super) fn choose_cut(&mut self, drawn: FactedModel<'_>, plan: &FramePlan) -> bool {
         let FactedModel { model, facts } = drawn;
-        let chosen = (facts.id(), CutKey::of(settings, model, view));
+        let chosen = (plan.model, plan.cut);
         let may_stay = self.keeps_frames || self.ahead.is_some();
         if may_stay && self.chosen == Some(chosen) {
             return false;
@@ -267,19 +214,6 @@ impl CpuRenderer {
         self.visited += self.cut.stats.visited;
         self.chosen = Some(chosen);
         true
-    }
-
-    fn context(&self, model: &Model, view: &View, settings: &Settings) -> FrameContext {
-        let largest_px = match Technique::of(settings) {
-            Technique::Nothing => 0.0,
-            _ => largest_splat_px(model, view, settings),
-        };
-        // The guard band of a device, so that positions are rounded as there.
-        let guard_px = match largest_px > 0.0 {
-            true => (largest_px.min(LARGEST_GUARDED_PX) / 2.0).ceil() as u32 + 1,
-            false => 0,
-        };
-        FrameContext::new(model, view, settings, largest_px, guard_px)
     }
 
     /// Triangles, then squares or discs and triangles of a few pixels.
@@ -556,17 +490,6 @@ impl CpuFrame<'_> {
     }
 }
 
-/// How large splats of a frame may be, pixels; infinite where they have sizes of their own.
-fn largest_splat_px(model: &Model, view: &View, settings: &Settings) -> f32 {
-    let have_own =
-        settings.method == Method::Splats || settings.holds_cut() || model.triangles.is_empty();
-    match Technique::of(settings) {
-        _ if have_own => view.width.max(view.height) as f32,
-        Technique::Filtered => settings.threshold_px.max(3.0) + 2.0,
-        _ => splat_plan(settings, f32::INFINITY).largest_point_px(model),
-    }
-}
-
-fn elapsed_ms(since: Instant) -> f64 {
+pub(super) fn elapsed_ms(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
 }

@@ -11,46 +11,20 @@
 //! and lists are in no order: of two equal depths another may win.
 
 use crate::abi::{CutConstants, CutCounters, Splat, shaders};
-use crate::cut::{self, SizeMetric};
+use crate::cut;
 use crate::gpu::bind::Slice;
 use crate::gpu::buffer::{Buffer, Readback, Usage};
 use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
-use crate::pack::{ColorBy, Footprint};
-use crate::render::technique::Technique;
 use crate::render::vulkan::device_tree;
 use crate::render::vulkan::device_tree::DeviceTree;
 use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::{Method, Path, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
-
-/// Why a frame cannot have its cut chosen on the device; `None` where it can.
-pub(crate) fn why_not(settings: &Settings, model: &Model) -> Option<&'static str> {
-    if settings.method != Method::Pop || Technique::of(settings) != Technique::Opaque {
-        Some("it knows opaque squares and discs of --method pop")
-    } else if settings.footprint() == Footprint::Oriented || settings.size != SizeMetric::Exact {
-        Some("it knows squares and discs of one size, by --metric exact")
-    } else if settings.path == Path::Compute {
-        Some("the rasterizer draws what it chose; leave --path compute out")
-    } else if settings.threshold_px < 1.0 {
-        Some("it knows no splats below a pixel; use a threshold of at least 1")
-    } else if settings.holds_cut() {
-        Some("the cut is held")
-    } else if settings.color_by == ColorBy::Overdraw {
-        Some("overdraw is counted of the host's lists; use another --color-by")
-    } else if settings.color_by == ColorBy::Level {
-        Some("it does not tell levels of the tree; use another --color-by")
-    } else if !model.kind().is_surface() {
-        Some("the model has no triangles")
-    } else {
-        None
-    }
-}
 
 /// The lists of a cut of a scene's tree.
 #[derive(Debug)]
@@ -288,8 +262,10 @@ mod tests {
     use crate::math::camera::View;
     use crate::pack::splats;
     use crate::progress::Silent;
+    use crate::render::Settings;
     use crate::render::cut_key::cut_settings;
     use crate::render::pack_params::splat_plan;
+    use crate::render::supported::device_cut_refusal;
     use crate::render::{Culling, CutOn};
     use crate::tree::{self, BuildOptions};
 
@@ -403,7 +379,8 @@ mod tests {
                         cut_on: CutOn::Device,
                         ..Settings::default()
                     };
-                    assert_eq!(why_not(&settings, &model), None);
+                    let plan = splat_plan(&settings, 255.0);
+                    assert_eq!(device_cut_refusal(&settings, &model, &plan), None);
                     let what = format!(
                         "{shape:?} {triangles}, view {index}, {threshold_px} px, {culling:?}"
                     );

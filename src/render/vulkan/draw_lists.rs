@@ -7,22 +7,19 @@ use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
 use crate::cut::{Cut, Stats};
 use crate::gpu::buffer::{AnyBuffer, Upload};
 use crate::gpu::{Error, Gpu};
-use crate::math::camera::View;
-use crate::pack::ColorBy;
 use crate::pack::splats;
 use crate::pack::splats::Packed;
 use crate::pack::{filtered, fuzzy, ids};
-use crate::render::cost::choose::ComputeShare;
+use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
+use crate::render::cost::choose::PassSelection;
 use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Screen;
-use crate::render::cut_key::CutKey;
-use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
-use crate::render::technique::Technique;
+use crate::render::frame_plan::{FramePlan, PackKey, RecordFormat};
+use crate::render::stats::FrameCounts;
 use crate::render::vulkan::expand_ids;
 use crate::render::vulkan::expand_ids::Whole;
 use crate::render::vulkan::opaque::triangle_runs::Run;
 use crate::render::vulkan::scene::Scene;
-use crate::render::{Method, Path, Settings};
 use crate::tree::Model;
 use prefetch_index::prefetch_index;
 use std::sync::Arc;
@@ -48,7 +45,7 @@ pub(super) struct Lists {
 /// What the lists of a slot hold.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Held {
-    key: Key,
+    key: PackKey,
     pub(super) packed: Packed,
     /// How many of them are triangles that cover one pixel.
     pub(super) samples: usize,
@@ -60,7 +57,7 @@ pub(super) struct Held {
     /// Of all triangles.
     pub(super) index_bytes: u64,
     pub(super) triangles: usize,
-    pub(super) ways: Ways,
+    pub(super) selection: PassSelection,
     /// What was packed are numbers, of which the device makes what is drawn.
     pub(super) are_ids: bool,
     /// It has.
@@ -69,117 +66,17 @@ pub(super) struct Held {
     pub(super) stats: Stats,
 }
 
-/// What draws the primitives of a frame.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Ways {
-    /// Triangles that are small on screen have a list of their own, for compute.
-    pub(super) takes_triangles: bool,
-    /// Compute draws opaque splats.
-    pub(super) is_small: bool,
-    /// What it draws of blended ones, where that is known before they are packed.
-    pub(super) share: Option<ComputeShare>,
-}
-
-impl Ways {
-    /// Whether the rasterizer may draw all splats.
-    pub(super) fn is_rastered(&self) -> bool {
-        !self.is_small
-            && self
-                .share
-                .is_none_or(|share| share == ComputeShare::Nothing)
-    }
-}
-
-/// What decides the lists of a frame: equal ones give the same bytes, as long as the renderer's costs are the same. Made of
-/// what cut and packing are told, and they are told nothing else but what follows from it.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Key {
-    /// [`Scene::id`], and so the model.
-    scene: u64,
-    pub(super) choice: CutKey,
-    view: View,
-    packing: Packing,
-    path: Path,
-    /// Compute may draw.
-    is_wanted: bool,
-    /// Triangles of the cut are drawn as such.
-    has_triangles: bool,
-    /// Those that cover one pixel may become splats.
-    may_sample: bool,
-    /// Splats and triangles are named by their numbers, if the lists can be bound.
-    by_id: bool,
-}
-
-/// How the splats of a cut are written.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Packing {
-    /// Not at all.
-    Nothing,
-    /// As [`Splat`].
-    Splats(splats::Plan),
-    /// As [`WeightedSplat`].
-    Weighted(splats::Plan),
-    /// As [`FuzzySplat`] where compute draws them, else as [`WeightedSplat`].
-    Fuzzy(splats::Plan, fuzzy::Look),
-    /// As [`FilteredSplat`].
-    Filtered(filtered::Shade),
-}
-
-impl Packing {
-    /// With points of at most `max_point_px` pixels; `is_wanted`: compute may draw.
-    pub(super) fn of(
-        settings: &Settings,
-        model: &Model,
-        (max_point_px, is_wanted): (f32, bool),
-    ) -> Self {
-        match Technique::of(settings) {
-            Technique::Opaque | Technique::Visibility => {
-                Self::Splats(splat_plan(settings, max_point_px))
-            }
-            Technique::Fuzzy if is_wanted => Self::Fuzzy(
-                splat_plan(settings, max_point_px),
-                fuzzy_look(settings, model),
-            ),
-            Technique::Fuzzy => Self::Weighted(splat_plan(settings, max_point_px)),
-            Technique::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
-            Technique::Nothing => Self::Nothing,
-        }
-    }
-}
-
-impl Key {
-    /// That of a frame whose points have at most `max_point_px` pixels, drawn by compute if it `is_wanted`, on a device that
-    /// `samples` triangles of one pixel, where lists may be `by_id`; of settings that [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
-    pub(super) fn of(
-        settings: &Settings,
-        model: &Model,
-        scene: &Scene,
-        view: &View,
-        (max_point_px, is_wanted, samples): (f32, bool, bool),
-        by_id: bool,
-    ) -> Self {
-        Self {
-            scene: scene.id(),
-            choice: CutKey::of(settings, model, view),
-            view: *view,
-            packing: Packing::of(settings, model, (max_point_px, is_wanted)),
-            path: settings.path,
-            is_wanted,
-            has_triangles: settings.method != Method::Splats,
-            may_sample: samples
-                && Technique::of(settings) == Technique::Opaque
-                && settings.method == Method::Pop
-                && settings.color_by == ColorBy::Shading
-                && !settings.holds_cut()
-                && !by_id,
-            by_id,
-        }
-    }
-
-    /// What its cut is of, to be compared with others.
-    pub(super) fn cut(&self) -> (u64, CutKey) {
-        (self.scene, self.choice)
-    }
+/// What is packed: a planned frame, whose cut is there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct PackInput<'a> {
+    pub(super) plan: &'a FramePlan,
+    pub(super) model: &'a Model,
+    pub(super) scene: &'a Scene,
+    /// Of this plan.
+    pub(super) key: PackKey,
+    /// What splats are written as.
+    pub(super) records: RecordFormat,
+    pub(super) selection: PassSelection,
 }
 
 impl Lists {
@@ -201,7 +98,7 @@ impl Lists {
     }
 
     /// Whether they are those of `key`.
-    pub(super) fn hold(&self, key: &Key) -> bool {
+    pub(super) fn hold(&self, key: &PackKey) -> bool {
         self.held.as_ref().is_some_and(|held| held.key == *key)
     }
 
@@ -213,97 +110,35 @@ impl Lists {
     pub(super) fn pack(
         &mut self,
         gpu: &Arc<Gpu>,
-        (model, scene): (&Model, &Scene),
+        input: &PackInput<'_>,
         cut: &mut Cut,
-        (key, packing): (Key, Packing),
-        (ways, screen): (Ways, &Screen),
     ) -> Result<(), Error> {
         self.held = None;
-        let view = &key.view;
-        let mut samples = None;
-        let by_compute = ways
-            .share
-            .is_some_and(|share| share != ComputeShare::Nothing);
-        let mut placed = None;
-        // Small triangles are the device's, and the keys with them, unless they become samples.
-        let may_sample = key.may_sample && ways.takes_triangles && ways.is_small;
-        let are_ids = self.are_ids(gpu, key.by_id, &packing, cut)?;
-        let (packed, capacity, record_bytes) = match &packing {
-            Packing::Splats(plan) | Packing::Weighted(plan) if are_ids => {
-                let count = splats::count(cut, plan);
-                let out = records::<SplatId>(gpu, &mut self.splats, count)?;
-                let packed = ids::pack(model, scene.undrawn(model), (cut, view, plan), out);
-                (packed, count, size_of::<SplatId>())
-            }
-            Packing::Splats(plan) => {
-                let may_sample = may_sample && plan.has_one_size(model);
-                let room = match may_sample {
-                    true => small_triangles::room(cut.triangles.len(), screen),
-                    false => 0,
-                };
-                let count = splats::count(cut, plan);
-                let out = records::<Splat>(gpu, &mut self.splats, count + room)?;
-                let mut packed = splats::pack(model, cut, view, plan, &mut out[..count]);
-                if may_sample {
-                    // None is too large for a point: all have one size.
-                    let out = &mut out[packed.points..];
-                    let found =
-                        small_triangles::pack(model, &cut.triangles, screen, &mut self.rest, out);
-                    packed.points += found;
-                    self.rest_ids.clear();
-                    self.rest_ids.extend(self.rest.iter().flatten());
-                    samples = Some(found);
-                }
-                // Quads end where splats without gaps would.
-                let capacity = count.max(packed.points);
-                (packed, capacity, size_of::<Splat>())
-            }
-            Packing::Fuzzy(plan, look) if by_compute => {
-                let count = splats::count(cut, plan);
-                let out = records::<FuzzySplat>(gpu, &mut self.splats, count)?;
-                placed = Some(fuzzy::pack(model, cut, view, (plan, look), out));
-                (Packed::default(), count, size_of::<FuzzySplat>())
-            }
-            Packing::Weighted(plan) | Packing::Fuzzy(plan, _) => {
-                let count = splats::count(cut, plan);
-                let out = records::<WeightedSplat>(gpu, &mut self.splats, count)?;
-                let packed = splats::pack(model, cut, view, plan, out);
-                (packed, count, size_of::<WeightedSplat>())
-            }
-            Packing::Filtered(shade) => {
-                let large = filtered::take_triangles(model, view, shade, cut);
-                let most = filtered::splat_count(cut, large);
-                let out = records(gpu, &mut self.splats, most)?;
-                let splats = filtered::write(model, cut, large, view, *shade, out);
-                let count = splats.count();
-                splats.close_gaps(whole_records(self.splats.bytes_mut()));
-                let packed = Packed {
-                    points: count,
-                    quads: 0,
-                };
-                (packed, count, size_of::<FilteredSplat>())
-            }
-            Packing::Nothing => (Packed::default(), 0, 0),
-        };
+        let PackInput {
+            plan,
+            model,
+            scene,
+            key,
+            selection,
+            ..
+        } = *input;
+        let are_ids = self.are_ids(gpu, input, cut)?;
+        let written = self.pack_splats(gpu, input, cut, are_ids)?;
+        let primitives = plan.primitives;
         // Of those that are left after samples most are large.
-        let has_small = ways.takes_triangles && samples.is_none();
-        let is_small = has_small.then(|| {
-            triangles::are_small_on_screen(
-                model,
-                view,
-                crate::render::compute_limits::LARGEST_TRIANGLE_PX,
-            )
-        });
+        let has_small = selection.takes_triangles && written.samples.is_none();
+        let is_small = has_small
+            .then(|| triangles::are_small_on_screen(model, &plan.view, LARGEST_TRIANGLE_PX));
         let rest = std::mem::take(&mut self.rest_ids);
-        let triangles: &[u32] = match samples {
+        let triangles: &[u32] = match written.samples {
             Some(_) => &rest,
-            None if key.has_triangles => &cut.triangles,
+            None if primitives.has_triangles => &cut.triangles,
             None => &[],
         };
         let triangle_bytes = if are_ids { 4 } else { 12 };
         let index_bytes = triangle_bytes * triangles.len() as u64;
         reserve(gpu, &mut self.indices, index_bytes)?;
-        if ways.takes_triangles {
+        if selection.takes_triangles {
             reserve(gpu, &mut self.small, index_bytes)?;
         }
         let lists = (&mut *self, is_small);
@@ -316,18 +151,17 @@ impl Lists {
         }
         self.rest_ids = rest;
         self.held = Some(Held {
-            packed,
-            samples: samples.unwrap_or(0),
-            placed,
-            capacity,
-            splat_bytes: (capacity * record_bytes) as u64,
+            packed: written.packed,
+            samples: written.samples.unwrap_or(0),
+            placed: written.placed,
+            capacity: written.capacity,
+            splat_bytes: (written.capacity * written.record_bytes) as u64,
             index_bytes,
-            triangles: if key.has_triangles {
-                cut.triangles.len()
-            } else {
-                0
+            triangles: match primitives.has_triangles {
+                true => cut.triangles.len(),
+                false => 0,
             },
-            ways,
+            selection,
             are_ids,
             is_made: false,
             stats: cut.stats,
@@ -336,24 +170,91 @@ impl Lists {
         Ok(())
     }
 
-    /// Whether a cut is to be named by numbers, if it `may` be; makes room for what the device makes of them. Longer lists than
+    /// Writes the splats of a cut.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn pack_splats(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        input: &PackInput<'_>,
+        cut: &mut Cut,
+        are_ids: bool,
+    ) -> Result<WrittenSplats, Error> {
+        let PackInput {
+            plan: frame,
+            model,
+            scene,
+            selection,
+            ..
+        } = *input;
+        let view = &frame.view;
+        let buffer = &mut self.splats;
+        let mut written = WrittenSplats::default();
+        match &input.records {
+            RecordFormat::Nothing => {}
+            RecordFormat::Splats(plan) | RecordFormat::Weighted(plan) if are_ids => {
+                let out = written.room::<SplatId>(gpu, buffer, splats::count(cut, plan))?;
+                let packed = ids::pack(model, scene.undrawn(model), (cut, view, plan), out);
+                written.packed = packed;
+            }
+            RecordFormat::Splats(plan) => {
+                let takes_all = selection.takes_triangles && selection.has_splats_by_compute;
+                let may_sample = frame.primitives.may_sample && takes_all;
+                let screen = (may_sample && plan.has_one_size(model)).then(|| corner_screen(frame));
+                let room = screen.as_ref().map_or(0, |screen| {
+                    small_triangles::room(cut.triangles.len(), screen)
+                });
+                let count = splats::count(cut, plan);
+                let out = written.room::<Splat>(gpu, buffer, count + room)?;
+                let mut packed = splats::pack(model, cut, view, plan, &mut out[..count]);
+                if let Some(screen) = &screen {
+                    // None is too large for a point: all have one size.
+                    let out = &mut out[packed.points..];
+                    let rest = &mut self.rest;
+                    let found = small_triangles::pack(model, &cut.triangles, screen, rest, out);
+                    packed.points += found;
+                    self.rest_ids.clear();
+                    self.rest_ids.extend(self.rest.iter().flatten());
+                    written.samples = Some(found);
+                }
+                // Quads end where splats without gaps would.
+                written.capacity = count.max(packed.points);
+                written.packed = packed;
+            }
+            RecordFormat::Fuzzy(plan, look) if selection.has_blended_by_compute() => {
+                let out = written.room::<FuzzySplat>(gpu, buffer, splats::count(cut, plan))?;
+                written.placed = Some(fuzzy::pack(model, cut, view, (plan, look), out));
+            }
+            RecordFormat::Weighted(plan) | RecordFormat::Fuzzy(plan, _) => {
+                let out = written.room::<WeightedSplat>(gpu, buffer, splats::count(cut, plan))?;
+                written.packed = splats::pack(model, cut, view, plan, out);
+            }
+            RecordFormat::Filtered(shade) => {
+                let large = filtered::take_triangles(model, view, shade, cut);
+                let most = filtered::splat_count(cut, large);
+                let out = written.room::<FilteredSplat>(gpu, buffer, most)?;
+                let found = filtered::write(model, cut, large, view, *shade, out);
+                found.close_gaps(out);
+                written.capacity = found.count();
+                written.packed.points = found.count();
+            }
+        }
+        Ok(written)
+    }
+
+    /// Tells whether a cut is to be named by numbers, if the plan says so; makes room for what the device makes of them. Longer lists than
     /// can be bound are not.
     ///
     /// # Errors
     /// When memory runs out.
-    fn are_ids(
-        &mut self,
-        gpu: &Arc<Gpu>,
-        may: bool,
-        packing: &Packing,
-        cut: &Cut,
-    ) -> Result<bool, Error> {
-        let (plan, record) = match packing {
-            Packing::Splats(plan) => (plan, size_of::<Splat>()),
-            Packing::Weighted(plan) => (plan, size_of::<WeightedSplat>()),
+    fn are_ids(&mut self, gpu: &Arc<Gpu>, input: &PackInput<'_>, cut: &Cut) -> Result<bool, Error> {
+        let (plan, record) = match &input.records {
+            RecordFormat::Splats(plan) => (plan, size_of::<Splat>()),
+            RecordFormat::Weighted(plan) => (plan, size_of::<WeightedSplat>()),
             _ => return Ok(false),
         };
-        if !may {
+        if !input.plan.uploads_ids {
             return Ok(false);
         }
         let bytes = [
@@ -402,15 +303,75 @@ impl Lists {
         self.whole().map_or(&self.small, |whole| &whole.small)
     }
 
+    /// Counts what they hold; nothing before they were packed.
+    pub(super) fn counts(&self) -> FrameCounts {
+        let Some(held) = &self.held else {
+            return FrameCounts::default();
+        };
+        let packed = held.packed;
+        let splats = held
+            .placed
+            .map_or(packed.points + packed.quads - held.samples, |p| p.all());
+        FrameCounts {
+            nodes_visited: held.stats.visited,
+            hidden: held.stats.hidden,
+            between: held.stats.between,
+            splats: splats as u64,
+            triangles: held.triangles as u64,
+            points: 0,
+            draw_list_bytes: held.splat_bytes + held.index_bytes,
+        }
+    }
+
     /// Makes what was packed visible to the device.
     pub(super) fn flush(&mut self) {
         let Some(held) = self.held else { return };
         self.splats.flush(0..held.splat_bytes);
         self.indices.flush(0..held.index_bytes);
-        if held.ways.takes_triangles {
+        if held.selection.takes_triangles {
             self.small.flush(0..held.index_bytes);
         }
     }
+}
+
+/// Splats as they were written.
+#[derive(Debug, Default)]
+struct WrittenSplats {
+    packed: Packed,
+    /// Where triangles that cover one pixel became splats, how many did.
+    samples: Option<usize>,
+    placed: Option<fuzzy::Placed>,
+    /// Records, with gaps.
+    capacity: usize,
+    record_bytes: usize,
+}
+
+impl WrittenSplats {
+    /// Makes room for so many records of a kind.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    fn room<'a, T: bytemuck::Pod>(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        buffer: &'a mut Upload,
+        count: usize,
+    ) -> Result<&'a mut [T], Error> {
+        (self.capacity, self.record_bytes) = (count, size_of::<T>());
+        records::<T>(gpu, buffer, count)
+    }
+}
+
+/// Where the device places corners of triangles.
+fn corner_screen(plan: &FramePlan) -> Screen {
+    let context = &plan.context;
+    Screen::new(
+        &plan.constants,
+        (context.width, context.height),
+        context.guard_px,
+        context.rect_px,
+        context.dropped_sign(),
+    )
 }
 
 /// First size of a draw list, bytes; it grows by half when a frame needs more.

@@ -5,13 +5,14 @@
 
 mod cut_frame;
 mod device_cut_frame;
+mod prepare;
 #[cfg(feature = "viewer")]
 pub mod present;
 mod readback;
 mod whole_model_frame;
 
 use crate::cut::{self, Cut};
-use crate::gpu::buffer::Readback;
+use crate::gpu::buffer::{AnyBuffer, Readback};
 use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
@@ -20,41 +21,35 @@ use crate::math::camera::View;
 use crate::pack;
 use crate::pack::ColorBy;
 pub use crate::render::PictureOutputs;
-use crate::render::cost::choose::Asked;
+use crate::render::capabilities::RendererCapabilities;
+use crate::render::cost::choose;
+use crate::render::cost::choose::FrameWorkload;
 use crate::render::cost::model::Costs;
 use crate::render::cut_key::CutKey;
-use crate::render::frame_constants::frame_flags;
 pub(crate) use crate::render::frame_constants::margin_px;
-use crate::render::frame_estimate::CutAhead;
-use crate::render::frame_plan::resolve_settings;
+use crate::render::frame_plan::{CutPlace, FramePlan, PlanInput};
 use crate::render::pack_params::splat_plan;
 pub use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
-use crate::render::stats::{FrameCounts, Kept, Stage};
-use crate::render::supported::check;
-use crate::render::technique::Technique;
-use crate::render::vulkan::blended::filtered;
+use crate::render::stats::{CutAhead, FrameCounts, Kept, Stage};
 use crate::render::vulkan::blended::filtered::Filtered;
-use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::blended::fuzzy::Fuzzy;
 use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::device_tree::DeviceTree;
 use crate::render::vulkan::draw_lists::Lists;
 use crate::render::vulkan::expand_ids::ById;
-use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::opaque::compute::Small;
-use crate::render::vulkan::opaque::hardware::{Source, Splats};
+use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::vulkan::triangles;
+use crate::render::vulkan::targets::Targets;
 use crate::render::vulkan::triangles::Variant;
 use crate::render::vulkan::visibility::hardware::Visibility;
 use crate::render::vulkan::{COLOR, SAMPLES};
 use crate::render::{Method, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A frame on its way through the device.
 #[derive(Debug)]
@@ -87,6 +82,14 @@ impl Submitted {
     pub(crate) fn ticket(&self) -> Ticket {
         self.ticket
     }
+}
+
+/// A frame to be drawn: its plan, and the model in memory and on the device.
+#[derive(Debug, Clone, Copy)]
+struct PlannedFrame<'a> {
+    plan: &'a FramePlan,
+    model: &'a Model,
+    scene: &'a Scene,
 }
 
 /// Ends a frame: submits it, after passes of its own that may read the color target.
@@ -245,39 +248,9 @@ impl Renderer {
         self.costs
     }
 
-    /// What the cut asks for in a picture.
-    fn asked<'a>(&self, settings: &'a Settings, context: &Context) -> Asked<'a> {
-        let cut = &self.cut;
-        // Which plan does not matter to how many there are but for large leaves.
-        let splats = pack::splats::count(cut, &splat_plan(settings, f32::INFINITY));
-        let is_whole = settings.method == Method::Splats;
-        Asked {
-            settings,
-            costs: self.costs,
-            splats: splats + cut.stats.hidden as usize,
-            size_px: settings.threshold_px.max(1.0),
-            triangles: if is_whole { 0 } else { cut.triangles.len() },
-            rect_px: context.rect_px,
-            size: (context.width, context.height),
-        }
-    }
-
-    /// The largest point that its device draws, pixels.
-    pub(crate) fn max_point_px(&self) -> f32 {
-        self.gpu.info().max_point_size_px
-    }
-
     /// The cut that was chosen last.
     pub fn cut(&self) -> &Cut {
         &self.cut
-    }
-
-    fn context(&self, view: &View, settings: &Settings, model: &Model, largest_px: f32) -> Context {
-        let guard_px = match largest_px > 0.0 {
-            true => (largest_px / 2.0).ceil() as u32 + 1,
-            false => 0,
-        };
-        Context::new(model, view, settings, largest_px, guard_px)
     }
 
     /// Draws one frame and waits until it is finished on the device.
@@ -359,6 +332,37 @@ impl Renderer {
         settings: &Settings,
         end: &mut End<'_>,
     ) -> Result<Submitted, Error> {
+        self.check_size(view)?;
+        let (plan, planning) = self.prepared_plan((model, scene), view, settings)?;
+        let drawn = PlannedFrame {
+            plan: &plan,
+            model,
+            scene,
+        };
+        // To make what it needs is no part of it.
+        let start = Instant::now();
+        let start = start.checked_sub(planning).unwrap_or(start);
+        let is_counted = plan.settings.color_by == ColorBy::Overdraw;
+        let counted = is_counted.then(|| self.frames.next_slot());
+        let on_device = plan.cut_place == CutPlace::Device;
+        let (ticket, times) = match plan.settings.method {
+            Method::Triangles => self.draw_triangles(drawn, end)?,
+            Method::Points => self.draw_points(drawn, end)?,
+            Method::Pop if on_device => self.draw_on_device(drawn, end)?,
+            Method::Splats | Method::Pop => self.draw_cut(drawn, end)?,
+        };
+        Ok(Submitted {
+            ticket,
+            times,
+            start,
+            on_device,
+            counted,
+        })
+    }
+
+    /// # Errors
+    /// When a view has not the size of the targets.
+    fn check_size(&self, view: &View) -> Result<(), Error> {
         for (what, value, limit) in [
             (
                 "the width of the view",
@@ -379,166 +383,85 @@ impl Renderer {
                 });
             }
         }
-        let max_point = self.gpu.info().max_point_size_px;
-        check(model, settings, self.outputs, max_point)?;
-        let settings = &resolve_settings(settings, model, view);
-        self.prepare((model, scene), view, settings)?;
-        let on_device = self.prepare_cut(model, scene, settings)?;
-        let by_id = !on_device && self.prepare_lists(model, scene, settings)?;
-        let start = Instant::now();
-        let is_counted = settings.color_by == ColorBy::Overdraw;
-        let counted = is_counted.then(|| self.frames.next_slot());
-        let (ticket, times) = match settings.method {
-            Method::Triangles => self.draw_triangles(model, scene, view, settings, end)?,
-            Method::Points => self.draw_points(model, scene, view, settings, end)?,
-            Method::Pop if on_device => self.draw_on_device(model, scene, view, settings, end)?,
-            Method::Splats | Method::Pop => {
-                self.draw_pop((model, scene), view, (settings, by_id), end)?
-            }
-        };
-        Ok(Submitted {
-            ticket,
-            times,
-            start,
-            on_device,
-            counted,
-        })
+        Ok(())
     }
 
-    /// Makes the pipelines and buffers that `settings` need, outside of the frame.
-    fn prepare(
+    /// Plans a frame for this device.
+    ///
+    /// # Errors
+    /// As [`FramePlan::new`].
+    fn plan(
+        &self,
+        model: &Model,
+        scene: &Scene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FramePlan, Error> {
+        let info = self.gpu.info();
+        let pages = &scene.pages;
+        let [no_cut_of, no_tree_of] = self.too_large;
+        let capabilities = RendererCapabilities {
+            max_point_px: info.max_point_size_px,
+            largest_guarded_px: f32::INFINITY,
+            largest_hidden_px: f32::INFINITY,
+            is_software: info.is_cpu(),
+            has_int64_atomics: info.has_int64_atomics,
+            max_storage_range: info.max_storage_range,
+            binds_vertices: pages
+                .iter()
+                .all(|page| AnyBuffer::bytes(&page.vertices) <= info.max_storage_range),
+            cuts_sooner: self.costs.is_some_and(|costs| costs.cuts_on_device()),
+            fits_device_cut: no_cut_of != Some(scene.id()),
+            fits_tree: no_tree_of != Some(scene.id()),
+        };
+        let input = PlanInput {
+            model,
+            facts: scene.facts(),
+            view,
+            outputs: self.outputs,
+            capabilities: &capabilities,
+            costs: self.costs.as_ref(),
+        };
+        FramePlan::new(settings, &input)
+    }
+
+    /// How much the present cut is in a planned frame.
+    fn workload<'a>(&self, plan: &'a FramePlan, model: &Model) -> FrameWorkload<'a> {
+        let (settings, cut) = (&plan.settings, &self.cut);
+        // Which points there are does not matter to how many there are but for large leaves.
+        let splats = pack::splats::count(cut, &splat_plan(settings, f32::INFINITY));
+        FrameWorkload {
+            settings,
+            costs: self.costs,
+            splats: splats + cut.stats.hidden as usize,
+            size_px: choose::size_px(settings, (model, &plan.view), cut),
+            triangles: match plan.primitives.has_triangles {
+                true => cut.triangles.len(),
+                false => 0,
+            },
+            rect_px: plan.context.rect_px,
+            size: (plan.context.width, plan.context.height),
+        }
+    }
+
+    /// Plans a frame, makes what it needs, and tells how long planning took. What does not fit the device, and is not insisted on, is planned without.
+    ///
+    /// # Errors
+    /// As [`FramePlan::new`], and when memory runs out.
+    fn prepared_plan(
         &mut self,
         (model, scene): (&Model, &mut Scene),
         view: &View,
         settings: &Settings,
-    ) -> Result<(), Error> {
-        let normals = self.outputs.normal;
-        let lamp = !settings.has_headlight();
-        let flags = frame_flags(view, settings, settings.draws_fronts_only(model.is_closed));
-        if settings.method == Method::Triangles {
-            scene.ensure_indices(model)?;
-        }
-        if settings.method != Method::Points {
-            let variant = Variant {
-                color: self.targets.color.format,
-                normals,
-                colors: scene.facts().has_colors(),
-                lamp,
-                flags,
-            };
-            let spare = &mut self.spare_triangles;
-            exchange(&mut self.triangles, spare, |t| t.0 == variant);
-            if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
-                self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
+    ) -> Result<(FramePlan, Duration), Error> {
+        loop {
+            let start = Instant::now();
+            let plan = self.plan(model, scene, view, settings)?;
+            let planning = start.elapsed();
+            if self.prepare_tree(&plan, model, scene)? {
+                self.prepare(&plan, model, scene)?;
+                return Ok((plan, planning));
             }
         }
-        let by_compute = self.wants_compute(settings)?;
-        let is_opaque = Technique::of(settings) == Technique::Opaque;
-        let is_gray = settings.color_by == ColorBy::Shading
-            && !(settings.use_colors && scene.facts().has_colors());
-        if by_compute && is_opaque {
-            let small = match &mut self.small {
-                Some(made) => made,
-                none => none.insert(Small::new(&self.gpu, &self.targets)?),
-            };
-            small.ensure(cut_frame::compute_variant(settings, model, flags))?;
-            small.ensure(compute::Variant::SAMPLES)?;
-        }
-        let asks = || CutKey::of(settings, model, view).needs_undrawn();
-        if settings.has_cut() && asks() {
-            // Looks at the whole model, once.
-            scene.undrawn(model);
-        }
-        let source = if settings.method == Method::Points {
-            Source::Vertices
-        } else {
-            Source::List
-        };
-        match Technique::of(settings) {
-            Technique::Nothing => {}
-            Technique::Visibility => {
-                let (width, height) = (self.targets.color.width, self.targets.color.height);
-                let visibility = match &mut self.visibility {
-                    Some(made) => made,
-                    none => none.insert(Visibility::new(&self.gpu, width, height, normals)?),
-                };
-                let how = (flags, by_compute);
-                visibility.ensure(source, settings.reconstruction, how)?;
-            }
-            Technique::Opaque => {
-                let variant = Splats::variant_of(settings, flags);
-                if self.splats.iter().all(|s| s.variant != variant) {
-                    if self.splats.len() == MOST_SPLATS {
-                        self.splats.remove(0);
-                    }
-                    self.splats
-                        .push(Splats::new(&self.gpu, variant, &self.targets)?);
-                }
-            }
-            Technique::Fuzzy => {
-                let has_triangles = model.kind().is_surface();
-                let variant = fuzzy::Variant::new(
-                    &self.gpu,
-                    settings,
-                    has_triangles,
-                    &self.targets,
-                    (flags, by_compute.then_some(is_gray)),
-                )?;
-                exchange(&mut self.fuzzy, &mut self.spare_fuzzy, |f| {
-                    f.variant == variant
-                });
-                if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
-                    let (width, height) = (self.targets.color.width, self.targets.color.height);
-                    self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
-                }
-            }
-            Technique::Filtered => {
-                let variant = filtered::Variant {
-                    has_lamp: lamp,
-                    color: self.targets.color.format,
-                    by_compute: by_compute.then_some(is_gray),
-                };
-                let spare = &mut self.spare_filtered;
-                exchange(&mut self.filtered, spare, |f| f.variant == variant);
-                if self.filtered.as_ref().is_none_or(|f| f.variant != variant) {
-                    let size = (self.targets.color.width, self.targets.color.height);
-                    self.filtered = Some(Filtered::new(&self.gpu, size, variant)?);
-                }
-            }
-        }
-        if settings.color_by == ColorBy::Overdraw {
-            let size = (self.targets.color.width, self.targets.color.height);
-            let counter = match &mut self.overdraw {
-                Some(made) => made,
-                none => none.insert(overdraw::Counter::new(
-                    &self.gpu,
-                    size,
-                    self.frames.in_flight(),
-                )?),
-            };
-            let fuzzy = self.fuzzy.as_ref().map(|fuzzy| fuzzy.variant);
-            counter.ensure(settings, &self.targets, (flags, fuzzy))?;
-        }
-        Ok(())
-    }
-}
-
-/// Variants of opaque splats that are kept; pipelines alone take little.
-const MOST_SPLATS: usize = 16;
-
-/// Variants that are kept besides the present one.
-const MOST_SPARE: usize = 2;
-
-/// Puts the one that `is_it` into `place`, if it is there or among the spare ones, and else none; what was there is spare
-/// then. Variants that are drawn in turn, as charts do, are so made once.
-fn exchange<T>(place: &mut Option<T>, spare: &mut Vec<T>, is_it: impl Fn(&T) -> bool) {
-    if place.as_ref().is_some_and(&is_it) {
-        return;
-    }
-    let found = spare.iter().position(is_it).map(|i| spare.remove(i));
-    spare.extend(std::mem::replace(place, found));
-    if spare.len() > MOST_SPARE {
-        // The one that was last drawn longest ago.
-        spare.remove(0);
     }
 }

@@ -159,11 +159,6 @@ const fn sum_bytes(is_gray: bool) -> u64 {
     if is_gray { 16 } else { 32 }
 }
 
-/// Bytes of the largest storage that a picture needs.
-pub(crate) fn storage_bytes((width, height): (u32, u32)) -> u64 {
-    sum_bytes(false) * u64::from(width) * u64::from(height)
-}
-
 impl Twin {
     /// # Errors
     /// When memory runs out or a Vulkan call fails.

@@ -18,15 +18,15 @@ use crate::gpu::frame::{Frame, Uniform};
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
-use crate::render::compute_limits::{LARGEST_SQUARE_PX, largest_threshold_px};
+use crate::render::compute_limits::{LARGEST_SQUARE_PX, storage_bytes};
+use crate::render::frame_plan::FramePlan;
+use crate::render::pack_params::splat_plan;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
-use crate::render::vulkan::blended;
 use crate::render::vulkan::raster_pass;
-use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Items;
 use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::{Method, Path, Settings, Shading, SplatKind};
+use crate::tree::Model;
 use std::sync::Arc;
 
 /// What decides the pipeline of splats.
@@ -47,13 +47,16 @@ impl Variant {
         flags: 0,
     };
 
-    /// Of splats of one size, pixels, at most [`LARGEST_SQUARE_PX`]; or of sizes of their own; in frames of these flags.
-    pub(crate) fn new(footprint: Footprint, one_size_px: Option<f32>, flags: u32) -> Self {
+    /// The splats of a planned frame: of one size, at most [`LARGEST_SQUARE_PX`], or of sizes of their own.
+    pub(crate) fn of(plan: &FramePlan, model: &Model) -> Self {
+        let footprint = plan.settings.footprint();
+        let sizes = splat_plan(&plan.settings, f32::INFINITY);
+        let one_size_px = sizes.has_one_size(model).then_some(sizes.threshold_px);
         Self {
             footprint,
             side_px: one_size_px.map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32),
             flags: match footprint {
-                Footprint::Oriented => flags & constants::FLAG_ORTHOGRAPHIC,
+                Footprint::Oriented => plan.constants.flags & constants::FLAG_ORTHOGRAPHIC,
                 _ => 0,
             },
         }
@@ -73,116 +76,12 @@ pub(crate) struct Small {
     max_binding: u64,
 }
 
-/// Bytes of the keys of a picture.
-fn key_bytes(targets: &Targets) -> u64 {
-    let color = targets.color();
-    8 * u64::from(color.width) * u64::from(color.height)
-}
-
-/// Whether `settings` want small primitives drawn by compute, and this device can.
-///
-/// # Errors
-/// When they insist on it and it cannot be; the reason is in the error.
-pub(crate) fn is_wanted(gpu: &Gpu, settings: &Settings, targets: &Targets) -> Result<bool, Error> {
-    if settings.path == Path::Raster {
-        return Ok(false);
-    }
-    let info = gpu.info();
-    let color = targets.color();
-    let (why, bytes) = match Technique::of(settings) {
-        Technique::Opaque if settings.method == Method::Pop => {
-            (not_as_opaque(settings), key_bytes(targets))
-        }
-        Technique::Filtered | Technique::Fuzzy if settings.has_cut() => {
-            let bytes = blended::compute::storage_bytes((color.width, color.height));
-            (not_as_blended(settings, targets), bytes)
-        }
-        Technique::Visibility if settings.has_cut() => {
-            let bytes = crate::render::vulkan::visibility::compute::storage_bytes((
-                color.width,
-                color.height,
-            ));
-            (not_as_visible(settings), bytes)
-        }
-        _ => (
-            Some(
-                "it draws blended, filtered and visibility splats of a tree, and what pop does not blend",
-            ),
-            0,
-        ),
-    };
-    let why = if why.is_some() {
-        why
-    } else if !info.has_int64_atomics {
-        Some("the device has no 64-bit atomics on storage buffers")
-    } else if bytes > info.max_storage_range {
-        Some("the picture does not fit one storage binding of the device")
-    } else {
-        None
-    };
-    match why {
-        None => Ok(true),
-        Some(why) if settings.path == Path::Compute => Err(Error::Unsupported {
-            what: "drawing by compute",
-            why: why.into(),
-        }),
-        Some(_) => Ok(false),
-    }
-}
-
-/// Why opaque splats are not drawn by compute.
-fn not_as_opaque(settings: &Settings) -> Option<&'static str> {
-    if !settings.has_headlight() {
-        Some("it knows the headlight only, and no colors by level, normal or depth")
-    } else if settings.threshold_px <= largest_threshold_px(settings) {
-        None
-    } else if settings.splat == SplatKind::Ellipse {
-        Some("ellipses of this size are cheaper to rasterize; use a threshold of at most 10 pixels")
-    } else {
-        Some(
-            "squares and discs of this size are cheaper to rasterize; use a threshold of at most 6 pixels",
-        )
-    }
-}
-
-/// Why filtered and fuzzy splats are not drawn by compute.
-fn not_as_blended(settings: &Settings, targets: &Targets) -> Option<&'static str> {
-    if settings.threshold_px > largest_threshold_px(settings) {
-        Some("splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels")
-    } else if settings.shading == Shading::Deferred {
-        Some("it sums colors, not normals; leave --shading out")
-    } else if targets.normal().is_some() {
-        Some("it sums colors, not normals; leave --normals out")
-    } else if settings.color_by.is_data() {
-        Some("it knows no colors by level, normal or depth")
-    } else if settings.sums.is_some() {
-        Some("its sums are numbers of fixed point; leave --sums out")
-    } else {
-        None
-    }
-}
-
-/// Why visibility splats are not drawn by compute.
-fn not_as_visible(settings: &Settings) -> Option<&'static str> {
-    (settings.threshold_px > largest_threshold_px(settings)).then_some(
-        "splats of this size are cheaper to rasterize; use a threshold of at most 16 pixels",
-    )
-}
-
 impl Small {
-    /// Whether the triangles of a scene can be drawn so: a page of vertices must fit one binding.
-    pub(crate) fn takes_triangles(gpu: &Gpu, scene: &Scene) -> bool {
-        let limit = gpu.info().max_storage_range;
-        scene
-            .pages
-            .iter()
-            .all(|page| page.vertices.bytes() <= limit)
-    }
-
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(gpu: &Arc<Gpu>, targets: &Targets) -> Result<Self, Error> {
         let normals = targets.normal().is_some();
+        let (width, height) = (targets.color().width, targets.color().height);
         let resolve = |name, fragment| {
             Pipeline::new(
                 gpu,
@@ -220,7 +119,7 @@ impl Small {
                 gpu,
                 "nearest small primitives",
                 Usage::Storage,
-                key_bytes(targets),
+                storage_bytes(Technique::Opaque, [width, height]),
             )?,
             max_binding: gpu.info().max_storage_range,
         })
@@ -372,38 +271,5 @@ impl Small {
                 raster_pass::cover(draw, list.areas);
             }
         });
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::render::Blend;
-
-    #[test]
-    fn compute_ends_where_its_splats_are_cheaper_to_rasterize() {
-        let of = |splat, blend| Settings {
-            splat,
-            blend: Some(blend),
-            ..Settings::default()
-        };
-        for (settings, largest) in [
-            (of(SplatKind::Square, Blend::Opaque), 6.0),
-            (of(SplatKind::Disc, Blend::Opaque), 6.0),
-            (of(SplatKind::Ellipse, Blend::Opaque), 10.0),
-            (of(SplatKind::Square, Blend::TwoPass), 16.0),
-            (of(SplatKind::Filtered, Blend::Opaque), 16.0),
-            (of(SplatKind::Visibility, Blend::Opaque), 16.0),
-        ] {
-            assert_eq!(largest_threshold_px(&settings), largest, "{settings:?}");
-        }
-        let pixels = |threshold_px, splat| Settings {
-            threshold_px,
-            ..of(splat, Blend::Opaque)
-        };
-        for (splat, largest) in [(SplatKind::Square, 6.0), (SplatKind::Ellipse, 10.0)] {
-            assert_eq!(not_as_opaque(&pixels(largest, splat)), None);
-            assert!(not_as_opaque(&pixels(largest + 0.01, splat)).is_some());
-        }
     }
 }

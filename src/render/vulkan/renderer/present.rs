@@ -10,20 +10,16 @@ use crate::gpu::surface::Acquired;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::Lighting;
-use crate::render::cost::choose;
-use crate::render::cost::choose::Asked;
-use crate::render::cost::choose::ComputeShare;
-use crate::render::cut_key::CutKey;
+use crate::render::compute_limits::largest_threshold_px;
+use crate::render::cost::choose::{ComputeShare, FrameWorkload, PassSelection};
 use crate::render::frame_estimate::{FrameEstimate, counts_of_cut};
-use crate::render::frame_plan::resolve_settings;
 use crate::render::probe_area::MOST_PROBE_PIXELS;
 use crate::render::stats::Stage;
 use crate::render::technique::Technique;
-use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::renderer::{FrameTimes, Renderer, Submitted};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::{Method, Path, Settings};
+use crate::render::{Path, Settings, screen_bounds};
 use crate::tree::Model;
 use std::time::Instant;
 
@@ -111,49 +107,34 @@ impl Renderer {
             return FrameEstimate::default();
         }
         let start = Instant::now();
-        let settings = &resolve_settings(settings, model, view);
-        let choice = CutKey::of(settings, model, view);
-        let is_new = self.select(model, scene, (scene.id(), choice));
-        let counts = counts_of_cut(settings, model, view, &self.cut);
+        let Ok(plan) = self.plan(model, scene, view, settings) else {
+            return FrameEstimate::default();
+        };
+        let is_new = self.choose_cut(&plan, model, scene);
+        let counts = counts_of_cut(&plan.settings, model, view, &self.cut);
         let ahead = self.ahead.get_or_insert_default();
         ahead.ms += crate::render::vulkan::renderer::ms(start);
         ahead.is_new |= is_new;
-        let by_compute = self.wants_compute(settings).unwrap_or(false);
-        let rect = crate::render::screen_bounds::rect_px(model, view, settings.threshold_px + 3.0);
         let triangles = counts.triangles as usize;
-        let asked = Asked {
-            settings,
-            costs: self.costs,
+        let workload = FrameWorkload {
             splats: (counts.splats + self.cut.stats.hidden) as usize,
-            size_px: choose::size_px(settings, (model, view), &self.cut),
             triangles,
-            rect_px: rect,
-            size: (self.targets.color.width, self.targets.color.height),
+            ..self.workload(&plan, model)
         };
-        let has_large = settings.method == Method::Splats || !model.kind().is_surface();
-        let is_blended = matches!(
-            Technique::of(settings),
-            Technique::Fuzzy | Technique::Filtered
-        );
-        let pays = match Technique::of(settings) {
-            Technique::Opaque => asked.opaque().splats == Path::Compute,
-            Technique::Visibility => asked.visible() == Path::Compute,
-            // As the frame will be: with the triangles, where compute takes those.
-            _ if triangles > 0
-                && compute::Small::takes_triangles(&self.gpu, scene)
-                && asked.all_blended(has_large) != ComputeShare::Nothing =>
-            {
-                true
-            }
-            _ => asked.blended(triangles, has_large) != ComputeShare::Nothing,
+        let selection = PassSelection::of(&plan, &workload);
+        let is_blended = matches!(plan.technique, Technique::Fuzzy | Technique::Filtered);
+        let has_large = plan.primitives.has_large_splats;
+        let share = match selection.share {
+            Some(share) => share,
+            None => workload.blended(triangles, has_large),
         };
         FrameEstimate {
             counts,
-            pixels: crate::render::screen_bounds::pixels(rect),
+            pixels: screen_bounds::pixels(plan.context.rect_px),
             is_blended,
-            by_compute: by_compute && pays,
-            is_free: by_compute && settings.path == Path::Auto,
-            largest_by_compute_px: crate::render::compute_limits::largest_threshold_px(settings),
+            by_compute: selection.has_splats_by_compute || share != ComputeShare::Nothing,
+            is_free: plan.may_use_compute && settings.path == Path::Auto,
+            largest_by_compute_px: largest_threshold_px(&plan.settings),
         }
     }
 

@@ -13,7 +13,9 @@ use crate::gpu::frame::{Frame, Load, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
 use crate::gpu::{Error, Gpu};
+use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
+use crate::render::technique::Technique;
 use crate::render::vulkan::NORMAL;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::storage_ranges;
@@ -31,11 +33,6 @@ pub(super) struct Twin {
     max_binding: u64,
 }
 
-/// Bytes of one of the two storages of a picture.
-pub(crate) fn storage_bytes((width, height): (u32, u32)) -> u64 {
-    8 * u64::from(width) * u64::from(height)
-}
-
 impl Twin {
     /// For frames of these flags.
     ///
@@ -48,7 +45,8 @@ impl Twin {
     ) -> Result<Self, Error> {
         let looks_first = !gpu.info().is_cpu();
         let formats = [PICKED, FRONTS, NORMAL];
-        let storage = |name| Buffer::new(gpu, name, Usage::Storage, storage_bytes(size));
+        let bytes = storage_bytes(Technique::Visibility, size.into());
+        let storage = |name| Buffer::new(gpu, name, Usage::Storage, bytes);
         Ok(Self {
             splats: Pipeline::compute_for_flags(
                 gpu,

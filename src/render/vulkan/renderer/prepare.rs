@@ -1,0 +1,243 @@
+//! What a planned frame needs is made before it begins: pipelines, targets of its passes, and the tree on the device.
+
+use crate::gpu::Error;
+use crate::pack::ColorBy;
+use crate::render::frame_plan::{CutPlace, FramePlan};
+use crate::render::technique::Technique;
+use crate::render::vulkan::blended::filtered;
+use crate::render::vulkan::blended::filtered::Filtered;
+use crate::render::vulkan::blended::fuzzy;
+use crate::render::vulkan::blended::fuzzy::Fuzzy;
+use crate::render::vulkan::device_cut::DeviceCut;
+use crate::render::vulkan::device_tree::DeviceTree;
+use crate::render::vulkan::expand_ids::ById;
+use crate::render::vulkan::opaque::compute;
+use crate::render::vulkan::opaque::compute::Small;
+use crate::render::vulkan::opaque::hardware::{Source, Splats};
+use crate::render::vulkan::overdraw;
+use crate::render::vulkan::renderer::Renderer;
+use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::triangles;
+use crate::render::vulkan::triangles::Variant;
+use crate::render::vulkan::visibility::hardware::Visibility;
+use crate::render::{CutOn, ListOf, Method};
+use crate::tree::Model;
+
+impl Renderer {
+    /// Makes the pipelines and buffers that a frame needs.
+    ///
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(super) fn prepare(
+        &mut self,
+        plan: &FramePlan,
+        model: &Model,
+        scene: &mut Scene,
+    ) -> Result<(), Error> {
+        let method = plan.settings.method;
+        if method == Method::Triangles {
+            scene.ensure_indices(model)?;
+        }
+        if plan.needs_undrawn() {
+            scene.undrawn(model);
+        }
+        if method != Method::Points {
+            self.prepare_triangles(plan, scene)?;
+        }
+        match plan.technique {
+            Technique::Nothing => {}
+            Technique::Opaque => self.prepare_opaque(plan, model)?,
+            Technique::Visibility => self.prepare_visibility(plan)?,
+            Technique::Fuzzy => self.prepare_fuzzy(plan, model)?,
+            Technique::Filtered => self.prepare_filtered(plan)?,
+        }
+        if plan.settings.color_by == ColorBy::Overdraw {
+            let counter = match &mut self.overdraw {
+                Some(made) => made,
+                none => {
+                    let size = (self.targets.color.width, self.targets.color.height);
+                    let slots = self.frames.in_flight();
+                    none.insert(overdraw::Counter::new(&self.gpu, size, slots)?)
+                }
+            };
+            let fuzzy = self.fuzzy.as_ref().map(|fuzzy| fuzzy.variant);
+            let of_frame = (plan.constants.flags, fuzzy);
+            counter.ensure(&plan.settings, &self.targets, of_frame)?;
+        }
+        Ok(())
+    }
+
+    fn prepare_triangles(&mut self, plan: &FramePlan, scene: &Scene) -> Result<(), Error> {
+        let variant = Variant {
+            color: self.targets.color.format,
+            normals: self.outputs.normal,
+            colors: scene.facts().has_colors(),
+            lamp: !plan.settings.has_headlight(),
+            flags: plan.constants.flags,
+        };
+        let spare = &mut self.spare_triangles;
+        exchange(&mut self.triangles, spare, |t| t.0 == variant);
+        if self.triangles.as_ref().is_none_or(|t| t.0 != variant) {
+            self.triangles = Some((variant, triangles::pipeline(&self.gpu, variant)?));
+        }
+        Ok(())
+    }
+
+    fn prepare_opaque(&mut self, plan: &FramePlan, model: &Model) -> Result<(), Error> {
+        if plan.may_use_compute {
+            let small = match &mut self.small {
+                Some(made) => made,
+                none => none.insert(Small::new(&self.gpu, &self.targets)?),
+            };
+            small.ensure(compute::Variant::of(plan, model))?;
+            small.ensure(compute::Variant::SAMPLES)?;
+        }
+        let variant = Splats::variant_of(&plan.settings, plan.constants.flags);
+        if self.splats.iter().all(|s| s.variant != variant) {
+            if self.splats.len() == MOST_SPLATS {
+                self.splats.remove(0);
+            }
+            let made = Splats::new(&self.gpu, variant, &self.targets)?;
+            self.splats.push(made);
+        }
+        Ok(())
+    }
+
+    fn prepare_visibility(&mut self, plan: &FramePlan) -> Result<(), Error> {
+        let visibility = match &mut self.visibility {
+            Some(made) => made,
+            none => {
+                let (width, height) = (self.targets.color.width, self.targets.color.height);
+                let normals = self.outputs.normal;
+                none.insert(Visibility::new(&self.gpu, width, height, normals)?)
+            }
+        };
+        let source = match plan.settings.method {
+            Method::Points => Source::Vertices,
+            _ => Source::List,
+        };
+        let how = (plan.constants.flags, plan.may_use_compute);
+        visibility.ensure(source, plan.settings.reconstruction, how)
+    }
+
+    fn prepare_fuzzy(&mut self, plan: &FramePlan, model: &Model) -> Result<(), Error> {
+        let is_gray = plan.primitives.is_gray;
+        let by_compute = plan.may_use_compute.then_some(is_gray);
+        let variant = fuzzy::Variant::new(
+            &self.gpu,
+            &plan.settings,
+            model.kind().is_surface(),
+            &self.targets,
+            (plan.constants.flags, by_compute),
+        )?;
+        let spare = &mut self.spare_fuzzy;
+        exchange(&mut self.fuzzy, spare, |f| f.variant == variant);
+        if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
+            let (width, height) = (self.targets.color.width, self.targets.color.height);
+            self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
+        }
+        Ok(())
+    }
+
+    fn prepare_filtered(&mut self, plan: &FramePlan) -> Result<(), Error> {
+        let variant = filtered::Variant {
+            has_lamp: !plan.settings.has_headlight(),
+            color: self.targets.color.format,
+            by_compute: plan.may_use_compute.then_some(plan.primitives.is_gray),
+        };
+        let spare = &mut self.spare_filtered;
+        exchange(&mut self.filtered, spare, |f| f.variant == variant);
+        if self.filtered.as_ref().is_none_or(|f| f.variant != variant) {
+            let size = (self.targets.color.width, self.targets.color.height);
+            self.filtered = Some(Filtered::new(&self.gpu, size, variant)?);
+        }
+        Ok(())
+    }
+
+    /// Copies the tree to the device for a frame that needs it there, and makes what chooses cuts or expands numbers. False
+    /// where that does not fit and nobody insists: the frame is to be planned without.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(super) fn prepare_tree(
+        &mut self,
+        plan: &FramePlan,
+        model: &Model,
+        scene: &Scene,
+    ) -> Result<bool, Error> {
+        let settings = &plan.settings;
+        if plan.cut_place == CutPlace::Device {
+            if let Err(error) = self.make_device_cut(model, scene) {
+                if settings.cut_on == CutOn::Device {
+                    return Err(error);
+                }
+                tracing::info!(%error, "the processor chooses cuts");
+                self.too_large[0] = Some(scene.id());
+                return Ok(false);
+            }
+        }
+        if plan.uploads_ids {
+            if let Err(error) = self.tree_on_device(model, scene) {
+                if settings.list_of == ListOf::Ids {
+                    return Err(error);
+                }
+                tracing::info!(%error, "draw lists hold records");
+                self.too_large[1] = Some(scene.id());
+                return Ok(false);
+            }
+            let has_triangles = model.kind().is_surface();
+            let is_of = |made: &ById| made.is_of(has_triangles);
+            if !self.by_id.as_ref().is_some_and(is_of) {
+                self.by_id = Some(ById::new(&self.gpu, has_triangles)?);
+            }
+        }
+        Ok(true)
+    }
+
+    fn make_device_cut(&mut self, model: &Model, scene: &Scene) -> Result<(), Error> {
+        if self.device_cut.as_ref().is_some_and(|cut| cut.is_of(scene)) {
+            return Ok(());
+        }
+        // Its memory first.
+        (self.device_cut, self.held_on_device) = (None, None);
+        let slots = self.frames.in_flight();
+        let gpu = self.gpu.clone();
+        let tree = self.tree_on_device(model, scene)?;
+        self.device_cut = Some(DeviceCut::new(&gpu, tree, (model, scene), slots)?);
+        Ok(())
+    }
+
+    /// The tree of a scene on the device, copied at the first call.
+    fn tree_on_device(&mut self, model: &Model, scene: &Scene) -> Result<&DeviceTree, Error> {
+        let tree = self.device_tree.take().filter(|tree| tree.is_of(scene));
+        let tree = match tree {
+            Some(tree) => tree,
+            None => {
+                // Of another tree.
+                (self.device_cut, self.held_on_device) = (None, None);
+                DeviceTree::new(&self.gpu, model, scene)?
+            }
+        };
+        Ok(self.device_tree.insert(tree))
+    }
+}
+
+/// Variants of opaque splats that are kept; pipelines alone take little.
+const MOST_SPLATS: usize = 16;
+
+/// Variants that are kept besides the present one.
+const MOST_SPARE: usize = 2;
+
+/// Puts the one that `is_it` into `place`, if it is there or among the spare ones, and else none; what was there is spare
+/// then. Variants that are drawn in turn, as charts do, are so made once.
+fn exchange<T>(place: &mut Option<T>, spare: &mut Vec<T>, is_it: impl Fn(&T) -> bool) {
+    if place.as_ref().is_some_and(&is_it) {
+        return;
+    }
+    let found = spare.iter().position(is_it).map(|i| spare.remove(i));
+    spare.extend(std::mem::replace(place, found));
+    if spare.len() > MOST_SPARE {
+        // The one that was last drawn longest ago.
+        spare.remove(0);
+    }
+}
