@@ -150,7 +150,7 @@ pub struct FrameConstants {
     pub model_scale: f32,
     /// Bits `FLAG_*` of [`constants`].
     pub flags: u32,
-    /// What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
+    /// What a pixel shows where nothing is drawn; the last component is 0.
     pub background: [f32; 4],
     /// The lamp in view space: a position (last component 1), or the unit vector towards it (0).
     pub lamp: [f32; 4],
@@ -164,8 +164,10 @@ pub struct FrameConstants {
     pub low_pass_px: f32,
     /// Distances along the view direction between which the ramp of colors by depth goes, view-space units.
     pub depth_range: [f32; 2],
-    /// Not looked at.
-    pub unused: [f32; 2],
+    /// Exponent of eye-dome lighting for each doubling of the distance from one neighbor of eight; 0 without.
+    pub eye_dome: f32,
+    /// Factor of the depth offset where splats are blended.
+    pub depth_offset: f32,
     /// Window position (pixels of the picture) and reversed depth from model space, both times the last component, columns.
     pub window_from_model: [[f32; 4]; 4],
     /// Where the headlight is in model space: a position (last component 1), or the unit vector towards it (0).
@@ -437,6 +439,8 @@ same_layout!(
     shininess = SHININESS,
     low_pass_px = LOW_PASS_PX,
     depth_range = DEPTH_RANGE,
+    eye_dome = EYE_DOME,
+    depth_offset = DEPTH_OFFSET,
     window_from_model = WINDOW_FROM_MODEL,
     headlight = HEADLIGHT,
 );

@@ -18,7 +18,7 @@ use surfel::render::stats::Kept;
 use surfel::render::vulkan::renderer::Renderer;
 use surfel::render::vulkan::scene::Scene;
 use surfel::render::{
-    Blend, Culling, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
+    Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
     SumFormat, Traversal,
 };
 use surfel::tree::Model;
@@ -214,6 +214,8 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         use_colors: _,
         background: _,
         size: _,
+        eye_dome: _,
+        eye_dome_strength: _,
         cut_view: _,
     } = *base;
     let mut all = Vec::new();
@@ -251,6 +253,8 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     add("by depth", true, &|s| s.color_by = ColorBy::Depth);
     add("lamp", true, &|s| s.light = lamp(-1.0));
     add("other lamp", true, &|s| s.light = lamp(1.0));
+    add("darkened", true, &|s| s.eye_dome = EyeDome::On);
+    add("more darkened", false, &|s| s.eye_dome_strength = 2.0);
     add("no colors", true, &|s| s.use_colors = false);
     add("background", true, &|s| s.background = [0.2, 0.4, 0.6]);
     add("metric", true, &|s| s.size = SizeMetric::Nearest);

@@ -15,7 +15,7 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     // Length in view space of a unit vector in model space.
     float model_scale;
     uint flags;
-    // What a pixel shows where nothing is drawn; the last component is the factor of the depth offset.
+    // What a pixel shows where nothing is drawn; the last component is 0.
     vec4 background;
     // The lamp of FLAG_PHONG in view space: a position where w is 1, the unit vector towards it where w is 0.
     vec4 lamp;
@@ -28,6 +28,10 @@ layout(set = 0, binding = 0, std140) uniform FrameConstants {
     float low_pass_px;
     // Distances along the view direction between which the ramp of FLAG_COLOR_BY_DEPTH goes, view-space units.
     vec2 depth_range;
+    // Exponent of eye-dome lighting for each doubling of the distance from one neighbor of eight; 0 without.
+    float eye_dome;
+    // Factor of the depth offset where splats are blended.
+    float depth_offset;
     // Window position (pixels of the picture) and reversed depth from model space, both times the last component: for
     // passes that ask for nothing else, since a software device takes longer to read a matrix than to multiply by it.
     mat4 window_from_model;

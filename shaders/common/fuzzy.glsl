@@ -81,5 +81,5 @@ Disc hiding_footprint(Surfel surfel) {
 // their centers differ by at most 2 r sin, and an offset of r / cos is never less: sin 2a <= 1. So one depth for the whole
 // footprint is enough.
 float offset_of(Surfel surfel) {
-    return frame.background.a * surfel.radius / max(surfel.facing, LEAST_RATIO);
+    return frame.depth_offset * surfel.radius / max(surfel.facing, LEAST_RATIO);
 }

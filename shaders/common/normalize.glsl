@@ -4,24 +4,12 @@
 // Needs `float front_at(ivec2)`, the reversed depth of the first pass, `vec4 sum_at(ivec2)`, and `ivec4 bounds()`, the first
 // and one past the last pixel that these know: no other is looked at.
 #include "common/frame.glsl"
+#include "common/distance.glsl"
 
 const float LEAST_WEIGHT = 1e-6;
 
 bool is_known(ivec2 pixel, ivec4 known) {
     return all(greaterThanEqual(pixel, known.xy)) && all(lessThan(pixel, known.zw));
-}
-
-// Distance along the view direction of a depth that is not 0, and back.
-float distance_of(float depth) {
-    float p22 = frame.clip_from_view[2][2];
-    float p32 = frame.clip_from_view[3][2];
-    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? (p32 - depth) / p22 : p32 / (depth + p22);
-}
-
-float depth_of(float distance) {
-    float p22 = frame.clip_from_view[2][2];
-    float p32 = frame.clip_from_view[3][2];
-    return (frame.flags & FLAG_ORTHOGRAPHIC) != 0u ? p32 - p22 * distance : p32 / distance - p22;
 }
 
 // Covered fraction of a pixel that another part lies before: whole, but where that part ends too.

@@ -27,7 +27,7 @@ float splat_radius(float distance) {
 
 // The depth offset of a patch of surface that faces the eye by this cosine (negative: its back).
 float depth_offset(float radius, float facing) {
-    return frame.background.a * radius / max(abs(facing), 0.1);
+    return frame.depth_offset * radius / max(abs(facing), 0.1);
 }
 
 // Depth must be above the cleared 0 to be drawn: what lies on the far plane, or is pushed past it, lies just before it,

@@ -7,8 +7,8 @@ use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
 use surfel::cut::SizeMetric;
 use surfel::pack::ColorBy;
 use surfel::render::{
-    Blend, Culling, CutOn, ListOf, Method, Occlusion, Path, Reconstruction, Settings, Shading,
-    SplatKind, SumFormat, Traversal,
+    Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, Reconstruction, Settings,
+    Shading, SplatKind, SumFormat, Traversal,
 };
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -44,6 +44,16 @@ enum CullingName {
     /// Always drop what faces away
     On,
     /// Draw both sides
+    Off,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum EyeDomeName {
+    /// On points without normals
+    Auto,
+    /// On everything
+    On,
+    /// Nothing is darkened
     Off,
 }
 
@@ -273,6 +283,13 @@ pub(crate) struct LookArgs {
     /// Whether what faces away is dropped
     #[arg(long, value_enum, default_value = "auto")]
     culling: CullingName,
+    /// Whether pixels are darkened that lie behind their neighbors (eye-dome lighting), so that depth shows without normals; of
+    /// shaded colors [default: auto in surfel render and the window, else off]
+    #[arg(long, value_enum)]
+    eye_dome: Option<EyeDomeName>,
+    /// How strong eye-dome lighting is
+    #[arg(long, value_name = "FACTOR", default_value = "1")]
+    eye_dome_strength: f32,
     /// What decides the color
     #[arg(long, value_enum, default_value = "shading")]
     color_by: ColorByName,
@@ -290,6 +307,11 @@ pub(crate) struct LookArgs {
 }
 
 impl LookArgs {
+    /// Takes eye-dome lighting of points without normals for what a person looks at, where nothing is said of it.
+    pub(crate) fn default_eye_dome(&mut self) {
+        self.eye_dome.get_or_insert(EyeDomeName::Auto);
+    }
+
     /// Takes the threshold of a scene where none is given.
     pub(crate) fn default_threshold(&mut self, pixels: f32) {
         self.threshold.get_or_insert(pixels);
@@ -353,6 +375,12 @@ impl LookArgs {
         if !(0.0..=4096.0).contains(&threshold) {
             return Err(usage(format!(
                 "--threshold {threshold} is no size in pixels from 0 to 4096"
+            )));
+        }
+        if !(0.0..=10.0).contains(&self.eye_dome_strength) {
+            return Err(usage(format!(
+                "--eye-dome-strength {} is no factor from 0 to 10",
+                self.eye_dome_strength
             )));
         }
         if let Some(factor) = self.depth_offset
@@ -420,6 +448,12 @@ impl LookArgs {
                 OcclusionName::Off => Occlusion::Off,
             },
             depth_offset: self.depth_offset,
+            eye_dome: match self.eye_dome {
+                Some(EyeDomeName::Auto) => EyeDome::Auto,
+                Some(EyeDomeName::On) => EyeDome::On,
+                Some(EyeDomeName::Off) | None => EyeDome::Off,
+            },
+            eye_dome_strength: self.eye_dome_strength,
             culling: match self.culling {
                 CullingName::Auto => Culling::Auto,
                 CullingName::On => Culling::On,

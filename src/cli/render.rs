@@ -443,6 +443,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     args.check()?;
     args.auto.check(args.look.is_auto())?;
+    args.look.default_eye_dome();
     let mut settings = args.look.settings_to_choose()?;
     if args.samples > 1 && settings.color_by == ColorBy::Overdraw {
         return Err(usage(

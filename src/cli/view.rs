@@ -117,7 +117,8 @@ impl From<viewer::Error> for Failure {
     }
 }
 
-pub(crate) fn run(args: Args, _quiet: bool) -> Outcome {
+pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
+    args.look.default_eye_dome();
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();
     let backend = args.device.window_backend()?;

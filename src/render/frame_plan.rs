@@ -20,7 +20,9 @@ use crate::render::model_facts::{FactedModel, ModelFacts};
 use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
 use crate::render::supported::{check, device_cut_refusal, ids_refusal};
 use crate::render::technique::Technique;
-use crate::render::{Culling, CutOn, ListOf, Method, Occlusion, Path, PictureOutputs, Settings};
+use crate::render::{
+    Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PictureOutputs, Settings,
+};
 use crate::tree::Model;
 
 /// Opaque squares and discs of a mesh at thresholds above a pixel, and up to this, are drawn as at a pixel. There the cut asks
@@ -29,7 +31,8 @@ use crate::tree::Model;
 const AS_A_PIXEL_PX: f32 = 1.5;
 
 /// The settings of one frame: with [`Culling::Auto`] nothing is culled where a closed surface surrounds the eye, since
-/// what is seen from there is what faces away; and thresholds of little more than a pixel are a pixel, where that is better and faster.
+/// what is seen from there is what faces away; thresholds of little more than a pixel are a pixel, where that is better and
+/// faster; and with [`EyeDome::Auto`] points without normals are darkened by what is nearer beside them.
 pub fn resolve_settings(settings: &Settings, model: &Model, view: &View) -> Settings {
     let of_cut = settings.view_of_cut(view);
     let is_inside = settings.culling == Culling::Auto
@@ -41,7 +44,17 @@ pub fn resolve_settings(settings: &Settings, model: &Model, view: &View) -> Sett
         && model.kind().is_surface()
         && settings.threshold_px > 1.0
         && settings.threshold_px <= AS_A_PIXEL_PX;
+    let is_dark_between = match settings.eye_dome {
+        _ if settings.color_by.is_data() => false,
+        EyeDome::Auto => settings.color_by == ColorBy::Shading && model.lacks_normals(),
+        EyeDome::On => true,
+        EyeDome::Off => false,
+    };
     Settings {
+        eye_dome: match is_dark_between {
+            true => EyeDome::On,
+            false => EyeDome::Off,
+        },
         culling: if is_inside {
             Culling::Off
         } else {

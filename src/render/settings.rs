@@ -160,6 +160,19 @@ pub enum Occlusion {
     Off,
 }
 
+/// Whether pixels are darkened whose neighbors are nearer, so that depth shows where nothing is lit (eye-dome lighting).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum EyeDome {
+    /// Of points without normals.
+    Auto,
+    /// Always.
+    On,
+    /// Never.
+    #[default]
+    Off,
+}
+
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
@@ -207,6 +220,10 @@ pub struct Settings {
     /// Factor of the depth offset where splats are blended; at least 0; `None` is the usual one of their kind,
     /// [`Settings::depth_offset`].
     pub depth_offset: Option<f32>,
+    /// Darkening by what is nearer beside a pixel; never of colors that are data.
+    pub eye_dome: EyeDome,
+    /// How strong that is: 0 to 10, usually 1.
+    pub eye_dome_strength: f32,
     /// Back-face and normal-cone culling.
     pub culling: Culling,
     /// What decides the color.
@@ -244,6 +261,8 @@ impl Default for Settings {
             occlusion: Occlusion::Auto,
             depth_offset: None,
             threshold_px: 1.0,
+            eye_dome: EyeDome::Off,
+            eye_dome_strength: 1.0,
             culling: Culling::Auto,
             color_by: ColorBy::Shading,
             light: Lighting::Headlight,

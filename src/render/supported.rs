@@ -5,7 +5,7 @@ use crate::gpu::Error;
 use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, Footprint, ids};
 use crate::render::technique::Technique;
-use crate::render::{Blend, Method, Path, PictureOutputs, Settings, Shading, SplatKind};
+use crate::render::{Blend, EyeDome, Method, Path, PictureOutputs, Settings, Shading, SplatKind};
 use crate::tree::Model;
 
 /// Refuses by name what `settings` ask for in vain: with this model, these outputs, and points of at most
@@ -38,6 +38,13 @@ pub fn check(
         return Err(Error::Unsupported {
             what: "values of visibility splats",
             why: "they are put together from pixels of eight bits; ask for the picture without"
+                .into(),
+        });
+    }
+    if settings.eye_dome == EyeDome::On && settings.color_by.is_data() {
+        return Err(Error::Unsupported {
+            what: "eye-dome lighting",
+            why: "colors by level, normal, depth and overdraw are data and are not darkened; leave --eye-dome out"
                 .into(),
         });
     }

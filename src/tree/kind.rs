@@ -51,6 +51,14 @@ impl Model {
         }
     }
 
+    /// Whether these are points without normals: none of 256 of them, evenly taken, has one.
+    pub fn lacks_normals(&self) -> bool {
+        const SAMPLES: usize = 256;
+        let step = self.vertices.len().div_ceil(SAMPLES).max(1);
+        let mut samples = self.vertices.iter().step_by(step);
+        self.kind().is_points() && samples.all(|vertex| vertex.color[3] == 0)
+    }
+
     /// The sphere that the standard orbit frames.
     pub fn orbit_sphere(&self) -> OrbitSphere {
         OrbitSphere {

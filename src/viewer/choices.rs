@@ -2,7 +2,7 @@
 
 use crate::cut::SizeMetric;
 use crate::pack::ColorBy;
-use crate::render::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
+use crate::render::{Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind};
 
 /// A value with its name and what it is, in a sentence.
 pub type Choice<T> = (T, &'static str, &'static str);
@@ -143,6 +143,13 @@ pub const CULLINGS: &[Choice<Culling>] = &[
     (Culling::Off, "off", "Never"),
 ];
 
+/// Which models are darkened where they lie behind their surroundings.
+pub const EYE_DOMES: &[Choice<EyeDome>] = &[
+    (EyeDome::Auto, "auto", "Points without normals"),
+    (EyeDome::On, "on", "Everything"),
+    (EyeDome::Off, "off", "Nothing"),
+];
+
 /// What decides the color.
 pub const COLORS_BY: &[Choice<ColorBy>] = &[
     (ColorBy::Shading, "shading", "Light and vertex colors"),
@@ -244,6 +251,7 @@ mod tests {
         names(RECONSTRUCTIONS);
         names(METRICS);
         names(CULLINGS);
+        names(EYE_DOMES);
         names(COLORS_BY);
         names(BACKGROUNDS);
         names(FRAME_TIMES);

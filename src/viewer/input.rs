@@ -66,6 +66,7 @@ pub const KEYS: &[KeyGroup] = &[
             ("V", "vertex colors"),
             ("I", "background: black, gray, white"),
             ("B", "culling of what faces away"),
+            ("Shift B", "darken what lies behind its neighbors"),
             (
                 "C, Shift C",
                 "next or previous coloring: light, primitives, levels, normals, depth, overdraw",
@@ -179,6 +180,8 @@ pub enum Command {
     SizeMetric,
     /// Switch culling of what faces away.
     Culling,
+    /// The next kind of eye-dome lighting.
+    EyeDome,
     /// The next (1) or previous (-1) coloring.
     ColorBy(i32),
     /// Hold the cut of this view, or let it go.
@@ -318,6 +321,7 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
             'v' => Command::Colors,
             'i' => Command::Background,
             'e' => Command::SizeMetric,
+            'b' if modifiers.shift => Command::EyeDome,
             'b' => Command::Culling,
             'c' => Command::ColorBy(if modifiers.shift { -1 } else { 1 }),
             'y' => Command::HoldCut,

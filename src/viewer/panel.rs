@@ -409,6 +409,13 @@ fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Kind) {
         );
         choose(
             ui,
+            "depth cue",
+            choices::EYE_DOMES,
+            &mut settings.eye_dome,
+            "What is darkened where it lies behind its surroundings: eye-dome lighting (Shift B)",
+        );
+        choose(
+            ui,
             "color by",
             choices::COLORS_BY,
             &mut settings.color_by,

@@ -3,6 +3,7 @@
 use super::choices::{self, name_of, named};
 use super::lamp;
 use crate::pack::{Lamp, Lighting, Phong};
+use crate::render::EyeDome;
 use crate::render::Settings;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -54,6 +55,7 @@ pub struct Look {
     depth_offset: Option<f32>,
     size_metric: String,
     culling: String,
+    eye_dome: String,
     two_sided: bool,
     colors: bool,
     color_by: String,
@@ -74,7 +76,7 @@ impl Default for Stored {
     fn default() -> Self {
         Self {
             window: Window::default(),
-            look: Look::of(&Settings::default()),
+            look: Look::default(),
         }
     }
 }
@@ -95,7 +97,10 @@ impl Default for Window {
 
 impl Default for Look {
     fn default() -> Self {
-        Self::of(&Settings::default())
+        Self::of(&Settings {
+            eye_dome: EyeDome::Auto,
+            ..Settings::default()
+        })
     }
 }
 
@@ -130,6 +135,7 @@ impl Look {
             depth_offset: settings.depth_offset,
             size_metric: name_of(choices::METRICS, settings.size).into(),
             culling: name_of(choices::CULLINGS, settings.culling).into(),
+            eye_dome: name_of(choices::EYE_DOMES, settings.eye_dome).into(),
             two_sided: settings.two_sided,
             colors: settings.use_colors,
             color_by: name_of(choices::COLORS_BY, settings.color_by).into(),
@@ -176,6 +182,7 @@ impl Look {
             depth_offset: self.depth_offset,
             size: choice("size_metric", choices::METRICS, &self.size_metric)?,
             culling: choice("culling", choices::CULLINGS, &self.culling)?,
+            eye_dome: choice("eye_dome", choices::EYE_DOMES, &self.eye_dome)?,
             two_sided: self.two_sided,
             use_colors: self.colors,
             color_by: choice("color_by", choices::COLORS_BY, &self.color_by)?,
@@ -262,7 +269,9 @@ pub fn load(path: &Path) -> Result<(Stored, Settings), String> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            return Ok((Stored::default(), Settings::default()));
+            let stored = Stored::default();
+            let settings = stored.look.settings().map_err(fail)?;
+            return Ok((stored, settings));
         }
         Err(e) => return Err(fail(e.to_string())),
     };
@@ -323,17 +332,17 @@ mod tests {
     use super::*;
     use crate::cut::SizeMetric;
     use crate::pack::ColorBy;
-    use crate::render::{Blend, Culling, Method, Reconstruction, Shading, SplatKind};
+    use crate::render::{Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind};
 
     #[test]
     fn what_was_saved_is_loaded() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("new/viewer.toml");
-        assert_eq!(
-            load(&path),
-            Ok((Stored::default(), Settings::default())),
-            "nothing there"
-        );
+        let usual = Settings {
+            eye_dome: EyeDome::Auto,
+            ..Settings::default()
+        };
+        assert_eq!(load(&path), Ok((Stored::default(), usual)), "nothing there");
         let settings = Settings {
             method: Method::Splats,
             splat: SplatKind::Gauss,
@@ -343,6 +352,7 @@ mod tests {
             threshold_px: 2.25,
             depth_offset: Some(0.5),
             culling: Culling::Off,
+            eye_dome: EyeDome::On,
             two_sided: false,
             use_colors: false,
             color_by: ColorBy::Primitive,

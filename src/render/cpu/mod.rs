@@ -2,6 +2,7 @@
 //! processor has them.
 
 pub(crate) mod clip;
+pub(crate) mod eye_dome;
 pub mod filtered;
 pub mod opaque;
 pub mod picture;

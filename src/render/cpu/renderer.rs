@@ -7,6 +7,7 @@ use crate::math::camera::View;
 use crate::pack;
 use crate::pack::ColorBy;
 use crate::pack::splats::{Packed, Plan};
+use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::Canvas;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
@@ -69,6 +70,7 @@ pub struct CpuRenderer {
     /// Reversed depths of the rectangle, row by row.
     depths: Vec<f32>,
     rect_px: [u32; 4],
+    eye_dome: EyeDome,
 }
 
 /// What of a frame is drawn, counted.
@@ -104,6 +106,7 @@ impl CpuRenderer {
             tiles: Vec::new(),
             depths: Vec::new(),
             rect_px: [0; 4],
+            eye_dome: EyeDome::default(),
         }
     }
 
@@ -182,6 +185,17 @@ impl CpuRenderer {
             Technique::Filtered => self.draw_filtered(&frame, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
+        if plan.constants.eye_dome > 0.0 {
+            let [left, _, right, _] = context.rect_px;
+            let pitch = pixels.pitch;
+            let picture = DrawnRectangle {
+                colors: pixels.from(context.rect_px),
+                pitch,
+                depths: &self.depths[..rect_pixels],
+                width: (right - left) as usize,
+            };
+            self.eye_dome.darken(&plan.constants, picture);
+        }
         packing.end(&mut times);
         times.host_ms = times.pack_ms;
         times.counts = FrameCounts {

@@ -9,7 +9,9 @@ use crate::pack::splats::Record;
 use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style, triangles};
 use crate::render::PictureOutputs;
 use crate::render::cut_key::CutKey;
+use crate::render::frame_constants::eye_dome_exponent;
 use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
+use crate::render::reference::eye_dome::darken;
 use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList};
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
@@ -171,7 +173,11 @@ impl MirrorEngine {
         lists: &PackedLists,
     ) {
         let (vertices, triangles, points) = (used_vertices(model), &*lists.triangles, lists.points);
-        let outputs = self.outputs;
+        let eye_dome = eye_dome_exponent(settings);
+        let outputs = PictureOutputs {
+            depth: self.outputs.depth || eye_dome > 0.0,
+            ..self.outputs
+        };
         let opaque = DrawList {
             vertices,
             triangles,
@@ -218,6 +224,12 @@ impl MirrorEngine {
             }
         };
         self.image = image;
+        if eye_dome > 0.0 {
+            darken(&mut self.image, settings.background, eye_dome);
+            if !self.outputs.depth {
+                self.image.depth = Vec::new();
+            }
+        }
         self.counts = (settings.color_by == ColorBy::Overdraw)
             .then(|| crate::render::reference::count_overdraw(view, list, style));
     }

@@ -25,6 +25,7 @@ mod bands;
 mod clip;
 mod disc;
 pub(in crate::render) mod engine;
+pub(in crate::render) mod eye_dome;
 mod filtered;
 mod frame;
 mod fuzzy;

@@ -13,7 +13,7 @@ mod whole_model_frame;
 
 use crate::cut::{self, Cut};
 use crate::gpu::buffer::{AnyBuffer, Readback};
-use crate::gpu::frame::{Frame, Frames, Measure, Ticket};
+use crate::gpu::frame::{Frame, Frames, Measure, Ticket, Uniform};
 use crate::gpu::image::Image as Target;
 use crate::gpu::pipeline::Pipeline;
 use crate::gpu::{Error, Gpu};
@@ -38,6 +38,7 @@ use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::device_tree::DeviceTree;
 use crate::render::vulkan::draw_lists::Lists;
 use crate::render::vulkan::expand_ids::ById;
+use crate::render::vulkan::look::PictureLooks;
 use crate::render::vulkan::opaque::compute::Small;
 use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::overdraw;
@@ -124,6 +125,7 @@ pub struct Renderer {
     visibility: Option<Visibility>,
     fuzzy: Option<Fuzzy>,
     spare_fuzzy: Vec<Fuzzy>,
+    looks: PictureLooks,
     /// Once overdraw was counted.
     overdraw: Option<overdraw::Counter>,
     /// Slot of the frame that was last waited for, where it was counted there.
@@ -139,6 +141,29 @@ pub struct Renderer {
     visited: u64,
     /// The cut that was chosen for the next frame before it is drawn; none: not yet.
     ahead: Option<CutAhead>,
+}
+
+/// What ends a frame once its technique is recorded: the looks that go over the picture, and who shows it.
+struct FrameEnd<'a> {
+    targets: &'a Targets,
+    looks: &'a PictureLooks,
+    plan: &'a FramePlan,
+}
+
+impl FrameEnd<'_> {
+    /// Records the looks and ends the frame.
+    ///
+    /// # Errors
+    /// As `end`.
+    fn end(
+        &self,
+        mut frame: Frame<'_>,
+        constants: Uniform,
+        end: &mut End<'_>,
+    ) -> Result<Ticket, Error> {
+        (self.looks).record(&mut frame, self.targets, self.plan, constants);
+        end(frame, self.looks.picture(self.targets))
+    }
 }
 
 fn ms(since: Instant) -> f64 {
@@ -185,6 +210,7 @@ impl Renderer {
             visibility: None,
             fuzzy: None,
             spare_fuzzy: Vec::new(),
+            looks: PictureLooks::default(),
             overdraw: None,
             counted: None,
             readback: None,

@@ -110,6 +110,9 @@ impl App {
                 size,
                 ..old
             }),
+            Command::EyeDome => self.step(choices::EYE_DOMES, old.eye_dome, false, |eye_dome| {
+                Settings { eye_dome, ..old }
+            }),
             Command::Culling => self.wish(Settings {
                 culling: if old.culls_back(is_closed) {
                     Culling::Off

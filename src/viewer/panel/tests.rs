@@ -481,6 +481,9 @@ fn every_choice_of_the_panel_is_kept() {
     for &(culling, ..) in choices::CULLINGS {
         keep(Settings { culling, ..usual });
     }
+    for &(eye_dome, ..) in choices::EYE_DOMES {
+        keep(Settings { eye_dome, ..usual });
+    }
     for &(color_by, ..) in choices::COLORS_BY {
         keep(Settings { color_by, ..usual });
     }
@@ -494,7 +497,7 @@ fn every_choice_of_the_panel_is_kept() {
         let light = Lighting::Phong(lamp);
         keep(Settings { light, ..usual });
     }
-    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 6 + 2);
+    assert_eq!(kept, 2 + 3 + 5 + 4 + 1 + 2 + 4 + 2 + 2 + 6 + 2);
 }
 
 #[test]

@@ -23,7 +23,9 @@ use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
-use crate::render::vulkan::renderer::{End, FrameTimes, PlannedFrame, Renderer, margin_px};
+use crate::render::vulkan::renderer::{
+    End, FrameEnd, FrameTimes, PlannedFrame, Renderer, margin_px,
+};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::storage_ranges::Triangles;
 use crate::render::vulkan::targets::Targets;
@@ -172,7 +174,12 @@ impl Renderer {
             by_id.record(&mut frame, (tree, scene), (lists, kind), &plan.context)?;
         }
         passes.record(&mut frame, constants)?;
-        end(frame, &self.targets.color)
+        let last = FrameEnd {
+            targets: &self.targets,
+            looks: &self.looks,
+            plan,
+        };
+        last.end(frame, constants, end)
     }
 }
 

@@ -6,7 +6,7 @@ use crate::gpu::frame::Ticket;
 use crate::render::cut_key::cut_settings;
 use crate::render::stats::{Kept, Stage};
 use crate::render::vulkan::opaque::hardware::Splats;
-use crate::render::vulkan::renderer::{End, FrameTimes, PlannedFrame, Renderer};
+use crate::render::vulkan::renderer::{End, FrameEnd, FrameTimes, PlannedFrame, Renderer};
 
 impl Renderer {
     pub(super) fn draw_on_device(
@@ -46,7 +46,12 @@ impl Renderer {
             &plan.context,
             constants,
         );
-        let ticket = end(frame, &self.targets.color)?;
+        let last = FrameEnd {
+            targets: &self.targets,
+            looks: &self.looks,
+            plan,
+        };
+        let ticket = last.end(frame, constants, end)?;
         self.held_on_device = Some(held);
         submit.end(&mut times);
         Ok((ticket, times))

@@ -51,6 +51,7 @@ impl Renderer {
             Technique::Fuzzy => self.prepare_fuzzy(plan, model)?,
             Technique::Filtered => self.prepare_filtered(plan)?,
         }
+        self.looks.prepare(&self.gpu, &self.targets, plan)?;
         if plan.settings.color_by == ColorBy::Overdraw {
             let counter = match &mut self.overdraw {
                 Some(made) => made,

@@ -16,6 +16,7 @@ use crate::render::frame_estimate::{FrameEstimate, counts_of_cut};
 use crate::render::probe_area::MOST_PROBE_PIXELS;
 use crate::render::stats::Stage;
 use crate::render::technique::Technique;
+use crate::render::vulkan::look::PictureLooks;
 use crate::render::vulkan::renderer::{FrameTimes, Renderer, Submitted};
 use crate::render::vulkan::scene::Scene;
 use crate::render::vulkan::targets::{Context, Targets};
@@ -85,6 +86,7 @@ impl Renderer {
                 (self.targets.color.format, self.outputs.normal),
             )?;
             self.readback = None;
+            self.looks = PictureLooks::default();
             self.small = None;
             (self.filtered, self.spare_filtered) = (None, Vec::new());
             self.visibility = None;
@@ -169,8 +171,9 @@ impl Renderer {
     pub fn submit_again(&mut self, mut shown: Show<'_>) -> Result<Submitted, Error> {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
+        let picture = self.looks.picture(&self.targets);
         let frame = self.frames.begin()?;
-        let ticket = shown.end(frame, &self.targets.color)?;
+        let ticket = shown.end(frame, picture)?;
         Ok(Submitted::without_cut(ticket, FrameTimes::default(), start))
     }
 
@@ -237,6 +240,7 @@ impl Renderer {
             light: Lighting::Headlight,
             depth_range: [0.0, 1.0],
         };
+        self.looks.forget();
         let mut frame = self.frames.begin()?;
         self.targets
             .attach(frame.pass("background"), &context)
@@ -256,7 +260,7 @@ impl Renderer {
         picture: Option<&Target>,
     ) -> Result<Image, Error> {
         let shown = overlay.and_then(Overlay::shown).or(picture);
-        let shown = shown.unwrap_or(&self.targets.color);
+        let shown = shown.unwrap_or_else(|| self.looks.picture(&self.targets));
         let mut pixels = Readback::new(&self.gpu, "readback of the window", shown.bytes())?;
         let mut frame = self.frames.begin()?;
         frame.read_back("readback.window", shown, &pixels);

@@ -32,9 +32,10 @@ impl Renderer {
         let Some([color, depth, normal]) = &mut self.readback else {
             unreachable!("made above")
         };
+        let picture = self.looks.picture(&self.targets);
         let mut frame = self.frames.begin()?;
         if let Some(color) = color {
-            frame.read_back("readback.color", &self.targets.color, color);
+            frame.read_back("readback.color", picture, color);
         }
         if let Some(depth) = depth {
             frame.read_back("readback.depth", &self.targets.depth, depth);

@@ -1,6 +1,5 @@
 //! Frames of the methods that draw the whole model: no cut, no draw lists.
 
-use crate::abi::FrameConstants;
 use crate::gpu::Error;
 use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
 use crate::pack::ColorBy;
@@ -11,8 +10,7 @@ use crate::render::technique::Technique;
 use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::opaque::hardware::Splats;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles};
-use crate::render::vulkan::renderer::{End, FrameTimes, PlannedFrame, Renderer};
-use crate::render::vulkan::targets::Targets;
+use crate::render::vulkan::renderer::{End, FrameEnd, FrameTimes, PlannedFrame, Renderer};
 use crate::render::vulkan::triangles;
 use crate::render::vulkan::visibility::hardware;
 
@@ -34,7 +32,12 @@ impl Renderer {
         let counts_overdraw = plan.settings.color_by == ColorBy::Overdraw;
         let counter = self.overdraw.as_ref().filter(|_| counts_overdraw);
         let frames = &mut self.frames;
-        submit_whole(frames, targets, &plan.constants, counts, end, |frame, c| {
+        let last = FrameEnd {
+            targets,
+            looks: &self.looks,
+            plan,
+        };
+        submit_whole(frames, &last, counts, end, |frame, c| {
             triangles::record(frame, pipeline, targets, scene, context, c);
             if let Some(counter) = counter {
                 let list = RasterList {
@@ -71,7 +74,12 @@ impl Renderer {
             splats: RasterSplats::Vertices { as_quads },
         };
         let frames = &mut self.frames;
-        submit_whole(frames, targets, &plan.constants, counts, end, |frame, c| {
+        let last = FrameEnd {
+            targets,
+            looks: &self.looks,
+            plan,
+        };
+        submit_whole(frames, &last, counts, end, |frame, c| {
             match (plan.technique, opaque, fuzzy, visibility) {
                 (Technique::Opaque, Some(splats), ..) => {
                     splats.record_vertices(frame, targets, scene, as_quads, context, c);
@@ -102,17 +110,16 @@ impl Renderer {
 /// Records and submits a frame of a method that draws the whole model.
 fn submit_whole(
     frames: &mut Frames,
-    targets: &Targets,
-    constants: &FrameConstants,
+    last: &FrameEnd<'_>,
     counts: FrameCounts,
     end: &mut End<'_>,
     record: impl FnOnce(&mut Frame<'_>, Uniform) -> Result<(), Error>,
 ) -> Result<(Ticket, FrameTimes), Error> {
     let submit = Stage::Submit.begin();
     let mut frame = frames.begin()?;
-    let constants = frame.uniform(constants)?;
+    let constants = frame.uniform(&last.plan.constants)?;
     record(&mut frame, constants)?;
-    let ticket = end(frame, &targets.color)?;
+    let ticket = last.end(frame, constants, end)?;
     let mut times = FrameTimes {
         counts,
         ..FrameTimes::default()

@@ -1,0 +1,285 @@
+//! Eye-dome lighting: pixels are darkened by how much nearer their neighbors are. The rule is that of
+//! `shaders/look/eye_dome.frag`.
+
+use crate::abi::FrameConstants;
+use crate::abi::constants::FLAG_ORTHOGRAPHIC;
+use crate::pack::parallel;
+use fearless_simd::{Level, dispatch};
+
+/// Rows and columns that a neighbor is away at most, pixels.
+const REACH: usize = 2;
+
+/// Rows that one thread takes at a time.
+const ROWS: usize = 16;
+
+/// Logarithm that stands for nothing: farther than everything, so that it is never in front.
+const NOWHERE: f32 = f32::MAX;
+
+/// Logarithms of distances with a rim of nothing around, kept from frame to frame.
+#[derive(Debug, Default)]
+pub(crate) struct EyeDome {
+    levels: Vec<f32>,
+}
+
+/// The picture of a rectangle, drawn.
+pub(crate) struct DrawnRectangle<'a> {
+    /// From the first pixel of the rectangle on: red in the lowest byte, coverage in the highest.
+    pub(crate) colors: &'a mut [u32],
+    /// From a row of colors to the next, pixels.
+    pub(crate) pitch: usize,
+    /// Reversed depths, row by row; 0 where nothing is.
+    pub(crate) depths: &'a [f32],
+    /// Width, pixels.
+    pub(crate) width: usize,
+}
+
+impl EyeDome {
+    /// Darkens a picture. Beside the rectangle nothing is.
+    pub(crate) fn darken(&mut self, frame: &FrameConstants, picture: DrawnRectangle<'_>) {
+        let DrawnRectangle {
+            colors,
+            pitch,
+            depths,
+            width,
+        } = picture;
+        if width == 0 || depths.is_empty() {
+            return;
+        }
+        let height = depths.len() / width;
+        let stride = width + 2 * REACH;
+        let padded = stride * (height + 2 * REACH);
+        if self.levels.len() < padded {
+            self.levels.resize(padded, NOWHERE);
+        }
+        let levels = &mut self.levels[..padded];
+        levels[..REACH * stride].fill(NOWHERE);
+        levels[(REACH + height) * stride..].fill(NOWHERE);
+        let distances = DistanceParams::new(frame);
+        let simd_level = Level::new();
+        let inside = &mut levels[REACH * stride..(REACH + height) * stride];
+        let rows = inside
+            .chunks_mut(ROWS * stride)
+            .zip(depths.chunks(ROWS * width));
+        parallel::share(depths.len(), rows, |(levels, depths)| {
+            let rows = levels.chunks_mut(stride).zip(depths.chunks(width));
+            dispatch!(simd_level, _simd => for (levels, depths) in rows {
+                levels_of(&distances, levels, depths);
+            });
+        });
+        let levels = &self.levels[..padded];
+        let [red, green, blue, _] = frame.background;
+        let shade = ShadeParams {
+            background: [red, green, blue],
+            exponent: frame.eye_dome,
+        };
+        let end = (height - 1) * pitch + width;
+        let bands = colors[..end].chunks_mut(ROWS * pitch).enumerate();
+        parallel::share(depths.len(), bands, |(band, colors)| {
+            for (row, colors) in colors.chunks_mut(pitch).enumerate() {
+                let first = (band * ROWS + row) * stride;
+                let around = &levels[first..first + (2 * REACH + 1) * stride];
+                let colors = &mut colors[..width];
+                dispatch!(simd_level, _simd => darken_row(&shade, around, stride, colors));
+            }
+        });
+    }
+}
+
+/// What turns a reversed depth into a distance.
+struct DistanceParams {
+    p22: f32,
+    p32: f32,
+    is_orthographic: bool,
+}
+
+impl DistanceParams {
+    fn new(frame: &FrameConstants) -> Self {
+        Self {
+            p22: frame.clip_from_view[2][2],
+            p32: frame.clip_from_view[3][2],
+            is_orthographic: frame.flags & FLAG_ORTHOGRAPHIC != 0,
+        }
+    }
+}
+
+/// What a row is darkened by.
+struct ShadeParams {
+    background: [f32; 3],
+    exponent: f32,
+}
+
+/// Writes the logarithms of a row of depths, and nothing at its ends.
+#[inline(always)]
+fn levels_of(params: &DistanceParams, levels: &mut [f32], depths: &[f32]) {
+    let (start, rest) = levels.split_at_mut(REACH);
+    let (inside, end) = rest.split_at_mut(depths.len());
+    start.fill(NOWHERE);
+    end.fill(NOWHERE);
+    let (p22, p32) = (params.p22, params.p32);
+    for (level, &depth) in inside.iter_mut().zip(depths) {
+        let distance = match params.is_orthographic {
+            true => (p32 - depth) / p22,
+            false => p32 / (depth + p22),
+        };
+        let found = log2(distance);
+        *level = if depth > 0.0 { found } else { NOWHERE };
+    }
+}
+
+/// Darkens a row of colors; `around` are the logarithms of the rows from two above it to two below, with two more at both
+/// ends.
+#[inline(always)]
+fn darken_row(params: &ShadeParams, around: &[f32], stride: usize, colors: &mut [u32]) {
+    let width = colors.len();
+    let row = |rows: usize, column: usize| &around[rows * stride + column..][..width];
+    // Two above, one above at both sides, two at both sides, one below, two below.
+    let neighbors = [
+        row(0, 2),
+        row(1, 1),
+        row(1, 3),
+        row(2, 0),
+        row(2, 4),
+        row(3, 1),
+        row(3, 3),
+        row(4, 2),
+    ];
+    let own = row(2, 2);
+    let [red, green, blue] = params.background.map(|value| 255.0 * value);
+    for (x, color) in colors.iter_mut().enumerate() {
+        let level = own[x];
+        let mut nearer = 0.0;
+        for neighbor in &neighbors {
+            nearer += (level - neighbor[x]).max(0.0);
+        }
+        let light = exp2(-params.exponent * nearer);
+        let word = *color;
+        let alpha = word >> 24;
+        let open = 1.0 - alpha as f32 * (1.0 / 255.0);
+        let byte = |shift: u32, background: f32| {
+            let value = (word >> shift & 255) as f32;
+            let behind = background * open;
+            let darkened = behind + (value - behind) * light;
+            (darkened.clamp(0.0, 255.0) + 0.5) as u32
+        };
+        let darkened = byte(0, red) | byte(8, green) << 8 | byte(16, blue) << 16 | alpha << 24;
+        let is_drawn = level < NOWHERE && alpha > 0;
+        *color = if is_drawn { darkened } else { word };
+    }
+}
+
+/// The binary logarithm of a positive, normal number; off by less than 2e-7 of 1 and of its size.
+#[inline(always)]
+fn log2(value: f32) -> f32 {
+    // To a mantissa between the roots of a half and of 2.
+    const ROOT_OF_HALF: u32 = 0x3f35_04f3;
+    let bits = value.to_bits().wrapping_sub(ROOT_OF_HALF);
+    let exponent = (bits as i32) >> 23;
+    let mantissa = f32::from_bits((bits & 0x007f_ffff) + ROOT_OF_HALF);
+    // 2 artanh(t) / ln 2 with t = (m - 1) / (m + 1), of which |t| < 0.172.
+    let t = (mantissa - 1.0) / (mantissa + 1.0);
+    let square = t * t;
+    let series = 1.0 + square * (1.0 / 3.0 + square * (1.0 / 5.0 + square * (1.0 / 7.0)));
+    exponent as f32 + std::f32::consts::LOG2_E * 2.0 * t * series
+}
+
+/// 2 to a power that is not above 0; off by less than 1e-6.
+#[inline(always)]
+fn exp2(power: f32) -> f32 {
+    let power = power.max(-126.0);
+    let whole = power.floor();
+    let x = (power - whole) * std::f32::consts::LN_2;
+    // The series of the exponential up to the seventh power.
+    let series = 1.0
+        + x * (1.0
+            + x * (1.0 / 2.0
+                + x * (1.0 / 6.0
+                    + x * (1.0 / 24.0 + x * (1.0 / 120.0 + x * (1.0 / 720.0 + x / 5040.0))))));
+    series * f32::from_bits(((whole as i32 + 127) as u32) << 23)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::render::reference::eye_dome::darken;
+    use bytemuck::Zeroable;
+
+    #[test]
+    fn logarithm_and_power_are_those_of_the_library() {
+        for i in 1..200_000u32 {
+            let value = 1e-6 * f32::powi(1.000_2, i as i32);
+            let wanted = f64::from(value).log2();
+            let off = (f64::from(log2(value)) - wanted).abs();
+            assert!(off < 2e-7 * (1.0 + wanted.abs()), "{value}: {off}");
+            let power = -1e-4 * i as f32;
+            let off = f64::from(exp2(power)) - f64::from(power).exp2();
+            assert!(off.abs() < 1e-6, "{power}: {off}");
+        }
+        assert_eq!((log2(1.0), exp2(0.0)), (0.0, 1.0));
+        assert!(exp2(-1e30) < 1e-30);
+    }
+
+    /// Steps and slopes in a rectangle within a larger picture, with holes and half covered pixels.
+    #[test]
+    fn the_picture_is_that_of_the_reference() {
+        let mut frame = FrameConstants::zeroed();
+        (frame.clip_from_view[2][2], frame.clip_from_view[3][2]) = (0.01, 1.01);
+        frame.background = [0.2, 0.4, 0.9, 1.0];
+        frame.eye_dome = 3.0;
+        for (width, height, pitch) in [(37usize, 41usize, 40usize), (1, 1, 1), (3, 60, 3)] {
+            let (mut words, mut depths, mut image) = (
+                vec![7; pitch * height],
+                vec![],
+                Image {
+                    width: width as u32,
+                    height: height as u32,
+                    ..Image::default()
+                },
+            );
+            for y in 0..height {
+                for x in 0..width {
+                    let i = (31 * x + 17 * y) as u32;
+                    let distance = match (x / 9 + y / 7) % 3 {
+                        0 => 2.0 + 0.01 * x as f32,
+                        1 => 5.0 - 0.02 * y as f32,
+                        _ => 9.0,
+                    };
+                    let is_drawn = i % 13 != 0;
+                    let alpha = if i % 5 == 0 { 100 } else { 255 };
+                    let color = match is_drawn {
+                        true => [(i % 256) as u8, (i / 3 % 256) as u8, 250, alpha],
+                        false => [51, 102, 230, 0],
+                    };
+                    words[y * pitch + x] = u32::from_le_bytes(color);
+                    depths.push(if is_drawn {
+                        1.01 / distance - 0.01
+                    } else {
+                        0.0
+                    });
+                    image.color.push(color);
+                    image
+                        .depth
+                        .push(if is_drawn { distance } else { f32::INFINITY });
+                }
+            }
+            darken(&mut image, [0.2, 0.4, 0.9], frame.eye_dome);
+            let picture = DrawnRectangle {
+                colors: &mut words,
+                pitch,
+                depths: &depths,
+                width,
+            };
+            EyeDome::default().darken(&frame, picture);
+            let mut dark = 0;
+            for (i, wanted) in image.color.iter().enumerate() {
+                let found = words[i / width * pitch + i % width].to_le_bytes();
+                let off = (0..4).map(|c| found[c].abs_diff(wanted[c])).max();
+                assert!(off <= Some(1), "{width}: {i}: {found:?}, {wanted:?}");
+                dark += usize::from(found[2] < 200 && found[3] == 255);
+            }
+            assert!(width < 5 || dark > 50, "{dark} are darkened");
+            let beside = words.chunks(pitch).flat_map(|row| &row[width..]);
+            assert!(beside.into_iter().all(|&word| word == 7));
+        }
+    }
+}

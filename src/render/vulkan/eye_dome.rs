@@ -1,0 +1,73 @@
+//! Eye-dome lighting: a pass over the finished picture that darkens pixels whose neighbors are nearer. It works with every
+//! technique, since all leave colors and depths.
+
+use crate::abi::shaders;
+use crate::gpu::frame::{Frame, Load, Uniform};
+use crate::gpu::image::Image as Target;
+use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::{Error, Gpu};
+use crate::render::vulkan::raster_pass;
+use crate::render::vulkan::raster_pass::ScreenDraw;
+use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::triangles::targets;
+use std::sync::Arc;
+
+/// The pipeline and the picture that it makes.
+#[derive(Debug)]
+pub(crate) struct EyeDomePass {
+    pipeline: Pipeline,
+    picture: Target,
+}
+
+impl EyeDomePass {
+    /// For pictures like those of `of`.
+    ///
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(crate) fn new(gpu: &Arc<Gpu>, of: &Targets) -> Result<Self, Error> {
+        let color = of.color();
+        let description = Description {
+            name: "look.eye_dome",
+            vertex: &shaders::FILTERED_NORMALIZE_VERT,
+            fragment: Some(&shaders::LOOK_EYE_DOME_FRAG),
+            constants: &[],
+            record: Record::NOTHING,
+            topology: Topology::Triangles,
+            colors: targets(color.format, false),
+            depth: Depth::None,
+            is_additive: false,
+        };
+        Ok(Self {
+            pipeline: Pipeline::new(gpu, &description)?,
+            picture: Target::new(
+                gpu,
+                "darkened color",
+                color.format,
+                color.width,
+                color.height,
+            )?,
+        })
+    }
+
+    /// Records pass look.eye_dome, which reads color and depth of the targets.
+    pub(crate) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        context: &Context,
+        constants: Uniform,
+    ) {
+        let [r, g, b] = context.background;
+        let pass = frame
+            .pass("look.eye_dome")
+            .color(&self.picture, Load::Clear([r, g, b, 0.0]));
+        let (uniforms, images) = ([constants], [targets.color(), targets.depth()]);
+        let screen = ScreenDraw::of_images(&self.pipeline, &uniforms, &images);
+        raster_pass::full_screen(pass, &screen, context.rect_px);
+    }
+
+    /// The darkened picture of the last frame that was.
+    pub(crate) fn picture(&self) -> &Target {
+        &self.picture
+    }
+}

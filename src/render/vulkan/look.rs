@@ -1,0 +1,62 @@
+//! Looks: passes over the finished picture of a frame, whatever technique drew it.
+
+use crate::gpu::frame::{Frame, Uniform};
+use crate::gpu::image::Image as Target;
+use crate::gpu::{Error, Gpu};
+use crate::render::frame_plan::FramePlan;
+use crate::render::vulkan::eye_dome::EyeDomePass;
+use crate::render::vulkan::targets::Targets;
+use std::sync::Arc;
+
+/// The looks of pictures of one size, made when a frame first has them.
+#[derive(Debug, Default)]
+pub(super) struct PictureLooks {
+    eye_dome: Option<EyeDomePass>,
+    /// The last frame had eye-dome lighting.
+    is_darkened: bool,
+}
+
+impl PictureLooks {
+    /// Makes what a planned frame needs.
+    ///
+    /// # Errors
+    /// When memory runs out or a Vulkan call fails.
+    pub(super) fn prepare(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        targets: &Targets,
+        plan: &FramePlan,
+    ) -> Result<(), Error> {
+        self.is_darkened = plan.constants.eye_dome > 0.0;
+        if self.is_darkened && self.eye_dome.is_none() {
+            self.eye_dome = Some(EyeDomePass::new(gpu, targets)?);
+        }
+        Ok(())
+    }
+
+    /// Forgets the last frame: what is drawn next is the picture itself.
+    pub(super) fn forget(&mut self) {
+        self.is_darkened = false;
+    }
+
+    /// Records the looks of a frame, whose technique is recorded.
+    pub(super) fn record(
+        &self,
+        frame: &mut Frame<'_>,
+        targets: &Targets,
+        plan: &FramePlan,
+        constants: Uniform,
+    ) {
+        if let (true, Some(pass)) = (self.is_darkened, &self.eye_dome) {
+            pass.record(frame, targets, &plan.context, constants);
+        }
+    }
+
+    /// The picture of the last frame, as its looks left it.
+    pub(super) fn picture<'a>(&'a self, targets: &'a Targets) -> &'a Target {
+        match &self.eye_dome {
+            Some(pass) if self.is_darkened => pass.picture(),
+            _ => targets.color(),
+        }
+    }
+}

@@ -1,0 +1,189 @@
+//! Eye-dome lighting: every executor darkens its own picture by its own depths, by one rule; who asks for it gets it.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::{Device, generated, orbit};
+use surfel::generate::{Shape, Spec};
+use surfel::image::Image;
+use surfel::math::camera::View;
+use surfel::pack::ColorBy;
+use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::{EyeDome, Method, Path, PictureOutputs, Settings, SplatKind};
+use surfel::tree::{BuildOptions, Model};
+
+const SIZE: (u32, u32) = (200, 160);
+
+/// Exponent at strength 1 (docs/METHODS.md).
+const EXPONENT: f64 = 18.0;
+
+/// The points of a statue, with their normals or without.
+fn cloud(has_normals: bool) -> Model {
+    let spec = Spec::with_triangles(Shape::Statue, 60_000).unwrap();
+    let mut mesh = surfel::generate::mesh(&spec);
+    mesh.triangles.clear();
+    if !has_normals {
+        mesh.normals.clear();
+    }
+    surfel::tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+/// The rule of docs/METHODS.md, in double precision: a picture and its distances, darkened.
+fn darkened(plain: &Image, background: [f64; 3], exponent: f64) -> Vec<[f64; 4]> {
+    let (width, height) = (i64::from(plain.width), i64::from(plain.height));
+    let level = |x: i64, y: i64| {
+        let is_in = (0..width).contains(&x) && (0..height).contains(&y);
+        let distance = is_in.then(|| f64::from(plain.depth[(y * width + x) as usize]));
+        distance.filter(|d| d.is_finite()).map(f64::log2)
+    };
+    let around = [
+        (-2, 0),
+        (2, 0),
+        (0, -2),
+        (0, 2),
+        (-1, -1),
+        (1, -1),
+        (-1, 1),
+        (1, 1),
+    ];
+    let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
+    pixels
+        .map(|(x, y)| {
+            let color = plain.color[(y * width + x) as usize].map(f64::from);
+            let Some(own) = level(x, y) else { return color };
+            let levels = around.iter().filter_map(|(dx, dy)| level(x + dx, y + dy));
+            let nearer: f64 = levels.map(|level| (own - level).max(0.0)).sum();
+            let light = (-exponent * nearer).exp2();
+            let mut dark = color;
+            for i in 0..3 {
+                let behind = 255.0 * background[i] * (1.0 - color[3] / 255.0);
+                dark[i] = behind + (color[i] - behind) * light;
+            }
+            dark
+        })
+        .collect()
+}
+
+fn picture(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Option<Image> {
+    let outputs = PictureOutputs {
+        depth: true,
+        ..PictureOutputs::default()
+    };
+    let size = (view.width, view.height);
+    let mut engine = Engine::new(backend, model, size, outputs).unwrap();
+    // What an executor does not draw it refuses.
+    engine.render(view, settings).ok()
+}
+
+#[test]
+fn every_executor_darkens_its_picture_by_its_depths() {
+    let Some(device) = Device::open() else { return };
+    let vulkan = Backend::Vulkan(device.gpu().clone());
+    let (points, statue) = (cloud(false), generated(Shape::Statue, 20_000));
+    let mut drawn = [0; 4];
+    for (model, is_cloud) in [(&points, true), (&statue, false)] {
+        for view in [
+            orbit(model, SIZE, 30.0, 20.0, 1.3),
+            common::orthographic(model, SIZE),
+        ] {
+            for splat in [
+                SplatKind::Square,
+                SplatKind::Disc,
+                SplatKind::Ellipse,
+                SplatKind::Gauss,
+                SplatKind::Filtered,
+                SplatKind::Visibility,
+            ] {
+                let plain = Settings {
+                    splat,
+                    threshold_px: 3.0,
+                    background: [0.2, 0.3, 0.6],
+                    ..Settings::default()
+                };
+                for (number, (backend, path)) in [
+                    (&vulkan, Path::Raster),
+                    (&vulkan, Path::Compute),
+                    (&Backend::Cpu, Path::Auto),
+                    (&Backend::Mirror, Path::Auto),
+                ]
+                .into_iter()
+                .enumerate()
+                {
+                    let plain = Settings { path, ..plain };
+                    let dark = Settings {
+                        eye_dome: EyeDome::On,
+                        eye_dome_strength: 0.5,
+                        ..plain
+                    };
+                    let before = picture(backend, model, &view, &plain);
+                    let Some(before) = before else { continue };
+                    let found = picture(backend, model, &view, &dark).unwrap();
+                    let wanted = darkened(&before, [0.2, 0.3, 0.6], 0.5 * EXPONENT);
+                    let what =
+                        format!("{splat:?} by {} {path:?}, cloud {is_cloud}", backend.name());
+                    let mut darker = 0;
+                    for (i, (found, wanted)) in found.color.iter().zip(&wanted).enumerate() {
+                        // Distances come from depths of 24 bits and more; colors are rounded once more.
+                        let off = (0..4).map(|c| (f64::from(found[c]) - wanted[c]).abs());
+                        let off = off.fold(0.0, f64::max);
+                        assert!(off <= 1.6, "{what}, pixel {i}: {found:?}, {wanted:?}");
+                        let before = before.color[i];
+                        darker += usize::from(before[0] > found[0].saturating_add(20));
+                    }
+                    assert!(darker > 100, "{what}: {darker} pixels are darker");
+                    assert!(found.depth == before.depth, "{what}: depths stay");
+                    drawn[number] += 1;
+                }
+            }
+        }
+    }
+    println!("{drawn:?} pictures");
+    assert!(
+        drawn[0] == 24 && drawn[2] >= 10 && drawn[3] == 24,
+        "{drawn:?}"
+    );
+}
+
+#[test]
+fn points_without_normals_are_darkened_where_it_is_left_open() {
+    let Some(device) = Device::open() else { return };
+    let vulkan = Backend::Device(device.gpu().clone());
+    let auto = Settings {
+        eye_dome: EyeDome::Auto,
+        threshold_px: 2.0,
+        ..Settings::default()
+    };
+    let surface = generated(Shape::Statue, 20_000);
+    for (model, is_dark) in [
+        (&cloud(false), true),
+        (&cloud(true), false),
+        (&surface, false),
+    ] {
+        let view = orbit(model, SIZE, 30.0, 20.0, 1.0);
+        for backend in [&vulkan, &Backend::Cpu, &Backend::Mirror] {
+            for method in [Method::Pop, Method::Points] {
+                let auto = Settings { method, ..auto };
+                let of = |eye_dome| picture(backend, model, &view, &Settings { eye_dome, ..auto });
+                let Some(found) = of(EyeDome::Auto) else {
+                    continue;
+                };
+                let same_as = if is_dark { EyeDome::On } else { EyeDome::Off };
+                let other = if is_dark { EyeDome::Off } else { EyeDome::On };
+                assert!(found == of(same_as).unwrap() && found != of(other).unwrap());
+                // Colors that are data stay.
+                let data = |eye_dome| {
+                    let color_by = ColorBy::Depth;
+                    let settings = Settings {
+                        color_by,
+                        eye_dome,
+                        ..auto
+                    };
+                    picture(backend, model, &view, &settings)
+                };
+                assert!(data(EyeDome::Auto) == data(EyeDome::Off));
+                assert!(data(EyeDome::On).is_none(), "it is refused");
+            }
+        }
+    }
+}
