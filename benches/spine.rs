@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 use surfel::cut::{self, Cut, Footprints, Selector, StripRun, Undrawn};
 use surfel::generate::{self, Shape, Spec};
-use surfel::gpu::{Gpu, Options};
+use surfel::gpu::{DeviceOptions, Gpu};
 use surfel::image::compare;
 use surfel::input;
 use surfel::math::camera::View;
@@ -19,8 +19,8 @@ use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Renderer;
-use surfel::render::vulkan::scene::Scene;
+use surfel::render::vulkan::renderer::VulkanRenderer;
+use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{Method, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
@@ -277,9 +277,9 @@ fn hiding(model: &Model, name: &str) {
 }
 
 fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
-    let mut scene = Scene::new(gpu, model).expect("the model fits the device");
-    let mut renderer =
-        Renderer::new(gpu, SIZE.0, SIZE.1, PictureOutputs::default(), true).expect("a renderer");
+    let mut scene = DeviceScene::new(gpu, model).expect("the model fits the device");
+    let mut renderer = VulkanRenderer::new(gpu, SIZE.0, SIZE.1, PictureOutputs::default(), true)
+        .expect("a renderer");
     let candidates = [
         (Method::Triangles, 1.0),
         (Method::Pop, 1.0),
@@ -463,7 +463,7 @@ fn main() {
     if !(wants("cut") || wants("draw") || wants("filter")) {
         return;
     }
-    let gpu = match Gpu::open(&Options::default()) {
+    let gpu = match Gpu::open(&DeviceOptions::default()) {
         Ok(gpu) => gpu,
         Err(error) => {
             eprintln!("no device, drawing is not measured: {error}");

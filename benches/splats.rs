@@ -12,7 +12,7 @@ mod targets;
 
 use std::path::PathBuf;
 use surfel::generate::{self, Shape, Spec};
-use surfel::gpu::Options;
+use surfel::gpu::DeviceOptions;
 use surfel::image::compare;
 use surfel::input;
 use surfel::math::camera::View;
@@ -304,7 +304,7 @@ fn main() {
     let mut arguments = std::env::args().skip(1).filter(|a| !a.starts_with('-'));
     let (part, only) = (arguments.next(), arguments.next());
     let runs = |name: &str| part.as_deref().is_none_or(|part| part == name);
-    let backend = match Backend::open(&Options::default()) {
+    let backend = match Backend::open(&DeviceOptions::default()) {
         Ok(backend) => backend,
         Err(error) => {
             println!("no device, nothing measured: {error}");

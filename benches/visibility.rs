@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use surfel::abi::Splat;
 use surfel::cut::{Cut, Selector};
 use surfel::generate::{self, Shape, Spec};
-use surfel::gpu::Options;
+use surfel::gpu::DeviceOptions;
 use surfel::image::{FloatImage, Image, compare};
 use surfel::input;
 use surfel::math::camera::View;
@@ -167,7 +167,7 @@ fn error_text(reference: &FloatImage, image: &Image) -> String {
 
 fn main() {
     let has = |word: &str| std::env::args().any(|a| a == word);
-    let backend = match Backend::open(&Options::default()) {
+    let backend = match Backend::open(&DeviceOptions::default()) {
         Ok(backend) => backend,
         Err(error) => return println!("no device, nothing measured: {error}"),
     };

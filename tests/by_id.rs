@@ -15,21 +15,21 @@ use surfel::pack::ColorBy;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::stats::FrameTimes;
-use surfel::render::stats::Kept;
-use surfel::render::vulkan::renderer::Renderer;
-use surfel::render::vulkan::scene::Scene;
+use surfel::render::stats::KeptWork;
+use surfel::render::vulkan::renderer::VulkanRenderer;
+use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{Blend, ListOf, Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 const SIZE: (u32, u32) = (240, 200);
 
-fn renderer(device: &Device) -> Renderer {
+fn renderer(device: &Device) -> VulkanRenderer {
     let outputs = PictureOutputs {
         depth: true,
         normal: true,
         ..PictureOutputs::default()
     };
-    Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
+    VulkanRenderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
 }
 
 fn of(list_of: ListOf, settings: Settings) -> Settings {
@@ -40,8 +40,8 @@ fn of(list_of: ListOf, settings: Settings) -> Settings {
 }
 
 fn draw(
-    renderer: &mut Renderer,
-    (model, scene): (&Model, &mut Scene),
+    renderer: &mut VulkanRenderer,
+    (model, scene): (&Model, &mut DeviceScene),
     view: &View,
     settings: &Settings,
 ) -> (Image, FrameTimes) {
@@ -145,7 +145,7 @@ fn numbers_draw_what_records_draw() {
         ("cloud", cloud(Shape::Sphere, 20_000)),
     ];
     for (name, model) in &models {
-        let mut scene = Scene::new(device.gpu(), model).unwrap();
+        let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
         let mut renderer = renderer(&device);
         let mut views: Vec<View> = [(20.0, 0.2), (130.0, 1.0), (200.0, 3.0)]
             .map(|(azimuth, fill)| orbit(model, SIZE, azimuth, 25.0, fill))
@@ -182,7 +182,7 @@ fn numbers_draw_what_records_draw() {
 fn a_scan_is_drawn_by_numbers() {
     let Some(device) = Device::open() else { return };
     for (name, model) in scans(&["thesis/dragon_vrip_res3.ply.gz"]) {
-        let mut scene = Scene::new(device.gpu(), &model).unwrap();
+        let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
         let mut renderer = renderer(&device);
         let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
         for (kind, settings) in ways(&device) {
@@ -204,7 +204,7 @@ fn what_was_made_of_numbers_stays() {
         generated(Shape::Statue, 20_000),
         generated(Shape::Torus, 20_000),
     ];
-    let mut scenes = [0, 1].map(|i: usize| Scene::new(device.gpu(), &models[i]).unwrap());
+    let mut scenes = [0, 1].map(|i: usize| DeviceScene::new(device.gpu(), &models[i]).unwrap());
     let mut renderer = renderer(&device);
     renderer.keep_lists(true);
     let usual = Settings {
@@ -231,7 +231,7 @@ fn what_was_made_of_numbers_stays() {
         let (image, times) = draw(&mut renderer, model, &view, &of(list_of, usual));
         assert_eq!(makes(&times), is_made, "frame {index}");
         let is_kept = list_of == ListOf::Ids && !is_made;
-        assert_eq!(times.kept == Kept::Lists, is_kept, "frame {index}");
+        assert_eq!(times.kept == KeptWork::Lists, is_kept, "frame {index}");
         if (which, azimuth) == (0, 10.0) {
             let first = first.get_or_insert_with(|| image.clone());
             oracle(&device).assert_same(first, &image, "the same view");
@@ -243,8 +243,8 @@ fn what_was_made_of_numbers_stays() {
 fn what_numbers_cannot_say_is_refused_by_name() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 20_000);
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
-    let mut renderer = Renderer::new(
+    let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
+    let mut renderer = VulkanRenderer::new(
         device.gpu(),
         SIZE.0,
         SIZE.1,
@@ -314,7 +314,7 @@ fn what_numbers_cannot_say_is_refused_by_name() {
         assert!(!has_pass(&times, "lists.splats"), "{word}");
     }
     // A scene in several pages has no tree on the device.
-    let mut pages = Scene::with_page_limits(device.gpu(), &model, 4000, 6000).unwrap();
+    let mut pages = DeviceScene::with_page_limits(device.gpu(), &model, 4000, 6000).unwrap();
     let refused = renderer.draw(&model, &mut pages, &view, &usual);
     assert!(
         matches!(&refused, Err(Error::Unsupported { what, .. }) if what.contains("tree")),

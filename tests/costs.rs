@@ -12,15 +12,15 @@ use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::cost::model::{
-    Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PrimitiveCosts, SplatCosts, TriangleCosts,
-    Ways,
+    DrawCosts, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PerRasterizer, PrimitiveCosts,
+    SplatCosts, TriangleCosts,
 };
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Blend, Method, Path, Settings, SplatKind};
 use surfel::tree::{self, BuildOptions, Model};
 
 /// Costs by which `path` is always the cheaper, and points up to a size.
-fn costs(path: Path, largest_point_px: f32) -> Costs {
+fn costs(path: Path, largest_point_px: f32) -> DrawCosts {
     let [raster, compute] = match path {
         Path::Compute => [1000.0, 1.0],
         _ => [1.0, 1000.0],
@@ -37,7 +37,7 @@ fn costs(path: Path, largest_point_px: f32) -> Costs {
             passes: PassCosts::default(),
         })
     };
-    let kind = Some(Ways {
+    let kind = Some(PerRasterizer {
         raster: splats(raster),
         compute: splats(compute),
     });
@@ -45,7 +45,7 @@ fn costs(path: Path, largest_point_px: f32) -> Costs {
         splat_ns: 0.0,
         passes: PassCosts::default(),
     });
-    Costs {
+    DrawCosts {
         square: kind,
         ellipse: kind,
         gauss: kind,
@@ -53,7 +53,7 @@ fn costs(path: Path, largest_point_px: f32) -> Costs {
         visibility: kind,
         gauss_merge: merge,
         filtered_merge: merge,
-        triangle: Some(Ways {
+        triangle: Some(PerRasterizer {
             raster: triangles(raster),
             compute: triangles(compute),
         }),
@@ -78,7 +78,12 @@ fn engine<'m>(device: &Device, model: &'m Model, size: (u32, u32)) -> Engine<'m>
     Engine::new(&backend, model, size, PictureOutputs::default()).unwrap()
 }
 
-fn draw(engine: &mut Engine<'_>, view: &View, settings: &Settings, costs: Option<Costs>) -> Drawn {
+fn draw(
+    engine: &mut Engine<'_>,
+    view: &View,
+    settings: &Settings,
+    costs: Option<DrawCosts>,
+) -> Drawn {
     engine.set_costs(costs);
     let times = engine.draw(view, settings).unwrap();
     Drawn {

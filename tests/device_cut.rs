@@ -11,22 +11,22 @@ use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::render::PictureOutputs;
-use surfel::render::cost::model::Costs;
+use surfel::render::cost::model::DrawCosts;
 use surfel::render::stats::FrameTimes;
-use surfel::render::stats::Kept;
-use surfel::render::vulkan::renderer::Renderer;
-use surfel::render::vulkan::scene::Scene;
+use surfel::render::stats::KeptWork;
+use surfel::render::vulkan::renderer::VulkanRenderer;
+use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{Blend, Culling, CutOn, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
 const SIZE: (u32, u32) = (240, 200);
 
-fn renderer(device: &Device) -> Renderer {
+fn renderer(device: &Device) -> VulkanRenderer {
     let outputs = PictureOutputs {
         depth: true,
         ..PictureOutputs::default()
     };
-    Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
+    VulkanRenderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
 }
 
 /// By the rasterizer, without what is hidden left out: the same primitives.
@@ -41,8 +41,8 @@ fn on(cut_on: CutOn) -> Settings {
 }
 
 fn draw(
-    renderer: &mut Renderer,
-    (model, scene): (&Model, &mut Scene),
+    renderer: &mut VulkanRenderer,
+    (model, scene): (&Model, &mut DeviceScene),
     view: &View,
     settings: &Settings,
 ) -> (Image, FrameTimes) {
@@ -65,7 +65,7 @@ fn the_device_draws_what_the_host_draws() {
     ];
     for (shape, triangles) in models {
         let model = generated(shape, triangles);
-        let mut scene = Scene::new(device.gpu(), &model).unwrap();
+        let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
         let mut renderer = renderer(&device);
         let mut views: Vec<View> = [(20.0, 0.05), (70.0, 0.5), (130.0, 1.0), (200.0, 3.0)]
             .map(|(azimuth, fill)| orbit(&model, SIZE, azimuth, 25.0, fill))
@@ -112,7 +112,7 @@ fn the_device_draws_what_the_host_draws() {
 fn the_device_cut_is_drawn_in_every_light_and_color() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 60_000);
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 130.0, 25.0, 1.0);
     let lamp = |s: &mut Settings| s.light = Lighting::Phong(Phong::default());
@@ -138,7 +138,7 @@ fn the_device_cut_is_drawn_in_every_light_and_color() {
 fn a_scan_is_cut_on_the_device() {
     let Some(device) = Device::open() else { return };
     for (name, model) in scans(&["thesis/dragon_vrip_res3.ply.gz"]) {
-        let mut scene = Scene::new(device.gpu(), &model).unwrap();
+        let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
         let mut renderer = renderer(&device);
         for fill in [0.3, 1.0, 2.0] {
             let view = orbit(&model, SIZE, 30.0, 20.0, fill);
@@ -159,7 +159,7 @@ fn lists_stay_on_the_device() {
         generated(Shape::Statue, 20_000),
         generated(Shape::Torus, 20_000),
     ];
-    let mut scenes = [0, 1].map(|i: usize| Scene::new(device.gpu(), &models[i]).unwrap());
+    let mut scenes = [0, 1].map(|i: usize| DeviceScene::new(device.gpu(), &models[i]).unwrap());
     let mut renderer = renderer(&device);
     renderer.keep_lists(true);
     let settings = on(CutOn::Device);
@@ -176,7 +176,7 @@ fn lists_stay_on_the_device() {
         let view = orbit(&models[which], SIZE, azimuth, 20.0, 0.8);
         let model = (&models[which], &mut scenes[which]);
         let (image, times) = draw(&mut renderer, model, &view, &settings);
-        assert_eq!(times.kept == Kept::Lists, is_kept);
+        assert_eq!(times.kept == KeptWork::Lists, is_kept);
         assert_eq!(is_on_device(&times), !is_kept);
         assert!(times.counts.splats + times.counts.triangles > 0);
         assert!(times.counts.nodes_visited > 0);
@@ -192,14 +192,14 @@ fn lists_stay_on_the_device() {
 fn costs_decide_what_chooses() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 20_000);
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);
     let costs = |host, on_device| {
-        Some(Costs {
+        Some(DrawCosts {
             node_ns: Some(host),
             device_node_ns: on_device,
-            ..Costs::default()
+            ..DrawCosts::default()
         })
     };
     for (costs, threshold_px, expected) in [
@@ -223,7 +223,7 @@ fn costs_decide_what_chooses() {
 fn what_the_device_cannot_choose_is_refused_by_name() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 2_000);
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);
     let usual = on(CutOn::Device);

@@ -5,14 +5,14 @@ mod common;
 
 use common::{Device, generated, orbit, pictures};
 use surfel::generate::Shape;
-use surfel::gpu::Options;
+use surfel::gpu::DeviceOptions;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
 use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::vulkan::renderer::Renderer;
-use surfel::render::vulkan::scene::Scene;
+use surfel::render::vulkan::renderer::VulkanRenderer;
+use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{Culling, Method, Path, Reconstruction, Settings, SplatKind, Traversal};
 use surfel::tree::Model;
 
@@ -141,9 +141,9 @@ fn culling_changes_nothing_on_a_closed_surface() {
 #[test]
 fn memory_that_is_not_coherent_gives_the_same_picture() {
     let Some(device) = Device::open() else { return };
-    let Some(pretending) = Device::open_with(Options {
+    let Some(pretending) = Device::open_with(DeviceOptions {
         pretend_noncoherent: true,
-        ..Options::default()
+        ..DeviceOptions::default()
     }) else {
         return;
     };
@@ -223,19 +223,21 @@ fn pages_do_not_show() {
                 continue;
             }
             let s = settings_of(case);
-            let drawn = |scene: &mut Scene| {
+            let drawn = |scene: &mut DeviceScene| {
                 let outputs = outputs_of(case);
-                let mut renderer = Renderer::new(device.gpu(), 200, 200, outputs, false).unwrap();
+                let mut renderer =
+                    VulkanRenderer::new(device.gpu(), 200, 200, outputs, false).unwrap();
                 renderer.draw(model, scene, &view, &s).unwrap();
                 renderer.read(&view).unwrap()
             };
-            let whole = drawn(&mut Scene::new(device.gpu(), model).unwrap());
+            let whole = drawn(&mut DeviceScene::new(device.gpu(), model).unwrap());
             for (vertices, triangles) in [(1000, usize::MAX), (usize::MAX, 777), (3, 1_000)] {
                 if (vertices, model.triangles.len() > 10_000) == (3, true) {
                     continue; // A page a triangle: 20,000 buffers prove nothing more.
                 }
                 let mut scene =
-                    Scene::with_page_limits(device.gpu(), model, vertices, triangles).unwrap();
+                    DeviceScene::with_page_limits(device.gpu(), model, vertices, triangles)
+                        .unwrap();
                 assert!(scene.pages.len() > 1 || model.triangles.is_empty());
                 let paged = drawn(&mut scene);
                 assert!(whole == paged, "{case:?}: {} pages show", scene.pages.len());
@@ -248,13 +250,13 @@ fn pages_do_not_show() {
 fn the_frame_loop_makes_nothing_new() {
     let Some(device) = Device::open() else { return };
     let model = generated(Shape::Statue, 50_000);
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer =
-        Renderer::new(device.gpu(), 200, 200, PictureOutputs::default(), true).unwrap();
+        VulkanRenderer::new(device.gpu(), 200, 200, PictureOutputs::default(), true).unwrap();
     let views: Vec<View> = (0..8)
         .map(|k| orbit(&model, (200, 200), 45.0 * f64::from(k), 10.0, 2.0))
         .collect();
-    let mut round = |renderer: &mut Renderer| {
+    let mut round = |renderer: &mut VulkanRenderer| {
         for view in &views {
             for case in METHODS {
                 renderer

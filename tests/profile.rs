@@ -42,14 +42,14 @@ fn counters_are_believed_only_where_they_are_exact() {
 }
 
 use surfel::generate::Shape;
-use surfel::gpu::frame::Measure;
+use surfel::gpu::frame::FrameMeasure;
 use surfel::math::camera::View;
 use surfel::measure::profile::{Error, Plan, Profile, Proof};
 use surfel::measure::trace;
 use surfel::progress::{Progress, Silent};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::stats::Stage;
+use surfel::render::stats::FrameStage;
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};
 use surfel::tree::Model;
 
@@ -101,11 +101,11 @@ fn settings(method: Method, splat: SplatKind) -> Settings {
 fn check_times(profile: &Profile, passes: &[&str], is_timed: bool) {
     for sample in &profile.samples {
         let t = &sample.times;
-        let stages: f64 = Stage::ALL.map(|s| t.of(s)).iter().sum();
+        let stages: f64 = FrameStage::ALL.map(|s| t.of(s)).iter().sum();
         assert!(stages > 0.0 && stages <= t.frame_ms, "{t:?}");
         // Stages follow each other, inside of the frame.
         let mut last = t.starts.frame.unwrap();
-        for stage in Stage::ALL {
+        for stage in FrameStage::ALL {
             if let Some(start) = t.starts.of(stage) {
                 assert!(start >= last, "{}: {t:?}", stage.name());
                 last = start;
@@ -269,7 +269,7 @@ fn measuring_changes_no_picture_and_makes_nothing_new() {
                 (false, false, true),
                 (true, true, true),
             ] {
-                let measure = Measure {
+                let measure = FrameMeasure {
                     passes,
                     frame,
                     counters,

@@ -7,16 +7,16 @@ mod common;
 use common::{Device, generated, orbit};
 use surfel::cut::SizeMetric;
 use surfel::generate::Shape;
-use surfel::gpu::Options;
+use surfel::gpu::DeviceOptions;
 use surfel::image::Image;
 use surfel::math::camera::{Light, View};
 use surfel::pack::{ColorBy, Lamp, Lighting, Phong};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameTimes;
-use surfel::render::stats::Kept;
-use surfel::render::vulkan::renderer::Renderer;
-use surfel::render::vulkan::scene::Scene;
+use surfel::render::stats::KeptWork;
+use surfel::render::vulkan::renderer::VulkanRenderer;
+use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::{
     Blend, Culling, EyeDome, Method, Occlusion, Path, Reconstruction, Settings, Shading, SplatKind,
     SumFormat, Traversal,
@@ -28,15 +28,15 @@ const SIZE: (u32, u32) = (160, 160);
 /// Frames of one model by one renderer that keeps what it may.
 struct Stand<'m> {
     model: &'m Model,
-    scene: Scene,
-    renderer: Renderer,
+    scene: DeviceScene,
+    renderer: VulkanRenderer,
 }
 
 impl<'m> Stand<'m> {
     fn new(device: &Device, model: &'m Model) -> Self {
         let mut renderer = renderer(device);
         renderer.keep_lists(true);
-        let scene = Scene::new(device.gpu(), model).unwrap();
+        let scene = DeviceScene::new(device.gpu(), model).unwrap();
         Self {
             model,
             scene,
@@ -63,19 +63,19 @@ impl<'m> Stand<'m> {
     }
 }
 
-fn renderer(device: &Device) -> Renderer {
+fn renderer(device: &Device) -> VulkanRenderer {
     let outputs = PictureOutputs {
         depth: true,
         normal: false,
         values: false,
     };
-    Renderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
+    VulkanRenderer::new(device.gpu(), SIZE.0, SIZE.1, outputs, true).unwrap()
 }
 
 /// By a renderer that has drawn nothing before.
 fn fresh(device: &Device, model: &Model, view: &View, settings: &Settings) -> Image {
     let mut renderer = renderer(device);
-    let mut scene = Scene::new(device.gpu(), model).unwrap();
+    let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
     renderer.draw(model, &mut scene, view, settings).unwrap();
     renderer.read(view).unwrap()
 }
@@ -113,9 +113,9 @@ fn looks() -> Vec<Settings> {
 #[test]
 fn a_still_camera_is_not_cut_and_packed_again() {
     let Some(device) = Device::open() else { return };
-    let Some(pretending) = Device::open_with(Options {
+    let Some(pretending) = Device::open_with(DeviceOptions {
         pretend_noncoherent: true,
-        ..Options::default()
+        ..DeviceOptions::default()
     }) else {
         return;
     };
@@ -126,20 +126,20 @@ fn a_still_camera_is_not_cut_and_packed_again() {
             let what = format!("{:?} {:?}", look.splat, look.path);
             let mut stand = Stand::new(device, &model);
             let first = stand.draw(&view, &look);
-            assert_eq!(first.kept, Kept::Nothing, "{what}");
+            assert_eq!(first.kept, KeptWork::Nothing, "{what}");
             assert!(first.counts.nodes_visited > 0 && first.counts.draw_list_bytes > 0);
             // The other slot of the ring.
             let second = stand.draw(&view, &look);
-            assert_ne!(second.kept, Kept::Lists, "{what}");
+            assert_ne!(second.kept, KeptWork::Lists, "{what}");
             // Triangles that become filtered splats are taken out of the cut.
             if look.splat != SplatKind::Filtered {
-                assert_eq!(second.kept, Kept::Cut, "{what}");
+                assert_eq!(second.kept, KeptWork::Cut, "{what}");
                 assert_eq!(stand.renderer.nodes_visited(), first.counts.nodes_visited);
             }
             let visited = stand.renderer.nodes_visited();
             for _ in 0..3 {
                 let times = stand.draw(&view, &look);
-                assert_eq!(times.kept, Kept::Lists, "{what}");
+                assert_eq!(times.kept, KeptWork::Lists, "{what}");
                 assert_eq!(times.counts, first.counts, "{what}");
                 assert_eq!(
                     times.uploaded_bytes + first.counts.draw_list_bytes,
@@ -169,20 +169,20 @@ fn nothing_is_kept_unless_it_is_asked_for() {
     let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
     let draw = |engine: &mut Engine<'_>| engine.draw(&view, &Settings::default()).unwrap().kept;
     for _ in 0..4 {
-        assert_eq!(draw(&mut engine), Kept::Nothing);
+        assert_eq!(draw(&mut engine), KeptWork::Nothing);
     }
     engine.keep_lists(true);
-    assert_eq!(draw(&mut engine), Kept::Lists);
+    assert_eq!(draw(&mut engine), KeptWork::Lists);
     engine.keep_lists(false);
-    assert_eq!(draw(&mut engine), Kept::Nothing);
+    assert_eq!(draw(&mut engine), KeptWork::Nothing);
 
     let mut plain = renderer(&device);
-    let mut scene = Scene::new(device.gpu(), &model).unwrap();
+    let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     for round in 1..=4 {
         let times = plain
             .draw(&model, &mut scene, &view, &Settings::default())
             .unwrap();
-        assert_eq!(times.kept, Kept::Nothing);
+        assert_eq!(times.kept, KeptWork::Nothing);
         assert_eq!(plain.nodes_visited(), round * times.counts.nodes_visited);
     }
 }
@@ -387,7 +387,7 @@ fn what_does_not_change_is_not_made_again() {
     stand.draw(&view, &held);
     for azimuth in [31.0, 32.0] {
         let times = stand.draw(&orbit(&model, SIZE, azimuth, 20.0, 1.0), &held);
-        assert_eq!(times.kept, Kept::Cut);
+        assert_eq!(times.kept, KeptWork::Cut);
     }
     let mut stand = Stand::new(&device, &model);
     let black = Settings {
@@ -401,7 +401,7 @@ fn what_does_not_change_is_not_made_again() {
         background: [1.0, 0.0, 0.0],
         ..black
     };
-    assert_eq!(stand.draw(&view, &background).kept, Kept::Lists);
+    assert_eq!(stand.draw(&view, &background).kept, KeptWork::Lists);
 }
 
 #[test]
@@ -417,9 +417,9 @@ fn another_model_and_other_pages_are_seen() {
         }
         let wanted = fresh(&device, &statue, &view, &look);
         // The same model in pages: its triangles have other corners.
-        let mut pages = Scene::with_page_limits(device.gpu(), &statue, 1_000, 777).unwrap();
+        let mut pages = DeviceScene::with_page_limits(device.gpu(), &statue, 1_000, 777).unwrap();
         assert!(pages.pages.len() > 1);
-        let mut other = Scene::new(device.gpu(), &sphere).unwrap();
+        let mut other = DeviceScene::new(device.gpu(), &sphere).unwrap();
         let renderer = &mut stand.renderer;
         for _ in 0..2 {
             renderer.draw(&statue, &mut pages, &view, &look).unwrap();
@@ -431,8 +431,8 @@ fn another_model_and_other_pages_are_seen() {
         }
         drop(pages);
         // A new scene where an old one was.
-        stand.scene = Scene::new(device.gpu(), &statue).unwrap();
-        assert_ne!(stand.draw(&view, &look).kept, Kept::Lists);
+        stand.scene = DeviceScene::new(device.gpu(), &statue).unwrap();
+        assert_ne!(stand.draw(&view, &look).kept, KeptWork::Lists);
         assert!(stand.render(&view, &look) == wanted);
     }
 }
@@ -447,7 +447,7 @@ fn nothing_is_kept_from_another_device() {
         let Some(device) = Device::open() else { return };
         let mut stand = Stand::new(&device, &model);
         let times = stand.draw(&view, &Settings::default());
-        assert_eq!(times.kept, Kept::Nothing);
+        assert_eq!(times.kept, KeptWork::Nothing);
         stand.draw(&view, &Settings::default());
         pictures.push(stand.render(&view, &Settings::default()));
     }
@@ -475,9 +475,9 @@ fn what_was_predicted_for_other_settings_is_not_drawn() {
             let times = stand.draw(&view, &drawn);
             let is_same = foreseen == drawn;
             // Lists of an earlier frame need no cut.
-            if times.kept != Kept::Lists {
+            if times.kept != KeptWork::Lists {
                 assert_eq!(stand.renderer.nodes_visited() == before, is_same);
-                assert_eq!(times.kept, Kept::Nothing);
+                assert_eq!(times.kept, KeptWork::Nothing);
                 made += 1;
             }
             let picture = stand.renderer.read(&view).unwrap();
@@ -492,8 +492,8 @@ fn what_was_predicted_for_other_settings_is_not_drawn() {
     }
     let wide = orbit(&model, (300, 200), 30.0, 20.0, 1.0);
     stand.renderer.resize(300, 200).unwrap();
-    assert_eq!(stand.draw(&wide, &square).kept, Kept::Nothing);
-    let mut other = Renderer::new(
+    assert_eq!(stand.draw(&wide, &square).kept, KeptWork::Nothing);
+    let mut other = VulkanRenderer::new(
         device.gpu(),
         300,
         200,

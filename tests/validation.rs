@@ -4,19 +4,24 @@
 mod common;
 
 use common::Device;
-use surfel::gpu::buffer::{Buffer, Readback, Usage};
-use surfel::gpu::frame::{Frames, Load, Measure};
-use surfel::gpu::image::{Format, Image};
-use surfel::gpu::{Error, Gpu, Options};
+use surfel::gpu::buffer::{BufferUsage, DeviceBuffer, ReadbackBuffer};
+use surfel::gpu::frame::{FrameMeasure, FrameRing, TargetLoad};
+use surfel::gpu::image::{DeviceImage, ImageFormat};
+use surfel::gpu::{DeviceOptions, Error, Gpu};
 
 const SIDE: u32 = 16;
 
 /// Clears an image in a pass with the given viewport and copies it out.
-fn clear_and_read(frames: &mut Frames, image: &Image, readback: &Readback, viewport: [f32; 4]) {
+fn clear_and_read(
+    frames: &mut FrameRing,
+    image: &DeviceImage,
+    readback: &ReadbackBuffer,
+    viewport: [f32; 4],
+) {
     let mut frame = frames.begin().unwrap();
     let pass = frame
         .pass("test.clear")
-        .color(image, Load::Clear([1.0, 0.5, 0.25, 1.0]));
+        .color(image, TargetLoad::Clear([1.0, 0.5, 0.25, 1.0]));
     pass.draw(viewport, |_| {});
     frame.read_back("test.read", image, readback);
     let ticket = frame.submit().unwrap();
@@ -26,9 +31,9 @@ fn clear_and_read(frames: &mut Frames, image: &Image, readback: &Readback, viewp
 #[test]
 fn a_clean_pass_leaves_no_message_and_the_cleared_value() {
     let Some(device) = Device::open() else { return };
-    let image = Image::new(device.gpu(), "target", Format::Rgba8, SIDE, SIDE).unwrap();
-    let mut readback = Readback::new(device.gpu(), "readback", image.bytes()).unwrap();
-    let mut frames = Frames::new(device.gpu(), 2, true).unwrap();
+    let image = DeviceImage::new(device.gpu(), "target", ImageFormat::Rgba8, SIDE, SIDE).unwrap();
+    let mut readback = ReadbackBuffer::new(device.gpu(), "readback", image.bytes()).unwrap();
+    let mut frames = FrameRing::new(device.gpu(), 2, true).unwrap();
     for _ in 0..5 {
         clear_and_read(&mut frames, &image, &readback, [0.0, 0.0, 16.0, 16.0]);
     }
@@ -44,9 +49,9 @@ fn a_clean_pass_leaves_no_message_and_the_cleared_value() {
 #[test]
 fn what_the_host_writes_into_an_image_is_what_is_copied_out() {
     for pretend_noncoherent in [false, true] {
-        let options = Options {
+        let options = DeviceOptions {
             pretend_noncoherent,
-            ..Options::default()
+            ..DeviceOptions::default()
         };
         let Some(device) = Device::open_with(options) else {
             return;
@@ -55,15 +60,20 @@ fn what_the_host_writes_into_an_image_is_what_is_copied_out() {
         let most = gpu.info().max_mapped_side;
         // A row of it may have gaps behind it.
         let (width, height) = (37, 21);
-        let Some(mut image) = Image::mapped(gpu, "by the host", width, height).unwrap() else {
+        let Some(mut image) = DeviceImage::mapped(gpu, "by the host", width, height).unwrap()
+        else {
             assert!(most < width, "the device has such images: {most}");
             return;
         };
         if let Some(above) = most.checked_add(1) {
-            assert!(Image::mapped(gpu, "too wide", above, 1).unwrap().is_none());
+            assert!(
+                DeviceImage::mapped(gpu, "too wide", above, 1)
+                    .unwrap()
+                    .is_none()
+            );
         }
-        let mut readback = Readback::new(gpu, "readback", image.bytes()).unwrap();
-        let mut frames = Frames::new(gpu, 2, true).unwrap();
+        let mut readback = ReadbackBuffer::new(gpu, "readback", image.bytes()).unwrap();
+        let mut frames = FrameRing::new(gpu, 2, true).unwrap();
         for round in 0..4 {
             let value = |x: u32, y: u32| round << 24 | y << 12 | x;
             let mut wanted = vec![0; (width * height) as usize];
@@ -92,11 +102,11 @@ fn what_the_host_writes_into_an_image_is_what_is_copied_out() {
 #[test]
 fn a_frame_without_passes_takes_the_device_no_time() {
     let Some(device) = Device::open() else { return };
-    let image = Image::new(device.gpu(), "target", Format::Rgba8, SIDE, SIDE).unwrap();
-    let readback = Readback::new(device.gpu(), "readback", image.bytes()).unwrap();
-    let mut frames = Frames::new(device.gpu(), 2, true).unwrap();
+    let image = DeviceImage::new(device.gpu(), "target", ImageFormat::Rgba8, SIDE, SIDE).unwrap();
+    let readback = ReadbackBuffer::new(device.gpu(), "readback", image.bytes()).unwrap();
+    let mut frames = FrameRing::new(device.gpu(), 2, true).unwrap();
     frames
-        .measure(Measure {
+        .measure(FrameMeasure {
             passes: true,
             frame: true,
             counters: true,
@@ -120,9 +130,9 @@ fn a_frame_without_passes_takes_the_device_no_time() {
 #[test]
 fn an_impossible_viewport_is_caught() {
     let Some(device) = Device::open() else { return };
-    let image = Image::new(device.gpu(), "target", Format::Rgba8, SIDE, SIDE).unwrap();
-    let readback = Readback::new(device.gpu(), "readback", image.bytes()).unwrap();
-    let mut frames = Frames::new(device.gpu(), 1, false).unwrap();
+    let image = DeviceImage::new(device.gpu(), "target", ImageFormat::Rgba8, SIDE, SIDE).unwrap();
+    let readback = ReadbackBuffer::new(device.gpu(), "readback", image.bytes()).unwrap();
+    let mut frames = FrameRing::new(device.gpu(), 1, false).unwrap();
     clear_and_read(&mut frames, &image, &readback, [0.0, 0.0, -5.0, 16.0]);
     let messages = device.take_messages();
     assert!(
@@ -136,9 +146,9 @@ fn an_impossible_viewport_is_caught() {
 #[test]
 fn a_missing_barrier_is_caught() {
     let Some(device) = Device::open() else { return };
-    let image = Image::new(device.gpu(), "target", Format::Rgba8, SIDE, SIDE).unwrap();
-    let readback = Readback::new(device.gpu(), "readback", image.bytes()).unwrap();
-    let mut frames = Frames::new(device.gpu(), 1, false).unwrap();
+    let image = DeviceImage::new(device.gpu(), "target", ImageFormat::Rgba8, SIDE, SIDE).unwrap();
+    let readback = ReadbackBuffer::new(device.gpu(), "readback", image.bytes()).unwrap();
+    let mut frames = FrameRing::new(device.gpu(), 1, false).unwrap();
     frames.omit_barriers();
     clear_and_read(&mut frames, &image, &readback, [0.0, 0.0, 16.0, 16.0]);
     let messages = device.take_messages();
@@ -151,7 +161,8 @@ fn a_leaked_resource_is_caught() {
     let Some(device) = Device::open() else {
         panic!("no device; a resource outlives its test cannot be shown");
     };
-    let buffer = Buffer::with_data(device.gpu(), "leaked", Usage::Vertex, &[0; 64]).unwrap();
+    let buffer =
+        DeviceBuffer::with_data(device.gpu(), "leaked", BufferUsage::Vertex, &[0; 64]).unwrap();
     std::mem::forget(buffer);
 }
 
@@ -160,7 +171,7 @@ fn sizes_past_the_limits_are_errors_with_the_limit() {
     let Some(device) = Device::open() else { return };
     let limit = device.gpu().info().max_image_side;
     for (w, h) in [(0, 4), (4, 0), (limit + 1, 4)] {
-        match Image::new(device.gpu(), "too large", Format::Rgba8, w, h) {
+        match DeviceImage::new(device.gpu(), "too large", ImageFormat::Rgba8, w, h) {
             Err(Error::Limit { limit: l, .. }) => assert_eq!(l, u64::from(limit)),
             other => panic!("{w}x{h}: {other:?}"),
         }
@@ -172,7 +183,7 @@ fn sizes_past_the_limits_are_errors_with_the_limit() {
         .min(device.gpu().info().max_allocation)
         + 1;
     assert!(matches!(
-        Readback::new(device.gpu(), "too large", too_many),
+        ReadbackBuffer::new(device.gpu(), "too large", too_many),
         Err(Error::Limit { .. })
     ));
 }
@@ -180,9 +191,9 @@ fn sizes_past_the_limits_are_errors_with_the_limit() {
 #[test]
 fn a_device_that_is_not_there_is_named_with_those_that_are() {
     let Some(device) = Device::open() else { return };
-    let wanted = Options {
+    let wanted = DeviceOptions {
         device: Some("no such device".into()),
-        ..Options::default()
+        ..DeviceOptions::default()
     };
     match Gpu::open(&wanted) {
         Err(Error::UnknownDevice { available, .. }) => {

@@ -9,9 +9,9 @@ use surfel::generate::Shape;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::render::engine::{Backend, Engine};
-use surfel::render::stats::{FrameTimes, Kept};
-use surfel::render::vulkan::renderer::present::Show;
-use surfel::render::vulkan::scene::Scene;
+use surfel::render::stats::{FrameTimes, KeptWork};
+use surfel::render::vulkan::renderer::present::ShownFrame;
+use surfel::render::vulkan::scene::DeviceScene;
 use surfel::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
 use surfel::render::{Method, Path, PictureOutputs, Settings, SplatKind};
 use surfel::tree::Model;
@@ -21,7 +21,7 @@ const SIZE: (u32, u32) = (160, 120);
 /// A window's renderer and a model.
 struct Window<'m> {
     model: &'m Model,
-    scene: Scene,
+    scene: DeviceScene,
     renderer: WindowRenderer,
 }
 
@@ -29,7 +29,7 @@ impl<'m> Window<'m> {
     fn new(device: &Device, model: &'m Model, backend: WindowBackend) -> Self {
         let mut renderer = WindowRenderer::new(device.gpu(), backend).unwrap();
         renderer.resize(SIZE.0, SIZE.1).unwrap();
-        let scene = Scene::new(device.gpu(), model).unwrap();
+        let scene = DeviceScene::new(device.gpu(), model).unwrap();
         Self {
             model,
             scene,
@@ -52,8 +52,8 @@ impl<'m> Window<'m> {
     }
 }
 
-fn nowhere() -> Show<'static> {
-    Show {
+fn nowhere() -> ShownFrame<'static> {
+    ShownFrame {
         onto: None,
         overlay: None,
         inset: 0,
@@ -95,10 +95,10 @@ fn frames_of_the_processor_are_its_pictures_and_kept_while_the_camera_rests() {
             let what = format!("{:?}", look.splat);
             let wanted = engine_picture(&model, &Backend::Cpu, view, &look);
             assert!(wanted.color.iter().filter(|p| p[3] > 0).count() > 1000);
-            assert_eq!(window.draw(view, &look).kept, Kept::Nothing, "{what}");
+            assert_eq!(window.draw(view, &look).kept, KeptWork::Nothing, "{what}");
             for _ in 0..3 {
                 let times = window.draw(view, &look);
-                assert_eq!(times.kept, Kept::Lists, "{what}");
+                assert_eq!(times.kept, KeptWork::Lists, "{what}");
                 assert!(window.renderer.read(view).unwrap() == wanted, "{what}");
             }
             // Under another overlay, or none, it is the same.
@@ -179,7 +179,7 @@ fn what_was_predicted_is_drawn_of_the_same_settings_alone() {
             let shown_counts = [times.counts.splats, times.counts.triangles];
             assert_eq!(shown_counts, [ahead.counts.splats, ahead.counts.triangles]);
         }
-        assert_eq!(times.kept, Kept::Nothing);
+        assert_eq!(times.kept, KeptWork::Nothing);
         let wanted = engine_picture(&model, &Backend::Cpu, &view, &drawn);
         assert!(window.renderer.read(&view).unwrap() == wanted);
     }

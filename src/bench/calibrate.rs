@@ -16,7 +16,7 @@ mod stand;
 use super::Error;
 use crate::gpu::Gpu;
 use crate::measure::store;
-use crate::render::cost::model::Costs;
+use crate::render::cost::model::DrawCosts;
 use crate::render::stats::FrameTimes;
 use crate::render::{Blend, CutOn, Method, Path, Settings, SplatKind};
 use stand::Stand;
@@ -131,7 +131,7 @@ pub struct Calibration {
     /// What was given up once. A driver may have compiled its shaders for the first time then, and be quick the next time.
     pub given_up: Vec<Part>,
     /// What was measured.
-    pub costs: Costs,
+    pub costs: DrawCosts,
     /// How long measuring took, all parts together, milliseconds.
     pub took_ms: f64,
 }
@@ -306,10 +306,10 @@ impl Calibration {
     fn measure_within(gpu: &Arc<Gpu>, parts: &[Part], limits: Limits) -> Result<Self, Error> {
         let start = Instant::now();
         let mut stand = Stand::new(gpu)?;
-        let mut all = Costs::default();
+        let mut all = DrawCosts::default();
         let (mut measured, mut given_up) = (Vec::new(), Vec::new());
         for part in parts {
-            let mut costs = Costs::default();
+            let mut costs = DrawCosts::default();
             stand.begin(limits.patience);
             match part {
                 Part::Opaque => {
@@ -365,7 +365,7 @@ impl Calibration {
 /// where they are not there yet. Measured is nothing where a path is insisted on ([`Path::Raster`], [`Path::Compute`]); then
 /// what is kept decides between points and quads. `None` where [`VARIABLE`] is `off`, and where measuring fails, which the
 /// log says: it never fails a run.
-pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<Costs> {
+pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<DrawCosts> {
     if std::env::var_os(VARIABLE).is_some_and(|v| v == "off") {
         tracing::debug!("{VARIABLE} is off: rules of thumb decide");
         return None;

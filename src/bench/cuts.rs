@@ -8,7 +8,7 @@ use crate::progress::Progress;
 use crate::render::Settings;
 use crate::render::cut_key::cut_settings;
 use crate::render::frame_plan::resolve_settings;
-use crate::render::stats::Kept;
+use crate::render::stats::KeptWork;
 use std::time::Instant;
 
 const PART: &str = "cut";
@@ -93,7 +93,7 @@ fn still(
     let mut engine = session.engine(model, SIZE)?;
     // Kept lists, and those of frames that are measured: cut and packing, and all of it.
     let mut found = [(vec![], vec![]), (vec![], vec![])];
-    let mut last = Kept::Nothing;
+    let mut last = KeptWork::Nothing;
     // Each of the ring's draw lists is written once before one can be kept.
     for round in 0..2 * plan.rounds + 2 {
         for (keeps, (lists_ms, frame_ms)) in [true, false].into_iter().zip(&mut found) {
@@ -116,7 +116,7 @@ fn still(
     let [kept, anew] = &found;
     let kept_lists = figure("still camera, cut and packing", &kept.0).target(bound);
     figures.push(match last {
-        Kept::Lists => kept_lists,
+        KeptWork::Lists => kept_lists,
         _ => kept_lists.note("no list was kept"),
     });
     figures.push(figure("still camera, frame", &kept.1));

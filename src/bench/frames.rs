@@ -7,9 +7,9 @@ use crate::math::camera::View;
 use crate::measure::Distribution;
 use crate::measure::frames::{pass_ms, pass_names};
 use crate::progress::Progress;
-use crate::render::cost::model::Pixels;
+use crate::render::cost::model::PicturePixels;
 use crate::render::engine::Engine;
-use crate::render::stats::{FrameTimes, Stage};
+use crate::render::stats::{FrameStage, FrameTimes};
 use crate::render::{Method, Settings};
 use crate::tree::Model;
 
@@ -44,7 +44,7 @@ pub fn roofs(
     let bytes = 32 * c.nodes_visited + 2 * c.draw_list_bytes + mesh + 8 * pixels;
     let costs = &session.found.calibration.costs;
     // The model's box counts as the whole picture.
-    let of_pixels = Pixels {
+    let of_pixels = PicturePixels {
         picture: pixels,
         of_box: pixels,
     };
@@ -225,7 +225,7 @@ fn describe(
     };
     let frame = figure("frame", &values(&|t| t.frame_ms), "ms").roofs(roofs);
     figures.push(frame);
-    for stage in Stage::ALL {
+    for stage in FrameStage::ALL {
         figures.push(figure(stage.name(), &values(&|t| t.of(stage)), "ms").detail());
     }
     for name in pass_names(frames.iter().map(|(_, times)| times)) {

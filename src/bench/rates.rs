@@ -5,12 +5,13 @@ use super::cases::{self, SIZE, empty_view, views};
 use super::verdict::Target;
 use super::{Case, Error, Figure, Place, Plan, Session};
 use crate::gpu::Gpu;
-use crate::gpu::buffer::{Buffer, Usage};
-use crate::gpu::frame::Frames;
+use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
+use crate::gpu::frame::FrameRing;
 use crate::gpu::profile::self_test;
 use crate::progress::Progress;
 use crate::render::cost::model::{
-    Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX, SplatCosts, TriangleCosts, Ways,
+    DrawCosts, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PerRasterizer, SIZES_PX, SplatCosts,
+    TriangleCosts,
 };
 use crate::render::engine::Engine;
 use crate::render::stats::FrameTimes;
@@ -52,8 +53,8 @@ impl Bandwidth {
             host = host.min(start.elapsed().as_nanos() as f64);
         }
         std::hint::black_box(&target);
-        let buffer = Buffer::new(gpu, "bytes to fill", Usage::Storage, MOVED as u64)?;
-        let mut frames = Frames::new(gpu, 1, true)?;
+        let buffer = DeviceBuffer::new(gpu, "bytes to fill", BufferUsage::Storage, MOVED as u64)?;
+        let mut frames = FrameRing::new(gpu, 1, true)?;
         let mut device = f64::INFINITY;
         for _ in 0..4 {
             let mut frame = frames.begin()?;
@@ -150,7 +151,7 @@ fn of_passes(place: &Place, line: &str, passes: &PassCosts) -> [Figure; 4] {
 }
 
 /// The kinds of splats that were calibrated, with their names.
-pub fn kinds(costs: &Costs) -> Vec<(&'static str, &Ways<SplatCosts>)> {
+pub fn kinds(costs: &DrawCosts) -> Vec<(&'static str, &PerRasterizer<SplatCosts>)> {
     [
         ("square", &costs.square),
         ("ellipse", &costs.ellipse),
@@ -164,7 +165,7 @@ pub fn kinds(costs: &Costs) -> Vec<(&'static str, &Ways<SplatCosts>)> {
 }
 
 /// What blended kinds cost on top by compute beside the rasterizer, with their names.
-pub fn merges(costs: &Costs) -> Vec<(&'static str, &MergeCosts)> {
+pub fn merges(costs: &DrawCosts) -> Vec<(&'static str, &MergeCosts)> {
     [
         ("gauss", &costs.gauss_merge),
         ("filtered", &costs.filtered_merge),
@@ -175,7 +176,7 @@ pub fn merges(costs: &Costs) -> Vec<(&'static str, &MergeCosts)> {
 }
 
 /// The paths of small triangles that were calibrated, with their names.
-pub fn triangles(costs: &Costs) -> Vec<(&'static str, &TriangleCosts)> {
+pub fn triangles(costs: &DrawCosts) -> Vec<(&'static str, &TriangleCosts)> {
     let Some(ways) = &costs.triangle else {
         return Vec::new();
     };

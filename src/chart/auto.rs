@@ -11,7 +11,7 @@ use super::{Choice, Error, Plan};
 use crate::math::camera::View;
 use crate::measure::{Distribution, store};
 use crate::progress::Progress;
-use crate::render::cost::model::Costs;
+use crate::render::cost::model::DrawCosts;
 use crate::render::engine::Backend;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
@@ -158,7 +158,7 @@ impl Calibration {
         backend: &Backend,
         model: &Model,
         name: &str,
-        (size, costs): ((u32, u32), Option<Costs>),
+        (size, costs): ((u32, u32), Option<DrawCosts>),
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let plan = Plan {

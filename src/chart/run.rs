@@ -9,7 +9,7 @@ use crate::math::camera::View;
 use crate::measure::{Distribution, frames};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
-use crate::render::cost::model::Costs;
+use crate::render::cost::model::DrawCosts;
 use crate::render::engine::{Backend, Engine};
 use crate::render::stats::FrameTimes;
 use crate::render::{Method, Settings, SplatKind};
@@ -143,7 +143,7 @@ impl<'m> Bench<'m> {
 
     /// What drawing costs on the device, by which choices of [`Path::Auto`](crate::render::Path::Auto) are drawn as the program draws them: as
     /// [`Engine::set_costs`]. Without it rules of thumb decide.
-    pub fn set_costs(&mut self, costs: Option<Costs>) {
+    pub fn set_costs(&mut self, costs: Option<DrawCosts>) {
         self.timed.set_costs(costs);
         if let Some(engine) = &mut self.surface {
             engine.set_costs(costs);

@@ -4,9 +4,9 @@ use super::{Failure, Outcome, bytes, print, say};
 use std::fmt::Write;
 use surfel::bench::calibrate::{Calibration, Found, Part};
 use surfel::bench::rates;
-use surfel::gpu::{self, Gpu, Options, device, profile};
+use surfel::gpu::{self, DeviceOptions, Gpu, device, profile};
 use surfel::measure::store;
-use surfel::render::cost::model::{Costs, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX};
+use surfel::render::cost::model::{DrawCosts, PRIMITIVE_SIZES_PX, PassCosts, SIZES_PX};
 
 /// List the devices of this machine and the limits that matter.
 #[derive(Debug, clap::Args)]
@@ -29,7 +29,7 @@ pub(crate) struct Args {
 fn costs_text(found: &Found) -> String {
     let mut out = String::new();
     let calibration = &found.calibration;
-    let costs: &Costs = &calibration.costs;
+    let costs: &DrawCosts = &calibration.costs;
     // Writing to a string cannot fail.
     let _ = writeln!(
         out,
@@ -102,9 +102,9 @@ pub(crate) fn run(args: Args) -> Outcome {
             reports.push((None, None));
             continue;
         }
-        let gpu = Gpu::open(&Options {
+        let gpu = Gpu::open(&DeviceOptions {
             device: Some(info.index.to_string()),
-            ..Options::default()
+            ..DeviceOptions::default()
         })?;
         let test = if args.self_test {
             Some(profile::self_test(&gpu)?)
@@ -141,11 +141,11 @@ pub(crate) fn run(args: Args) -> Outcome {
     let mut out = String::new();
     for (d, (report, found)) in devices.iter().zip(&reports) {
         let kind = match d.kind {
-            device::Kind::Discrete => "discrete GPU",
-            device::Kind::Integrated => "integrated GPU",
-            device::Kind::Virtual => "virtual GPU",
-            device::Kind::Cpu => "software, on the CPU",
-            device::Kind::Other => "other",
+            device::DeviceKind::Discrete => "discrete GPU",
+            device::DeviceKind::Integrated => "integrated GPU",
+            device::DeviceKind::Virtual => "virtual GPU",
+            device::DeviceKind::Cpu => "software, on the CPU",
+            device::DeviceKind::Other => "other",
         };
         let yes = |b: bool| if b { "yes" } else { "no" };
         // Writing to a string cannot fail.

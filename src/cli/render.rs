@@ -9,14 +9,14 @@ use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::bench::calibrate;
-use surfel::gpu::{Error as GpuError, Gpu, Options as GpuOptions};
+use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::Camera;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::PictureOutputs;
 use surfel::render::Settings;
-use surfel::render::cost::model::Costs;
+use surfel::render::cost::model::DrawCosts;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::OverdrawSummary;
@@ -106,7 +106,7 @@ impl DeviceArgs {
 
 /// What drawing costs on the device that is to draw with these settings, measured now if it never was: the engine's to
 /// decide by. `None` of the mirror.
-pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<Costs> {
+pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<DrawCosts> {
     let decided: Vec<Settings> = (settings.iter())
         .filter(|settings| !backend.draws_by_cpu(settings))
         .copied()

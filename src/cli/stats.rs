@@ -5,7 +5,7 @@ use surfel::OpenedModel;
 use surfel::measure::Distribution;
 use surfel::render::Settings;
 use surfel::render::engine::Backend;
-use surfel::render::stats::{FrameTimes, Stage};
+use surfel::render::stats::{FrameStage, FrameTimes};
 
 /// How the pictures were drawn.
 pub(crate) fn settings_of(
@@ -84,7 +84,7 @@ pub(crate) fn of(
         "settings": settings_of(ready, settings, size),
         "frames": times.len(),
         "frame_ms": spread(&|t| t.frame_ms),
-        "cpu": Stage::ALL
+        "cpu": FrameStage::ALL
             .map(|stage| json!({ "name": stage.name(), "ms": spread(&|t| t.of(stage)) })),
         "passes": passes,
         "counts": {

@@ -2,13 +2,13 @@
 //!
 //! The validation layer of Debian 12 misses hazards between dynamic-rendering attachments, and the software
 //! device runs in order and does not show them. So no barrier is written by hand: a pass declares how it
-//! uses each resource, and [`State::transition`] gives the barrier that the Vulkan memory model asks for.
+//! uses each resource, and [`ResourceState::transition`] gives the barrier that the Vulkan memory model asks for.
 
 use ash::vk;
 
 /// How a pass uses a resource.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Access {
+pub enum ResourceAccess {
     /// Sampled in a fragment shader.
     Sampled,
     /// Read as storage in a compute shader.
@@ -51,7 +51,7 @@ pub enum Access {
 
 /// What an access means to Vulkan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Scope {
+pub struct AccessScope {
     /// Pipeline stages that do it.
     pub stages: vk::PipelineStageFlags2,
     /// Kinds of memory access.
@@ -62,7 +62,7 @@ pub struct Scope {
     pub writes: bool,
 }
 
-impl Access {
+impl ResourceAccess {
     /// Every access, for tests of the table.
     pub const ALL: [Self; 19] = [
         Self::Sampled,
@@ -87,7 +87,7 @@ impl Access {
     ];
 
     /// The row of the table.
-    pub fn scope(self) -> Scope {
+    pub fn scope(self) -> AccessScope {
         use vk::AccessFlags2 as A;
         use vk::ImageLayout as L;
         use vk::PipelineStageFlags2 as S;
@@ -169,7 +169,7 @@ impl Access {
             ),
             Self::Present => (S::NONE, A::NONE, L::PRESENT_SRC_KHR, false),
         };
-        Scope {
+        AccessScope {
             stages,
             access,
             layout,
@@ -180,7 +180,7 @@ impl Access {
 
 /// What has to happen between the last uses of a resource and the next one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Barrier {
+pub struct ResourceBarrier {
     /// Stages to wait for.
     pub src_stages: vk::PipelineStageFlags2,
     /// Writes to make available.
@@ -197,7 +197,7 @@ pub struct Barrier {
 
 /// What happened to a resource so far, in submission order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct State {
+pub struct ResourceState {
     layout: vk::ImageLayout,
     /// The host writes the image.
     is_mapped: bool,
@@ -207,7 +207,7 @@ pub struct State {
     seen_by: (vk::PipelineStageFlags2, vk::AccessFlags2),
 }
 
-impl Default for State {
+impl Default for ResourceState {
     fn default() -> Self {
         Self {
             layout: vk::ImageLayout::UNDEFINED,
@@ -218,11 +218,11 @@ impl Default for State {
     }
 }
 
-impl State {
+impl ResourceState {
     /// The state of an image just acquired from the presentation engine, whose semaphore the submission waits
     /// for in the stages of `first`, the first access: contents undefined, and the first barrier has to chain
     /// on that wait (its source stages are the waiting ones).
-    pub fn acquired(first: Access) -> Self {
+    pub fn acquired(first: ResourceAccess) -> Self {
         Self {
             written_by: (first.scope().stages, vk::AccessFlags2::NONE),
             ..Self::default()
@@ -239,7 +239,7 @@ impl State {
     }
 
     /// The layout that an access needs the image in.
-    pub fn layout_of(&self, access: Access) -> vk::ImageLayout {
+    pub fn layout_of(&self, access: ResourceAccess) -> vk::ImageLayout {
         match access.scope().layout {
             _ if self.is_mapped => vk::ImageLayout::GENERAL,
             layout => layout,
@@ -248,7 +248,12 @@ impl State {
 
     /// The barrier needed before `next`, if any, and the state after it. `discard` says that the contents of
     /// an image need not survive (it is cleared or overwritten whole).
-    pub fn transition(&mut self, next: Access, is_image: bool, discard: bool) -> Option<Barrier> {
+    pub fn transition(
+        &mut self,
+        next: ResourceAccess,
+        is_image: bool,
+        discard: bool,
+    ) -> Option<ResourceBarrier> {
         let (scope, layout) = (next.scope(), self.layout_of(next));
         let changes_layout = is_image && layout != self.layout;
         let untouched = self.written_by.0.is_empty() && self.seen_by.0.is_empty();
@@ -265,7 +270,7 @@ impl State {
             self.note(scope, false);
             return None;
         }
-        let barrier = Barrier {
+        let barrier = ResourceBarrier {
             src_stages: self.written_by.0 | self.seen_by.0,
             src_access: self.written_by.1,
             dst_stages: scope.stages,
@@ -284,7 +289,7 @@ impl State {
         Some(barrier)
     }
 
-    fn note(&mut self, scope: Scope, changed_layout: bool) {
+    fn note(&mut self, scope: AccessScope, changed_layout: bool) {
         if scope.writes {
             self.written_by = (scope.stages, scope.access & WRITES);
             self.seen_by = (vk::PipelineStageFlags2::NONE, vk::AccessFlags2::NONE);
@@ -321,32 +326,32 @@ mod tests {
     use vk::ImageLayout as L;
     use vk::PipelineStageFlags2 as S;
 
-    fn buffers() -> impl Iterator<Item = Access> {
+    fn buffers() -> impl Iterator<Item = ResourceAccess> {
         [
-            Access::StorageRead,
-            Access::StorageWrite,
-            Access::FragmentStorageRead,
-            Access::Fill,
-            Access::CopySource,
-            Access::CopyTarget,
-            Access::HostRead,
-            Access::VertexRead,
-            Access::IndexRead,
-            Access::UniformRead,
+            ResourceAccess::StorageRead,
+            ResourceAccess::StorageWrite,
+            ResourceAccess::FragmentStorageRead,
+            ResourceAccess::Fill,
+            ResourceAccess::CopySource,
+            ResourceAccess::CopyTarget,
+            ResourceAccess::HostRead,
+            ResourceAccess::VertexRead,
+            ResourceAccess::IndexRead,
+            ResourceAccess::UniformRead,
         ]
         .into_iter()
     }
 
     #[test]
     fn every_write_is_followed_by_a_barrier_before_any_use() {
-        for first in Access::ALL.into_iter().filter(|a| a.scope().writes) {
-            for second in Access::ALL {
+        for first in ResourceAccess::ALL.into_iter().filter(|a| a.scope().writes) {
+            for second in ResourceAccess::ALL {
                 for is_image in [false, true] {
-                    if second == Access::Present && !is_image {
+                    if second == ResourceAccess::Present && !is_image {
                         // Only images are presented.
                         continue;
                     }
-                    let mut state = State::default();
+                    let mut state = ResourceState::default();
                     let _ = state.transition(first, is_image, true);
                     let barrier = state
                         .transition(second, is_image, false)
@@ -369,7 +374,7 @@ mod tests {
     fn every_write_waits_for_the_reads_before_it() {
         for first in buffers().filter(|a| !a.scope().writes) {
             for second in buffers().filter(|a| a.scope().writes) {
-                let mut state = State::default();
+                let mut state = ResourceState::default();
                 assert_eq!(
                     state.transition(first, false, false),
                     None,
@@ -385,17 +390,24 @@ mod tests {
 
     #[test]
     fn reads_that_see_the_write_need_nothing_more() {
-        let mut state = State::default();
-        state.transition(Access::CopyTarget, false, false);
-        assert!(state.transition(Access::VertexRead, false, false).is_some());
-        assert_eq!(state.transition(Access::VertexRead, false, false), None);
+        let mut state = ResourceState::default();
+        state.transition(ResourceAccess::CopyTarget, false, false);
+        assert!(
+            state
+                .transition(ResourceAccess::VertexRead, false, false)
+                .is_some()
+        );
+        assert_eq!(
+            state.transition(ResourceAccess::VertexRead, false, false),
+            None
+        );
         let second = state
-            .transition(Access::IndexRead, false, false)
+            .transition(ResourceAccess::IndexRead, false, false)
             .expect("another stage");
         assert_eq!(second.src_access, A::TRANSFER_WRITE);
         assert!(second.src_stages.contains(S::COPY));
         let write = state
-            .transition(Access::CopyTarget, false, false)
+            .transition(ResourceAccess::CopyTarget, false, false)
             .expect("write after reads");
         assert!(
             write
@@ -406,15 +418,19 @@ mod tests {
 
     #[test]
     fn an_image_that_the_host_writes_stays_where_it_may() {
-        let mut state = State::mapped();
+        let mut state = ResourceState::mapped();
         let first = state
-            .transition(Access::BlitSource, true, false)
+            .transition(ResourceAccess::BlitSource, true, false)
             .expect("layout");
         assert_eq!(
             (first.old_layout, first.new_layout),
             (L::PREINITIALIZED, L::GENERAL)
         );
-        for access in [Access::Sampled, Access::CopySource, Access::BlitSource] {
+        for access in [
+            ResourceAccess::Sampled,
+            ResourceAccess::CopySource,
+            ResourceAccess::BlitSource,
+        ] {
             if let Some(barrier) = state.transition(access, true, false) {
                 assert_eq!(
                     (barrier.old_layout, barrier.new_layout),
@@ -428,19 +444,19 @@ mod tests {
 
     #[test]
     fn the_target_of_one_frame_is_the_target_of_the_next() {
-        let mut state = State::default();
+        let mut state = ResourceState::default();
         let first = state
-            .transition(Access::ColorTarget, true, true)
+            .transition(ResourceAccess::ColorTarget, true, true)
             .expect("layout");
         assert_eq!(
             (first.old_layout, first.src_stages),
             (L::UNDEFINED, S::NONE)
         );
         state
-            .transition(Access::CopySource, true, false)
+            .transition(ResourceAccess::CopySource, true, false)
             .expect("copy");
         let again = state
-            .transition(Access::ColorTarget, true, true)
+            .transition(ResourceAccess::ColorTarget, true, true)
             .expect("next frame");
         assert!(again.src_stages.contains(S::COPY));
         assert_eq!(
@@ -448,7 +464,7 @@ mod tests {
             (L::UNDEFINED, L::COLOR_ATTACHMENT_OPTIMAL)
         );
         let blend = state
-            .transition(Access::BlendTarget, true, false)
+            .transition(ResourceAccess::BlendTarget, true, false)
             .expect("store before load");
         assert_eq!(blend.src_access, A::COLOR_ATTACHMENT_WRITE);
         assert!(blend.dst_access.contains(A::COLOR_ATTACHMENT_READ));
@@ -456,9 +472,9 @@ mod tests {
 
     #[test]
     fn an_acquired_image_waits_for_its_semaphore_and_is_handed_on_after_the_write() {
-        let mut state = State::acquired(Access::BlitTarget);
+        let mut state = ResourceState::acquired(ResourceAccess::BlitTarget);
         let first = state
-            .transition(Access::BlitTarget, true, true)
+            .transition(ResourceAccess::BlitTarget, true, true)
             .expect("layout");
         assert_eq!(
             (first.old_layout, first.new_layout),
@@ -466,7 +482,7 @@ mod tests {
         );
         assert_eq!(first.src_stages, S::BLIT, "chains on the semaphore wait");
         let last = state
-            .transition(Access::Present, true, false)
+            .transition(ResourceAccess::Present, true, false)
             .expect("layout");
         assert_eq!(
             (last.src_stages, last.src_access),
@@ -480,18 +496,21 @@ mod tests {
 
     #[test]
     fn a_layout_change_by_a_reader_orders_later_readers_and_writers() {
-        let mut state = State::default();
-        state.transition(Access::DepthWrite, true, true);
+        let mut state = ResourceState::default();
+        state.transition(ResourceAccess::DepthWrite, true, true);
         state
-            .transition(Access::DepthTest, true, false)
+            .transition(ResourceAccess::DepthTest, true, false)
             .expect("layout");
-        assert_eq!(state.transition(Access::DepthTest, true, false), None);
+        assert_eq!(
+            state.transition(ResourceAccess::DepthTest, true, false),
+            None
+        );
         let sampled = state
-            .transition(Access::Sampled, true, false)
+            .transition(ResourceAccess::Sampled, true, false)
             .expect("layout");
         assert!(sampled.src_stages.contains(S::LATE_FRAGMENT_TESTS));
         let write = state
-            .transition(Access::DepthWrite, true, false)
+            .transition(ResourceAccess::DepthWrite, true, false)
             .expect("write");
         assert!(write.src_stages.contains(S::FRAGMENT_SHADER));
     }

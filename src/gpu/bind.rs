@@ -1,23 +1,23 @@
 //! Descriptors of one draw or dispatch, from the slot's pool.
 
-use super::access::Access;
+use super::access::ResourceAccess;
 use super::buffer::AnyBuffer;
-use super::frame::{MAX_PASSES, Uniform};
-use super::image::Image;
-use super::pipeline::Pipeline;
+use super::frame::{MAX_PASSES, UniformBlock};
+use super::image::DeviceImage;
+use super::pipeline::ShaderPipeline;
 use super::{Gpu, lock};
 use crate::abi::BindingKind;
 use ash::vk;
 
 /// Part of a storage buffer.
 #[derive(Clone, Copy)]
-pub struct Slice<'a> {
+pub struct BufferSlice<'a> {
     buffer: &'a dyn AnyBuffer,
     offset: u64,
     bytes: u64,
 }
 
-impl std::fmt::Debug for Slice<'_> {
+impl std::fmt::Debug for BufferSlice<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
@@ -29,13 +29,13 @@ impl std::fmt::Debug for Slice<'_> {
     }
 }
 
-impl<'a> Slice<'a> {
+impl<'a> BufferSlice<'a> {
     /// Offsets are multiples of this many bytes: no device asks for more (Vulkan 1.3, table of required limits,
     /// `minStorageBufferOffsetAlignment`).
     pub const ALIGNMENT: u64 = 256;
 
     /// The bytes `offset .. offset + bytes` of a buffer; at least 4 of them. The offset must be a multiple of
-    /// [`Slice::ALIGNMENT`], the length at most the device's
+    /// [`BufferSlice::ALIGNMENT`], the length at most the device's
     /// [`max_storage_range`](super::device::DeviceInfo::max_storage_range).
     ///
     /// # Panics
@@ -61,7 +61,7 @@ impl<'a> Slice<'a> {
 }
 
 /// Where a draw or dispatch is recorded.
-pub(super) struct Site<'a> {
+pub(super) struct BindSite<'a> {
     pub(super) gpu: &'a Gpu,
     pub(super) commands: vk::CommandBuffer,
     pub(super) descriptors: vk::DescriptorPool,
@@ -72,10 +72,10 @@ pub(super) struct Site<'a> {
 }
 
 /// What the bindings of a pipeline get, each kind in ascending order of its bindings.
-pub(super) struct Bound<'a> {
-    pub(super) uniforms: &'a [Uniform],
-    pub(super) images: &'a [&'a Image],
-    pub(super) storage: &'a [Slice<'a>],
+pub(super) struct BoundResources<'a> {
+    pub(super) uniforms: &'a [UniformBlock],
+    pub(super) images: &'a [&'a DeviceImage],
+    pub(super) storage: &'a [BufferSlice<'a>],
 }
 
 /// Binds a pipeline and a descriptor set made for it.
@@ -84,10 +84,10 @@ pub(super) struct Bound<'a> {
 /// When a binding gets nothing or something of another kind, a resource was not declared by the pass, or the frame
 /// has bound too many.
 pub(super) fn bind(
-    site: &Site<'_>,
+    site: &BindSite<'_>,
     point: vk::PipelineBindPoint,
-    pipeline: &Pipeline,
-    bound: &Bound<'_>,
+    pipeline: &ShaderPipeline,
+    bound: &BoundResources<'_>,
 ) {
     let device = &site.gpu.device;
     let layouts = [pipeline.set_layout];
@@ -149,7 +149,7 @@ pub(super) fn bind(
                 let Some(image) = images.next() else {
                     panic!("{}: nothing for image binding {binding}", site.name)
                 };
-                let layout = image.layout_of(Access::Sampled);
+                let layout = image.layout_of(ResourceAccess::Sampled);
                 assert!(
                     lock(&image.state).layout() == layout,
                     "pass {} did not declare image {}",

@@ -1,7 +1,7 @@
 //! Buffers: on the device, mapped for upload, mapped for readback.
 
-use super::access::State;
-use super::{Error, Gpu, Remains, lock};
+use super::access::ResourceState;
+use super::{Error, Gpu, RetiredResource, lock};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
@@ -10,16 +10,16 @@ use std::sync::{Arc, Mutex};
 
 /// What all buffers share: handle, memory, name, state.
 #[derive(Debug)]
-struct Raw {
+struct RawBuffer {
     gpu: Arc<Gpu>,
     handle: vk::Buffer,
     memory: Option<Allocation>,
     bytes: u64,
     name: String,
-    state: Mutex<State>,
+    state: Mutex<ResourceState>,
 }
 
-impl Raw {
+impl RawBuffer {
     fn new(
         gpu: &Arc<Gpu>,
         name: &str,
@@ -84,10 +84,10 @@ impl Raw {
     }
 }
 
-impl Drop for Raw {
+impl Drop for RawBuffer {
     fn drop(&mut self) {
         match self.memory.take() {
-            Some(memory) => self.gpu.bury(Remains::Buffer(self.handle, memory)),
+            Some(memory) => self.gpu.bury(RetiredResource::Buffer(self.handle, memory)),
             // SAFETY: creation failed before any use; the handle is destroyed once, here.
             None => unsafe { self.gpu.device.destroy_buffer(self.handle, None) },
         }
@@ -104,7 +104,7 @@ pub trait AnyBuffer: std::fmt::Debug {
     /// Size in bytes.
     fn bytes(&self) -> u64;
     #[doc(hidden)]
-    fn state(&self) -> &Mutex<State>;
+    fn state(&self) -> &Mutex<ResourceState>;
 }
 
 macro_rules! any_buffer {
@@ -119,7 +119,7 @@ macro_rules! any_buffer {
             fn bytes(&self) -> u64 {
                 self.raw.bytes
             }
-            fn state(&self) -> &Mutex<State> {
+            fn state(&self) -> &Mutex<ResourceState> {
                 &self.raw.state
             }
         }
@@ -128,15 +128,15 @@ macro_rules! any_buffer {
 
 /// Memory of the device, filled once.
 #[derive(Debug)]
-pub struct Buffer {
-    raw: Raw,
+pub struct DeviceBuffer {
+    raw: RawBuffer,
 }
 
-any_buffer!(Buffer);
+any_buffer!(DeviceBuffer);
 
 /// What a device buffer is for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Usage {
+pub enum BufferUsage {
     /// Vertex attributes, and storage of compute passes.
     Vertex,
     /// Indices.
@@ -147,7 +147,7 @@ pub enum Usage {
     List,
 }
 
-impl Usage {
+impl BufferUsage {
     fn flags(self) -> vk::BufferUsageFlags {
         match self {
             Self::Vertex => {
@@ -169,14 +169,14 @@ impl Usage {
 /// Bytes staged at a time when device memory cannot be mapped.
 const STAGING_BYTES: usize = 32 << 20;
 
-impl Buffer {
+impl DeviceBuffer {
     /// Makes a buffer of `bytes` bytes that only the device writes. Its contents are undefined until then.
     ///
     /// # Errors
     /// When memory cannot be had or `bytes` is more than the device's buffers hold.
-    pub fn new(gpu: &Arc<Gpu>, name: &str, usage: Usage, bytes: u64) -> Result<Self, Error> {
+    pub fn new(gpu: &Arc<Gpu>, name: &str, usage: BufferUsage, bytes: u64) -> Result<Self, Error> {
         let flags = usage.flags() | vk::BufferUsageFlags::TRANSFER_DST;
-        let raw = Raw::new(gpu, name, bytes, flags, MemoryLocation::GpuOnly)?;
+        let raw = RawBuffer::new(gpu, name, bytes, flags, MemoryLocation::GpuOnly)?;
         Ok(Self { raw })
     }
 
@@ -185,16 +185,21 @@ impl Buffer {
     ///
     /// # Errors
     /// When memory cannot be had or `data` is larger than the device's buffers.
-    pub fn with_data(gpu: &Arc<Gpu>, name: &str, usage: Usage, data: &[u8]) -> Result<Self, Error> {
+    pub fn with_data(
+        gpu: &Arc<Gpu>,
+        name: &str,
+        usage: BufferUsage,
+        data: &[u8],
+    ) -> Result<Self, Error> {
         let flags = usage.flags() | vk::BufferUsageFlags::TRANSFER_DST;
-        let mut raw = Raw::new(gpu, name, data.len() as u64, flags, MemoryLocation::GpuOnly)?;
+        let mut raw = RawBuffer::new(gpu, name, data.len() as u64, flags, MemoryLocation::GpuOnly)?;
         let may_map = raw.is_coherent() && !gpu.pretend_noncoherent;
         if let (true, Some(mapped)) = (may_map, raw.mapped_mut()) {
             mapped[..data.len()].copy_from_slice(data);
             return Ok(Self { raw });
         }
         let buffer = Self { raw };
-        let mut staging = Upload::new(
+        let mut staging = UploadBuffer::new(
             gpu,
             &format!("staging for {name}"),
             STAGING_BYTES.min(data.len()) as u64,
@@ -215,14 +220,14 @@ impl Buffer {
 /// [`flush`](Upload::flush), and must not change while a submission reads them: keep one upload buffer per
 /// frame in flight.
 #[derive(Debug)]
-pub struct Upload {
-    raw: Raw,
+pub struct UploadBuffer {
+    raw: RawBuffer,
     shadow: Option<Vec<u8>>,
 }
 
-any_buffer!(Upload);
+any_buffer!(UploadBuffer);
 
-impl Upload {
+impl UploadBuffer {
     /// Makes a buffer of `bytes` bytes usable as vertices, indices, uniforms, storage and copy source.
     ///
     /// # Errors
@@ -233,7 +238,7 @@ impl Upload {
             | vk::BufferUsageFlags::UNIFORM_BUFFER
             | vk::BufferUsageFlags::STORAGE_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC;
-        let mut raw = Raw::new(gpu, name, bytes, usage, MemoryLocation::CpuToGpu)?;
+        let mut raw = RawBuffer::new(gpu, name, bytes, usage, MemoryLocation::CpuToGpu)?;
         let object = raw.name.clone();
         let size = raw.bytes;
         let shadow = gpu.pretend_noncoherent.then(|| vec![0; size as usize]);
@@ -277,20 +282,20 @@ impl Upload {
 
 /// Host-visible memory that the device writes and the host reads, mapped for its whole life.
 #[derive(Debug)]
-pub struct Readback {
-    raw: Raw,
+pub struct ReadbackBuffer {
+    raw: RawBuffer,
     shadow: Option<Vec<u8>>,
 }
 
-any_buffer!(Readback);
+any_buffer!(ReadbackBuffer);
 
-impl Readback {
+impl ReadbackBuffer {
     /// Makes a buffer of `bytes` bytes that copies can write.
     ///
     /// # Errors
     /// When memory cannot be had.
     pub fn new(gpu: &Arc<Gpu>, name: &str, bytes: u64) -> Result<Self, Error> {
-        let mut raw = Raw::new(
+        let mut raw = RawBuffer::new(
             gpu,
             name,
             bytes,
@@ -321,6 +326,6 @@ impl Readback {
 }
 
 /// The state cell of a buffer, locked.
-pub(super) fn state_of(buffer: &dyn AnyBuffer) -> std::sync::MutexGuard<'_, State> {
+pub(super) fn state_of(buffer: &dyn AnyBuffer) -> std::sync::MutexGuard<'_, ResourceState> {
     lock(buffer.state())
 }

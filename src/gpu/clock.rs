@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 /// One moment on both clocks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Anchor {
+pub struct ClockAnchor {
     /// On the host's clock.
     pub host: Instant,
     /// On the device's clock, ticks.
@@ -21,7 +21,7 @@ pub struct Anchor {
     pub within: Duration,
 }
 
-impl Anchor {
+impl ClockAnchor {
     /// The moment of a timestamp on the host's clock; `None` when it lies outside of what the host's clock can say.
     pub fn instant_of(&self, ticks: u64, info: &DeviceInfo) -> Option<Instant> {
         let ms = info.ms_between(self.ticks, ticks);
@@ -46,12 +46,12 @@ impl DeviceInfo {
 }
 
 /// The extension's functions, under either of its names.
-pub(super) enum Calibration {
+pub(super) enum ClockFunctions {
     Ext(ext::calibrated_timestamps::Device),
     Khr(khr::calibrated_timestamps::Device),
 }
 
-impl Calibration {
+impl ClockFunctions {
     /// `name` is what [`extension`] answered.
     pub(super) fn new(instance: &ash::Instance, device: &ash::Device, name: &CStr) -> Self {
         if name == ext::calibrated_timestamps::NAME {
@@ -111,20 +111,20 @@ impl Gpu {
     ///
     /// # Errors
     /// When the Vulkan call fails.
-    pub fn anchor(&self) -> Result<Option<Anchor>, Error> {
+    pub fn anchor(&self) -> Result<Option<ClockAnchor>, Error> {
         let Some(calibration) = &self.calibration else {
             return Ok(None);
         };
         let domains =
             [vk::CalibratedTimestampInfoKHR::default().time_domain(vk::TimeDomainKHR::DEVICE)];
-        let mut best: Option<Anchor> = None;
+        let mut best: Option<ClockAnchor> = None;
         for _ in 0..READINGS {
             let before = Instant::now();
             // SAFETY: the extension is enabled on this device, and the domain is one that it calibrates.
             let read = unsafe {
                 match calibration {
-                    Calibration::Ext(calls) => calls.get_calibrated_timestamps(&domains),
-                    Calibration::Khr(calls) => calls.get_calibrated_timestamps(&domains),
+                    ClockFunctions::Ext(calls) => calls.get_calibrated_timestamps(&domains),
+                    ClockFunctions::Khr(calls) => calls.get_calibrated_timestamps(&domains),
                 }
             };
             let half = before.elapsed() / 2;
@@ -132,7 +132,7 @@ impl Gpu {
                 "vkGetCalibratedTimestamps",
                 self.info.name.as_str(),
             ))?;
-            let anchor = Anchor {
+            let anchor = ClockAnchor {
                 host: before + half,
                 ticks: ticks[0],
                 within: half,
@@ -148,13 +148,13 @@ impl Gpu {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::device::Kind;
+    use crate::gpu::device::DeviceKind;
 
     fn info(bits: u32, period_ns: f32) -> DeviceInfo {
         DeviceInfo {
             index: 0,
             name: String::new(),
-            kind: Kind::Other,
+            kind: DeviceKind::Other,
             driver: String::new(),
             api_version: String::new(),
             unusable: None,
@@ -197,7 +197,7 @@ mod tests {
     #[test]
     fn an_anchor_puts_timestamps_on_the_host_clock() {
         let host = Instant::now();
-        let anchor = Anchor {
+        let anchor = ClockAnchor {
             host,
             ticks: 5_000_000,
             within: Duration::ZERO,

@@ -1,21 +1,21 @@
 //! Compute pipelines and the passes that dispatch them.
 
-use super::access::Access;
-use super::bind::{self, Bound, Site, Slice};
+use super::access::ResourceAccess;
+use super::bind::{self, BindSite, BoundResources, BufferSlice};
 use super::buffer::AnyBuffer;
-use super::frame::Uniform;
-use super::pass::Pass;
-use super::pipeline::Pipeline;
+use super::frame::UniformBlock;
+use super::pass::PassBuilder;
+use super::pipeline::ShaderPipeline;
 use ash::vk;
 
 /// Dispatches inside a pass.
-pub struct Compute<'a> {
-    pub(super) site: Site<'a>,
+pub struct ComputeRecorder<'a> {
+    pub(super) site: BindSite<'a>,
     /// Invocations of a workgroup of the bound pipeline.
     group: u32,
 }
 
-impl std::fmt::Debug for Compute<'_> {
+impl std::fmt::Debug for ComputeRecorder<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Compute")
             .field("pass", &self.site.name)
@@ -23,11 +23,11 @@ impl std::fmt::Debug for Compute<'_> {
     }
 }
 
-impl Pass<'_> {
+impl PassBuilder<'_> {
     /// Reads a storage buffer in the compute shader.
     #[must_use]
     pub fn storage_read(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::StorageRead);
+        self.barriers.buffer(buffer, ResourceAccess::StorageRead);
         self.barriers.declared[2].push(buffer.handle());
         self
     }
@@ -35,7 +35,7 @@ impl Pass<'_> {
     /// Reads and writes a storage buffer in the compute shader.
     #[must_use]
     pub fn storage(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::StorageWrite);
+        self.barriers.buffer(buffer, ResourceAccess::StorageWrite);
         self.barriers.declared[2].push(buffer.handle());
         self
     }
@@ -46,7 +46,7 @@ impl Pass<'_> {
     /// When a buffer has fewer.
     pub fn fill(mut self, buffers: &[(&dyn AnyBuffer, u64)], word: u32) {
         for (buffer, _) in buffers {
-            self.barriers.buffer(*buffer, Access::Fill);
+            self.barriers.buffer(*buffer, ResourceAccess::Fill);
         }
         let timing = self.begin();
         for (buffer, bytes) in buffers {
@@ -78,12 +78,12 @@ impl Pass<'_> {
     ///
     /// # Panics
     /// When `record` binds a buffer that was not declared.
-    pub fn compute(mut self, record: impl FnOnce(&mut Compute<'_>)) {
+    pub fn compute(mut self, record: impl FnOnce(&mut ComputeRecorder<'_>)) {
         let declared = std::mem::take(&mut self.barriers.declared);
         let timing = self.begin();
         let gpu = self.gpu.clone();
-        let mut compute = Compute {
-            site: Site {
+        let mut compute = ComputeRecorder {
+            site: BindSite {
                 gpu: &gpu,
                 commands: self.slot.commands,
                 descriptors: self.slot.descriptors,
@@ -100,14 +100,19 @@ impl Pass<'_> {
     }
 }
 
-impl Compute<'_> {
+impl ComputeRecorder<'_> {
     /// Binds a pipeline with its uniform blocks and storage buffers, each in ascending order of their
     /// bindings.
     ///
     /// # Panics
     /// When a binding gets nothing, or a resource was not declared by the pass.
-    pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform], storage: &[Slice<'_>]) {
-        let bound = Bound {
+    pub fn bind(
+        &mut self,
+        pipeline: &ShaderPipeline,
+        uniforms: &[UniformBlock],
+        storage: &[BufferSlice<'_>],
+    ) {
+        let bound = BoundResources {
             uniforms,
             images: &[],
             storage,

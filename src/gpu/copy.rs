@@ -1,13 +1,13 @@
 //! Passes that fill images without drawing.
 
-use super::access::Access;
+use super::access::ResourceAccess;
 use super::buffer::AnyBuffer;
-use super::image::Image;
-use super::pass::Pass;
+use super::image::DeviceImage;
+use super::pass::PassBuilder;
 use ash::vk;
 
-impl Pass<'_> {
-    /// Records a pass that copies rectangles `[left, top, right, bottom]` into images made by [`Image::copied_to`], row by row
+impl PassBuilder<'_> {
+    /// Records a pass that copies rectangles `[left, top, right, bottom]` into images made by [`DeviceImage::copied_to`], row by row
     /// from the byte of a buffer. What is beside them keeps its pixels.
     ///
     /// # Panics
@@ -15,7 +15,7 @@ impl Pass<'_> {
     pub fn copy_in(
         mut self,
         [left, top, right, bottom]: [u32; 4],
-        copies: &[(&dyn AnyBuffer, u64, &Image)],
+        copies: &[(&dyn AnyBuffer, u64, &DeviceImage)],
     ) {
         let (width, height) = (right.saturating_sub(left), bottom.saturating_sub(top));
         for &(buffer, offset, image) in copies {
@@ -32,9 +32,10 @@ impl Pass<'_> {
                 self.name,
                 buffer.name()
             );
-            self.barriers.buffer(buffer, Access::CopySource);
+            self.barriers.buffer(buffer, ResourceAccess::CopySource);
             let is_whole = (width, height) == (image.width, image.height);
-            self.barriers.image(image, Access::CopyTarget, is_whole);
+            self.barriers
+                .image(image, ResourceAccess::CopyTarget, is_whole);
         }
         let timing = self.begin();
         if width > 0 && height > 0 {
@@ -48,7 +49,7 @@ impl Pass<'_> {
     fn copy_one(
         &self,
         (buffer, offset): (&dyn AnyBuffer, u64),
-        image: &Image,
+        image: &DeviceImage,
         rectangle: [u32; 4],
     ) {
         let regions = [region(image, offset, rectangle)];
@@ -68,7 +69,7 @@ impl Pass<'_> {
 
 /// A rectangle of an image (its first pixel, width and height), beside the bytes of a buffer from `offset` on, row by row.
 pub(super) fn region(
-    image: &Image,
+    image: &DeviceImage,
     offset: u64,
     [x, y, width, height]: [u32; 4],
 ) -> vk::BufferImageCopy {

@@ -2,12 +2,12 @@
 
 mod info;
 
-use super::messages::{self, Messages};
-use super::{Error, Options, SWAPCHAIN, clock};
+use super::messages::{self, LayerMessages};
+use super::{DeviceOptions, Error, SWAPCHAIN, clock};
 use ash::vk;
 use std::ffi::{CStr, CString};
 
-pub use info::{DeviceInfo, Kind};
+pub use info::{DeviceInfo, DeviceKind};
 
 pub(super) fn load_entry() -> Result<ash::Entry, Error> {
     // SAFETY: loading the Vulkan loader runs its initializers, which is what every Vulkan program does.
@@ -15,7 +15,7 @@ pub(super) fn load_entry() -> Result<ash::Entry, Error> {
 }
 
 /// An instance that destroys itself unless taken apart.
-pub(super) struct Instance {
+pub(super) struct VulkanInstance {
     raw: Option<ash::Instance>,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     has_debug: bool,
@@ -23,11 +23,11 @@ pub(super) struct Instance {
 
 const VALIDATION: &CStr = c"VK_LAYER_KHRONOS_validation";
 
-impl Instance {
+impl VulkanInstance {
     pub(super) fn create(
         entry: &ash::Entry,
-        options: &Options,
-        messages: &Messages,
+        options: &DeviceOptions,
+        messages: &LayerMessages,
     ) -> Result<Self, Error> {
         // SAFETY: the entry is loaded.
         let version = unsafe { entry.try_enumerate_instance_version() }
@@ -163,7 +163,7 @@ impl Instance {
     }
 }
 
-impl Drop for Instance {
+impl Drop for VulkanInstance {
     fn drop(&mut self) {
         // SAFETY: nothing made from the instance is left: either no device was made or `into_parts` took all.
         unsafe {
@@ -178,7 +178,7 @@ impl Drop for Instance {
 }
 
 /// A device that was looked at.
-pub(super) struct Chosen {
+pub(super) struct ChosenDevice {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) info: DeviceInfo,
     pub(super) queue_family: u32,
@@ -231,7 +231,7 @@ fn inspect(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
     index: usize,
-) -> Chosen {
+) -> ChosenDevice {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut maintenance3 = vk::PhysicalDeviceMaintenance3Properties::default();
     let mut maintenance4 = vk::PhysicalDeviceMaintenance4Properties::default();
@@ -308,11 +308,11 @@ fn inspect(
         index,
         name: text(p.device_name_as_c_str()),
         kind: match p.device_type {
-            vk::PhysicalDeviceType::DISCRETE_GPU => Kind::Discrete,
-            vk::PhysicalDeviceType::INTEGRATED_GPU => Kind::Integrated,
-            vk::PhysicalDeviceType::VIRTUAL_GPU => Kind::Virtual,
-            vk::PhysicalDeviceType::CPU => Kind::Cpu,
-            _ => Kind::Other,
+            vk::PhysicalDeviceType::DISCRETE_GPU => DeviceKind::Discrete,
+            vk::PhysicalDeviceType::INTEGRATED_GPU => DeviceKind::Integrated,
+            vk::PhysicalDeviceType::VIRTUAL_GPU => DeviceKind::Virtual,
+            vk::PhysicalDeviceType::CPU => DeviceKind::Cpu,
+            _ => DeviceKind::Other,
         },
         driver: format!(
             "{} {}",
@@ -357,7 +357,7 @@ fn inspect(
         }),
         subpixel_bits: p.limits.sub_pixel_precision_bits,
     };
-    Chosen {
+    ChosenDevice {
         physical,
         info,
         queue_family: family as u32,
@@ -365,7 +365,7 @@ fn inspect(
     }
 }
 
-fn all(entry: &ash::Entry, instance: &Instance) -> Result<Vec<Chosen>, Error> {
+fn all(entry: &ash::Entry, instance: &VulkanInstance) -> Result<Vec<ChosenDevice>, Error> {
     // SAFETY: the instance is alive.
     let devices = unsafe { instance.raw().enumerate_physical_devices() }
         .map_err(Error::vulkan("vkEnumeratePhysicalDevices", "the instance"))?;
@@ -382,8 +382,8 @@ fn all(entry: &ash::Entry, instance: &Instance) -> Result<Vec<Chosen>, Error> {
 /// When there is no loader or no driver.
 pub fn list() -> Result<Vec<DeviceInfo>, Error> {
     let entry = load_entry()?;
-    let messages = Messages::default();
-    let instance = Instance::create(&entry, &Options::default(), &messages)?;
+    let messages = LayerMessages::default();
+    let instance = VulkanInstance::create(&entry, &DeviceOptions::default(), &messages)?;
     Ok(all(&entry, &instance)?
         .into_iter()
         .map(|c| c.info)
@@ -391,21 +391,21 @@ pub fn list() -> Result<Vec<DeviceInfo>, Error> {
 }
 
 /// Rank of a kind: lower is better.
-fn rank(kind: Kind) -> u8 {
+fn rank(kind: DeviceKind) -> u8 {
     match kind {
-        Kind::Discrete => 0,
-        Kind::Integrated => 1,
-        Kind::Virtual => 2,
-        Kind::Other => 3,
-        Kind::Cpu => 4,
+        DeviceKind::Discrete => 0,
+        DeviceKind::Integrated => 1,
+        DeviceKind::Virtual => 2,
+        DeviceKind::Other => 3,
+        DeviceKind::Cpu => 4,
     }
 }
 
 pub(super) fn choose(
     entry: &ash::Entry,
-    instance: &Instance,
-    options: &Options,
-) -> Result<Chosen, Error> {
+    instance: &VulkanInstance,
+    options: &DeviceOptions,
+) -> Result<ChosenDevice, Error> {
     let mut devices = all(entry, instance)?;
     let available = devices
         .iter()
@@ -462,9 +462,9 @@ pub(super) fn choose(
 }
 
 pub(super) fn create(
-    instance: &Instance,
-    chosen: &Chosen,
-    options: &Options,
+    instance: &VulkanInstance,
+    chosen: &ChosenDevice,
+    options: &DeviceOptions,
 ) -> Result<(ash::Device, vk::Queue), Error> {
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default()

@@ -1,6 +1,6 @@
 //! The device of unit tests: opened under validation, closed in silence.
 
-use super::{Gpu, Options};
+use super::{DeviceOptions, Gpu};
 use std::sync::Arc;
 
 /// A device under validation, or none where none is required, said in one line.
@@ -8,9 +8,9 @@ use std::sync::Arc;
 /// # Panics
 /// When there is none and `SURFEL_REQUIRE_DEVICE` is set.
 pub(crate) fn device() -> Option<Arc<Gpu>> {
-    let options = Options {
+    let options = DeviceOptions {
         validation: true,
-        ..Options::default()
+        ..DeviceOptions::default()
     };
     match Gpu::open(&options) {
         Ok(gpu) => Some(gpu),

@@ -1,16 +1,16 @@
 //! Frames in flight: recorded, submitted, waited for, read back.
 
-use super::access::Access;
-use super::buffer::{AnyBuffer, Readback, Upload};
-use super::image::Image;
-use super::pass::Barriers;
-pub use super::pass::{Draw, Load, Pass};
+use super::access::ResourceAccess;
+use super::buffer::{AnyBuffer, ReadbackBuffer, UploadBuffer};
+use super::image::DeviceImage;
+use super::pass::PendingBarriers;
+pub use super::pass::{DrawRecorder, PassBuilder, TargetLoad};
 use super::profile::PassTime;
-use super::query::Queries;
-pub use super::query::{DeviceTimes, Measure, PassCounters, PipelineStatistics};
-use super::{Error, Gpu, Remains, copy};
+use super::query::SlotQueries;
+pub use super::query::{DeviceTimes, FrameMeasure, PassCounters, PipelineStatistics};
+use super::{Error, Gpu, RetiredResource, copy};
 #[cfg(feature = "viewer")]
-use super::{access::State, image::Format, surface::Acquired};
+use super::{access::ResourceState, image::ImageFormat, surface::AcquiredImage};
 use ash::vk;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -21,27 +21,27 @@ pub(super) const MAX_PASSES: u32 = 64;
 const UNIFORM_BYTES: u64 = 64 << 10;
 
 /// One frame slot: recorded, submitted and read back before it is used again.
-pub(super) struct Slot {
+pub(super) struct FrameSlot {
     pool: vk::CommandPool,
     pub(super) commands: vk::CommandBuffer,
-    pub(super) queries: Queries,
+    pub(super) queries: SlotQueries,
     pub(super) descriptors: vk::DescriptorPool,
-    pub(super) uniforms: Upload,
+    pub(super) uniforms: UploadBuffer,
     submitted: u64,
     uniform_bytes: u64,
     submit_time: Option<Instant>,
 }
 
 /// The ring of frames in flight.
-pub struct Frames {
+pub struct FrameRing {
     gpu: Arc<Gpu>,
-    slots: Vec<Slot>,
+    slots: Vec<FrameSlot>,
     next: usize,
-    measure: Measure,
-    barriers: Barriers,
+    measure: FrameMeasure,
+    barriers: PendingBarriers,
 }
 
-impl std::fmt::Debug for Frames {
+impl std::fmt::Debug for FrameRing {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Frames")
             .field("in_flight", &self.slots.len())
@@ -52,7 +52,7 @@ impl std::fmt::Debug for Frames {
 /// A submitted frame that can be waited for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[must_use = "a frame is finished only once it was waited for"]
-pub struct Ticket {
+pub struct FrameTicket {
     /// Slot of the ring that the frame used.
     pub slot: usize,
     value: u64,
@@ -60,12 +60,12 @@ pub struct Ticket {
 
 /// What a finished frame cost.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Finished {
+pub struct FinishedFrame {
     /// Time of each pass on the device, in order; empty without timestamps.
     pub passes: Vec<PassTime>,
     /// Where the passes lie on the device's clock.
     pub device: DeviceTimes,
-    /// What each pass that draws counted; empty unless [`Measure::counters`] was set.
+    /// What each pass that draws counted; empty unless [`FrameMeasure::counters`] was set.
     pub counters: Vec<PassCounters>,
     /// Bytes of uniform blocks that the host wrote for it.
     pub uniform_bytes: u64,
@@ -75,7 +75,7 @@ pub struct Finished {
     pub host: Duration,
 }
 
-impl Frames {
+impl FrameRing {
     /// A ring of `in_flight` frames (at least 1). With `timestamps` every pass is timed, which costs a full
     /// barrier a pass.
     ///
@@ -86,16 +86,17 @@ impl Frames {
             gpu: gpu.clone(),
             slots: Vec::new(),
             next: 0,
-            measure: Measure::default(),
-            barriers: Barriers::default(),
+            measure: FrameMeasure::default(),
+            barriers: PendingBarriers::default(),
         };
         for index in 0..in_flight.max(1) {
-            let uniforms = Upload::new(gpu, &format!("uniforms of frame {index}"), UNIFORM_BYTES)?;
+            let uniforms =
+                UploadBuffer::new(gpu, &format!("uniforms of frame {index}"), UNIFORM_BYTES)?;
             // Pushed at once, so that Drop destroys what a later failure leaves.
-            frames.slots.push(Slot {
+            frames.slots.push(FrameSlot {
                 pool: vk::CommandPool::null(),
                 commands: vk::CommandBuffer::null(),
-                queries: Queries::default(),
+                queries: SlotQueries::default(),
                 descriptors: vk::DescriptorPool::null(),
                 uniforms,
                 submitted: 0,
@@ -138,9 +139,9 @@ impl Frames {
                 .map_err(Error::vulkan("vkCreateDescriptorPool", name.as_str()))?;
             gpu.name(slot.descriptors, &name);
         }
-        frames.measure(Measure {
+        frames.measure(FrameMeasure {
             passes: timestamps,
-            ..Measure::default()
+            ..FrameMeasure::default()
         })?;
         Ok(frames)
     }
@@ -150,9 +151,9 @@ impl Frames {
     ///
     /// # Errors
     /// When the queries cannot be made; then nothing changes.
-    pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
+    pub fn measure(&mut self, measure: FrameMeasure) -> Result<(), Error> {
         let has_timestamps = self.gpu.info.timestamp_period_ns > 0.0;
-        let measure = Measure {
+        let measure = FrameMeasure {
             passes: measure.passes && has_timestamps,
             frame: measure.frame && has_timestamps,
             counters: measure.counters,
@@ -196,7 +197,7 @@ impl Frames {
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn wait_for(&self, ticket: Ticket) -> Result<(), Error> {
+    pub fn wait_for(&self, ticket: FrameTicket) -> Result<(), Error> {
         self.gpu.wait_for(ticket.value)
     }
 
@@ -204,7 +205,7 @@ impl Frames {
     ///
     /// # Errors
     /// When the device is lost or a Vulkan call fails.
-    pub fn begin(&mut self) -> Result<Frame<'_>, Error> {
+    pub fn begin(&mut self) -> Result<FrameRecorder<'_>, Error> {
         self.wait_for_next()?;
         let index = self.next;
         let slot = &mut self.slots[index];
@@ -228,7 +229,7 @@ impl Frames {
         }
         self.gpu.begin_label(slot.commands, "frame");
         slot.queries.begin(&self.gpu, slot.commands, self.measure);
-        Ok(Frame {
+        Ok(FrameRecorder {
             uniform_bytes: 0,
             is_empty: true,
             index,
@@ -240,10 +241,10 @@ impl Frames {
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn finish(&mut self, ticket: Ticket) -> Result<Finished, Error> {
+    pub fn finish(&mut self, ticket: FrameTicket) -> Result<FinishedFrame, Error> {
         self.gpu.wait_for(ticket.value)?;
         let slot = &mut self.slots[ticket.slot];
-        let mut finished = Finished::default();
+        let mut finished = FinishedFrame::default();
         if slot.submitted != ticket.value {
             return Ok(finished);
         }
@@ -261,35 +262,36 @@ impl Frames {
     }
 }
 
-impl Drop for Frames {
+impl Drop for FrameRing {
     fn drop(&mut self) {
         for slot in &self.slots {
             // Freed with the pool: the command buffer.
-            self.gpu.bury(Remains::CommandPool(slot.pool));
+            self.gpu.bury(RetiredResource::CommandPool(slot.pool));
             slot.queries.bury(&self.gpu);
-            self.gpu.bury(Remains::DescriptorPool(slot.descriptors));
+            self.gpu
+                .bury(RetiredResource::DescriptorPool(slot.descriptors));
         }
     }
 }
 
 /// Where a uniform block was put.
 #[derive(Debug, Clone, Copy)]
-pub struct Uniform {
+pub struct UniformBlock {
     pub(super) offset: u64,
     pub(super) bytes: u64,
 }
 
 /// A frame being recorded. Passes run in the order written.
 #[derive(Debug)]
-pub struct Frame<'a> {
-    frames: &'a mut Frames,
+pub struct FrameRecorder<'a> {
+    frames: &'a mut FrameRing,
     index: usize,
     uniform_bytes: u64,
     /// Nothing was recorded.
     is_empty: bool,
 }
 
-impl Frame<'_> {
+impl FrameRecorder<'_> {
     /// Slot of the ring that this frame uses.
     pub fn slot(&self) -> usize {
         self.index
@@ -299,7 +301,7 @@ impl Frame<'_> {
     ///
     /// # Errors
     /// When the frame has no room left for uniforms.
-    pub fn uniform<T: bytemuck::Pod>(&mut self, value: &T) -> Result<Uniform, Error> {
+    pub fn uniform<T: bytemuck::Pod>(&mut self, value: &T) -> Result<UniformBlock, Error> {
         let bytes = size_of::<T>() as u64;
         let offset = self
             .uniform_bytes
@@ -316,16 +318,16 @@ impl Frame<'_> {
             .copy_from_slice(bytemuck::bytes_of(value));
         memory.flush(offset..offset + bytes);
         self.uniform_bytes = offset + bytes;
-        Ok(Uniform { offset, bytes })
+        Ok(UniformBlock { offset, bytes })
     }
 
     /// Starts the description of a pass. `name` is its name in the profiler, in captures and in charts.
-    pub fn pass<'f>(&'f mut self, name: &'static str) -> Pass<'f>
+    pub fn pass<'f>(&'f mut self, name: &'static str) -> PassBuilder<'f>
     where
         Self: 'f,
     {
         self.is_empty = false;
-        Pass::new(
+        PassBuilder::new(
             &self.frames.gpu,
             &mut self.frames.slots[self.index],
             &mut self.frames.barriers,
@@ -337,7 +339,7 @@ impl Frame<'_> {
     ///
     /// # Panics
     /// When the buffer is smaller than the image.
-    pub fn read_back(&mut self, name: &'static str, image: &Image, into: &Readback) {
+    pub fn read_back(&mut self, name: &'static str, image: &DeviceImage, into: &ReadbackBuffer) {
         self.read_back_part(name, image, [0, 0, image.width, image.height], into);
     }
 
@@ -348,13 +350,13 @@ impl Frame<'_> {
     pub fn read_back_part(
         &mut self,
         name: &'static str,
-        image: &Image,
+        image: &DeviceImage,
         rectangle: [u32; 4],
-        into: &Readback,
+        into: &ReadbackBuffer,
     ) {
         self.copy_part(name, image, rectangle, into);
         let gpu = self.frames.gpu.clone();
-        self.frames.barriers.buffer(into, Access::HostRead);
+        self.frames.barriers.buffer(into, ResourceAccess::HostRead);
         self.frames
             .barriers
             .record(&gpu, self.frames.slots[self.index].commands);
@@ -368,7 +370,7 @@ impl Frame<'_> {
     pub fn copy_part(
         &mut self,
         name: &'static str,
-        image: &Image,
+        image: &DeviceImage,
         rectangle: [u32; 4],
         into: &dyn AnyBuffer,
     ) {
@@ -385,8 +387,9 @@ impl Frame<'_> {
         let mut pass = self.pass(name);
         let gpu = pass.gpu.clone();
         let commands = pass.slot.commands;
-        pass.barriers.image(image, Access::CopySource, false);
-        pass.barriers.buffer(into, Access::CopyTarget);
+        pass.barriers
+            .image(image, ResourceAccess::CopySource, false);
+        pass.barriers.buffer(into, ResourceAccess::CopyTarget);
         let timing = pass.begin();
         let regions = [copy::region(image, 0, rectangle)];
         // SAFETY: both are alive until the frame has finished (their Drop defers), the image is in the copy
@@ -395,7 +398,7 @@ impl Frame<'_> {
             gpu.device.cmd_copy_image_to_buffer(
                 commands,
                 image.handle,
-                image.layout_of(Access::CopySource),
+                image.layout_of(ResourceAccess::CopySource),
                 into.handle(),
                 &regions,
             );
@@ -407,15 +410,20 @@ impl Frame<'_> {
     ///
     /// # Panics
     /// When the buffer is smaller.
-    pub fn read_back_buffer(&mut self, name: &'static str, from: &dyn AnyBuffer, into: &Readback) {
+    pub fn read_back_buffer(
+        &mut self,
+        name: &'static str,
+        from: &dyn AnyBuffer,
+        into: &ReadbackBuffer,
+    ) {
         assert!(
             from.bytes() >= into.bytes(),
             "{name}: the buffer is smaller than what is read back of it"
         );
         let mut pass = self.pass(name);
         let (gpu, commands) = (pass.gpu.clone(), pass.slot.commands);
-        pass.barriers.buffer(from, Access::CopySource);
-        pass.barriers.buffer(into, Access::CopyTarget);
+        pass.barriers.buffer(from, ResourceAccess::CopySource);
+        pass.barriers.buffer(into, ResourceAccess::CopyTarget);
         let timing = pass.begin();
         let regions = [vk::BufferCopy {
             src_offset: 0,
@@ -428,7 +436,7 @@ impl Frame<'_> {
                 .cmd_copy_buffer(commands, from.handle(), into.handle(), &regions);
         }
         timing.end(&pass.slot.queries);
-        self.frames.barriers.buffer(into, Access::HostRead);
+        self.frames.barriers.buffer(into, ResourceAccess::HostRead);
         self.frames
             .barriers
             .record(&gpu, self.frames.slots[self.index].commands);
@@ -437,17 +445,18 @@ impl Frame<'_> {
     /// Puts `image` onto an image acquired from a window, scaled if the sizes differ, and hands that to the
     /// presentation engine, as the pass `present`. The frame must end with [`submit_onto`](Frame::submit_onto).
     #[cfg(feature = "viewer")]
-    pub fn present(&mut self, image: &Image, onto: &Acquired) {
-        let mut state = State::acquired(Acquired::FIRST_ACCESS);
+    pub fn present(&mut self, image: &DeviceImage, onto: &AcquiredImage) {
+        let mut state = ResourceState::acquired(AcquiredImage::FIRST_ACCESS);
         let mut pass = self.pass("present");
         let gpu = pass.gpu.clone();
         let commands = pass.slot.commands;
-        pass.barriers.image(image, Access::BlitSource, false);
+        pass.barriers
+            .image(image, ResourceAccess::BlitSource, false);
         pass.barriers.handle(
             onto.image,
-            Format::Rgba8,
+            ImageFormat::Rgba8,
             &mut state,
-            Acquired::FIRST_ACCESS,
+            AcquiredImage::FIRST_ACCESS,
             true,
         );
         let timing = pass.begin();
@@ -476,7 +485,7 @@ impl Frame<'_> {
             gpu.device.cmd_blit_image(
                 commands,
                 image.handle,
-                image.layout_of(Access::BlitSource),
+                image.layout_of(ResourceAccess::BlitSource),
                 onto.image,
                 vk::ImageLayout::TRANSFER_DST_OPTIMAL,
                 &regions,
@@ -487,9 +496,9 @@ impl Frame<'_> {
         let barriers = &mut self.frames.barriers;
         barriers.handle(
             onto.image,
-            Format::Rgba8,
+            ImageFormat::Rgba8,
             &mut state,
-            Access::Present,
+            ResourceAccess::Present,
             false,
         );
         barriers.record(&gpu, commands);
@@ -501,8 +510,8 @@ impl Frame<'_> {
     /// # Errors
     /// When the device is lost or a Vulkan call fails.
     #[cfg(feature = "viewer")]
-    pub fn submit_onto(self, onto: &Acquired) -> Result<Ticket, Error> {
-        let stages = Acquired::FIRST_ACCESS.scope().stages;
+    pub fn submit_onto(self, onto: &AcquiredImage) -> Result<FrameTicket, Error> {
+        let stages = AcquiredImage::FIRST_ACCESS.scope().stages;
         self.submit_with(Some((onto.free, stages)), Some(onto.drawn))
     }
 
@@ -510,7 +519,7 @@ impl Frame<'_> {
     ///
     /// # Errors
     /// When the device is lost or a Vulkan call fails.
-    pub fn submit(self) -> Result<Ticket, Error> {
+    pub fn submit(self) -> Result<FrameTicket, Error> {
         self.submit_with(None, None)
     }
 
@@ -518,7 +527,7 @@ impl Frame<'_> {
         self,
         waits: Option<(vk::Semaphore, vk::PipelineStageFlags2)>,
         signals: Option<vk::Semaphore>,
-    ) -> Result<Ticket, Error> {
+    ) -> Result<FrameTicket, Error> {
         let slot = &mut self.frames.slots[self.index];
         slot.uniform_bytes = self.uniform_bytes;
         let is_idle = self.is_empty && waits.is_none() && signals.is_none();
@@ -534,7 +543,7 @@ impl Frame<'_> {
             slot.submit_time = Some(Instant::now());
             slot.submitted = self.frames.gpu.submit(slot.commands, waits, signals)?;
         }
-        let ticket = Ticket {
+        let ticket = FrameTicket {
             slot: self.index,
             value: slot.submitted,
         };
@@ -546,17 +555,20 @@ impl Frame<'_> {
 /// Copies the first `bytes` of `from` to `offset` in `to`, and waits. Not for the frame loop.
 pub(super) fn copy_once(
     gpu: &Arc<Gpu>,
-    from: &Upload,
+    from: &UploadBuffer,
     to: &dyn AnyBuffer,
     offset: u64,
     bytes: u64,
 ) -> Result<(), Error> {
-    let mut frames = Frames::new(gpu, 1, false)?;
+    let mut frames = FrameRing::new(gpu, 1, false)?;
     let mut frame = frames.begin()?;
     frame.is_empty = false;
     let commands = frame.frames.slots[frame.index].commands;
-    frame.frames.barriers.buffer(from, Access::CopySource);
-    frame.frames.barriers.buffer(to, Access::CopyTarget);
+    frame
+        .frames
+        .barriers
+        .buffer(from, ResourceAccess::CopySource);
+    frame.frames.barriers.buffer(to, ResourceAccess::CopyTarget);
     frame.frames.barriers.record(gpu, commands);
     let regions = [vk::BufferCopy {
         src_offset: 0,

@@ -1,7 +1,7 @@
 //! Images that passes draw into, sample and copy.
 
-use super::access::{Access, State};
-use super::{Error, Gpu, Remains, lock};
+use super::access::{ResourceAccess, ResourceState};
+use super::{Error, Gpu, RetiredResource, lock};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 
 /// Pixel format of an image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Format {
+pub enum ImageFormat {
     /// Eight bits a channel, 0..=1.
     Rgba8,
     /// One 32-bit float.
@@ -24,7 +24,7 @@ pub enum Format {
     Depth32,
 }
 
-impl Format {
+impl ImageFormat {
     /// Bytes of one pixel.
     pub fn pixel_bytes(self) -> u64 {
         match self {
@@ -56,25 +56,25 @@ impl Format {
 
 /// A two-dimensional image with one level.
 #[derive(Debug)]
-pub struct Image {
+pub struct DeviceImage {
     gpu: Arc<Gpu>,
     pub(super) handle: vk::Image,
     pub(super) view: vk::ImageView,
     memory: Option<Allocation>,
     /// Pixel format.
-    pub format: Format,
+    pub format: ImageFormat,
     /// Width in pixels.
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
     name: String,
-    pub(super) state: Mutex<State>,
-    rows: Option<Rows>,
+    pub(super) state: Mutex<ResourceState>,
+    rows: Option<MappedRows>,
 }
 
 /// Where the rows of an image lie that the host writes.
 #[derive(Debug)]
-struct Rows {
+struct MappedRows {
     /// The first byte in the image's memory, and bytes from row to row: multiples of 4.
     first: usize,
     pitch: usize,
@@ -83,7 +83,7 @@ struct Rows {
 
 /// What memory an image lies in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Place {
+enum ImageMemory {
     /// That of the device.
     Device,
     /// Mapped, row by row.
@@ -95,9 +95,9 @@ pub(super) const MAPPED_USAGE: vk::ImageUsageFlags = vk::ImageUsageFlags::from_r
     vk::ImageUsageFlags::SAMPLED.as_raw() | vk::ImageUsageFlags::TRANSFER_SRC.as_raw(),
 );
 /// Its format.
-pub(super) const MAPPED_FORMAT: Format = Format::Rgba8;
+pub(super) const MAPPED_FORMAT: ImageFormat = ImageFormat::Rgba8;
 
-impl Image {
+impl DeviceImage {
     /// Makes an image that can be a target, sampled and copied from. Its contents are undefined until a pass
     /// clears it.
     ///
@@ -106,12 +106,18 @@ impl Image {
     pub fn new(
         gpu: &Arc<Gpu>,
         name: &str,
-        format: Format,
+        format: ImageFormat,
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
         let usage = target(format);
-        Self::with(gpu, name, format, (width, height), (usage, Place::Device))
+        Self::with(
+            gpu,
+            name,
+            format,
+            (width, height),
+            (usage, ImageMemory::Device),
+        )
     }
 
     /// As [`new`](Image::new), and can be copied to.
@@ -121,12 +127,18 @@ impl Image {
     pub fn copied_to(
         gpu: &Arc<Gpu>,
         name: &str,
-        format: Format,
+        format: ImageFormat,
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
         let usage = target(format) | vk::ImageUsageFlags::TRANSFER_DST;
-        Self::with(gpu, name, format, (width, height), (usage, Place::Device))
+        Self::with(
+            gpu,
+            name,
+            format,
+            (width, height),
+            (usage, ImageMemory::Device),
+        )
     }
 
     /// Makes a picture of eight bits a channel that the host writes, in memory that is mapped for its whole life; it can be sampled
@@ -146,7 +158,7 @@ impl Image {
         if width.max(height) > gpu.info.max_mapped_side {
             return Ok(None);
         }
-        let usage = (MAPPED_USAGE, Place::Mapped);
+        let usage = (MAPPED_USAGE, ImageMemory::Mapped);
         let mut image = Self::with(gpu, name, MAPPED_FORMAT, (width, height), usage)?;
         let plane = vk::ImageSubresource {
             aspect_mask: MAPPED_FORMAT.aspect(),
@@ -166,12 +178,12 @@ impl Image {
             Some(rows) if first.is_multiple_of(word) && pitch.is_multiple_of(word) => rows.fill(0),
             _ => return Ok(None),
         }
-        image.rows = Some(Rows {
+        image.rows = Some(MappedRows {
             first,
             pitch,
             shadow: gpu.pretend_noncoherent.then(|| vec![0; bytes]),
         });
-        image.state = Mutex::new(State::mapped());
+        image.state = Mutex::new(ResourceState::mapped());
         Ok(Some(image))
     }
 
@@ -202,16 +214,16 @@ impl Image {
     }
 
     /// The layout that an access finds it in.
-    pub(super) fn layout_of(&self, access: Access) -> vk::ImageLayout {
+    pub(super) fn layout_of(&self, access: ResourceAccess) -> vk::ImageLayout {
         lock(&self.state).layout_of(access)
     }
 
     fn with(
         gpu: &Arc<Gpu>,
         name: &str,
-        format: Format,
+        format: ImageFormat,
         (width, height): (u32, u32),
-        (usage, place): (vk::ImageUsageFlags, Place),
+        (usage, place): (vk::ImageUsageFlags, ImageMemory),
     ) -> Result<Self, Error> {
         let limit = gpu.info.max_image_side;
         for side in [width, height] {
@@ -223,7 +235,7 @@ impl Image {
                 });
             }
         }
-        let is_mapped = place == Place::Mapped;
+        let is_mapped = place == ImageMemory::Mapped;
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(format.vk())
@@ -236,13 +248,13 @@ impl Image {
             .array_layers(1)
             .samples(vk::SampleCountFlags::TYPE_1)
             .tiling(match place {
-                Place::Device => vk::ImageTiling::OPTIMAL,
-                Place::Mapped => vk::ImageTiling::LINEAR,
+                ImageMemory::Device => vk::ImageTiling::OPTIMAL,
+                ImageMemory::Mapped => vk::ImageTiling::LINEAR,
             })
             .usage(usage)
             .initial_layout(match place {
-                Place::Device => vk::ImageLayout::UNDEFINED,
-                Place::Mapped => vk::ImageLayout::PREINITIALIZED,
+                ImageMemory::Device => vk::ImageLayout::UNDEFINED,
+                ImageMemory::Mapped => vk::ImageLayout::PREINITIALIZED,
             });
         // SAFETY: the device is alive; sides are within the limits; these formats and usages are mandatory in
         // Vulkan 1.3, and the device was asked about the one of mapped images.
@@ -263,8 +275,8 @@ impl Image {
         // SAFETY: the image was just created from this device.
         let requirements = unsafe { gpu.device.get_image_memory_requirements(handle) };
         let location = match place {
-            Place::Device => MemoryLocation::GpuOnly,
-            Place::Mapped => MemoryLocation::CpuToGpu,
+            ImageMemory::Device => MemoryLocation::GpuOnly,
+            ImageMemory::Mapped => MemoryLocation::CpuToGpu,
         };
         let memory = gpu.allocate(name, requirements, location, is_mapped)?;
         // SAFETY: memory and offset come from the allocator for these requirements; bound once.
@@ -299,16 +311,16 @@ impl Image {
 }
 
 /// What a target is for: to be drawn into, sampled and copied from.
-fn target(format: Format) -> vk::ImageUsageFlags {
+fn target(format: ImageFormat) -> vk::ImageUsageFlags {
     let drawn = match format {
-        Format::Depth32 => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+        ImageFormat::Depth32 => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
         _ => vk::ImageUsageFlags::COLOR_ATTACHMENT,
     };
     drawn | vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC
 }
 
 /// The one level and layer of an image.
-pub(super) fn range(format: Format) -> vk::ImageSubresourceRange {
+pub(super) fn range(format: ImageFormat) -> vk::ImageSubresourceRange {
     vk::ImageSubresourceRange {
         aspect_mask: format.aspect(),
         base_mip_level: 0,
@@ -318,12 +330,12 @@ pub(super) fn range(format: Format) -> vk::ImageSubresourceRange {
     }
 }
 
-impl Drop for Image {
+impl Drop for DeviceImage {
     fn drop(&mut self) {
         match self.memory.take() {
             Some(memory) => self
                 .gpu
-                .bury(Remains::Image(self.handle, self.view, memory)),
+                .bury(RetiredResource::Image(self.handle, self.view, memory)),
             // SAFETY: creation failed before any use; destroyed once, here. A null view is allowed.
             None => unsafe {
                 self.gpu.device.destroy_image_view(self.view, None);

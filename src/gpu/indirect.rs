@@ -1,9 +1,9 @@
 //! Draws and dispatches whose arguments the device wrote.
 
-use super::access::Access;
+use super::access::ResourceAccess;
 use super::buffer::AnyBuffer;
-use super::compute::Compute;
-use super::pass::{Draw, Pass};
+use super::compute::ComputeRecorder;
+use super::pass::{DrawRecorder, PassBuilder};
 use ash::vk;
 use std::ops::Range;
 
@@ -22,17 +22,17 @@ fn check(pass: &str, declared: &[vk::Buffer], buffer: &dyn AnyBuffer, bytes: Ran
     );
 }
 
-impl Pass<'_> {
+impl PassBuilder<'_> {
     /// Reads the arguments of draws from a buffer.
     #[must_use]
     pub fn arguments(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::IndirectRead);
+        self.barriers.buffer(buffer, ResourceAccess::IndirectRead);
         self.barriers.declared[3].push(buffer.handle());
         self
     }
 }
 
-impl Draw<'_> {
+impl DrawRecorder<'_> {
     /// Draws what the four words at `offset` of a declared buffer say: number of vertices and instances, first vertex and
     /// instance.
     ///
@@ -82,7 +82,7 @@ impl Draw<'_> {
     }
 }
 
-impl Compute<'_> {
+impl ComputeRecorder<'_> {
     /// Runs as many workgroups as the three words at `offset` (a multiple of 4) of a buffer say that a dispatch before it in
     /// this pass wrote, and [`after`](Compute::after) it. Each must be below what every device takes.
     ///

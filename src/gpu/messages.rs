@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 /// One message of a validation layer or of the loader.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Message {
+pub struct LayerMessage {
     /// Identifier, such as `VUID-...`; empty when there is none.
     pub id: String,
     /// Whether it is an error (else a warning).
@@ -16,7 +16,7 @@ pub struct Message {
 }
 
 /// A message that is known and accepted, with its reason.
-struct Accepted {
+struct AcceptedMessage {
     id: &'static str,
     part: &'static str,
     #[expect(dead_code, reason = "read by people")]
@@ -24,13 +24,13 @@ struct Accepted {
 }
 
 /// Accepted messages: by identifier (empty: any) and a part of the text.
-const ACCEPTED: &[Accepted] = &[
-    Accepted {
+const ACCEPTED: &[AcceptedMessage] = &[
+    AcceptedMessage {
         id: "Loader Message",
         part: "",
         reason: "the loader reports drivers it could not open; whether a device is left is our own check",
     },
-    Accepted {
+    AcceptedMessage {
         id: "",
         part: "Decoration not allowed on struct members: SpvDecorationInvariant",
         reason: "Mesa 22.3's reader of SPIR-V remarks on `invariant gl_Position`, which the specification allows \
@@ -40,26 +40,26 @@ const ACCEPTED: &[Accepted] = &[
 
 /// Messages so far; shared by the messenger and whoever wants to read them.
 #[derive(Debug, Clone, Default)]
-pub struct Messages(Arc<Mutex<Vec<Message>>>);
+pub struct LayerMessages(Arc<Mutex<Vec<LayerMessage>>>);
 
-impl Messages {
+impl LayerMessages {
     /// Takes all messages out of the list.
-    pub fn take(&self) -> Vec<Message> {
+    pub fn take(&self) -> Vec<LayerMessage> {
         std::mem::take(&mut *self.lock())
     }
 
     /// The messages so far.
-    pub fn list(&self) -> Vec<Message> {
+    pub fn list(&self) -> Vec<LayerMessage> {
         self.lock().clone()
     }
 
-    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<Message>> {
+    fn lock(&self) -> std::sync::MutexGuard<'_, Vec<LayerMessage>> {
         self.0
             .lock()
             .unwrap_or_else(std::sync::PoisonError::into_inner)
     }
 
-    fn push(&self, message: Message) {
+    fn push(&self, message: LayerMessage) {
         if ACCEPTED
             .iter()
             .any(|a| (a.id.is_empty() || message.id == a.id) && message.text.contains(a.part))
@@ -88,7 +88,7 @@ impl Messages {
 /// Called by the validation layers.
 ///
 /// # Safety
-/// `data` and its strings are valid for the call (Vulkan's promise); `user` is [`Messages::user_data`] of a
+/// `data` and its strings are valid for the call (Vulkan's promise); `user` is [`LayerMessages::user_data`] of a
 /// list that is alive (the promise of whoever registers this function).
 pub(super) unsafe extern "system" fn callback(
     severity: vk::DebugUtilsMessageSeverityFlagsEXT,
@@ -111,17 +111,17 @@ pub(super) unsafe extern "system" fn callback(
                 .into_owned()
         }
     };
-    let message = Message {
+    let message = LayerMessage {
         id: text(data.p_message_id_name),
         is_error: severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR),
         text: text(data.p_message),
     };
-    let pointer = user.cast_const().cast::<Mutex<Vec<Message>>>();
+    let pointer = user.cast_const().cast::<Mutex<Vec<LayerMessage>>>();
     // SAFETY: `user` comes from `Arc::as_ptr` of a list that is alive (the function's contract); the count
     // raised here is given back when `list` drops.
     let list = unsafe {
         Arc::increment_strong_count(pointer);
-        Messages(Arc::from_raw(pointer))
+        LayerMessages(Arc::from_raw(pointer))
     };
     list.push(message);
     vk::FALSE
@@ -133,14 +133,14 @@ mod tests {
 
     #[test]
     fn accepted_messages_are_not_kept_and_others_are() {
-        let list = Messages::default();
-        list.push(Message {
+        let list = LayerMessages::default();
+        list.push(LayerMessage {
             id: "Loader Message".into(),
             is_error: true,
             text: "no driver here".into(),
         });
         assert!(list.list().is_empty());
-        list.push(Message {
+        list.push(LayerMessage {
             id: "VUID-x".into(),
             is_error: true,
             text: "wrong".into(),

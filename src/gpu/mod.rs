@@ -3,7 +3,7 @@
 //! [`Gpu`] is the root that owns entry, instance, messenger, device, queue and allocator; its `Drop` destroys
 //! them in an order written by hand. Resources own handle, memory and name and keep the root alive; dropping
 //! one puts its handles on a list that is emptied when the device has passed the last submission that could
-//! use them. Commands are recorded only through [`frame::Frame`] and its passes.
+//! use them. Commands are recorded only through [`frame::FrameRecorder`] and its passes.
 
 #![expect(
     unsafe_code,
@@ -37,7 +37,7 @@ use device::DeviceInfo;
 use gpu_allocator::vulkan::{
     Allocation, AllocationCreateDesc, AllocationScheme, Allocator, AllocatorCreateDesc,
 };
-use messages::Messages;
+use messages::LayerMessages;
 use std::collections::VecDeque;
 use std::ffi::CStr;
 use std::mem::ManuallyDrop;
@@ -136,7 +136,7 @@ impl Error {
 
 /// How to open a device.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct DeviceOptions {
     /// Part of a device's name or its index in [`device::list`]; `None` takes the best.
     pub device: Option<String>,
     /// Load the validation layer with synchronization validation; messages go to [`Gpu::messages`].
@@ -149,7 +149,7 @@ pub struct Options {
 }
 
 /// Handles of a dropped resource, waiting for the device to be done with them.
-enum Remains {
+enum RetiredResource {
     Buffer(vk::Buffer, Allocation),
     Image(vk::Image, vk::ImageView, Allocation),
     Pipeline(vk::Pipeline),
@@ -163,10 +163,10 @@ enum Remains {
 /// The root of everything on the device.
 pub struct Gpu {
     info: DeviceInfo,
-    messages: Messages,
+    messages: LayerMessages,
     pretend_noncoherent: bool,
     // Destroyed by hand, in this order.
-    remains: Mutex<VecDeque<(u64, Remains)>>,
+    remains: Mutex<VecDeque<(u64, RetiredResource)>>,
     allocator: ManuallyDrop<Mutex<Allocator>>,
     timeline: vk::Semaphore,
     pipeline_cache: vk::PipelineCache,
@@ -174,7 +174,7 @@ pub struct Gpu {
     sampler: vk::Sampler,
     device: ash::Device,
     debug_device: Option<ash::ext::debug_utils::Device>,
-    calibration: Option<clock::Calibration>,
+    calibration: Option<clock::ClockFunctions>,
     messenger: Option<(ash::ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     instance: ash::Instance,
     entry: ash::Entry,
@@ -206,10 +206,10 @@ impl Gpu {
     /// # Errors
     /// When there is no loader, no device of Vulkan 1.3 with the features needed, none of the wanted name, no
     /// validation layer although asked for, or a Vulkan call fails.
-    pub fn open(options: &Options) -> Result<Arc<Self>, Error> {
+    pub fn open(options: &DeviceOptions) -> Result<Arc<Self>, Error> {
         let entry = device::load_entry()?;
-        let messages = Messages::default();
-        let instance = device::Instance::create(&entry, options, &messages)?;
+        let messages = LayerMessages::default();
+        let instance = device::VulkanInstance::create(&entry, options, &messages)?;
         let chosen = device::choose(&entry, &instance, options)?;
         let (device, queue) = device::create(&instance, &chosen, options)?;
         // From here on the root owns everything, so that a failure below is cleaned up by its Drop.
@@ -226,7 +226,7 @@ impl Gpu {
             has_debug.then(|| ash::ext::debug_utils::Device::new(&instance, &device));
         let calibration = chosen
             .calibration
-            .map(|name| clock::Calibration::new(&instance, &device, name));
+            .map(|name| clock::ClockFunctions::new(&instance, &device, name));
         let allocator = match allocator {
             Ok(allocator) => allocator,
             Err(cause) => {
@@ -299,7 +299,7 @@ impl Gpu {
     }
 
     /// What the validation layer has said so far; the list outlives the device.
-    pub fn messages(&self) -> &Messages {
+    pub fn messages(&self) -> &LayerMessages {
         &self.messages
     }
 
@@ -404,7 +404,7 @@ impl Gpu {
     }
 
     /// Takes the handles of a dropped resource; they are destroyed once no submission can use them.
-    fn bury(&self, remains: Remains) {
+    fn bury(&self, remains: RetiredResource) {
         // The submission being recorded now, if any, is the next one.
         let last_use = self.submitted.load(Ordering::Acquire) + 1;
         lock(&self.remains).push_back((last_use, remains));
@@ -429,30 +429,32 @@ impl Gpu {
         }
     }
 
-    fn destroy(&self, remains: Remains) {
+    fn destroy(&self, remains: RetiredResource) {
         // SAFETY: the handles came from this device, each is destroyed once (its owner is gone), and the
         // device has passed the last submission that could use it or is idle.
         unsafe {
             match remains {
-                Remains::Buffer(buffer, memory) => {
+                RetiredResource::Buffer(buffer, memory) => {
                     self.device.destroy_buffer(buffer, None);
                     self.free(memory);
                 }
-                Remains::Image(image, view, memory) => {
+                RetiredResource::Image(image, view, memory) => {
                     self.device.destroy_image_view(view, None);
                     self.device.destroy_image(image, None);
                     self.free(memory);
                 }
-                Remains::Pipeline(pipeline) => self.device.destroy_pipeline(pipeline, None),
-                Remains::PipelineLayout(layout) => {
+                RetiredResource::Pipeline(pipeline) => self.device.destroy_pipeline(pipeline, None),
+                RetiredResource::PipelineLayout(layout) => {
                     self.device.destroy_pipeline_layout(layout, None)
                 }
-                Remains::DescriptorSetLayout(layout) => {
+                RetiredResource::DescriptorSetLayout(layout) => {
                     self.device.destroy_descriptor_set_layout(layout, None)
                 }
-                Remains::CommandPool(pool) => self.device.destroy_command_pool(pool, None),
-                Remains::QueryPool(pool) => self.device.destroy_query_pool(pool, None),
-                Remains::DescriptorPool(pool) => self.device.destroy_descriptor_pool(pool, None),
+                RetiredResource::CommandPool(pool) => self.device.destroy_command_pool(pool, None),
+                RetiredResource::QueryPool(pool) => self.device.destroy_query_pool(pool, None),
+                RetiredResource::DescriptorPool(pool) => {
+                    self.device.destroy_descriptor_pool(pool, None)
+                }
             }
         }
     }

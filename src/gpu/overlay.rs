@@ -4,10 +4,12 @@
 //! be read back, shown again under another overlay, and the overlay can be left out at no cost. Textures (the
 //! glyphs of the fonts) are kept on the host as well, so that a device that was opened anew gets them again.
 
-use super::buffer::{AnyBuffer, Upload};
-use super::frame::{Frame, Load};
-use super::image::{Format, Image};
-use super::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
+use super::buffer::{AnyBuffer, UploadBuffer};
+use super::frame::{FrameRecorder, TargetLoad};
+use super::image::{DeviceImage, ImageFormat};
+use super::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord, record,
+};
 use super::{Error, Gpu};
 use crate::abi::shaders;
 use bytemuck::{Pod, Zeroable};
@@ -19,7 +21,7 @@ use std::sync::Arc;
 /// One corner, 20 bytes.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Corner {
+struct OverlayCorner {
     /// Clip space.
     position: [f32; 2],
     /// Place in the texture, 0..=1.
@@ -28,7 +30,7 @@ struct Corner {
     color: [u8; 4],
 }
 
-const RECORD: Record = record!(Corner {
+const RECORD: VertexRecord = record!(OverlayCorner {
     position: Float2,
     place: Float2,
     color: Unorm8x4,
@@ -36,26 +38,26 @@ const RECORD: Record = record!(Corner {
 
 /// A texture, on the host and, once it was drawn with, on the device.
 #[derive(Debug, Default)]
-struct Texture {
+struct OverlayTexture {
     width: usize,
     height: usize,
     pixels: Vec<[u8; 4]>,
-    image: Option<Image>,
+    image: Option<DeviceImage>,
     /// The device's copy is not that of the host.
     is_stale: bool,
 }
 
 /// Mapped memory of one slot of the ring.
 #[derive(Debug)]
-struct Lists {
-    corners: Upload,
-    indices: Upload,
-    texels: Upload,
+struct OverlayLists {
+    corners: UploadBuffer,
+    indices: UploadBuffer,
+    texels: UploadBuffer,
 }
 
 /// A run of triangles with one texture and one clip rectangle.
 #[derive(Debug, Clone, Copy)]
-struct Run {
+struct OverlayRun {
     texture: TextureId,
     scissor: [u32; 4],
     first: u32,
@@ -65,18 +67,18 @@ struct Run {
 
 /// Draws egui's triangles over a picture. One for each window.
 #[derive(Debug)]
-pub struct Overlay {
+pub struct WindowOverlay {
     gpu: Arc<Gpu>,
-    copy: Pipeline,
-    draw: Pipeline,
-    textures: BTreeMap<TextureId, Texture>,
-    slots: Vec<Lists>,
+    copy: ShaderPipeline,
+    draw: ShaderPipeline,
+    textures: BTreeMap<TextureId, OverlayTexture>,
+    slots: Vec<OverlayLists>,
     primitives: Vec<ClippedPrimitive>,
     pixels_per_point: f32,
-    runs: Vec<Run>,
+    runs: Vec<OverlayRun>,
     /// Stale textures with their places in the memory of the slot.
     writes: Vec<(TextureId, u64)>,
-    shown: Option<Image>,
+    shown: Option<DeviceImage>,
     /// Columns at the left that the picture leaves free.
     inset: u32,
 }
@@ -86,29 +88,29 @@ const BEHIND: [f32; 4] = [18.0 / 255.0, 20.0 / 255.0, 24.0 / 255.0, 1.0];
 /// First size of the mapped lists, bytes.
 const FIRST_BYTES: u64 = 1 << 18;
 
-impl Overlay {
+impl WindowOverlay {
     /// An empty overlay for a ring of `in_flight` frames.
     ///
     /// # Errors
     /// When a Vulkan call fails or memory runs out.
     pub fn new(gpu: &Arc<Gpu>, in_flight: usize) -> Result<Self, Error> {
-        let base = Description {
+        let base = PipelineDescription {
             name: "overlay.copy",
             vertex: &shaders::OVERLAY_COPY_VERT,
             fragment: Some(&shaders::OVERLAY_COPY_FRAG),
             constants: &[],
-            record: Record::NOTHING,
-            topology: Topology::Triangles,
-            colors: &[Format::Rgba8],
-            depth: Depth::None,
+            record: VertexRecord::NOTHING,
+            topology: PrimitiveTopology::Triangles,
+            colors: &[ImageFormat::Rgba8],
+            depth: DepthMode::None,
             is_additive: false,
         };
         let slots = (0..in_flight.max(1))
             .map(|slot| {
                 let upload = |what: &str| {
-                    Upload::new(gpu, &format!("overlay {what} of frame {slot}"), FIRST_BYTES)
+                    UploadBuffer::new(gpu, &format!("overlay {what} of frame {slot}"), FIRST_BYTES)
                 };
-                Ok(Lists {
+                Ok(OverlayLists {
                     corners: upload("corners")?,
                     indices: upload("indices")?,
                     texels: upload("texels")?,
@@ -117,10 +119,10 @@ impl Overlay {
             .collect::<Result<_, Error>>()?;
         Ok(Self {
             gpu: gpu.clone(),
-            copy: Pipeline::new(gpu, &base)?,
-            draw: Pipeline::over(
+            copy: ShaderPipeline::new(gpu, &base)?,
+            draw: ShaderPipeline::over(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "overlay.draw",
                     vertex: &shaders::OVERLAY_DRAW_VERT,
                     fragment: Some(&shaders::OVERLAY_DRAW_FRAG),
@@ -204,10 +206,10 @@ impl Overlay {
             .as_ref()
             .is_none_or(|i| (i.width, i.height) != (width, height))
         {
-            self.shown = Some(Image::new(
+            self.shown = Some(DeviceImage::new(
                 &self.gpu,
                 "window with overlay",
-                Format::Rgba8,
+                ImageFormat::Rgba8,
                 width,
                 height,
             )?);
@@ -221,10 +223,10 @@ impl Overlay {
                 continue;
             }
             if !texture.fits_image() {
-                texture.image = Some(Image::copied_to(
+                texture.image = Some(DeviceImage::copied_to(
                     &self.gpu,
                     "overlay texture",
-                    Format::Rgba8,
+                    ImageFormat::Rgba8,
                     texture.width as u32,
                     texture.height as u32,
                 )?);
@@ -258,14 +260,14 @@ impl Overlay {
             corners += mesh.vertices.len();
             indices += mesh.indices.len();
         }
-        let corner_bytes = (corners * size_of::<Corner>()) as u64;
+        let corner_bytes = (corners * size_of::<OverlayCorner>()) as u64;
         let index_bytes = 4 * indices as u64;
         let lists = &mut self.slots[slot];
         reserve(&self.gpu, &mut lists.corners, corner_bytes)?;
         reserve(&self.gpu, &mut lists.indices, index_bytes)?;
         let scale = self.pixels_per_point;
         let (to_x, to_y) = (2.0 * scale / width as f32, 2.0 * scale / height as f32);
-        let out: &mut [Corner] =
+        let out: &mut [OverlayCorner] =
             bytemuck::cast_slice_mut(&mut lists.corners.bytes_mut()[..corner_bytes as usize]);
         let index_out: &mut [u32] =
             bytemuck::cast_slice_mut(&mut lists.indices.bytes_mut()[..index_bytes as usize]);
@@ -273,7 +275,7 @@ impl Overlay {
         let (mut at, mut index_at) = (0, 0);
         for (clip, mesh) in meshes() {
             for (corner, vertex) in out[at..].iter_mut().zip(&mesh.vertices) {
-                *corner = Corner {
+                *corner = OverlayCorner {
                     position: [vertex.pos.x * to_x - 1.0, vertex.pos.y * to_y - 1.0],
                     place: [vertex.uv.x, vertex.uv.y],
                     color: vertex.color.to_array(),
@@ -285,7 +287,7 @@ impl Overlay {
             if let Some(scissor) = scissor
                 && self.textures.contains_key(&mesh.texture_id)
             {
-                self.runs.push(Run {
+                self.runs.push(OverlayRun {
                     texture: mesh.texture_id,
                     scissor,
                     first: index_at as u32,
@@ -305,7 +307,7 @@ impl Overlay {
     ///
     /// # Panics
     /// When `picture` has not the size that [`prepare`](Overlay::prepare) was told, less the inset.
-    pub fn record(&mut self, frame: &mut Frame<'_>, picture: &Image) -> &Image {
+    pub fn record(&mut self, frame: &mut FrameRecorder<'_>, picture: &DeviceImage) -> &DeviceImage {
         let slot = frame.slot() % self.slots.len();
         let lists = &self.slots[slot];
         for (id, offset) in self.writes.drain(..) {
@@ -326,7 +328,7 @@ impl Overlay {
         );
         let mut pass = frame
             .pass("overlay")
-            .color(shown, Load::Clear(BEHIND))
+            .color(shown, TargetLoad::Clear(BEHIND))
             .sampled(picture)
             .vertices(&lists.corners)
             .indices(&lists.indices);
@@ -363,12 +365,12 @@ impl Overlay {
     }
 
     /// The image that the last frame showed, if it had an overlay.
-    pub fn shown(&self) -> Option<&Image> {
+    pub fn shown(&self) -> Option<&DeviceImage> {
         self.shown.as_ref()
     }
 }
 
-impl Texture {
+impl OverlayTexture {
     fn fits_image(&self) -> bool {
         let size = (self.width as u32, self.height as u32);
         self.image
@@ -409,16 +411,16 @@ fn scissor(clip: egui::Rect, scale: f32, width: u32, height: u32) -> Option<[u32
 }
 
 /// Grows a mapped buffer; its slot is free, so nothing reads it.
-fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
+fn reserve(gpu: &Arc<Gpu>, buffer: &mut UploadBuffer, bytes: u64) -> Result<(), Error> {
     if bytes > buffer.bytes() {
         let name = buffer.name().to_owned();
-        *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
+        *buffer = UploadBuffer::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
     }
     Ok(())
 }
 
 /// Copies a whole image out of a mapped buffer, as the pass `overlay.texture`.
-fn write(frame: &mut Frame<'_>, from: &Upload, offset: u64, image: &Image) {
+fn write(frame: &mut FrameRecorder<'_>, from: &UploadBuffer, offset: u64, image: &DeviceImage) {
     let whole = [0, 0, image.width, image.height];
     frame
         .pass("overlay.texture")
@@ -456,7 +458,7 @@ mod tests {
             let pixel = Color32::from_rgba_premultiplied(value, 0, 0, 255);
             ImageData::Color(Arc::new(ColorImage::new([w, h], vec![pixel; w * h])))
         };
-        let mut texture = Texture::default();
+        let mut texture = OverlayTexture::default();
         texture.change(&image(4, 3, 1), None);
         texture.is_stale = false;
         texture.change(&image(2, 2, 9), Some([2, 1]));

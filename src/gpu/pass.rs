@@ -1,19 +1,19 @@
 //! The pass: the only place that writes labels, timestamps, barriers and scopes.
 
-use super::access::{Access, State};
-use super::bind::{self, Bound, Site, Slice};
+use super::access::{ResourceAccess, ResourceState};
+use super::bind::{self, BindSite, BoundResources, BufferSlice};
 use super::buffer::{AnyBuffer, state_of};
-use super::frame::{Slot, Uniform};
-use super::image::{Format, Image, range};
-use super::pipeline::Pipeline;
-use super::query::Queries;
+use super::frame::{FrameSlot, UniformBlock};
+use super::image::{DeviceImage, ImageFormat, range};
+use super::pipeline::ShaderPipeline;
+use super::query::SlotQueries;
 use super::{Gpu, lock};
 use ash::vk;
 use std::sync::Arc;
 
 /// What a pass finds in a target.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Load {
+pub enum TargetLoad {
     /// The given value everywhere (the first component for depth).
     Clear([f32; 4]),
     /// What the pass before left.
@@ -22,7 +22,7 @@ pub enum Load {
 
 /// The barriers before the next command, gathered from declared uses.
 #[derive(Default)]
-pub(super) struct Barriers {
+pub(super) struct PendingBarriers {
     buffers: Vec<vk::BufferMemoryBarrier2<'static>>,
     images: Vec<vk::ImageMemoryBarrier2<'static>>,
     /// Vertex, index, storage and argument buffers that the pass being described declared; kept for their memory.
@@ -31,9 +31,9 @@ pub(super) struct Barriers {
     pub(super) omitted: bool,
 }
 
-impl Barriers {
+impl PendingBarriers {
     /// The next use of a buffer.
-    pub(super) fn buffer(&mut self, buffer: &dyn AnyBuffer, access: Access) {
+    pub(super) fn buffer(&mut self, buffer: &dyn AnyBuffer, access: ResourceAccess) {
         if let Some(b) = state_of(buffer).transition(access, false, false) {
             self.buffers.push(
                 vk::BufferMemoryBarrier2::default()
@@ -50,7 +50,7 @@ impl Barriers {
     }
 
     /// The next use of an image; with `discard` what it held is not needed.
-    pub(super) fn image(&mut self, image: &Image, access: Access, discard: bool) {
+    pub(super) fn image(&mut self, image: &DeviceImage, access: ResourceAccess, discard: bool) {
         self.handle(
             image.handle,
             image.format,
@@ -64,9 +64,9 @@ impl Barriers {
     pub(super) fn handle(
         &mut self,
         image: vk::Image,
-        format: Format,
-        state: &mut State,
-        access: Access,
+        format: ImageFormat,
+        state: &mut ResourceState,
+        access: ResourceAccess,
         discard: bool,
     ) {
         if let Some(b) = state.transition(access, true, discard) {
@@ -108,26 +108,26 @@ impl Barriers {
 }
 
 /// A pass being described: its targets and what it reads. [`draw`](Pass::draw) records it.
-pub struct Pass<'f> {
+pub struct PassBuilder<'f> {
     pub(super) gpu: Arc<Gpu>,
-    pub(super) slot: &'f mut Slot,
-    pub(super) barriers: &'f mut Barriers,
+    pub(super) slot: &'f mut FrameSlot,
+    pub(super) barriers: &'f mut PendingBarriers,
     pub(super) name: &'static str,
-    colors: [Option<(vk::ImageView, Load)>; 4],
+    colors: [Option<(vk::ImageView, TargetLoad)>; 4],
     color_count: usize,
-    depth: Option<(vk::ImageView, Load)>,
+    depth: Option<(vk::ImageView, TargetLoad)>,
     depth_is_read_only: bool,
     extent: Option<vk::Extent2D>,
     /// Bytes of targets loaded and stored.
     moved_bytes: (u64, u64),
 }
 
-impl<'f> Pass<'f> {
+impl<'f> PassBuilder<'f> {
     /// A pass without targets, to be recorded into `slot`.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
-        slot: &'f mut Slot,
-        barriers: &'f mut Barriers,
+        slot: &'f mut FrameSlot,
+        barriers: &'f mut PendingBarriers,
         name: &'static str,
     ) -> Self {
         barriers.declared.iter_mut().for_each(Vec::clear);
@@ -145,7 +145,7 @@ impl<'f> Pass<'f> {
         }
     }
 
-    fn target(&mut self, image: &Image, is_loaded: bool, is_stored: bool) {
+    fn target(&mut self, image: &DeviceImage, is_loaded: bool, is_stored: bool) {
         self.moved_bytes.0 += if is_loaded { image.bytes() } else { 0 };
         self.moved_bytes.1 += if is_stored { image.bytes() } else { 0 };
         let extent = vk::Extent2D {
@@ -162,13 +162,13 @@ impl<'f> Pass<'f> {
 
     /// Draws into a color target; targets get locations 0, 1, ... in this order.
     #[must_use]
-    pub fn color(mut self, image: &Image, load: Load) -> Self {
-        self.target(image, load == Load::Keep, true);
+    pub fn color(mut self, image: &DeviceImage, load: TargetLoad) -> Self {
+        self.target(image, load == TargetLoad::Keep, true);
         let access = match load {
-            Load::Clear(_) => Access::ColorTarget,
-            Load::Keep => Access::BlendTarget,
+            TargetLoad::Clear(_) => ResourceAccess::ColorTarget,
+            TargetLoad::Keep => ResourceAccess::BlendTarget,
         };
-        self.barriers.image(image, access, load != Load::Keep);
+        self.barriers.image(image, access, load != TargetLoad::Keep);
         self.colors[self.color_count] = Some((image.view, load));
         self.color_count += 1;
         self
@@ -176,35 +176,35 @@ impl<'f> Pass<'f> {
 
     /// Tests and writes depth.
     #[must_use]
-    pub fn depth(mut self, image: &Image, load: Load) -> Self {
-        self.target(image, load == Load::Keep, true);
+    pub fn depth(mut self, image: &DeviceImage, load: TargetLoad) -> Self {
+        self.target(image, load == TargetLoad::Keep, true);
         self.barriers
-            .image(image, Access::DepthWrite, load != Load::Keep);
+            .image(image, ResourceAccess::DepthWrite, load != TargetLoad::Keep);
         self.depth = Some((image.view, load));
         self
     }
 
     /// Tests against depth that an earlier pass wrote, and leaves it as it is.
     #[must_use]
-    pub fn depth_test(mut self, image: &Image) -> Self {
+    pub fn depth_test(mut self, image: &DeviceImage) -> Self {
         self.target(image, true, false);
-        self.barriers.image(image, Access::DepthTest, false);
-        self.depth = Some((image.view, Load::Keep));
+        self.barriers.image(image, ResourceAccess::DepthTest, false);
+        self.depth = Some((image.view, TargetLoad::Keep));
         self.depth_is_read_only = true;
         self
     }
 
     /// Samples an image in the fragment shader.
     #[must_use]
-    pub fn sampled(self, image: &Image) -> Self {
-        self.barriers.image(image, Access::Sampled, false);
+    pub fn sampled(self, image: &DeviceImage) -> Self {
+        self.barriers.image(image, ResourceAccess::Sampled, false);
         self
     }
 
     /// Reads vertex records from a buffer.
     #[must_use]
     pub fn vertices(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::VertexRead);
+        self.barriers.buffer(buffer, ResourceAccess::VertexRead);
         self.barriers.declared[0].push(buffer.handle());
         self
     }
@@ -212,7 +212,7 @@ impl<'f> Pass<'f> {
     /// Reads indices from a buffer.
     #[must_use]
     pub fn indices(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::IndexRead);
+        self.barriers.buffer(buffer, ResourceAccess::IndexRead);
         self.barriers.declared[1].push(buffer.handle());
         self
     }
@@ -220,7 +220,8 @@ impl<'f> Pass<'f> {
     /// Reads a storage buffer in the fragment shader.
     #[must_use]
     pub fn fragment_storage(self, buffer: &dyn AnyBuffer) -> Self {
-        self.barriers.buffer(buffer, Access::FragmentStorageRead);
+        self.barriers
+            .buffer(buffer, ResourceAccess::FragmentStorageRead);
         self.barriers.declared[2].push(buffer.handle());
         self
     }
@@ -230,7 +231,7 @@ impl<'f> Pass<'f> {
     ///
     /// # Panics
     /// When the pass has no target, or `record` binds a buffer that was not declared.
-    pub fn draw(mut self, viewport: [f32; 4], record: impl FnOnce(&mut Draw<'_>)) {
+    pub fn draw(mut self, viewport: [f32; 4], record: impl FnOnce(&mut DrawRecorder<'_>)) {
         let extent = self
             .extent
             .unwrap_or_else(|| panic!("pass {} has no target", self.name));
@@ -241,10 +242,10 @@ impl<'f> Pass<'f> {
         let uniforms = self.slot.uniforms.handle();
         let declared = std::mem::take(&mut self.barriers.declared);
         let timing = self.begin();
-        let attachment = |view: vk::ImageView, load: Load, is_depth: bool| {
+        let attachment = |view: vk::ImageView, load: TargetLoad, is_depth: bool| {
             let (op, clear) = match load {
-                Load::Keep => (vk::AttachmentLoadOp::LOAD, vk::ClearValue::default()),
-                Load::Clear(value) if is_depth => (
+                TargetLoad::Keep => (vk::AttachmentLoadOp::LOAD, vk::ClearValue::default()),
+                TargetLoad::Clear(value) if is_depth => (
                     vk::AttachmentLoadOp::CLEAR,
                     vk::ClearValue {
                         depth_stencil: vk::ClearDepthStencilValue {
@@ -253,7 +254,7 @@ impl<'f> Pass<'f> {
                         },
                     },
                 ),
-                Load::Clear(value) => (
+                TargetLoad::Clear(value) => (
                     vk::AttachmentLoadOp::CLEAR,
                     vk::ClearValue {
                         color: vk::ClearColorValue { float32: value },
@@ -263,7 +264,7 @@ impl<'f> Pass<'f> {
             vk::RenderingAttachmentInfo::default()
                 .image_view(view)
                 .image_layout(if is_depth {
-                    Access::DepthWrite.scope().layout
+                    ResourceAccess::DepthWrite.scope().layout
                 } else {
                     vk::ImageLayout::COLOR_ATTACHMENT_OPTIMAL
                 })
@@ -278,7 +279,7 @@ impl<'f> Pass<'f> {
         let mut depth_info = depth.map(|(view, load)| attachment(view, load, true));
         if let (Some(info), true) = (&mut depth_info, self.depth_is_read_only) {
             *info = info
-                .image_layout(Access::DepthTest.scope().layout)
+                .image_layout(ResourceAccess::DepthTest.scope().layout)
                 .store_op(vk::AttachmentStoreOp::NONE);
         }
         let area = vk::Rect2D {
@@ -310,8 +311,8 @@ impl<'f> Pass<'f> {
         }
         let queries = &mut self.slot.queries;
         let counting = queries.begin_counters(&gpu, commands, name, self.moved_bytes);
-        let mut draw = Draw {
-            site: Site {
+        let mut draw = DrawRecorder {
+            site: BindSite {
                 gpu: &gpu,
                 commands,
                 descriptors,
@@ -338,17 +339,17 @@ impl<'f> Pass<'f> {
     ///
     /// # Panics
     /// As there.
-    pub fn draw_whole(self, record: impl FnOnce(&mut Draw<'_>)) {
+    pub fn draw_whole(self, record: impl FnOnce(&mut DrawRecorder<'_>)) {
         let extent = self.extent.unwrap_or_default();
         let viewport = [0.0, 0.0, extent.width as f32, extent.height as f32];
         self.draw(viewport, record);
     }
 
     /// Opens the label and the span, writes the first timestamp and the barriers, which are the pass's own cost.
-    pub(super) fn begin(&mut self) -> Timing {
+    pub(super) fn begin(&mut self) -> PassTiming {
         let commands = self.slot.commands;
         self.gpu.begin_label(commands, self.name);
-        let timing = Timing {
+        let timing = PassTiming {
             gpu: self.gpu.clone(),
             commands,
             timestamp: self.slot.queries.next_timed(self.name),
@@ -363,16 +364,16 @@ impl<'f> Pass<'f> {
 }
 
 /// The open end of a pass: writes the second timestamp and closes label and span.
-pub(super) struct Timing {
+pub(super) struct PassTiming {
     gpu: Arc<Gpu>,
     commands: vk::CommandBuffer,
     timestamp: Option<u32>,
     _span: tracing::span::EnteredSpan,
 }
 
-impl Timing {
+impl PassTiming {
     /// Writes the second timestamp and closes the label.
-    pub(super) fn end(self, queries: &Queries) {
+    pub(super) fn end(self, queries: &SlotQueries) {
         if let Some(query) = self.timestamp {
             queries.stamp(&self.gpu, self.commands, query + 1);
         }
@@ -381,14 +382,14 @@ impl Timing {
 }
 
 /// Draws inside a pass.
-pub struct Draw<'a> {
-    pub(super) site: Site<'a>,
+pub struct DrawRecorder<'a> {
+    pub(super) site: BindSite<'a>,
     vertex_buffers: &'a [vk::Buffer],
     index_buffers: &'a [vk::Buffer],
     pub(super) argument_buffers: &'a [vk::Buffer],
 }
 
-impl std::fmt::Debug for Draw<'_> {
+impl std::fmt::Debug for DrawRecorder<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Draw")
             .field("pass", &self.site.name)
@@ -396,13 +397,18 @@ impl std::fmt::Debug for Draw<'_> {
     }
 }
 
-impl Draw<'_> {
+impl DrawRecorder<'_> {
     /// Binds a pipeline with its uniform blocks and its images, each in ascending order of their bindings.
     ///
     /// # Panics
     /// When a binding gets nothing or something of another kind, an image was not declared by the pass, or the
     /// frame has bound too many.
-    pub fn bind(&mut self, pipeline: &Pipeline, uniforms: &[Uniform], images: &[&Image]) {
+    pub fn bind(
+        &mut self,
+        pipeline: &ShaderPipeline,
+        uniforms: &[UniformBlock],
+        images: &[&DeviceImage],
+    ) {
         self.bind_storage(pipeline, uniforms, images, &[]);
     }
 
@@ -412,12 +418,12 @@ impl Draw<'_> {
     /// As there.
     pub fn bind_storage(
         &mut self,
-        pipeline: &Pipeline,
-        uniforms: &[Uniform],
-        images: &[&Image],
-        storage: &[Slice<'_>],
+        pipeline: &ShaderPipeline,
+        uniforms: &[UniformBlock],
+        images: &[&DeviceImage],
+        storage: &[BufferSlice<'_>],
     ) {
-        let bound = Bound {
+        let bound = BoundResources {
             uniforms,
             images,
             storage,

@@ -4,20 +4,20 @@ mod attributes;
 mod specialization;
 
 pub(crate) use attributes::record;
-pub use attributes::{Attribute, AttributeFormat, Record};
+pub use attributes::{AttributeFormat, RecordAttribute, VertexRecord};
 
-use super::image::Format;
-use super::{Error, Gpu, Remains};
+use super::image::ImageFormat;
+use super::{Error, Gpu, RetiredResource};
 use crate::abi::{BindingKind, ConstantValue, Shader, Stage, constants};
 use ash::vk;
-use specialization::{Specialized, check_constants};
+use specialization::{SpecializedConstants, check_constants};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 /// What a pipeline draws.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Topology {
+pub enum PrimitiveTopology {
     /// Separate triangles.
     Triangles,
     /// Points, sized by the vertex shader.
@@ -28,7 +28,7 @@ pub enum Topology {
 
 /// What a graphics pipeline is made of.
 #[derive(Debug, Clone, Copy)]
-pub struct Description<'a> {
+pub struct PipelineDescription<'a> {
     /// Name, as in captures.
     pub name: &'a str,
     /// Vertex shader.
@@ -38,20 +38,20 @@ pub struct Description<'a> {
     /// Values of all specialization constants of both shaders but the frame's flags.
     pub constants: &'a [ConstantValue],
     /// Vertex record.
-    pub record: Record,
+    pub record: VertexRecord,
     /// What is drawn.
-    pub topology: Topology,
+    pub topology: PrimitiveTopology,
     /// Color targets in order of location.
-    pub colors: &'a [Format],
-    /// What happens with the [`Format::Depth32`] target.
-    pub depth: Depth,
+    pub colors: &'a [ImageFormat],
+    /// What happens with the [`ImageFormat::Depth32`] target.
+    pub depth: DepthMode,
     /// Add to the color targets instead of replacing.
     pub is_additive: bool,
 }
 
 /// What a pipeline does with depth (reversed: nearer is greater).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Depth {
+pub enum DepthMode {
     /// There is no depth target.
     None,
     /// Nearer passes and is written; the first drawn wins a tie.
@@ -64,7 +64,7 @@ pub enum Depth {
 
 /// A graphics pipeline with its layout.
 #[derive(Debug)]
-pub struct Pipeline {
+pub struct ShaderPipeline {
     gpu: Arc<Gpu>,
     pub(super) handle: vk::Pipeline,
     pub(super) layout: vk::PipelineLayout,
@@ -93,12 +93,12 @@ fn descriptor_type(kind: BindingKind) -> vk::DescriptorType {
 }
 
 /// A shader module that lives for one pipeline creation.
-struct Module<'a> {
+struct ShaderModule<'a> {
     gpu: &'a Gpu,
     handle: vk::ShaderModule,
 }
 
-impl<'a> Module<'a> {
+impl<'a> ShaderModule<'a> {
     fn new(gpu: &'a Gpu, shader: &Shader) -> Result<Self, Error> {
         let info = vk::ShaderModuleCreateInfo::default().code(shader.words);
         // SAFETY: the words are SPIR-V that the build compiled for Vulkan 1.3.
@@ -109,14 +109,14 @@ impl<'a> Module<'a> {
     }
 }
 
-impl Drop for Module<'_> {
+impl Drop for ShaderModule<'_> {
     fn drop(&mut self) {
         // SAFETY: modules may go once the pipeline exists; destroyed once, here.
         unsafe { self.gpu.device.destroy_shader_module(self.handle, None) };
     }
 }
 
-impl Pipeline {
+impl ShaderPipeline {
     /// Compiles a graphics pipeline. Layouts come out of the shaders. Not for the frame loop.
     ///
     /// # Errors
@@ -126,7 +126,7 @@ impl Pipeline {
     /// When a shader wants a vertex input that the record lacks, the shaders disagree about a binding, a specialization
     /// constant has no value or a value no constant, or the fragment shader has more or fewer outputs than there are color
     /// targets: broken promises of this crate, found by the first test that draws.
-    pub fn new(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
+    pub fn new(gpu: &Arc<Gpu>, description: &PipelineDescription<'_>) -> Result<Self, Error> {
         Self::with(gpu, description, 0, false)
     }
 
@@ -137,7 +137,7 @@ impl Pipeline {
     /// As [`new`](Pipeline::new).
     pub fn for_flags(
         gpu: &Arc<Gpu>,
-        description: &Description<'_>,
+        description: &PipelineDescription<'_>,
         flags: u32,
     ) -> Result<Self, Error> {
         Self::with(gpu, description, flags | constants::FLAGS_ARE_KNOWN, false)
@@ -145,17 +145,20 @@ impl Pipeline {
 
     /// As [`new`](Pipeline::new), drawing over what is there by premultiplied alpha.
     #[cfg(feature = "viewer")]
-    pub(super) fn over(gpu: &Arc<Gpu>, description: &Description<'_>) -> Result<Self, Error> {
+    pub(super) fn over(
+        gpu: &Arc<Gpu>,
+        description: &PipelineDescription<'_>,
+    ) -> Result<Self, Error> {
         Self::with(gpu, description, 0, true)
     }
 
     fn with(
         gpu: &Arc<Gpu>,
-        description: &Description<'_>,
+        description: &PipelineDescription<'_>,
         flags: u32,
         is_over: bool,
     ) -> Result<Self, Error> {
-        let Description {
+        let PipelineDescription {
             name,
             vertex,
             fragment,
@@ -208,8 +211,8 @@ impl Pipeline {
     ) -> Result<Self, Error> {
         check_constants(name, &[shader], constants);
         let mut pipeline = Self::with_layout(gpu, name, std::iter::once(shader))?;
-        let module = Module::new(gpu, shader)?;
-        let specialized = Specialized::new(shader, constants, flags);
+        let module = ShaderModule::new(gpu, shader)?;
+        let specialized = SpecializedConstants::new(shader, constants, flags);
         let specialization = specialized.info();
         let info = vk::ComputePipelineCreateInfo::default()
             .stage(
@@ -302,7 +305,7 @@ impl Pipeline {
 
 fn compile(
     gpu: &Gpu,
-    description: &Description<'_>,
+    description: &PipelineDescription<'_>,
     layout: vk::PipelineLayout,
     (flags, is_over): (u32, bool),
 ) -> Result<vk::Pipeline, Error> {
@@ -313,20 +316,20 @@ fn compile(
         "{name}: its fragment shader has {outputs} outputs, its pass {} color targets",
         description.colors.len()
     );
-    let vertex = Module::new(gpu, description.vertex)?;
+    let vertex = ShaderModule::new(gpu, description.vertex)?;
     let fragment = description
         .fragment
-        .map(|f| Module::new(gpu, f))
+        .map(|f| ShaderModule::new(gpu, f))
         .transpose()?;
     let shaders: Vec<&Shader> = std::iter::once(description.vertex)
         .chain(description.fragment)
         .collect();
     check_constants(name, &shaders, description.constants);
-    let specialized: Vec<Specialized> = shaders
+    let specialized: Vec<SpecializedConstants> = shaders
         .iter()
-        .map(|shader| Specialized::new(shader, description.constants, flags))
+        .map(|shader| SpecializedConstants::new(shader, description.constants, flags))
         .collect();
-    let specialization: Vec<_> = specialized.iter().map(Specialized::info).collect();
+    let specialization: Vec<_> = specialized.iter().map(SpecializedConstants::info).collect();
     let modules = std::iter::once(&vertex).chain(&fragment);
     let stages: Vec<_> = shaders
         .iter()
@@ -364,16 +367,18 @@ fn compile(
         .binding(0)
         .stride(description.record.stride)
         .input_rate(match description.topology {
-            Topology::Quads => vk::VertexInputRate::INSTANCE,
-            Topology::Triangles | Topology::Points => vk::VertexInputRate::VERTEX,
+            PrimitiveTopology::Quads => vk::VertexInputRate::INSTANCE,
+            PrimitiveTopology::Triangles | PrimitiveTopology::Points => vk::VertexInputRate::VERTEX,
         })];
     let input = vk::PipelineVertexInputStateCreateInfo::default()
         .vertex_attribute_descriptions(&attributes)
         .vertex_binding_descriptions(if attributes.is_empty() { &[] } else { &records });
     let assembly =
         vk::PipelineInputAssemblyStateCreateInfo::default().topology(match description.topology {
-            Topology::Triangles | Topology::Quads => vk::PrimitiveTopology::TRIANGLE_LIST,
-            Topology::Points => vk::PrimitiveTopology::POINT_LIST,
+            PrimitiveTopology::Triangles | PrimitiveTopology::Quads => {
+                vk::PrimitiveTopology::TRIANGLE_LIST
+            }
+            PrimitiveTopology::Points => vk::PrimitiveTopology::POINT_LIST,
         });
     let viewport = vk::PipelineViewportStateCreateInfo::default()
         .viewport_count(1)
@@ -384,13 +389,13 @@ fn compile(
     let samples = vk::PipelineMultisampleStateCreateInfo::default()
         .rasterization_samples(vk::SampleCountFlags::TYPE_1);
     let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-        .depth_test_enable(description.depth != Depth::None)
+        .depth_test_enable(description.depth != DepthMode::None)
         .depth_write_enable(matches!(
             description.depth,
-            Depth::Nearest | Depth::NotFarther
+            DepthMode::Nearest | DepthMode::NotFarther
         ))
         .depth_compare_op(match description.depth {
-            Depth::TestOnly | Depth::NotFarther => vk::CompareOp::GREATER_OR_EQUAL,
+            DepthMode::TestOnly | DepthMode::NotFarther => vk::CompareOp::GREATER_OR_EQUAL,
             _ => vk::CompareOp::GREATER,
         });
     let under = if is_over {
@@ -419,8 +424,8 @@ fn compile(
     let formats: Vec<_> = description.colors.iter().map(|f| f.vk()).collect();
     let mut rendering =
         vk::PipelineRenderingCreateInfo::default().color_attachment_formats(&formats);
-    if description.depth != Depth::None {
-        rendering = rendering.depth_attachment_format(Format::Depth32.vk());
+    if description.depth != DepthMode::None {
+        rendering = rendering.depth_attachment_format(ImageFormat::Depth32.vk());
     }
     let info = vk::GraphicsPipelineCreateInfo::default()
         .stages(&stages)
@@ -445,12 +450,12 @@ fn compile(
     }
 }
 
-impl Drop for Pipeline {
+impl Drop for ShaderPipeline {
     fn drop(&mut self) {
         for remains in [
-            Remains::Pipeline(self.handle),
-            Remains::PipelineLayout(self.layout),
-            Remains::DescriptorSetLayout(self.set_layout),
+            RetiredResource::Pipeline(self.handle),
+            RetiredResource::PipelineLayout(self.layout),
+            RetiredResource::DescriptorSetLayout(self.set_layout),
         ] {
             self.gpu.bury(remains);
         }

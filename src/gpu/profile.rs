@@ -1,9 +1,14 @@
 //! Pass times, and the test that they can be believed.
 
-use super::buffer::{Buffer, Usage};
-use super::frame::{Finished, Frames, Load, Measure, PassCounters, PipelineStatistics};
-use super::image::{Format, Image};
-use super::pipeline::{Attribute, AttributeFormat, Depth, Description, Pipeline, Record, Topology};
+use super::buffer::{BufferUsage, DeviceBuffer};
+use super::frame::{
+    FinishedFrame, FrameMeasure, FrameRing, PassCounters, PipelineStatistics, TargetLoad,
+};
+use super::image::{DeviceImage, ImageFormat};
+use super::pipeline::{
+    AttributeFormat, DepthMode, PipelineDescription, PrimitiveTopology, RecordAttribute,
+    ShaderPipeline, VertexRecord,
+};
 use super::{Error, Gpu};
 use crate::abi::specialization::IS_QUAD;
 use crate::abi::{FrameConstants, Splat, shaders};
@@ -105,12 +110,12 @@ const PASSES: [(&str, u32, f32); 3] = [
 const SIDE: u32 = 256;
 
 /// Draws splats into a small picture of its own.
-struct Stand {
-    color: Image,
-    depth: Image,
-    pipeline: Pipeline,
-    splats: Buffer,
-    frames: Frames,
+struct ProfileStand {
+    color: DeviceImage,
+    depth: DeviceImage,
+    pipeline: ShaderPipeline,
+    splats: DeviceBuffer,
+    frames: FrameRing,
 }
 
 /// A pass of the tests: its splats from `first` on, `count` of them, squares of `size_px` pixels.
@@ -120,59 +125,59 @@ struct TestPass {
     first: u32,
     count: u32,
     size_px: f32,
-    load: Load,
+    load: TargetLoad,
 }
 
-impl Stand {
-    fn new(gpu: &Arc<Gpu>, splats: &[Splat], measure: Measure) -> Result<Self, Error> {
-        let pipeline = Pipeline::new(
+impl ProfileStand {
+    fn new(gpu: &Arc<Gpu>, splats: &[Splat], measure: FrameMeasure) -> Result<Self, Error> {
+        let pipeline = ShaderPipeline::new(
             gpu,
-            &Description {
+            &PipelineDescription {
                 name: "self-test",
                 vertex: &shaders::SPLATS_SQUARE_VERT,
                 fragment: Some(shaders::POINTS_DRAW_FRAG.of(false)),
                 constants: &[IS_QUAD.is(false)],
-                record: Record {
+                record: VertexRecord {
                     stride: size_of::<Splat>() as u32,
                     attributes: &[
-                        Attribute {
+                        RecordAttribute {
                             name: "center",
                             format: AttributeFormat::Float3,
                             offset: 0,
                         },
-                        Attribute {
+                        RecordAttribute {
                             name: "radius",
                             format: AttributeFormat::Float,
                             offset: 12,
                         },
-                        Attribute {
+                        RecordAttribute {
                             name: "normal",
                             format: AttributeFormat::Snorm16x2,
                             offset: 16,
                         },
-                        Attribute {
+                        RecordAttribute {
                             name: "color",
                             format: AttributeFormat::Unorm8x4,
                             offset: 20,
                         },
                     ],
                 },
-                topology: Topology::Points,
-                colors: &[Format::Rgba8],
-                depth: Depth::Nearest,
+                topology: PrimitiveTopology::Points,
+                colors: &[ImageFormat::Rgba8],
+                depth: DepthMode::Nearest,
                 is_additive: false,
             },
         )?;
-        let mut frames = Frames::new(gpu, 1, false)?;
+        let mut frames = FrameRing::new(gpu, 1, false)?;
         frames.measure(measure)?;
         Ok(Self {
-            color: Image::new(gpu, "self-test color", Format::Rgba8, SIDE, SIDE)?,
-            depth: Image::new(gpu, "self-test depth", Format::Depth32, SIDE, SIDE)?,
+            color: DeviceImage::new(gpu, "self-test color", ImageFormat::Rgba8, SIDE, SIDE)?,
+            depth: DeviceImage::new(gpu, "self-test depth", ImageFormat::Depth32, SIDE, SIDE)?,
             pipeline,
-            splats: Buffer::with_data(
+            splats: DeviceBuffer::with_data(
                 gpu,
                 "self-test splats",
-                Usage::Vertex,
+                BufferUsage::Vertex,
                 bytemuck::cast_slice(splats),
             )?,
             frames,
@@ -180,7 +185,7 @@ impl Stand {
     }
 
     /// Runs passes in one submission.
-    fn run(&mut self, passes: &[TestPass]) -> Result<Finished, Error> {
+    fn run(&mut self, passes: &[TestPass]) -> Result<FinishedFrame, Error> {
         let clip = glam::Mat4::from_cols_array(&[
             1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.25, 0.0, 0.0, 0.0, 1.0, 1.0,
         ]);
@@ -228,20 +233,20 @@ pub fn self_test(gpu: &Arc<Gpu>) -> Result<SelfTest, Error> {
             splat(u, v, -1.0 - i as f32 / most as f32)
         })
         .collect();
-    let measure = Measure {
+    let measure = FrameMeasure {
         passes: true,
         frame: true,
         counters: false,
     };
-    let mut stand = Stand::new(gpu, &splats, measure)?;
+    let mut stand = ProfileStand::new(gpu, &splats, measure)?;
     let passes = PASSES.map(|(name, count, size_px)| TestPass {
         name,
         first: 0,
         count,
         size_px,
-        load: Load::Clear([0.0; 4]),
+        load: TargetLoad::Clear([0.0; 4]),
     });
-    let ms = |finished: &Finished| finished.host.as_secs_f64() * 1e3;
+    let ms = |finished: &FinishedFrame| finished.host.as_secs_f64() * 1e3;
     const REPEATS: usize = 9;
     let median = |values: &mut Vec<f64>| {
         values.sort_by(f64::total_cmp);
@@ -357,11 +362,11 @@ pub fn counter_test(gpu: &Arc<Gpu>) -> Result<CounterTest, Error> {
         .chain(grid(2.0, -1.0).take(COUNT as usize))
         .chain(grid(2.0, -2.0).take(HIDDEN as usize))
         .collect();
-    let measure = Measure {
+    let measure = FrameMeasure {
         counters: true,
-        ..Measure::default()
+        ..FrameMeasure::default()
     };
-    let mut stand = Stand::new(gpu, &splats, measure)?;
+    let mut stand = ProfileStand::new(gpu, &splats, measure)?;
     let pass = |name, first, count, size_px, load| TestPass {
         name,
         first,
@@ -370,9 +375,21 @@ pub fn counter_test(gpu: &Arc<Gpu>) -> Result<CounterTest, Error> {
         load,
     };
     let finished = stand.run(&[
-        pass("countertest.pixels", 0, COUNT, 1.0, Load::Clear([0.0; 4])),
-        pass("countertest.squares", COUNT, COUNT, 4.0, Load::Keep),
-        pass("countertest.hidden", 2 * COUNT, HIDDEN, 4.0, Load::Keep),
+        pass(
+            "countertest.pixels",
+            0,
+            COUNT,
+            1.0,
+            TargetLoad::Clear([0.0; 4]),
+        ),
+        pass("countertest.squares", COUNT, COUNT, 4.0, TargetLoad::Keep),
+        pass(
+            "countertest.hidden",
+            2 * COUNT,
+            HIDDEN,
+            4.0,
+            TargetLoad::Keep,
+        ),
     ])?;
     let column = |of: &dyn Fn(&PassCounters) -> Option<u64>| -> Option<[u64; 3]> {
         let values: Option<Vec<u64>> = finished.counters.iter().map(of).collect();

@@ -5,13 +5,13 @@
 
 use super::frame::MAX_PASSES;
 use super::profile::PassTime;
-use super::{Error, Gpu, Remains};
+use super::{Error, Gpu, RetiredResource};
 use ash::vk;
 use std::sync::Arc;
 
 /// What the frames recorded from now on report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Measure {
+pub struct FrameMeasure {
     /// Times of the passes: two timestamps with a full barrier each.
     pub passes: bool,
     /// Time of the whole frame: two timestamps more.
@@ -24,7 +24,7 @@ pub struct Measure {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct DeviceTimes {
     /// From the first command of the frame to the end of the last, milliseconds; `None` unless
-    /// [`Measure::frame`] was set and the device has timestamps.
+    /// [`FrameMeasure::frame`] was set and the device has timestamps.
     pub frame_ms: Option<f64>,
     /// The first timestamp of the frame, ticks of the device's clock.
     pub first_tick: u64,
@@ -92,12 +92,12 @@ const FRAME_QUERY: u32 = 2 * MAX_PASSES;
 
 /// The query pools of one frame slot, and what was recorded into them.
 #[derive(Debug, Default)]
-pub(super) struct Queries {
+pub(super) struct SlotQueries {
     timestamps: vk::QueryPool,
     samples: vk::QueryPool,
     pipeline: vk::QueryPool,
     /// As of the frame being recorded.
-    pub(super) measure: Measure,
+    pub(super) measure: FrameMeasure,
     timed: Vec<&'static str>,
     counted: Vec<PassCounters>,
     /// The frame is not submitted: nothing is written.
@@ -122,9 +122,14 @@ fn pool(
     Ok(pool)
 }
 
-impl Queries {
+impl SlotQueries {
     /// Makes the pools that `measure` needs and that are not there yet.
-    pub(super) fn prepare(&mut self, gpu: &Gpu, slot: &str, measure: Measure) -> Result<(), Error> {
+    pub(super) fn prepare(
+        &mut self,
+        gpu: &Gpu,
+        slot: &str,
+        measure: FrameMeasure,
+    ) -> Result<(), Error> {
         let none = vk::QueryPipelineStatisticFlags::empty();
         let null = vk::QueryPool::null();
         if (measure.passes || measure.frame) && self.timestamps == null {
@@ -146,7 +151,7 @@ impl Queries {
     }
 
     /// Forgets the last frame of the slot, which has finished, and readies what `measure` asks for.
-    pub(super) fn begin(&mut self, gpu: &Gpu, commands: vk::CommandBuffer, measure: Measure) {
+    pub(super) fn begin(&mut self, gpu: &Gpu, commands: vk::CommandBuffer, measure: FrameMeasure) {
         self.measure = measure;
         self.timed.clear();
         self.counted.clear();
@@ -215,7 +220,7 @@ impl Queries {
         commands: vk::CommandBuffer,
         name: &'static str,
         (loaded_bytes, stored_bytes): (u64, u64),
-    ) -> Option<Counting> {
+    ) -> Option<PassCounting> {
         if !self.measure.counters || self.counted.len() >= MAX_PASSES as usize {
             return None;
         }
@@ -226,7 +231,7 @@ impl Queries {
             samples: None,
             pipeline: None,
         });
-        let counting = Counting {
+        let counting = PassCounting {
             query: self.counted.len() as u32 - 1,
             pools: [self.samples, self.pipeline],
         };
@@ -249,8 +254,8 @@ impl Queries {
     }
 
     /// What the finished frame of this slot reported.
-    pub(super) fn read(&mut self, gpu: &Gpu) -> Result<Report, Error> {
-        let mut report = Report::default();
+    pub(super) fn read(&mut self, gpu: &Gpu) -> Result<QueryReport, Error> {
+        let mut report = QueryReport::default();
         let mut ticks = [0u64; 2 * MAX_PASSES as usize];
         let ticks = &mut ticks[..2 * self.timed.len()];
         let mut frame = [0u64; 2];
@@ -311,7 +316,7 @@ impl Queries {
     /// Hands the pools to the deferred destruction.
     pub(super) fn bury(&self, gpu: &Gpu) {
         for pool in [self.timestamps, self.samples, self.pipeline] {
-            gpu.bury(Remains::QueryPool(pool));
+            gpu.bury(RetiredResource::QueryPool(pool));
         }
     }
 }
@@ -334,24 +339,24 @@ fn results<T: bytemuck::Pod>(
 
 /// What a finished frame reported.
 #[derive(Debug, Default)]
-pub(super) struct Report {
+pub(super) struct QueryReport {
     pub(super) passes: Vec<PassTime>,
     pub(super) device: DeviceTimes,
     pub(super) counters: Vec<PassCounters>,
 }
 
 /// Open counters of a pass.
-pub(super) struct Counting {
+pub(super) struct PassCounting {
     query: u32,
     pools: [vk::QueryPool; 2],
 }
 
-impl Counting {
+impl PassCounting {
     /// Ends the counters, inside of the same rendering scope.
     pub(super) fn end(self, gpu: &Arc<Gpu>, commands: vk::CommandBuffer) {
         for pool in self.pools {
             if pool != vk::QueryPool::null() {
-                // SAFETY: begun in this rendering scope by `Queries::begin_counters`.
+                // SAFETY: begun in this rendering scope by `SlotQueries::begin_counters`.
                 unsafe { gpu.device.cmd_end_query(commands, pool, self.query) };
             }
         }

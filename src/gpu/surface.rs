@@ -5,7 +5,7 @@
 //! signalled by the frame and waited for by the presentation engine; there is one for each image of the
 //! swapchain, reused once that image was acquired again (nothing else tells that the engine is done with it).
 
-use super::access::Access;
+use super::access::ResourceAccess;
 use super::{Error, Gpu, lock};
 use ash::{khr, vk};
 use std::sync::Arc;
@@ -16,7 +16,7 @@ const PATIENCE_NS: u64 = 500_000_000;
 /// An image of the window that a frame is about to be presented on.
 #[derive(Debug)]
 #[must_use = "an acquired image must be presented or abandoned"]
-pub struct Acquired {
+pub struct AcquiredImage {
     pub(super) image: vk::Image,
     pub(super) free: vk::Semaphore,
     pub(super) drawn: vk::Semaphore,
@@ -27,13 +27,13 @@ pub struct Acquired {
     pub height: u32,
 }
 
-impl Acquired {
+impl AcquiredImage {
     /// The first thing a frame does with the image; its stages wait until the image is free.
-    pub(super) const FIRST_ACCESS: Access = Access::BlitTarget;
+    pub(super) const FIRST_ACCESS: ResourceAccess = ResourceAccess::BlitTarget;
 }
 
 #[derive(Debug)]
-struct Swapchain {
+struct SurfaceSwapchain {
     handle: vk::SwapchainKHR,
     extent: vk::Extent2D,
     images: Vec<vk::Image>,
@@ -46,8 +46,8 @@ struct Swapchain {
 }
 
 /// The surface of a window. Must be dropped before its window.
-pub struct Surface {
-    swapchain: Option<Swapchain>,
+pub struct WindowSurface {
+    swapchain: Option<SurfaceSwapchain>,
     surface: vk::SurfaceKHR,
     surfaces: khr::surface::Instance,
     swapchains: khr::swapchain::Device,
@@ -63,7 +63,7 @@ pub struct Surface {
     gpu: Arc<Gpu>,
 }
 
-impl std::fmt::Debug for Surface {
+impl std::fmt::Debug for WindowSurface {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Surface")
             .field("swapchain", &self.swapchain)
@@ -75,7 +75,7 @@ impl std::fmt::Debug for Surface {
 fn create(gpu: &Gpu, window: &glfw::Window) -> Result<vk::SurfaceKHR, Error> {
     use vk::Handle;
     let mut raw = std::mem::MaybeUninit::uninit();
-    // SAFETY: the instance is alive and has the extensions that GLFW asks for (`Options::surface_extensions`);
+    // SAFETY: the instance is alive and has the extensions that GLFW asks for (`DeviceOptions::surface_extensions`);
     // the pointer takes one handle, which is written when the call succeeds.
     let surface = unsafe {
         let instance = gpu.instance.handle().as_raw() as _;
@@ -94,7 +94,7 @@ fn create(gpu: &Gpu, window: &glfw::Window) -> Result<vk::SurfaceKHR, Error> {
     Ok(vk::SurfaceKHR::from_raw(surface as u64))
 }
 
-impl Surface {
+impl WindowSurface {
     /// The surface of `window`, for `in_flight` frames at a time. With `vsync` frames wait for the screen
     /// (first in, first out); without it the newest frame replaces the waiting one (mailbox) or, where the
     /// device cannot do that, is shown at once. The swapchain is made when the first image is acquired.
@@ -289,7 +289,7 @@ impl Surface {
         let handle = unsafe { self.swapchains.create_swapchain(&info, None) }
             .map_err(self.error("vkCreateSwapchainKHR"))?;
         // Owned from here on, so that a failure below does not leak it.
-        let swapchain = self.swapchain.insert(Swapchain {
+        let swapchain = self.swapchain.insert(SurfaceSwapchain {
             handle,
             extent,
             images: Vec::new(),
@@ -351,7 +351,7 @@ impl Surface {
         &mut self,
         window: &glfw::Window,
         slot: usize,
-    ) -> Result<Option<Acquired>, Error> {
+    ) -> Result<Option<AcquiredImage>, Error> {
         let (width, height) = framebuffer(window);
         if width == 0 || height == 0 {
             return Ok(None);
@@ -395,7 +395,7 @@ impl Surface {
                 Ok((index, is_suboptimal)) => {
                     // Still to be presented on; the one after it comes from a new swapchain.
                     self.is_stale = is_suboptimal && swapchain.is_used;
-                    return Ok(Some(Acquired {
+                    return Ok(Some(AcquiredImage {
                         image: swapchain.images[index as usize],
                         free,
                         drawn: swapchain.drawn[index as usize],
@@ -420,7 +420,7 @@ impl Surface {
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn present(&mut self, acquired: Acquired) -> Result<bool, Error> {
+    pub fn present(&mut self, acquired: AcquiredImage) -> Result<bool, Error> {
         let Some(swapchain) = &mut self.swapchain else {
             return Ok(false);
         };
@@ -455,13 +455,13 @@ impl Surface {
 
     /// Gives up an acquired image whose frame could not be submitted: swapchain and semaphores are made anew,
     /// because the semaphore of the image stays signalled.
-    pub fn abandon(&mut self, acquired: Acquired) {
+    pub fn abandon(&mut self, acquired: AcquiredImage) {
         let _ = acquired;
         self.drop_swapchain();
     }
 }
 
-impl Drop for Surface {
+impl Drop for WindowSurface {
     fn drop(&mut self) {
         self.drop_surface();
     }

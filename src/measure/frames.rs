@@ -1,7 +1,7 @@
 //! Many frames together: the last of a window, or all of a run.
 
 use super::Distribution;
-use crate::render::stats::{FrameTimes, Stage};
+use crate::render::stats::{FrameStage, FrameTimes};
 use std::collections::VecDeque;
 
 /// The last frames, oldest first; what comes in above its capacity pushes the oldest out.
@@ -62,7 +62,7 @@ pub fn frame_ms<'a>(frames: impl IntoIterator<Item = &'a FrameTimes>) -> Distrib
 /// Time of a stage on the CPU, milliseconds.
 pub fn stage_ms<'a>(
     frames: impl IntoIterator<Item = &'a FrameTimes>,
-    stage: Stage,
+    stage: FrameStage,
 ) -> Distribution {
     Distribution::of(&frames.into_iter().map(|t| t.of(stage)).collect::<Vec<_>>())
 }

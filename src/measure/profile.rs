@@ -7,9 +7,9 @@
 use super::frames::pass_names;
 use super::report::Report;
 use crate::gpu::Gpu;
-use crate::gpu::clock::Anchor;
+use crate::gpu::clock::ClockAnchor;
 use crate::gpu::device::DeviceInfo;
-use crate::gpu::frame::{Measure, PassCounters};
+use crate::gpu::frame::{FrameMeasure, PassCounters};
 use crate::gpu::profile::{CounterTest, SelfTest, counter_test, self_test};
 use crate::math::camera::View;
 use crate::progress::Progress;
@@ -49,7 +49,7 @@ pub struct Sample {
     /// The same frame without any, milliseconds; `None` where there are none to leave out.
     pub plain_ms: Option<f64>,
     /// Both clocks, read right after the frame; `None` where the device cannot.
-    pub anchor: Option<Anchor>,
+    pub anchor: Option<ClockAnchor>,
     /// What each pass counted in a third frame; counters that the device does not count exactly may be in it.
     pub counters: Vec<PassCounters>,
     /// Pixels that something was drawn to.
@@ -140,7 +140,7 @@ impl Profile {
             profile.memory = gpu.memory_report();
         }
         profile.count(engine, plan, progress)?;
-        engine.measure(Measure::default())?;
+        engine.measure(FrameMeasure::default())?;
         Ok(profile)
     }
 
@@ -157,12 +157,12 @@ impl Profile {
             settings,
             warm_up,
         } = *plan;
-        let timed = Measure {
+        let timed = FrameMeasure {
             passes: true,
             frame: true,
             counters: false,
         };
-        let plain = Measure::default();
+        let plain = FrameMeasure::default();
         progress.stage("time", views.len() as u64);
         if let Some(view) = views.first() {
             for measure in [timed, plain] {
@@ -217,9 +217,9 @@ impl Profile {
             views, settings, ..
         } = *plan;
         progress.stage("count", views.len() as u64);
-        engine.measure(Measure {
+        engine.measure(FrameMeasure {
             counters: true,
-            ..Measure::default()
+            ..FrameMeasure::default()
         })?;
         for (index, (view, sample)) in views.iter().zip(&mut self.samples).enumerate() {
             if progress.is_cancelled() {
@@ -282,7 +282,7 @@ impl Profile {
 
     /// One row a view, with a row of names first: comma-separated, empty where nothing is known.
     pub fn csv(&self) -> String {
-        use crate::render::stats::Stage;
+        use crate::render::stats::FrameStage;
         let mut names: Vec<&str> = pass_names(self.frames());
         for counters in self.samples.iter().flat_map(|s| &s.counters) {
             if !names.contains(&counters.name) {
@@ -297,7 +297,7 @@ impl Profile {
         ]
         .map(str::to_owned)
         .to_vec();
-        header.extend(Stage::ALL.map(|s| format!("{}_ms", s.name())));
+        header.extend(FrameStage::ALL.map(|s| format!("{}_ms", s.name())));
         header.extend(names.iter().map(|n| format!("{n}_ms")));
         header.extend(
             [
@@ -326,7 +326,7 @@ impl Profile {
                 cell(sample.plain_ms),
                 cell(t.device.frame_ms),
             ];
-            row.extend(Stage::ALL.map(|s| t.of(s).to_string()));
+            row.extend(FrameStage::ALL.map(|s| t.of(s).to_string()));
             row.extend(names.iter().map(|n| cell(super::frames::pass_ms(t, n))));
             let moved =
                 |of: fn(&PassCounters) -> u64| -> u64 { sample.counters.iter().map(of).sum() };

@@ -4,7 +4,7 @@ use super::profile::{Profile, Sample};
 use super::{Distribution, frames};
 use crate::gpu::frame::{PassCounters, PipelineStatistics};
 use crate::gpu::profile::{CounterTest, SelfTest};
-use crate::render::stats::{FrameTimes, Stage};
+use crate::render::stats::{FrameStage, FrameTimes};
 use serde::Serialize;
 
 /// Largest share by which the passes may miss the frame's time on the device.
@@ -173,7 +173,7 @@ impl Report {
     pub(super) fn of(profile: &Profile) -> Self {
         let samples = &profile.samples;
         let wall: f64 = profile.frames().map(|t| t.frame_ms).sum();
-        let cpu = Stage::ALL
+        let cpu = FrameStage::ALL
             .into_iter()
             .map(|stage| {
                 let sum: f64 = profile.frames().map(|t| t.of(stage)).sum();

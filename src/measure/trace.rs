@@ -5,7 +5,7 @@
 //! moment at which it can have been taken, and the trace says so.
 
 use super::profile::{Profile, Sample};
-use crate::render::stats::Stage;
+use crate::render::stats::FrameStage;
 use serde_json::{Value, json};
 use std::time::Instant;
 
@@ -103,7 +103,7 @@ impl Profile {
             let name = format!("frame {index}");
             let span = (start, start + ns(times.frame_ms));
             events.push(complete(CPU, "frame", &name, span, counts));
-            for stage in Stage::ALL {
+            for stage in FrameStage::ALL {
                 if let Some(begin) = times.starts.of(stage).map(since) {
                     let span = (begin, begin + ns(times.of(stage)));
                     events.push(complete(CPU, "stage", stage.name(), span, json!({})));

@@ -1,13 +1,13 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
-use crate::gpu::frame::Measure;
-use crate::gpu::{Error, Gpu, Options};
+use crate::gpu::frame::FrameMeasure;
+use crate::gpu::{DeviceOptions, Error, Gpu};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
 use crate::render::PictureOutputs;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
-use crate::render::cost::model::Costs;
+use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::cpu::supported::unsupported_reason;
@@ -17,8 +17,8 @@ use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::stats::FrameTimes;
 use crate::render::supported::check;
-use crate::render::vulkan::renderer::Renderer;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::renderer::VulkanRenderer;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
@@ -49,7 +49,7 @@ impl Backend {
     ///
     /// # Errors
     /// As [`Gpu::open`].
-    pub fn open(options: &Options) -> Result<Self, Error> {
+    pub fn open(options: &DeviceOptions) -> Result<Self, Error> {
         match options.device.as_deref() {
             Some(Self::MIRROR) => Ok(Self::Mirror),
             Some(Self::CPU) => Ok(Self::Cpu),
@@ -102,10 +102,10 @@ pub struct Engine<'m> {
 /// The part of an engine that draws on a device.
 #[derive(Debug)]
 struct DeviceEngine {
-    renderer: Box<Renderer>,
+    renderer: Box<VulkanRenderer>,
     /// Draws what is averaged, once anything was.
-    samples: Option<Box<Renderer>>,
-    scene: Scene,
+    samples: Option<Box<VulkanRenderer>>,
+    scene: DeviceScene,
 }
 
 /// The part of an engine that draws on the processor.
@@ -140,7 +140,7 @@ impl<'m> Engine<'m> {
     pub(crate) fn of_scene(
         backend: &Backend,
         model: &'m Model,
-        scene: &mut Option<Scene>,
+        scene: &mut Option<DeviceScene>,
         (width, height): (u32, u32),
         outputs: PictureOutputs,
     ) -> Result<Self, Error> {
@@ -160,13 +160,13 @@ impl<'m> Engine<'m> {
         };
         match backend {
             Backend::Device(gpu) | Backend::Vulkan(gpu) => {
-                let renderer = Renderer::new(gpu, width, height, outputs, true)?;
+                let renderer = VulkanRenderer::new(gpu, width, height, outputs, true)?;
                 engine.device = Some(DeviceEngine {
                     renderer: Box::new(renderer),
                     samples: None,
                     scene: match scene.take() {
                         Some(scene) => scene,
-                        None => Scene::new(gpu, model)?,
+                        None => DeviceScene::new(gpu, model)?,
                     },
                 });
                 let is_alone = matches!(backend, Backend::Vulkan(_));
@@ -185,7 +185,7 @@ impl<'m> Engine<'m> {
 
     /// The copy of the model on the device, if there is one.
     #[cfg(feature = "viewer")]
-    pub(crate) fn into_scene(self) -> Option<Scene> {
+    pub(crate) fn into_scene(self) -> Option<DeviceScene> {
         self.device.map(|device| device.scene)
     }
 
@@ -202,7 +202,7 @@ impl<'m> Engine<'m> {
     /// Draws a frame and waits until it is finished.
     ///
     /// # Errors
-    /// As [`Renderer::draw`].
+    /// As [`VulkanRenderer::draw`].
     pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
         // What no backend can draw is refused before one is looked for.
         if self.device.is_none() {
@@ -238,7 +238,7 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// As [`Renderer::keep_lists`]; off at first. The mirror never does.
+    /// As [`VulkanRenderer::keep_lists`]; off at first. The mirror never does.
     pub fn keep_lists(&mut self, keep: bool) {
         if let Some(device) = &mut self.device {
             device.renderer.keep_lists(keep);
@@ -248,18 +248,18 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// What drawing costs on the device: [`Renderer::set_costs`]. Other backends have one way to draw.
-    pub fn set_costs(&mut self, costs: Option<Costs>) {
+    /// What drawing costs on the device: [`VulkanRenderer::set_costs`]. Other backends have one way to draw.
+    pub fn set_costs(&mut self, costs: Option<DrawCosts>) {
         if let Some(device) = &mut self.device {
             device.renderer.set_costs(costs);
         }
     }
 
-    /// What the frames from now on report: [`Renderer::measure`]. Other backends have stages and counts only.
+    /// What the frames from now on report: [`VulkanRenderer::measure`]. Other backends have stages and counts only.
     ///
     /// # Errors
-    /// As [`Renderer::measure`].
-    pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
+    /// As [`VulkanRenderer::measure`].
+    pub fn measure(&mut self, measure: FrameMeasure) -> Result<(), Error> {
         match &mut self.device {
             Some(device) => device.renderer.measure(measure),
             None => Ok(()),
@@ -269,7 +269,7 @@ impl<'m> Engine<'m> {
     /// The picture of the last frame.
     ///
     /// # Errors
-    /// As [`Renderer::read`].
+    /// As [`VulkanRenderer::read`].
     pub fn read(&mut self, view: &View) -> Result<Image, Error> {
         match (self.last, &mut self.cpu, &mut self.device, &self.reference) {
             (FrameBackend::Cpu, Some(cpu), ..) => {
@@ -288,7 +288,7 @@ impl<'m> Engine<'m> {
         }
     }
 
-    /// As [`Renderer::overdraw`].
+    /// As [`VulkanRenderer::overdraw`].
     pub fn overdraw(&mut self) -> Option<Vec<u32>> {
         match (self.last, &mut self.device, &self.reference) {
             (FrameBackend::Device, Some(device), _) => device.renderer.overdraw(),
@@ -382,7 +382,7 @@ impl CpuEngine {
     fn draw(
         &mut self,
         model: &Model,
-        scene: Option<&Scene>,
+        scene: Option<&DeviceScene>,
         view: &View,
         (settings, outputs): (&Settings, PictureOutputs),
     ) -> Result<FrameTimes, Error> {

@@ -13,7 +13,7 @@ use crate::render::capabilities::RendererCapabilities;
 use crate::render::compute_limits;
 use crate::render::compute_limits::may_use_compute;
 use crate::render::cost::choose;
-use crate::render::cost::model::Costs;
+use crate::render::cost::model::DrawCosts;
 use crate::render::cut_key::{CutKey, knows_footprints};
 use crate::render::frame_constants::{FrameContext, frame_constants};
 use crate::render::model_facts::{FactedModel, ModelFacts};
@@ -79,7 +79,7 @@ pub(crate) struct PlanInput<'a> {
     pub(crate) outputs: PictureOutputs,
     pub(crate) capabilities: &'a RendererCapabilities,
     /// What the renderer's device charges, where that was measured.
-    pub(crate) costs: Option<&'a Costs>,
+    pub(crate) costs: Option<&'a DrawCosts>,
 }
 
 /// Who chooses what is drawn.

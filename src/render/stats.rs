@@ -96,7 +96,7 @@ pub struct FrameTimes {
     /// Waiting for the device, milliseconds.
     pub wait_ms: f64,
     /// When they began.
-    pub starts: Starts,
+    pub starts: StageStarts,
     /// Each pass on the device.
     pub passes: Vec<PassTime>,
     /// Where the passes lie on the device's clock.
@@ -108,14 +108,14 @@ pub struct FrameTimes {
     /// How much of that covers a pixel, where that is shown ([`ColorBy::Overdraw`](crate::pack::ColorBy::Overdraw)).
     pub overdraw: Option<OverdrawSummary>,
     /// What was not made again; the counts are those of what is drawn all the same.
-    pub kept: Kept,
+    pub kept: KeptWork,
     /// Bytes that the host wrote for the device: draw lists, unless they were kept, and uniform blocks.
     pub uploaded_bytes: u64,
 }
 
 /// What a frame has from one before it, see [`Renderer::keep_lists`](crate::render::vulkan::renderer::Renderer::keep_lists).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Kept {
+pub enum KeptWork {
     /// Nothing, or it has no lists.
     #[default]
     Nothing,
@@ -136,7 +136,7 @@ pub(crate) struct CutAhead {
 
 /// A stage of a frame on the CPU. Stages follow each other in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
+pub enum FrameStage {
     /// Choosing the nodes.
     Cut,
     /// Writing the draw lists.
@@ -149,7 +149,7 @@ pub enum Stage {
     Wait,
 }
 
-impl Stage {
+impl FrameStage {
     /// All of them, in order.
     pub const ALL: [Self; 5] = [
         Self::Cut,
@@ -171,7 +171,7 @@ impl Stage {
     }
 
     /// Starts its clock and its span.
-    pub(super) fn begin(self) -> Running {
+    pub(super) fn begin(self) -> RunningStage {
         let span = match self {
             Self::Cut => tracing::debug_span!("cut"),
             Self::Pack => tracing::debug_span!("pack"),
@@ -179,7 +179,7 @@ impl Stage {
             Self::Submit => tracing::debug_span!("submit"),
             Self::Wait => tracing::debug_span!("wait"),
         };
-        Running {
+        RunningStage {
             stage: self,
             span: span.entered(),
             start: Instant::now(),
@@ -188,13 +188,13 @@ impl Stage {
 }
 
 /// A stage that runs; dropped without an end it leaves no time.
-pub(super) struct Running {
-    stage: Stage,
+pub(super) struct RunningStage {
+    stage: FrameStage,
     span: tracing::span::EnteredSpan,
     start: Instant,
 }
 
-impl Running {
+impl RunningStage {
     /// Stops clock and span, and books the time.
     pub(super) fn end(self, times: &mut FrameTimes) {
         let ms = self.start.elapsed().as_secs_f64() * 1e3;
@@ -206,40 +206,40 @@ impl Running {
 
 /// When the parts of a frame began, on the host's clock; `None` for what the frame did not do.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Starts {
+pub struct StageStarts {
     /// The frame.
     pub frame: Option<Instant>,
     /// Its submission.
     pub submission: Option<Instant>,
-    stages: [Option<Instant>; Stage::ALL.len()],
+    stages: [Option<Instant>; FrameStage::ALL.len()],
 }
 
-impl Starts {
+impl StageStarts {
     /// The beginning of a stage.
-    pub fn of(&self, stage: Stage) -> Option<Instant> {
+    pub fn of(&self, stage: FrameStage) -> Option<Instant> {
         self.stages[stage as usize]
     }
 }
 
 impl FrameTimes {
     /// Time of a stage, milliseconds; 0 when the frame did not have it.
-    pub fn of(&self, stage: Stage) -> f64 {
+    pub fn of(&self, stage: FrameStage) -> f64 {
         match stage {
-            Stage::Cut => self.cut_ms,
-            Stage::Pack => self.pack_ms,
-            Stage::Upload => self.upload_ms,
-            Stage::Submit => self.submit_ms,
-            Stage::Wait => self.wait_ms,
+            FrameStage::Cut => self.cut_ms,
+            FrameStage::Pack => self.pack_ms,
+            FrameStage::Upload => self.upload_ms,
+            FrameStage::Submit => self.submit_ms,
+            FrameStage::Wait => self.wait_ms,
         }
     }
 
-    fn of_mut(&mut self, stage: Stage) -> &mut f64 {
+    fn of_mut(&mut self, stage: FrameStage) -> &mut f64 {
         match stage {
-            Stage::Cut => &mut self.cut_ms,
-            Stage::Pack => &mut self.pack_ms,
-            Stage::Upload => &mut self.upload_ms,
-            Stage::Submit => &mut self.submit_ms,
-            Stage::Wait => &mut self.wait_ms,
+            FrameStage::Cut => &mut self.cut_ms,
+            FrameStage::Pack => &mut self.pack_ms,
+            FrameStage::Upload => &mut self.upload_ms,
+            FrameStage::Submit => &mut self.submit_ms,
+            FrameStage::Wait => &mut self.wait_ms,
         }
     }
 }

@@ -1,23 +1,23 @@
 //! Frames for a window: drawn on the device, or by the processor into images that the device shows.
 
-use crate::gpu::frame::Ticket;
-use crate::gpu::image::Image as MappedImage;
-use crate::gpu::overlay::Overlay;
+use crate::gpu::frame::FrameTicket;
+use crate::gpu::image::DeviceImage as MappedImage;
+use crate::gpu::overlay::WindowOverlay;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
-use crate::render::cost::model::Costs;
+use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::frame_estimate::FrameEstimate;
 use crate::render::frame_plan::FramePlan;
 use crate::render::model_facts::FactedModel;
 use crate::render::probe_area::ProbeArea;
-use crate::render::stats::{FrameTimes, Kept};
-use crate::render::vulkan::renderer::present::Show;
-use crate::render::vulkan::renderer::{Renderer, Submitted};
-use crate::render::vulkan::scene::Scene;
+use crate::render::stats::{FrameTimes, KeptWork};
+use crate::render::vulkan::renderer::present::ShownFrame;
+use crate::render::vulkan::renderer::{SubmittedFrame, VulkanRenderer};
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{PictureOutputs, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
@@ -48,13 +48,13 @@ pub struct ShownModel<'a> {
     /// The model.
     pub model: &'a Model,
     /// Its copy on the device, with its facts.
-    pub scene: &'a mut Scene,
+    pub scene: &'a mut DeviceScene,
 }
 
 /// Draws the frames of a window of any size, by the backend that the settings of each call for.
 #[derive(Debug)]
 pub struct WindowRenderer {
-    device: Renderer,
+    device: VulkanRenderer,
     gpu: Arc<Gpu>,
     backend: WindowBackend,
     cpu: Option<CpuFrames>,
@@ -77,7 +77,7 @@ struct CpuPicture {
     image: MappedImage,
     area: DrawnArea,
     /// The last submission that reads it.
-    reader: Option<Ticket>,
+    reader: Option<FrameTicket>,
 }
 
 impl WindowRenderer {
@@ -86,7 +86,7 @@ impl WindowRenderer {
     /// # Errors
     /// When memory runs out.
     pub fn new(gpu: &Arc<Gpu>, backend: WindowBackend) -> Result<Self, Error> {
-        let mut device = Renderer::new(gpu, 1, 1, WINDOW_OUTPUTS, true)?;
+        let mut device = VulkanRenderer::new(gpu, 1, 1, WINDOW_OUTPUTS, true)?;
         device.keep_lists(true);
         Ok(Self {
             device,
@@ -102,7 +102,7 @@ impl WindowRenderer {
         self.device.in_flight()
     }
 
-    /// Waits until the next frame can be recorded: [`Renderer::wait_for_next`].
+    /// Waits until the next frame can be recorded: [`VulkanRenderer::wait_for_next`].
     ///
     /// # Errors
     /// When the device is lost.
@@ -110,8 +110,8 @@ impl WindowRenderer {
         self.device.wait_for_next()
     }
 
-    /// Sets the costs of drawing on the device: [`Renderer::set_costs`].
-    pub fn set_costs(&mut self, costs: Option<Costs>) {
+    /// Sets the costs of drawing on the device: [`VulkanRenderer::set_costs`].
+    pub fn set_costs(&mut self, costs: Option<DrawCosts>) {
         self.device.set_costs(costs);
     }
 
@@ -161,7 +161,7 @@ impl WindowRenderer {
         }
     }
 
-    /// Counts what a frame of these settings would draw, without drawing it: [`Renderer::predict`].
+    /// Counts what a frame of these settings would draw, without drawing it: [`VulkanRenderer::predict`].
     pub fn predict(
         &mut self,
         shown: &ShownModel<'_>,
@@ -194,14 +194,14 @@ impl WindowRenderer {
     /// not wait for it.
     ///
     /// # Errors
-    /// As [`Renderer::draw`]; an acquired image must be abandoned then.
+    /// As [`VulkanRenderer::draw`]; an acquired image must be abandoned then.
     pub fn submit(
         &mut self,
         shown: ShownModel<'_>,
         view: &View,
         settings: &Settings,
-        show: Show<'_>,
-    ) -> Result<Submitted, Error> {
+        show: ShownFrame<'_>,
+    ) -> Result<SubmittedFrame, Error> {
         let ShownModel { model, scene } = shown;
         self.is_of_cpu = self.is_by_cpu(settings)?;
         match &mut self.cpu {
@@ -218,7 +218,7 @@ impl WindowRenderer {
     ///
     /// # Errors
     /// When memory runs out or the device is lost; an acquired image must be abandoned then.
-    pub fn submit_again(&mut self, show: Show<'_>) -> Result<Submitted, Error> {
+    pub fn submit_again(&mut self, show: ShownFrame<'_>) -> Result<SubmittedFrame, Error> {
         match &mut self.cpu {
             Some(cpu) if self.is_of_cpu => {
                 let (times, start) = (FrameTimes::default(), Instant::now());
@@ -228,15 +228,15 @@ impl WindowRenderer {
         }
     }
 
-    /// Submits a frame that shows the background alone: [`Renderer::submit_background`].
+    /// Submits a frame that shows the background alone: [`VulkanRenderer::submit_background`].
     ///
     /// # Errors
     /// As there.
     pub fn submit_background(
         &mut self,
         background: [f32; 3],
-        show: Show<'_>,
-    ) -> Result<Submitted, Error> {
+        show: ShownFrame<'_>,
+    ) -> Result<SubmittedFrame, Error> {
         self.is_of_cpu = false;
         self.device.submit_background(background, show)
     }
@@ -245,7 +245,7 @@ impl WindowRenderer {
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn finish(&mut self, submitted: Submitted) -> Result<FrameTimes, Error> {
+    pub fn finish(&mut self, submitted: SubmittedFrame) -> Result<FrameTimes, Error> {
         self.device.finish(submitted)
     }
 
@@ -268,7 +268,7 @@ impl WindowRenderer {
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn read_shown(&mut self, overlay: Option<&Overlay>) -> Result<Image, Error> {
+    pub fn read_shown(&mut self, overlay: Option<&WindowOverlay>) -> Result<Image, Error> {
         let cpu = self.cpu.as_ref().filter(|_| self.is_of_cpu);
         let picture = cpu.map(|cpu| &cpu.pictures[cpu.last].image);
         self.device.read_shown(overlay, picture)
@@ -295,19 +295,19 @@ impl WindowRenderer {
     }
 }
 
-fn facted<'a>(model: &'a Model, scene: &'a Scene) -> FactedModel<'a> {
+fn facted<'a>(model: &'a Model, scene: &'a DeviceScene) -> FactedModel<'a> {
     let facts = scene.facts();
     FactedModel { model, facts }
 }
 
 /// Submits a frame that shows the picture that the processor drew last.
 fn submit_picture(
-    device: &mut Renderer,
+    device: &mut VulkanRenderer,
     cpu: &mut CpuFrames,
     times: FrameTimes,
     start: Instant,
-    show: Show<'_>,
-) -> Result<Submitted, Error> {
+    show: ShownFrame<'_>,
+) -> Result<SubmittedFrame, Error> {
     let picture = &mut cpu.pictures[cpu.last];
     let submitted = device.submit_picture(&picture.image, times, start, show)?;
     picture.reader = Some(submitted.ticket());
@@ -347,7 +347,7 @@ impl CpuFrames {
     /// As [`FramePlan::new`]; when the device is lost.
     fn draw(
         &mut self,
-        device: &Renderer,
+        device: &VulkanRenderer,
         drawn: FactedModel<'_>,
         view: &View,
         settings: &Settings,
@@ -362,7 +362,7 @@ impl CpuFrames {
         let pixels = PixelWords { words, pitch };
         let times = (self.renderer).draw(drawn, &plan, pixels, &mut picture.area);
         // Else the last picture is the same.
-        if times.kept != Kept::Lists {
+        if times.kept != KeptWork::Lists {
             picture.image.flush();
             self.last = next;
         }

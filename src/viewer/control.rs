@@ -25,7 +25,7 @@ mod plan;
 
 pub use model::{Place, Took, Work};
 
-use crate::render::cost::model::{SplatCosts, Ways};
+use crate::render::cost::model::{PerRasterizer, SplatCosts};
 use model::{Model, Numbers};
 use plan::{Seen, Tried};
 use std::collections::VecDeque;
@@ -156,7 +156,7 @@ impl Control {
 
     /// What splats were measured to take on the device: by that the two ways to draw them are compared before both were
     /// tried. None: by what is usual.
-    pub fn know(&mut self, costs: Option<Ways<SplatCosts>>) {
+    pub fn know(&mut self, costs: Option<PerRasterizer<SplatCosts>>) {
         self.model.know(costs);
     }
 

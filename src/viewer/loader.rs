@@ -7,7 +7,7 @@ use crate::input::Warning;
 use crate::mesh::Mesh;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -49,7 +49,7 @@ pub struct Loaded {
     /// What of its file was repaired or left out.
     pub warnings: Vec<Warning>,
     /// What of it is on the device already.
-    pub scene: Option<Scene>,
+    pub scene: Option<DeviceScene>,
     /// A coarse one; the model itself is still to come.
     pub is_preview: bool,
 }
@@ -241,7 +241,7 @@ impl Loader {
 fn copied(device: &Device, mut loaded: Loaded) -> Result<Loaded, gpu::Error> {
     let device = lock(device).clone();
     if let Some((gpu, with_indices)) = device {
-        let mut scene = Scene::new(&gpu, &loaded.model)?;
+        let mut scene = DeviceScene::new(&gpu, &loaded.model)?;
         if with_indices && !loaded.is_preview {
             scene.ensure_indices(&loaded.model)?;
         }

@@ -28,7 +28,7 @@ pub mod ui;
 mod window;
 
 use crate::bench::calibrate;
-use crate::gpu::messages::Messages;
+use crate::gpu::messages::LayerMessages;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
 use crate::open::OpenOptions;
@@ -106,7 +106,7 @@ pub struct Options {
     /// Wait for the screen, so that nothing tears.
     pub vsync: bool,
     /// Which device; its surface extensions are set here.
-    pub gpu: gpu::Options,
+    pub gpu: gpu::DeviceOptions,
     /// What the window shows besides the model.
     pub window: store::Window,
     /// Where to keep how the window was left; none keeps nothing.
@@ -156,7 +156,7 @@ pub fn run(options: Options, should_stop: &dyn Fn() -> bool) -> Result<(), Error
     };
     // The window is gone by now; whatever still loads stops.
     loader.stop();
-    let all: Vec<_> = outcome?.iter().flat_map(Messages::list).collect();
+    let all: Vec<_> = outcome?.iter().flat_map(LayerMessages::list).collect();
     match all.as_slice() {
         [] => Ok(()),
         [first, ..] => Err(Error::Validation {
@@ -175,7 +175,7 @@ fn replay_headless(
     options: Options,
     loader: &mut Loader,
     should_stop: &dyn Fn() -> bool,
-) -> Result<Vec<Messages>, Error> {
+) -> Result<Vec<LayerMessages>, Error> {
     let entries = replayed(&options)?.unwrap_or_default();
     let gpu = Gpu::open(&options.gpu)?;
     let mut screen = Screen::new(&gpu, None, options.vsync, options.backend)?;
@@ -195,7 +195,7 @@ fn show(
     mut options: Options,
     loader: &mut Loader,
     should_stop: &dyn Fn() -> bool,
-) -> Result<Vec<Messages>, Error> {
+) -> Result<Vec<LayerMessages>, Error> {
     let entries = replayed(&options)?;
     if let Some(entries) = &entries {
         options.size = replay::first_size(entries, &options);

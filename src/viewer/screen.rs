@@ -6,15 +6,15 @@ mod photo;
 use super::control::Work;
 use super::lamp::same_cost;
 use super::ui::Painted;
-use crate::gpu::overlay::Overlay;
-use crate::gpu::surface::Surface;
+use crate::gpu::overlay::WindowOverlay;
+use crate::gpu::surface::WindowSurface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
-use crate::render::cost::model::{Costs, SplatCosts, Ways};
+use crate::render::cost::model::{DrawCosts, PerRasterizer, SplatCosts};
 use crate::render::stats::FrameTimes;
-use crate::render::vulkan::renderer::{Submitted, present::Show};
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::renderer::{SubmittedFrame, present::ShownFrame};
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
 use crate::render::{Method, Settings, SplatKind};
 use crate::tree::Model;
@@ -79,7 +79,7 @@ pub struct Faults {
 /// A frame that was submitted.
 #[derive(Debug)]
 struct Pending {
-    submitted: Submitted,
+    submitted: SubmittedFrame,
     start: Instant,
     /// The threshold that it was drawn with; none for one that shows no new picture of the model.
     threshold_px: Option<f32>,
@@ -122,12 +122,12 @@ pub(super) struct Request<'r> {
 #[derive(Debug)]
 pub(super) struct Screen {
     model: Option<Model>,
-    scene: Option<Scene>,
+    scene: Option<DeviceScene>,
     renderer: WindowRenderer,
     backend: WindowBackend,
-    overlay: Option<Overlay>,
+    overlay: Option<WindowOverlay>,
     has_overlay: bool,
-    surface: Option<Surface>,
+    surface: Option<WindowSurface>,
     gpu: Arc<Gpu>,
     vsync: bool,
     pending: VecDeque<Pending>,
@@ -144,7 +144,7 @@ pub(super) struct Screen {
     faults: Faults,
     frames: u64,
     /// What drawing costs on the device.
-    costs: Option<Costs>,
+    costs: Option<DrawCosts>,
 }
 
 impl Screen {
@@ -157,7 +157,7 @@ impl Screen {
         // The size is that of the first acquired image.
         let renderer = WindowRenderer::new(gpu, backend)?;
         let surface = window
-            .map(|window| Surface::new(gpu, window, renderer.in_flight(), vsync))
+            .map(|window| WindowSurface::new(gpu, window, renderer.in_flight(), vsync))
             .transpose()?;
         Ok(Self {
             model: None,
@@ -197,12 +197,12 @@ impl Screen {
         new.set_costs(self.costs);
         if let Some(old) = self.overlay.take() {
             let in_flight = new.renderer.in_flight();
-            new.overlay = Some(Overlay::new(gpu, in_flight)?.with_textures_of(old));
+            new.overlay = Some(WindowOverlay::new(gpu, in_flight)?.with_textures_of(old));
         }
         new.scene = self
             .model
             .as_ref()
-            .map(|model| Scene::new(gpu, model))
+            .map(|model| DeviceScene::new(gpu, model))
             .transpose()?;
         new.model = self.model.take();
         new.faults = self.faults;
@@ -212,13 +212,13 @@ impl Screen {
     }
 
     /// What drawing costs on the device: see [`WindowRenderer::set_costs`].
-    pub(super) fn set_costs(&mut self, costs: Option<Costs>) {
+    pub(super) fn set_costs(&mut self, costs: Option<DrawCosts>) {
         self.costs = costs;
         self.renderer.set_costs(costs);
     }
 
     /// What splats of a kind were measured to cost.
-    pub(super) fn costs_of(&self, kind: SplatKind) -> Option<Ways<SplatCosts>> {
+    pub(super) fn costs_of(&self, kind: SplatKind) -> Option<PerRasterizer<SplatCosts>> {
         self.costs.as_ref()?.of(kind).copied()
     }
 
@@ -263,11 +263,15 @@ impl Screen {
 
     /// Shows another model from the next frame on, whose `scene` may be there already. When it does not fit the device
     /// the old one stays.
-    pub(super) fn set_model(&mut self, model: Model, scene: Option<Scene>) -> Result<(), Error> {
+    pub(super) fn set_model(
+        &mut self,
+        model: Model,
+        scene: Option<DeviceScene>,
+    ) -> Result<(), Error> {
         let scene = match scene {
             Some(scene) if scene.is_on(&self.gpu) => scene,
             // The device was lost meanwhile, or not yet open.
-            _ => Scene::new(&self.gpu, &model)?,
+            _ => DeviceScene::new(&self.gpu, &model)?,
         };
         self.finish()?;
         self.drop_model();
@@ -295,7 +299,9 @@ impl Screen {
     }
 
     pub(super) fn present_mode(&self) -> &'static str {
-        self.surface.as_ref().map_or("none", Surface::present_mode)
+        self.surface
+            .as_ref()
+            .map_or("none", WindowSurface::present_mode)
     }
 
     /// Median of the last frames, milliseconds: from setting the camera to the finished picture, or from the
@@ -355,7 +361,7 @@ impl Screen {
     /// What covers the picture from the next frame on.
     pub(super) fn cover(&mut self, painted: Painted) -> Result<(), Error> {
         if self.overlay.is_none() {
-            self.overlay = Some(Overlay::new(&self.gpu, self.renderer.in_flight())?);
+            self.overlay = Some(WindowOverlay::new(&self.gpu, self.renderer.in_flight())?);
         }
         if let Some(overlay) = &mut self.overlay {
             overlay.set(
@@ -434,7 +440,7 @@ impl Screen {
         let is_again = !request.is_new_picture && self.picture == Some(size);
         self.has_overlay = request.has_overlay;
         let outcome = if is_again {
-            let shown = Show {
+            let shown = ShownFrame {
                 onto: onto.as_ref(),
                 overlay: self.overlay.as_mut().filter(|_| request.has_overlay),
                 inset,
@@ -498,9 +504,9 @@ impl Screen {
         settings: &Settings,
         size: (u32, u32),
         (has_overlay, inset): (bool, u32),
-        onto: Option<&crate::gpu::surface::Acquired>,
+        onto: Option<&crate::gpu::surface::AcquiredImage>,
         camera: impl FnOnce((u32, u32)) -> Option<Camera>,
-    ) -> Result<(Submitted, Option<f32>), Error> {
+    ) -> Result<(SubmittedFrame, Option<f32>), Error> {
         let view = match (camera(size), &self.model) {
             // A camera of the turntable is always usable.
             (Some(camera), Some(model)) => camera.view(model.origin).ok(),
@@ -510,7 +516,7 @@ impl Screen {
             (self.picture, self.drawn) = (None, None);
         }
         self.renderer.resize(size.0, size.1)?;
-        let shown = Show {
+        let shown = ShownFrame {
             onto,
             overlay: self.overlay.as_mut().filter(|_| has_overlay),
             inset,

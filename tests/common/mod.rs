@@ -10,8 +10,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use surfel::generate::{Shape, Spec};
-use surfel::gpu::messages::Messages;
-use surfel::gpu::{Gpu, Options};
+use surfel::gpu::messages::LayerMessages;
+use surfel::gpu::{DeviceOptions, Gpu};
 use surfel::math::camera::View;
 use surfel::progress::Silent;
 use surfel::tree::{self, BuildOptions, Model};
@@ -27,18 +27,18 @@ pub(crate) fn subpixel_bits() -> u32 {
 /// A device under validation. Dropping it (last) checks that not one message was left.
 pub(crate) struct Device {
     gpu: Option<Arc<Gpu>>,
-    messages: Messages,
+    messages: LayerMessages,
 }
 
 impl Device {
     /// Opens a device, or says why there is none; with `SURFEL_REQUIRE_DEVICE=1` that is a failure.
     pub(crate) fn open() -> Option<Self> {
-        Self::open_with(Options::default())
+        Self::open_with(DeviceOptions::default())
     }
 
     /// As [`Device::open`], with further options.
-    pub(crate) fn open_with(options: Options) -> Option<Self> {
-        let options = Options {
+    pub(crate) fn open_with(options: DeviceOptions) -> Option<Self> {
+        let options = DeviceOptions {
             validation: true,
             ..options
         };
@@ -82,7 +82,7 @@ impl Device {
     }
 
     /// The messages so far, taken: for tests that plant a fault.
-    pub(crate) fn take_messages(&self) -> Vec<surfel::gpu::messages::Message> {
+    pub(crate) fn take_messages(&self) -> Vec<surfel::gpu::messages::LayerMessage> {
         self.messages.take()
     }
 }

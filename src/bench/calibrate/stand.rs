@@ -5,18 +5,18 @@ use crate::chart::run::orbit;
 use crate::cut::{Cut, Selector};
 use crate::generate::{self, Shape, Spec};
 use crate::gpu::Gpu;
-use crate::gpu::device::Kind;
+use crate::gpu::device::DeviceKind;
 use crate::math::camera::View;
 use crate::mesh::Mesh;
 use crate::progress::Silent;
 use crate::render::PictureOutputs;
 use crate::render::cost::model::{
-    Costs, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PrimitiveCosts, SIZES_PX, SplatCosts,
-    TriangleCosts, Ways, pixels_of,
+    DrawCosts, MergeCosts, PRIMITIVE_SIZES_PX, PassCosts, PerRasterizer, PrimitiveCosts, SIZES_PX,
+    SplatCosts, TriangleCosts, pixels_of,
 };
 use crate::render::cut_key::cut_settings;
-use crate::render::vulkan::renderer::Renderer;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::renderer::VulkanRenderer;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Culling, CutOn, Method, Occlusion, Path, Settings, SplatKind};
 use crate::tree::{self, BuildOptions, Model};
 use glam::Vec3;
@@ -36,13 +36,13 @@ const FILL_OF_NOTHING: f64 = 0.01;
 /// A model on the device.
 struct Stage {
     model: Model,
-    scene: Scene,
+    scene: DeviceScene,
 }
 
 impl Stage {
     fn new(gpu: &Arc<Gpu>, mesh: Mesh) -> Result<Self, Error> {
         let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
-        let scene = Scene::new(gpu, &model)?;
+        let scene = DeviceScene::new(gpu, &model)?;
         Ok(Self { model, scene })
     }
 }
@@ -109,21 +109,21 @@ impl Nothing {
 }
 
 /// What decides for points or quads at every size.
-fn only(points: bool) -> Costs {
+fn only(points: bool) -> DrawCosts {
     let (cheap, dear) = (
         [1.0; PRIMITIVE_SIZES_PX.len()],
         [9.0; PRIMITIVE_SIZES_PX.len()],
     );
     let (point_ns, quad_ns) = if points { (cheap, dear) } else { (dear, cheap) };
-    Costs {
+    DrawCosts {
         primitives: Some(PrimitiveCosts { point_ns, quad_ns }),
-        ..Costs::default()
+        ..DrawCosts::default()
     }
 }
 
 /// A renderer and two models for it.
 pub(super) struct Stand {
-    renderer: Renderer,
+    renderer: VulkanRenderer,
     statue: Stage,
     /// Two tiny triangles at opposite corners of a cube, each of them from both sides.
     corners: Stage,
@@ -139,7 +139,7 @@ impl Stand {
     pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, Error> {
         // A graphics card needs more to do before its clock can tell.
         let (side, triangles) = match gpu.info().kind {
-            Kind::Cpu => (300, 60_000),
+            DeviceKind::Cpu => (300, 60_000),
             _ => (600, 240_000),
         };
         let statue = generate::mesh(&Spec::with_triangles(Shape::Statue, triangles)?);
@@ -150,7 +150,7 @@ impl Stand {
             ..Mesh::default()
         };
         Ok(Self {
-            renderer: Renderer::new(gpu, side, side, PictureOutputs::default(), true)?,
+            renderer: VulkanRenderer::new(gpu, side, side, PictureOutputs::default(), true)?,
             statue: Stage::new(gpu, statue)?,
             corners: Stage::new(gpu, corners)?,
             side,
@@ -287,7 +287,7 @@ impl Stand {
     pub(super) fn splats(
         &mut self,
         kind: SplatKind,
-    ) -> Result<(Option<Ways<SplatCosts>>, Option<MergeCosts>), Error> {
+    ) -> Result<(Option<PerRasterizer<SplatCosts>>, Option<MergeCosts>), Error> {
         self.renderer.set_costs(Some(only(true)));
         let base = |path| Settings {
             splat: kind,
@@ -321,7 +321,7 @@ impl Stand {
             return Ok((None, None));
         }
         let [raster, compute] = [raster, compute].map(|way| way.map(|w| w.0));
-        Ok((Some(Ways { raster, compute }), merge))
+        Ok((Some(PerRasterizer { raster, compute }), merge))
     }
 
     /// Points and quads.
@@ -349,7 +349,7 @@ impl Stand {
         Ok(Some(PrimitiveCosts { point_ns, quad_ns }))
     }
 
-    pub(super) fn triangles(&mut self) -> Result<Option<Ways<TriangleCosts>>, Error> {
+    pub(super) fn triangles(&mut self) -> Result<Option<PerRasterizer<TriangleCosts>>, Error> {
         let way = |stand: &mut Self, path| -> Result<Option<TriangleCosts>, Error> {
             let settings = Settings {
                 path,
@@ -378,7 +378,7 @@ impl Stand {
         let raster = way(self, Path::Raster)?;
         let compute = way(self, Path::Compute)?;
         let any = raster.is_some() || compute.is_some();
-        Ok(any.then_some(Ways { raster, compute }))
+        Ok(any.then_some(PerRasterizer { raster, compute }))
     }
 
     pub(super) fn node_ns(&mut self) -> Result<f64, Error> {

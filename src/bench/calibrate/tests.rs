@@ -2,7 +2,7 @@ use super::stand::{Drawn, Nothing};
 use super::*;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::profile::PassTime;
-use crate::render::cost::model::{PassCosts, SplatCosts, TriangleCosts, Ways};
+use crate::render::cost::model::{PassCosts, PerRasterizer, SplatCosts, TriangleCosts};
 use crate::render::stats::FrameCounts;
 
 #[test]
@@ -163,7 +163,7 @@ fn made(version: &str) -> Calibration {
         box_ns: 1.5,
         covered_ns: 20.25,
     };
-    let splat = Some(Ways {
+    let splat = Some(PerRasterizer {
         raster: Some(SplatCosts {
             splat_ns: [100.0, 110.0, 130.5],
             passes,
@@ -174,9 +174,9 @@ fn made(version: &str) -> Calibration {
         key: key(version),
         parts: vec![Part::Opaque, Part::Nodes],
         given_up: vec![Part::Filtered, Part::Primitives],
-        costs: Costs {
+        costs: DrawCosts {
             square: splat,
-            triangle: Some(Ways {
+            triangle: Some(PerRasterizer {
                 raster: Some(TriangleCosts {
                     triangle_ns: 70.0,
                     passes,
@@ -185,7 +185,7 @@ fn made(version: &str) -> Calibration {
             }),
             node_ns: Some(4.0),
             device_node_ns: Some(6.0),
-            ..Costs::default()
+            ..DrawCosts::default()
         },
         took_ms: 300.0,
     }
@@ -206,7 +206,7 @@ fn what_takes_too_long_is_given_up_and_not_tried_again() {
     };
     let [_, found] = [strict, hasty].map(|limits| {
         let found = Calibration::measure_within(&gpu, &parts, limits).unwrap();
-        assert_eq!(found.costs, Costs::default());
+        assert_eq!(found.costs, DrawCosts::default());
         assert_eq!(
             (&found.parts[..], &found.given_up[..]),
             (&[][..], &parts[..])
@@ -232,10 +232,10 @@ fn parts_that_were_not_measured_again_stay() {
     let mut new = made("1");
     new.parts = vec![Part::Filtered, Part::Nodes];
     new.given_up = vec![Part::Blended];
-    new.costs = Costs {
+    new.costs = DrawCosts {
         filtered: old.costs.square,
         node_ns: Some(5.0),
-        ..Costs::default()
+        ..DrawCosts::default()
     };
     let both = new.clone().and(Some(old.clone()));
     assert_eq!(both.parts, [Part::Filtered, Part::Nodes, Part::Opaque]);

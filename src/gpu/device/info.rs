@@ -3,7 +3,7 @@
 /// What kind of processor a device is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Kind {
+pub enum DeviceKind {
     /// A GPU with memory of its own.
     Discrete,
     /// A GPU that shares the memory of the CPU.
@@ -24,7 +24,7 @@ pub struct DeviceInfo {
     /// Name as the driver gives it.
     pub name: String,
     /// Kind of processor.
-    pub kind: Kind,
+    pub kind: DeviceKind,
     /// Driver name and version in words.
     pub driver: String,
     /// Vulkan version, such as 1.3.230.
@@ -72,6 +72,6 @@ pub struct DeviceInfo {
 impl DeviceInfo {
     /// Whether this is a software device: it ranks passes, it does not predict a GPU.
     pub fn is_cpu(&self) -> bool {
-        self.kind == Kind::Cpu
+        self.kind == DeviceKind::Cpu
     }
 }

@@ -4,7 +4,7 @@ use ash::vk;
 
 /// One vertex attribute: the shader's name for it, format and byte offset.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Attribute {
+pub struct RecordAttribute {
     /// Name of the shader's input.
     pub name: &'static str,
     /// Format in memory.
@@ -42,14 +42,14 @@ impl AttributeFormat {
 
 /// The record of a vertex buffer.
 #[derive(Debug, Clone, Copy)]
-pub struct Record {
+pub struct VertexRecord {
     /// Bytes from one record to the next.
     pub stride: u32,
     /// Attributes.
-    pub attributes: &'static [Attribute],
+    pub attributes: &'static [RecordAttribute],
 }
 
-impl Record {
+impl VertexRecord {
     /// No vertex buffer: the vertex shader knows the number of its vertex alone.
     pub const NOTHING: Self = Self {
         stride: 0,
@@ -57,13 +57,13 @@ impl Record {
     };
 }
 
-/// The [`Record`] of a structure: the fields that a shader reads, by the names of its inputs, with their formats; `in` says in
+/// The [`VertexRecord`] of a structure: the fields that a shader reads, by the names of its inputs, with their formats; `in` says in
 /// which field they lie.
 macro_rules! record {
     ($of:ty { $($name:ident: $format:ident $(in $outer:ident)?),+ $(,)? }) => {
-        $crate::gpu::pipeline::Record {
+        $crate::gpu::pipeline::VertexRecord {
             stride: size_of::<$of>() as u32,
-            attributes: &[$($crate::gpu::pipeline::Attribute {
+            attributes: &[$($crate::gpu::pipeline::RecordAttribute {
                 name: stringify!($name),
                 format: $crate::gpu::pipeline::AttributeFormat::$format,
                 offset: std::mem::offset_of!($of, $($outer.)? $name) as u32,

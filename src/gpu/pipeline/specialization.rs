@@ -4,12 +4,12 @@ use crate::abi::{ConstantValue, Shader, specialization};
 use ash::vk;
 
 /// The values of one shader's specialization constants.
-pub(super) struct Specialized {
+pub(super) struct SpecializedConstants {
     values: Vec<u8>,
     entries: Vec<vk::SpecializationMapEntry>,
 }
 
-impl Specialized {
+impl SpecializedConstants {
     /// Those that `shader` has of `constants`, and the flags of the frame (0: not known).
     pub(super) fn new(shader: &Shader, constants: &[ConstantValue], flags: u32) -> Self {
         let flags = specialization::KNOWN_FLAGS.is(flags);
@@ -80,7 +80,7 @@ mod tests {
             &[both[0], both[1], IS_GAUSS.is(true)]
         ));
         // Each gets its own, by name and not by place.
-        let values = |shader| Specialized::new(shader, &both, 7).values;
+        let values = |shader| SpecializedConstants::new(shader, &both, 7).values;
         let bytes = |words: &[u32]| {
             words
                 .iter()

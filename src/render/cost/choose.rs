@@ -1,12 +1,12 @@
 //! Which of a frame's primitives compute draws, and which of its splats are points: by what they cost on the device where
-//! that was measured ([`Costs`]), else by rules of thumb of a software device.
+//! that was measured ([`DrawCosts`]), else by rules of thumb of a software device.
 
 use crate::cut::{Cut, StripRun};
 use crate::math::camera::View;
 use crate::pack::Footprint;
 use crate::pack::splats::pixels_of_unit;
 use crate::render::compute_limits::LARGEST_VISIBLE_PX;
-use crate::render::cost::model::{Chosen, Costs, Load, Paths, Pixels};
+use crate::render::cost::model::{ChosenWay, DrawCosts, DrawLoad, OpaquePaths, PicturePixels};
 use crate::render::cut_key::LARGEST_HIDDEN_PX;
 use crate::render::frame_plan::FramePlan;
 use crate::render::screen_bounds;
@@ -138,7 +138,7 @@ impl PassSelection {
 pub(crate) fn max_point_px(
     plan: &FramePlan,
     selection: &PassSelection,
-    costs: Option<&Costs>,
+    costs: Option<&DrawCosts>,
 ) -> f32 {
     match costs {
         _ if selection.has_splats_by_compute && plan.technique == Technique::Visibility => {
@@ -156,7 +156,7 @@ pub(crate) fn max_point_px(
 pub(crate) struct FrameWorkload<'a> {
     pub(crate) settings: &'a Settings,
     /// What the device charges.
-    pub(crate) costs: Option<Costs>,
+    pub(crate) costs: Option<DrawCosts>,
     /// Splats of the cut, hidden ones with them: the picture, to the last bit, must not depend on whether those are left
     /// out.
     pub(crate) splats: usize,
@@ -205,21 +205,21 @@ pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: 
 
 impl FrameWorkload<'_> {
     /// The costs where they may decide: nobody insists on a path.
-    fn deciding(&self) -> Option<&Costs> {
+    fn deciding(&self) -> Option<&DrawCosts> {
         self.costs
             .as_ref()
             .filter(|_| self.settings.path == Path::Auto)
     }
 
-    fn pixels(&self) -> Pixels {
-        Pixels {
+    fn pixels(&self) -> PicturePixels {
+        PicturePixels {
             picture: u64::from(self.size.0) * u64::from(self.size.1),
             of_box: screen_bounds::pixels(self.rect_px),
         }
     }
 
-    fn load(&self, splats: u64) -> Load {
-        Load {
+    fn load(&self, splats: u64) -> DrawLoad {
+        DrawLoad {
             triangles: self.triangles as u64,
             splats,
             size_px: self.size_px,
@@ -228,7 +228,7 @@ impl FrameWorkload<'_> {
     }
 
     /// The paths of opaque splats and small triangles, in a frame that may be drawn by compute.
-    pub(crate) fn opaque(&self) -> Paths {
+    pub(crate) fn opaque(&self) -> OpaquePaths {
         let settings = self.settings;
         // Where hidden squares are left out by themselves, about one for each pixel of the box is left, at larger sizes fewer.
         let pixels = screen_bounds::pixels(self.rect_px) as f64;
@@ -257,7 +257,7 @@ impl FrameWorkload<'_> {
                 };
                 // Each ellipse saves a software device 130 ns and more, a square 60 to 80.
                 let least = if are_ellipses { 0.0625 } else { 0.125 };
-                let paths = Paths {
+                let paths = OpaquePaths {
                     triangles: path(self.triangles, 1.0),
                     splats: path(self.splats, least),
                 };
@@ -342,8 +342,8 @@ impl FrameWorkload<'_> {
     }
 }
 
-fn log<T: std::fmt::Debug>(what: &str, chosen: &Chosen<T>) {
-    let Chosen {
+fn log<T: std::fmt::Debug>(what: &str, chosen: &ChosenWay<T>) {
+    let ChosenWay {
         choice,
         raster_ns,
         compute_ns,
@@ -357,7 +357,7 @@ fn log<T: std::fmt::Debug>(what: &str, chosen: &Chosen<T>) {
 
 /// The largest splat that the rasterizer draws as a point, pixels: what the device allows (`device_px`), or less where quads
 /// are cheaper below that.
-pub(crate) fn largest_point_px(costs: &Costs, settings: &Settings, device_px: f32) -> f32 {
+pub(crate) fn largest_point_px(costs: &DrawCosts, settings: &Settings, device_px: f32) -> f32 {
     match Technique::of(settings) {
         Technique::Opaque | Technique::Fuzzy => {}
         // Filtered splats have no quads. Behind quads of visibility splats all of the picture is reconstructed.
@@ -378,7 +378,7 @@ mod tests {
 
     use super::*;
     use crate::generate::{self, Shape, Spec};
-    use crate::render::cost::model::{PassCosts, SplatCosts, TriangleCosts, Ways};
+    use crate::render::cost::model::{PassCosts, PerRasterizer, SplatCosts, TriangleCosts};
 
     /// A million splats in 100,000 pixels: at 10 ns more for each by the rasterizer and 5 ms more for the frame by compute.
     #[test]
@@ -391,7 +391,7 @@ mod tests {
             splat_ns: [ns; 3],
             passes,
         };
-        let kind = Some(Ways {
+        let kind = Some(PerRasterizer {
             raster: Some(splats(11.0, PassCosts::default())),
             compute: Some(splats(1.0, passes)),
         });
@@ -399,14 +399,14 @@ mod tests {
             triangle_ns: 1.0,
             passes: PassCosts::default(),
         };
-        let costs = Costs {
+        let costs = DrawCosts {
             square: kind,
             ellipse: kind,
-            triangle: Some(Ways {
+            triangle: Some(PerRasterizer {
                 raster: Some(triangles),
                 compute: None,
             }),
-            ..Costs::default()
+            ..DrawCosts::default()
         };
         let path = |splat, costs| {
             let settings = Settings {
@@ -431,7 +431,7 @@ mod tests {
         assert_eq!(path(SplatKind::Disc, costs), Path::Raster);
         // Each kind by its own costs.
         let mut cheap = costs;
-        cheap.ellipse = cheap.ellipse.map(|ways| Ways {
+        cheap.ellipse = cheap.ellipse.map(|ways| PerRasterizer {
             raster: Some(splats(1.0, PassCosts::default())),
             ..ways
         });

@@ -26,7 +26,7 @@ const CLEARLY: f64 = 1.1;
 
 /// The part of the picture that a frame works on.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Pixels {
+pub struct PicturePixels {
     /// All of the picture.
     pub picture: u64,
     /// The box around what is drawn.
@@ -34,9 +34,9 @@ pub struct Pixels {
 }
 
 /// Pixels of the box around a model in the picture: the part that passes over the picture go over.
-pub fn pixels_of(model: &Model, view: &View, largest_px: f32) -> Pixels {
+pub fn pixels_of(model: &Model, view: &View, largest_px: f32) -> PicturePixels {
     let margin_px = largest_px / 2.0 + 3.0;
-    Pixels {
+    PicturePixels {
         picture: u64::from(view.width) * u64::from(view.height),
         of_box: screen_bounds::pixels(screen_bounds::rect_px(model, view, margin_px)),
     }
@@ -58,13 +58,13 @@ pub struct PassCosts {
 
 impl PassCosts {
     /// Nanoseconds of a picture with at most `covered` pixels of the box covered.
-    fn of(&self, pixels: Pixels, covered: f64) -> f64 {
+    fn of(&self, pixels: PicturePixels, covered: f64) -> f64 {
         self.of_nothing(pixels)
             + self.covered_ns * covered.min(COVERED_OF_BOX * pixels.of_box as f64)
     }
 
     /// Nanoseconds without those of covered pixels.
-    fn of_nothing(&self, pixels: Pixels) -> f64 {
+    fn of_nothing(&self, pixels: PicturePixels) -> f64 {
         self.frame_ns + self.picture_ns * pixels.picture as f64 + self.box_ns * pixels.of_box as f64
     }
 }
@@ -96,7 +96,7 @@ impl SplatCosts {
 
     /// Nanoseconds of `count` splats of `size_px` pixels. How many pixels they cover is not known before they are drawn: a
     /// quarter of their squares together, and at most 0.6 of the box.
-    pub fn frame_ns(&self, count: u64, size_px: f32, pixels: Pixels) -> f64 {
+    pub fn frame_ns(&self, count: u64, size_px: f32, pixels: PicturePixels) -> f64 {
         if count == 0 {
             return 0.0;
         }
@@ -118,7 +118,7 @@ pub struct TriangleCosts {
 
 impl TriangleCosts {
     /// Nanoseconds of `count` small triangles; each is taken to cover a pixel.
-    pub fn frame_ns(&self, count: u64, pixels: Pixels) -> f64 {
+    pub fn frame_ns(&self, count: u64, pixels: PicturePixels) -> f64 {
         if count == 0 {
             return 0.0;
         }
@@ -129,14 +129,14 @@ impl TriangleCosts {
 /// By rasterizer and by compute; `None` what the device, or this version of the program, cannot.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Ways<T> {
+pub struct PerRasterizer<T> {
     /// By the rasterizer.
     pub raster: Option<T>,
     /// By compute shaders.
     pub compute: Option<T>,
 }
 
-impl<T> Ways<T> {
+impl<T> PerRasterizer<T> {
     /// The cost of each, infinite of what cannot be.
     fn each(&self, of: impl Fn(&T) -> f64) -> [f64; 2] {
         [&self.raster, &self.compute].map(|way| way.as_ref().map_or(f64::INFINITY, &of))
@@ -206,23 +206,23 @@ impl PrimitiveCosts {
 /// What one device charges. What is `None` was not measured.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Costs {
+pub struct DrawCosts {
     /// Opaque squares; discs count as these.
-    pub square: Option<Ways<SplatCosts>>,
+    pub square: Option<PerRasterizer<SplatCosts>>,
     /// Opaque ellipses.
-    pub ellipse: Option<Ways<SplatCosts>>,
+    pub ellipse: Option<PerRasterizer<SplatCosts>>,
     /// Splats that are blended in two passes and normalized.
-    pub gauss: Option<Ways<SplatCosts>>,
+    pub gauss: Option<PerRasterizer<SplatCosts>>,
     /// Filtered splats.
-    pub filtered: Option<Ways<SplatCosts>>,
+    pub filtered: Option<PerRasterizer<SplatCosts>>,
     /// Visibility splats, with the reconstruction by a Gaussian, which is the same by both paths.
-    pub visibility: Option<Ways<SplatCosts>>,
+    pub visibility: Option<PerRasterizer<SplatCosts>>,
     /// What compute costs on top beside the rasterizer: splats that are blended in two passes.
     pub gauss_merge: Option<MergeCosts>,
     /// The same of filtered splats.
     pub filtered_merge: Option<MergeCosts>,
     /// Triangles of a pixel or two.
-    pub triangle: Option<Ways<TriangleCosts>>,
+    pub triangle: Option<PerRasterizer<TriangleCosts>>,
     /// Opaque splats as points and as quads. Those that are blended are taken to behave alike: their shaders are larger, for
     /// vertices (of which a quad has six) as for fragments.
     pub primitives: Option<PrimitiveCosts>,
@@ -233,7 +233,7 @@ pub struct Costs {
     pub device_node_ns: Option<f64>,
 }
 
-impl Costs {
+impl DrawCosts {
     /// Whether a cut takes the device less time than the host, which has to write and move its lists besides.
     pub fn cuts_on_device(&self) -> bool {
         matches!((self.device_node_ns, self.node_ns), (Some(device), Some(host)) if device < host)
@@ -242,7 +242,7 @@ impl Costs {
 
 /// What one frame has to draw.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Load {
+pub struct DrawLoad {
     /// Small triangles: those that both paths can draw.
     pub triangles: u64,
     /// Splats that both paths can draw.
@@ -250,12 +250,12 @@ pub struct Load {
     /// Their side or diameter, pixels.
     pub size_px: f32,
     /// Pixels of the picture.
-    pub pixels: Pixels,
+    pub pixels: PicturePixels,
 }
 
 /// Which path draws which part of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Paths {
+pub struct OpaquePaths {
     /// The small triangles.
     pub triangles: Path,
     /// The splats.
@@ -264,7 +264,7 @@ pub struct Paths {
 
 /// What was chosen, and what was foreseen of both choices for all that there was to choose, nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Chosen<T> {
+pub struct ChosenWay<T> {
     /// The choice.
     pub choice: T,
     /// Everything by the rasterizer; infinite where it cannot.
@@ -273,9 +273,9 @@ pub struct Chosen<T> {
     pub compute_ns: f64,
 }
 
-impl Costs {
+impl DrawCosts {
     /// The costs of a kind of splat.
-    pub fn of(&self, kind: SplatKind) -> Option<&Ways<SplatCosts>> {
+    pub fn of(&self, kind: SplatKind) -> Option<&PerRasterizer<SplatCosts>> {
         match kind {
             SplatKind::Square | SplatKind::Disc => self.square.as_ref(),
             SplatKind::Ellipse => self.ellipse.as_ref(),
@@ -289,8 +289,8 @@ impl Costs {
     ///
     /// Where triangles go by compute the splats do, too: what is left in a pixel by both is shaded by one pass over the
     /// picture. Passes that both need count once. The rasterizer, unless compute is cheaper by a tenth.
-    pub fn opaque_paths(&self, kind: SplatKind, load: &Load) -> Option<Chosen<Paths>> {
-        let Load {
+    pub fn opaque_paths(&self, kind: SplatKind, load: &DrawLoad) -> Option<ChosenWay<OpaquePaths>> {
+        let DrawLoad {
             triangles,
             splats,
             size_px,
@@ -330,8 +330,8 @@ impl Costs {
                 best = offer;
             }
         }
-        Some(Chosen {
-            choice: Paths {
+        Some(ChosenWay {
+            choice: OpaquePaths {
                 triangles: best.1,
                 splats: best.2,
             },
@@ -346,9 +346,9 @@ impl Costs {
     pub fn blended_path(
         &self,
         kind: SplatKind,
-        load: &Load,
+        load: &DrawLoad,
         (is_beside, has_large): (bool, bool),
-    ) -> Option<Chosen<Path>> {
+    ) -> Option<ChosenWay<Path>> {
         let merge = match kind {
             SplatKind::Filtered => self.filtered_merge.as_ref(),
             _ => self.gauss_merge.as_ref(),
@@ -363,7 +363,7 @@ impl Costs {
                 compute_ns += merge.splat_ns * load.splats as f64;
             }
         }
-        Some(Chosen {
+        Some(ChosenWay {
             choice: if compute_ns < raster_ns / CLEARLY {
                 Path::Compute
             } else {

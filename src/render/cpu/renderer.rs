@@ -25,7 +25,7 @@ use crate::render::pack_params::{filtered_shade, splat_plan};
 use crate::render::screen_bounds;
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
-use crate::render::stats::{CutAhead, Kept, Stage};
+use crate::render::stats::{CutAhead, FrameStage, KeptWork};
 use crate::render::technique::Technique;
 use crate::render::{Method, Settings, SplatKind};
 use bytemuck::Zeroable;
@@ -153,22 +153,22 @@ impl CpuRenderer {
             return FrameTimes {
                 frame_ms: elapsed_ms(start),
                 counts: self.last_times.counts,
-                kept: Kept::Lists,
+                kept: KeptWork::Lists,
                 ..FrameTimes::default()
             };
         }
         self.drawn = None;
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
-        let cutting = Stage::Cut.begin();
+        let cutting = FrameStage::Cut.begin();
         let is_kept = settings.has_cut() && !self.choose_cut(drawn, plan);
         let ahead = self.ahead.take().unwrap_or_default();
         if is_kept && !ahead.is_new {
-            times.kept = Kept::Cut;
+            times.kept = KeptWork::Cut;
         }
         cutting.end(&mut times);
         times.cut_ms += ahead.ms;
-        let packing = Stage::Pack.begin();
+        let packing = FrameStage::Pack.begin();
         self.rect_px = context.rect_px;
         let rect_pixels = screen_bounds::pixels(context.rect_px) as usize;
         self.depths.resize(rect_pixels.max(self.depths.len()), 0.0);

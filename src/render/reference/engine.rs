@@ -14,9 +14,9 @@ use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
 use crate::render::reference::eye_dome::darken;
 use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList};
 use crate::render::stats::FrameCounts;
+use crate::render::stats::FrameStage;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
-use crate::render::stats::Stage;
 use crate::render::technique::Technique;
 use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use crate::tree::Model;
@@ -93,10 +93,10 @@ impl MirrorEngine {
                 ..PackedLists::default()
             },
             Method::Splats | Method::Pop => {
-                let cutting = Stage::Cut.begin();
+                let cutting = FrameStage::Cut.begin();
                 self.choose_cut(model, view, settings);
                 cutting.end(&mut times);
-                let packing = Stage::Pack.begin();
+                let packing = FrameStage::Pack.begin();
                 let lists = self.pack_cut(model, view, settings);
                 packing.end(&mut times);
                 times.counts.nodes_visited = self.cut.stats.visited;

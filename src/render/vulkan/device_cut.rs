@@ -12,17 +12,17 @@
 
 use crate::abi::{CutConstants, CutCounters, Splat, shaders};
 use crate::cut;
-use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{Buffer, Readback, Usage};
-use crate::gpu::frame::{Frame, Uniform};
-use crate::gpu::pipeline::Pipeline;
+use crate::gpu::bind::BufferSlice;
+use crate::gpu::buffer::{BufferUsage, DeviceBuffer, ReadbackBuffer};
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::render::vulkan::device_tree;
 use crate::render::vulkan::device_tree::DeviceTree;
-use crate::render::vulkan::opaque::hardware::Splats;
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::opaque::hardware::OpaqueSplats;
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::tree::Model;
 use std::sync::Arc;
 
@@ -35,16 +35,16 @@ pub(crate) struct DeviceCut {
     most_triangles: u32,
     subpixel_bits: u32,
     /// Sibling groups of a level and of the next one, in turn.
-    queues: [Buffer; 2],
-    splats: Buffer,
-    indices: Buffer,
-    counters: Buffer,
-    start: Pipeline,
-    next: Pipeline,
-    of_nodes: Pipeline,
-    of_leaves: Pipeline,
+    queues: [DeviceBuffer; 2],
+    splats: DeviceBuffer,
+    indices: DeviceBuffer,
+    counters: DeviceBuffer,
+    start: ShaderPipeline,
+    next: ShaderPipeline,
+    of_nodes: ShaderPipeline,
+    of_leaves: ShaderPipeline,
     /// What the frame of each slot counted.
-    read: Vec<Readback>,
+    read: Vec<ReadbackBuffer>,
 }
 
 /// Number of bytes of so many records, of one at least.
@@ -54,7 +54,7 @@ fn bytes_of<T>(count: usize) -> u64 {
 
 impl DeviceCut {
     /// Whether its lists have room for cuts of the scene.
-    pub(crate) fn is_of(&self, scene: &Scene) -> bool {
+    pub(crate) fn is_of(&self, scene: &DeviceScene) -> bool {
         self.scene == scene.id()
     }
 
@@ -65,7 +65,7 @@ impl DeviceCut {
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         on_device: &DeviceTree,
-        (model, scene): (&Model, &Scene),
+        (model, scene): (&Model, &DeviceScene),
         slots: usize,
     ) -> Result<Self, Error> {
         let tree = &model.tree;
@@ -77,9 +77,9 @@ impl DeviceCut {
         let indices = bytes_of::<[u32; 3]>(most_triangles);
         device_tree::fits_bindings(gpu, [queue, splats, indices])?;
         device_tree::fits_memory(gpu, on_device.bytes() + 2 * queue + splats + indices)?;
-        let pipeline = |name, shader| Pipeline::compute(gpu, name, shader, &[]);
+        let pipeline = |name, shader| ShaderPipeline::compute(gpu, name, shader, &[]);
         let counters = bytes_of::<CutCounters>(1);
-        let list = |name, bytes| Buffer::new(gpu, name, Usage::List, bytes);
+        let list = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::List, bytes);
         Ok(Self {
             scene: scene.id(),
             levels: if tree.nodes.is_empty() {
@@ -91,8 +91,8 @@ impl DeviceCut {
             most_triangles: most_triangles as u32,
             subpixel_bits: gpu.info().subpixel_bits,
             queues: [
-                Buffer::new(gpu, "groups of even levels", Usage::Storage, queue)?,
-                Buffer::new(gpu, "groups of odd levels", Usage::Storage, queue)?,
+                DeviceBuffer::new(gpu, "groups of even levels", BufferUsage::Storage, queue)?,
+                DeviceBuffer::new(gpu, "groups of odd levels", BufferUsage::Storage, queue)?,
             ],
             splats: list("splats of the device's cut", splats)?,
             indices: list("triangles of the device's cut", indices)?,
@@ -104,7 +104,7 @@ impl DeviceCut {
             read: (0..slots)
                 .map(|slot| {
                     let name = format!("counts of the cut of frame {slot}");
-                    Readback::new(gpu, &name, counters)
+                    ReadbackBuffer::new(gpu, &name, counters)
                 })
                 .collect::<Result<_, Error>>()?,
         })
@@ -119,11 +119,11 @@ impl DeviceCut {
     /// Passes `cut.tree` and `cut.leaves`: replaces the lists.
     pub(crate) fn choose(
         &self,
-        frame: &mut Frame<'_>,
-        (tree, scene): (&DeviceTree, &Scene),
-        constants: Uniform,
+        frame: &mut FrameRecorder<'_>,
+        (tree, scene): (&DeviceTree, &DeviceScene),
+        constants: UniformBlock,
     ) {
-        let whole = |buffer| Slice::whole(buffer);
+        let whole = |buffer| BufferSlice::whole(buffer);
         let counters = whole(&self.counters);
         let workgroups = std::mem::offset_of!(CutCounters, workgroups) as u64;
         frame
@@ -196,7 +196,7 @@ impl DeviceCut {
     }
 
     /// Pass `cut.counts`: reads back, for the time when the frame has finished, what the lists have.
-    pub(crate) fn count(&self, frame: &mut Frame<'_>) {
+    pub(crate) fn count(&self, frame: &mut FrameRecorder<'_>) {
         if let Some(read) = self.read.get(frame.slot()) {
             frame.read_back_buffer("cut.counts", &self.counters, read);
         }
@@ -205,11 +205,11 @@ impl DeviceCut {
     /// Passes `hybrid.triangles`, which clears the targets, and `hybrid.splats`: what is in the lists.
     pub(crate) fn draw(
         &self,
-        frame: &mut Frame<'_>,
-        (triangles, splats): (&Pipeline, &Splats),
-        (targets, scene): (&Targets, &Scene),
+        frame: &mut FrameRecorder<'_>,
+        (triangles, splats): (&ShaderPipeline, &OpaqueSplats),
+        (targets, scene): (&FrameTargets, &DeviceScene),
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let [page] = scene.pages.as_slice() else {
             return;
@@ -258,7 +258,7 @@ mod tests {
     use crate::generate::{self, Shape, Spec};
     use crate::gpu::buffer::AnyBuffer as _;
     use crate::gpu::for_tests::{close_in_silence, device};
-    use crate::gpu::frame::Frames;
+    use crate::gpu::frame::FrameRing;
     use crate::math::camera::View;
     use crate::pack::splats;
     use crate::progress::Silent;
@@ -304,15 +304,15 @@ mod tests {
     /// The lists of the device: splats, corners, counts.
     fn chosen(
         gpu: &Arc<Gpu>,
-        (model, scene): (&Model, &Scene),
+        (model, scene): (&Model, &DeviceScene),
         view: &View,
         settings: &Settings,
     ) -> (Vec<Splat>, Vec<[u32; 3]>, CutCounters) {
-        let mut frames = Frames::new(gpu, 1, false).unwrap();
+        let mut frames = FrameRing::new(gpu, 1, false).unwrap();
         let tree = DeviceTree::new(gpu, model, scene).unwrap();
         let mut cut = DeviceCut::new(gpu, &tree, (model, scene), 1).unwrap();
-        let mut splats = Readback::new(gpu, "splats", cut.splats.bytes()).unwrap();
-        let mut corners = Readback::new(gpu, "corners", cut.indices.bytes()).unwrap();
+        let mut splats = ReadbackBuffer::new(gpu, "splats", cut.splats.bytes()).unwrap();
+        let mut corners = ReadbackBuffer::new(gpu, "corners", cut.indices.bytes()).unwrap();
         let tester = cut::Tester::new(model, view, &cut_settings(settings, model));
         // Twice: the lists of the last frame are replaced.
         for _ in 0..2 {
@@ -326,8 +326,8 @@ mod tests {
         }
         let counts = cut.counts(0);
         assert!(u64::from(counts.splats[0]) <= u64::from(cut.most_splats));
-        let splats = bytemuck::pod_collect_to_vec(Readback::bytes(&mut splats));
-        let corners = bytemuck::pod_collect_to_vec(Readback::bytes(&mut corners));
+        let splats = bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut splats));
+        let corners = bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut corners));
         (
             splats[..counts.splats[0] as usize].to_vec(),
             corners[..counts.triangles[0] as usize / 3].to_vec(),
@@ -351,7 +351,7 @@ mod tests {
             (Shape::Square, 5_000),
         ] {
             let model = model_of(shape, triangles);
-            let scene = Scene::new(&gpu, &model).unwrap();
+            let scene = DeviceScene::new(&gpu, &model).unwrap();
             let undrawn = cut::Undrawn::new(&model);
             let mut views: Vec<View> = [(0.1, 0), (0.5, 1), (1.0, 2), (2.5, 3)]
                 .map(|(fill, step)| orbit(&model, (320, 200), fill, step))

@@ -1,8 +1,8 @@
 //! The tree of a scene on the device, for passes that look at nodes and leaves by their numbers.
 
-use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
+use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
-use crate::render::vulkan::scene::{Page, Scene};
+use crate::render::vulkan::scene::{DeviceScene, ScenePage};
 use crate::tree::{Leaf, Model, Node, NodeAttributes};
 use std::sync::Arc;
 
@@ -11,13 +11,13 @@ use std::sync::Arc;
 pub(crate) struct DeviceTree {
     scene: u64,
     /// As [`Node`].
-    pub(crate) nodes: Buffer,
+    pub(crate) nodes: DeviceBuffer,
     /// As [`NodeAttributes`].
-    pub(crate) attributes: Buffer,
+    pub(crate) attributes: DeviceBuffer,
     /// As [`Leaf`].
-    pub(crate) leaves: Buffer,
+    pub(crate) leaves: DeviceBuffer,
     /// Three numbers of vertices for each leaf of a mesh.
-    pub(crate) corners: Buffer,
+    pub(crate) corners: DeviceBuffer,
 }
 
 /// Storage buffers that the passes over it bind at most: `cut.leaves` and `lists.splats`.
@@ -28,7 +28,7 @@ impl DeviceTree {
     ///
     /// # Errors
     /// When it does not fit, or a Vulkan call fails.
-    pub(crate) fn new(gpu: &Arc<Gpu>, model: &Model, scene: &Scene) -> Result<Self, Error> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, model: &Model, scene: &DeviceScene) -> Result<Self, Error> {
         let tree = &model.tree;
         let page = page_of(scene)?;
         if gpu.info().max_storage_buffers < MOST_BUFFERS {
@@ -50,7 +50,7 @@ impl DeviceTree {
         let filled = |name: &str, data: &[u8]| {
             // A buffer has a byte at least; nothing is looked at of what is not there.
             let data = if data.is_empty() { &[0; 32][..] } else { data };
-            Buffer::with_data(gpu, name, Usage::Storage, data)
+            DeviceBuffer::with_data(gpu, name, BufferUsage::Storage, data)
         };
         let [nodes, attributes, leaves, corners] = all;
         Ok(Self {
@@ -63,7 +63,7 @@ impl DeviceTree {
     }
 
     /// Whether it is that of the scene.
-    pub(crate) fn is_of(&self, scene: &Scene) -> bool {
+    pub(crate) fn is_of(&self, scene: &DeviceScene) -> bool {
         self.scene == scene.id()
     }
 
@@ -78,7 +78,7 @@ impl DeviceTree {
 ///
 /// # Errors
 /// When there are several.
-pub(crate) fn page_of(scene: &Scene) -> Result<&Page, Error> {
+pub(crate) fn page_of(scene: &DeviceScene) -> Result<&ScenePage, Error> {
     match scene.pages.as_slice() {
         [page] => Ok(page),
         _ => Err(too_large(

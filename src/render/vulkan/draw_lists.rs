@@ -5,7 +5,7 @@ mod triangles;
 
 use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
 use crate::cut::{Cut, Stats};
-use crate::gpu::buffer::{AnyBuffer, Upload};
+use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::pack::splats;
 use crate::pack::splats::Packed;
@@ -17,34 +17,34 @@ use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_plan::{FramePlan, PackKey, RecordFormat};
 use crate::render::stats::FrameCounts;
 use crate::render::vulkan::expand_ids;
-use crate::render::vulkan::expand_ids::Whole;
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::expand_ids::ExpandedLists;
+use crate::render::vulkan::opaque::triangle_runs::PageRange;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
 use prefetch_index::prefetch_index;
 use std::sync::Arc;
 
 /// Mapped draw lists of one slot.
 #[derive(Debug)]
-pub(super) struct Lists {
-    splats: Upload,
-    indices: Upload,
-    pub(super) runs: Vec<Run>,
+pub(super) struct DrawLists {
+    splats: UploadBuffer,
+    indices: UploadBuffer,
+    pub(super) runs: Vec<PageRange>,
     /// Triangles that are small on screen, where those are drawn by compute.
-    small: Upload,
-    pub(super) small_runs: Vec<Run>,
+    small: UploadBuffer,
+    pub(super) small_runs: Vec<PageRange>,
     /// Triangles that stay such where others become samples.
     rest: small_triangles::Rest,
     rest_ids: Vec<u32>,
     /// What the device makes of numbers.
-    whole: Option<Whole>,
+    whole: Option<ExpandedLists>,
     /// None before the first frame, and after one that failed.
-    pub(super) held: Option<Held>,
+    pub(super) held: Option<PackedFrame>,
 }
 
 /// What the lists of a slot hold.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Held {
+pub(super) struct PackedFrame {
     key: PackKey,
     pub(super) packed: Packed,
     /// How many of them are triangles that cover one pixel.
@@ -71,7 +71,7 @@ pub(super) struct Held {
 pub(super) struct PackInput<'a> {
     pub(super) plan: &'a FramePlan,
     pub(super) model: &'a Model,
-    pub(super) scene: &'a Scene,
+    pub(super) scene: &'a DeviceScene,
     /// Of this plan.
     pub(super) key: PackKey,
     /// What splats are written as.
@@ -79,11 +79,12 @@ pub(super) struct PackInput<'a> {
     pub(super) selection: PassSelection,
 }
 
-impl Lists {
+impl DrawLists {
     /// # Errors
     /// When memory runs out.
     pub(super) fn new(gpu: &Arc<Gpu>, slot: usize) -> Result<Self, Error> {
-        let list = |name: &str| Upload::new(gpu, &format!("{name} of frame {slot}"), FIRST_BYTES);
+        let list =
+            |name: &str| UploadBuffer::new(gpu, &format!("{name} of frame {slot}"), FIRST_BYTES);
         Ok(Self {
             splats: list("splats")?,
             indices: list("triangles")?,
@@ -150,7 +151,7 @@ impl Lists {
             triangles::write(model, scene, triangles, lists, (of, ahead));
         }
         self.rest_ids = rest;
-        self.held = Some(Held {
+        self.held = Some(PackedFrame {
             packed: written.packed,
             samples: written.samples.unwrap_or(0),
             placed: written.placed,
@@ -263,19 +264,19 @@ impl Lists {
         ];
         let fits = expand_ids::fits(gpu, bytes);
         if fits {
-            Whole::reserve(gpu, &mut self.whole, bytes)?;
+            ExpandedLists::reserve(gpu, &mut self.whole, bytes)?;
         }
         Ok(fits)
     }
 
     /// What the device makes of the numbers that the lists hold; none where they hold no numbers.
-    fn whole(&self) -> Option<&Whole> {
+    fn whole(&self) -> Option<&ExpandedLists> {
         let held = self.held.as_ref()?;
         self.whole.as_ref().filter(|_| held.are_ids)
     }
 
     /// The numbers that the lists hold, if the device is to make something of them: of splats, triangles and small triangles.
-    pub(super) fn named(&self) -> Option<([&Upload; 3], &Whole, &Held)> {
+    pub(super) fn named(&self) -> Option<([&UploadBuffer; 3], &ExpandedLists, &PackedFrame)> {
         let held = self.held.as_ref().filter(|held| !held.is_made)?;
         let ids = [&self.splats, &self.indices, &self.small];
         Some((ids, self.whole()?, held))
@@ -354,7 +355,7 @@ impl WrittenSplats {
     fn room<'a, T: bytemuck::Pod>(
         &mut self,
         gpu: &Arc<Gpu>,
-        buffer: &'a mut Upload,
+        buffer: &'a mut UploadBuffer,
         count: usize,
     ) -> Result<&'a mut [T], Error> {
         (self.capacity, self.record_bytes) = (count, size_of::<T>());
@@ -386,7 +387,7 @@ fn whole_records<T: bytemuck::Pod>(bytes: &mut [u8]) -> &mut [T] {
 /// A mapped buffer as `count` records at least, grown if need be.
 pub(super) fn records<'a, T: bytemuck::Pod>(
     gpu: &Arc<Gpu>,
-    buffer: &'a mut Upload,
+    buffer: &'a mut UploadBuffer,
     count: usize,
 ) -> Result<&'a mut [T], Error> {
     reserve(gpu, buffer, (count * size_of::<T>()) as u64)?;
@@ -394,10 +395,10 @@ pub(super) fn records<'a, T: bytemuck::Pod>(
 }
 
 /// Grows a mapped buffer; its slot is free, so nothing reads it.
-fn reserve(gpu: &Arc<Gpu>, buffer: &mut Upload, bytes: u64) -> Result<(), Error> {
+fn reserve(gpu: &Arc<Gpu>, buffer: &mut UploadBuffer, bytes: u64) -> Result<(), Error> {
     if bytes > buffer.bytes() {
         let name = buffer.name().to_owned();
-        *buffer = Upload::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
+        *buffer = UploadBuffer::new(gpu, &name, bytes.max(buffer.bytes() * 3 / 2))?;
     }
     Ok(())
 }

@@ -8,29 +8,29 @@
 
 use crate::abi::specialization::{ARE_ORIENTED, HAVE_AREAS, HAVE_TRIANGLES};
 use crate::abi::{ListConstants, Splat, SplatId, WeightedSplat, shaders};
-use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Buffer, Upload, Usage};
-use crate::gpu::frame::{Frame, Uniform};
-use crate::gpu::pipeline::Pipeline;
+use crate::gpu::bind::BufferSlice;
+use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer, UploadBuffer};
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::pack::splats::Packed;
 use crate::render::vulkan::device_tree::{DeviceTree, fits_bindings, page_of};
-use crate::render::vulkan::draw_lists::Lists;
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::draw_lists::DrawLists;
+use crate::render::vulkan::opaque::triangle_runs::PageRange;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::Context;
 use std::sync::Arc;
 
 /// What the device makes of the lists of one slot.
 #[derive(Debug)]
-pub(super) struct Whole {
+pub(super) struct ExpandedLists {
     /// Records of splats.
-    pub(super) splats: Buffer,
+    pub(super) splats: DeviceBuffer,
     /// Corners of triangles.
-    pub(super) indices: Buffer,
+    pub(super) indices: DeviceBuffer,
     /// And of those that are small on screen.
-    pub(super) small: Buffer,
+    pub(super) small: DeviceBuffer,
 }
 
 /// First size of each, bytes; it grows by half when a frame needs more.
@@ -41,7 +41,7 @@ pub(super) fn fits(gpu: &Gpu, bytes: [u64; 2]) -> bool {
     fits_bindings(gpu, bytes).is_ok()
 }
 
-impl Whole {
+impl ExpandedLists {
     /// Makes room for records and corners of so many bytes, where nothing reads what was there.
     ///
     /// # Errors
@@ -51,7 +51,7 @@ impl Whole {
         place: &mut Option<Self>,
         [splats, triangles]: [u64; 2],
     ) -> Result<(), Error> {
-        let made = |name, bytes| Buffer::new(gpu, name, Usage::List, bytes);
+        let made = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::List, bytes);
         let names = [
             "splats by number",
             "triangles by number",
@@ -82,23 +82,23 @@ impl Whole {
 
 /// Pipelines that make records and corners.
 #[derive(Debug)]
-pub(super) struct ById {
+pub(super) struct IdExpansion {
     /// Of splats of one size and with radii of their own, each without and with areas.
-    splats: [Pipeline; 4],
-    triangles: Pipeline,
+    splats: [ShaderPipeline; 4],
+    triangles: ShaderPipeline,
     has_triangles: bool,
 }
 
 /// What the records of a list have.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Kind {
+pub(super) struct ExpandedKind {
     /// Radii of their own.
     pub(super) are_oriented: bool,
     /// The areas that they stand for.
     pub(super) have_areas: bool,
 }
 
-impl Kind {
+impl ExpandedKind {
     /// Of one.
     fn bytes(self) -> usize {
         match self.have_areas {
@@ -112,7 +112,7 @@ impl Kind {
     }
 }
 
-impl ById {
+impl IdExpansion {
     /// Of trees whose leaves are triangles or, without, points.
     ///
     /// # Errors
@@ -125,7 +125,7 @@ impl ById {
                 HAVE_TRIANGLES.is(has_triangles),
             ];
             let shader = &shaders::LISTS_SPLATS_COMP;
-            Pipeline::compute(gpu, "lists.splats", shader, &constants)
+            ShaderPipeline::compute(gpu, "lists.splats", shader, &constants)
         };
         let triangles = &shaders::LISTS_TRIANGLES_COMP;
         Ok(Self {
@@ -135,7 +135,7 @@ impl ById {
                 splats(true, false)?,
                 splats(true, true)?,
             ],
-            triangles: Pipeline::compute(gpu, "lists.triangles", triangles, &[])?,
+            triangles: ShaderPipeline::compute(gpu, "lists.triangles", triangles, &[])?,
             has_triangles,
         })
     }
@@ -151,9 +151,9 @@ impl ById {
     /// When the scene lies in several pages, or the frame has no room for constants.
     pub(super) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        (tree, scene): (&DeviceTree, &Scene),
-        (lists, kind): (&Lists, Kind),
+        frame: &mut FrameRecorder<'_>,
+        (tree, scene): (&DeviceTree, &DeviceScene),
+        (lists, kind): (&DrawLists, ExpandedKind),
         context: &Context,
     ) -> Result<(), Error> {
         let Some(([splats, large, small], whole, held)) = lists.named() else {
@@ -162,7 +162,7 @@ impl ById {
         let list = (splats, held.packed, held.capacity);
         let constants = storage_ranges::constants(context);
         self.splats(frame, (tree, scene), (list, &whole.splats, kind), constants)?;
-        let count = |runs: &[Run]| runs.iter().map(|run| run.count as usize / 3).sum();
+        let count = |runs: &[PageRange]| runs.iter().map(|run| run.count as usize / 3).sum();
         let triangles = [
             (large, &whole.indices, count(&lists.runs)),
             (small, &whole.small, count(&lists.small_runs)),
@@ -173,9 +173,13 @@ impl ById {
     /// Pass `lists.splats`: writes the records of a list of numbers with so much room.
     fn splats(
         &self,
-        frame: &mut Frame<'_>,
-        (tree, scene): (&DeviceTree, &Scene),
-        ((ids, packed, capacity), out, kind): ((&Upload, Packed, usize), &Buffer, Kind),
+        frame: &mut FrameRecorder<'_>,
+        (tree, scene): (&DeviceTree, &DeviceScene),
+        ((ids, packed, capacity), out, kind): (
+            (&UploadBuffer, Packed, usize),
+            &DeviceBuffer,
+            ExpandedKind,
+        ),
         constants: ListConstants,
     ) -> Result<(), Error> {
         let Packed { points, quads } = packed;
@@ -200,7 +204,7 @@ impl ById {
         for buffer in in_tree {
             pass = pass.storage_read(buffer);
         }
-        let [nodes, attributes, leaves, corners, vertices] = in_tree.map(Slice::whole);
+        let [nodes, attributes, leaves, corners, vertices] = in_tree.map(BufferSlice::whole);
         let bound = [
             first_bytes(ids, capacity * size_of::<SplatId>()),
             nodes,
@@ -222,9 +226,9 @@ impl ById {
     /// Pass `lists.triangles`: writes the corners of the triangles of lists, each of so many.
     fn triangles(
         &self,
-        frame: &mut Frame<'_>,
+        frame: &mut FrameRecorder<'_>,
         tree: &DeviceTree,
-        lists: [(&Upload, &Buffer, usize); 2],
+        lists: [(&UploadBuffer, &DeviceBuffer, usize); 2],
         constants: ListConstants,
     ) -> Result<(), Error> {
         let mut all = Vec::new();
@@ -244,7 +248,7 @@ impl ById {
             for (ids, out, (constants, count)) in all {
                 let bound = [
                     first_bytes(ids, 4 * count as usize),
-                    Slice::whole(&tree.corners),
+                    BufferSlice::whole(&tree.corners),
                     first_bytes(out, 12 * count as usize),
                 ];
                 compute.bind(&self.triangles, &[constants], &bound);
@@ -256,17 +260,17 @@ impl ById {
 }
 
 /// The first bytes of a list.
-fn first_bytes(buffer: &dyn AnyBuffer, bytes: usize) -> Slice<'_> {
-    Slice::new(buffer, 0, bytes as u64)
+fn first_bytes(buffer: &dyn AnyBuffer, bytes: usize) -> BufferSlice<'_> {
+    BufferSlice::new(buffer, 0, bytes as u64)
 }
 
 /// `count` items of a list, from the `first` on.
 fn part(
-    frame: &mut Frame<'_>,
+    frame: &mut FrameRecorder<'_>,
     constants: ListConstants,
     first: usize,
     count: usize,
-) -> Result<(Uniform, u32), Error> {
+) -> Result<(UniformBlock, u32), Error> {
     let count = count as u32;
     let constants = frame.uniform(&ListConstants {
         begin: first as u32,
@@ -283,10 +287,10 @@ mod tests {
     use super::*;
     use crate::cut::{Cut, Selector, SizeMetric, Undrawn};
     use crate::generate::{self, Shape, Spec};
-    use crate::gpu::buffer::Readback;
-    use crate::gpu::device::Kind as Device;
+    use crate::gpu::buffer::ReadbackBuffer;
+    use crate::gpu::device::DeviceKind as Device;
     use crate::gpu::for_tests::{close_in_silence, device};
-    use crate::gpu::frame::Frames;
+    use crate::gpu::frame::FrameRing;
     use crate::math::camera::View;
     use crate::pack::splats;
     use crate::pack::splats::Plan;
@@ -315,20 +319,20 @@ mod tests {
     /// What the device makes of numbers, as words of records: the points, then the quads.
     fn made(
         gpu: &Arc<Gpu>,
-        (model, scene): (&Model, &Scene),
+        (model, scene): (&Model, &DeviceScene),
         (named, packed): (&[SplatId], Packed),
-        kind: Kind,
+        kind: ExpandedKind,
     ) -> Vec<u32> {
         let tree = DeviceTree::new(gpu, model, scene).unwrap();
-        let by_id = ById::new(gpu, model.kind().is_surface()).unwrap();
+        let by_id = IdExpansion::new(gpu, model.kind().is_surface()).unwrap();
         let bytes: &[u8] = bytemuck::cast_slice(named);
-        let mut list = Upload::new(gpu, "numbers", bytes.len() as u64).unwrap();
+        let mut list = UploadBuffer::new(gpu, "numbers", bytes.len() as u64).unwrap();
         list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
         list.flush(0..bytes.len() as u64);
         let size = (named.len() * kind.bytes()) as u64;
-        let out = Buffer::new(gpu, "records", Usage::List, size).unwrap();
-        let mut read = Readback::new(gpu, "read", size).unwrap();
-        let mut frames = Frames::new(gpu, 1, false).unwrap();
+        let out = DeviceBuffer::new(gpu, "records", BufferUsage::List, size).unwrap();
+        let mut read = ReadbackBuffer::new(gpu, "read", size).unwrap();
+        let mut frames = FrameRing::new(gpu, 1, false).unwrap();
         let mut frame = frames.begin().unwrap();
         let list = (&list, packed, named.len());
         let constants = bytemuck::Zeroable::zeroed();
@@ -338,7 +342,7 @@ mod tests {
         frame.read_back_buffer("read", &out, &read);
         let ticket = frame.submit().unwrap();
         frames.finish(ticket).unwrap();
-        let words: Vec<u32> = bytemuck::pod_collect_to_vec(Readback::bytes(&mut read));
+        let words: Vec<u32> = bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut read));
         let of_one = kind.bytes() / 4;
         let end = named.len() * of_one;
         [
@@ -375,7 +379,7 @@ mod tests {
             (Shape::Square, 2, false),
         ] {
             let model = model_of(shape, triangles, is_cloud);
-            let scene = Scene::new(&gpu, &model).unwrap();
+            let scene = DeviceScene::new(&gpu, &model).unwrap();
             let undrawn = Undrawn::new(&model);
             for (step, fill) in [(0, 0.1), (1, 0.8), (2, 3.0)] {
                 let view = orbit(&model, fill, step);
@@ -426,7 +430,7 @@ mod tests {
                     }
                     kinds[5] += packed.quads;
                     for have_areas in [false, true] {
-                        let kind = Kind {
+                        let kind = ExpandedKind {
                             are_oriented: footprint == Footprint::Oriented,
                             have_areas,
                         };
@@ -451,19 +455,19 @@ mod tests {
     fn numbers_become_the_corners_of_triangles() {
         let Some(gpu) = device() else { return };
         let model = model_of(Shape::Torus, 5_000, false);
-        let scene = Scene::new(&gpu, &model).unwrap();
+        let scene = DeviceScene::new(&gpu, &model).unwrap();
         let tree = DeviceTree::new(&gpu, &model, &scene).unwrap();
-        let by_id = ById::new(&gpu, true).unwrap();
-        let mut frames = Frames::new(&gpu, 1, false).unwrap();
+        let by_id = IdExpansion::new(&gpu, true).unwrap();
+        let mut frames = FrameRing::new(&gpu, 1, false).unwrap();
         let lists: [Vec<u32>; 2] = [(0..777).map(|i| 3 * i).collect(), vec![4, 2, 999]];
         let made = lists.each_ref().map(|ids| {
             let bytes: &[u8] = bytemuck::cast_slice(ids);
-            let mut list = Upload::new(&gpu, "numbers", bytes.len() as u64).unwrap();
+            let mut list = UploadBuffer::new(&gpu, "numbers", bytes.len() as u64).unwrap();
             list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
             list.flush(0..bytes.len() as u64);
             let size = 12 * ids.len() as u64;
-            let out = Buffer::new(&gpu, "corners", Usage::List, size).unwrap();
-            (list, out, Readback::new(&gpu, "read", size).unwrap())
+            let out = DeviceBuffer::new(&gpu, "corners", BufferUsage::List, size).unwrap();
+            (list, out, ReadbackBuffer::new(&gpu, "read", size).unwrap())
         });
         let mut frame = frames.begin().unwrap();
         let of = |i: usize| (&made[i].0, &made[i].1, lists[i].len());
@@ -477,7 +481,8 @@ mod tests {
         let ticket = frame.submit().unwrap();
         frames.finish(ticket).unwrap();
         for (ids, (_, _, mut read)) in lists.iter().zip(made) {
-            let corners: Vec<[u32; 3]> = bytemuck::pod_collect_to_vec(Readback::bytes(&mut read));
+            let corners: Vec<[u32; 3]> =
+                bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut read));
             let host: Vec<[u32; 3]> = ids.iter().map(|&id| model.triangles[id as usize]).collect();
             assert_eq!(corners[..ids.len()], host);
         }

@@ -2,20 +2,22 @@
 //! technique, since all leave colors and depths.
 
 use crate::abi::shaders;
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::image::Image as Target;
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::image::DeviceImage as Target;
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::ScreenDraw;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
 
 /// The pipeline and the picture that it makes.
 #[derive(Debug)]
 pub(crate) struct EyeDomePass {
-    pipeline: Pipeline,
+    pipeline: ShaderPipeline,
     picture: Target,
 }
 
@@ -24,21 +26,21 @@ impl EyeDomePass {
     ///
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
-    pub(crate) fn new(gpu: &Arc<Gpu>, of: &Targets) -> Result<Self, Error> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, of: &FrameTargets) -> Result<Self, Error> {
         let color = of.color();
-        let description = Description {
+        let description = PipelineDescription {
             name: "look.eye_dome",
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(&shaders::LOOK_EYE_DOME_FRAG),
             constants: &[],
-            record: Record::NOTHING,
-            topology: Topology::Triangles,
+            record: VertexRecord::NOTHING,
+            topology: PrimitiveTopology::Triangles,
             colors: targets(color.format, false),
-            depth: Depth::None,
+            depth: DepthMode::None,
             is_additive: false,
         };
         Ok(Self {
-            pipeline: Pipeline::new(gpu, &description)?,
+            pipeline: ShaderPipeline::new(gpu, &description)?,
             picture: Target::new(
                 gpu,
                 "darkened color",
@@ -52,15 +54,15 @@ impl EyeDomePass {
     /// Records pass look.eye_dome, which reads color and depth of the targets.
     pub(crate) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let [r, g, b] = context.background;
         let pass = frame
             .pass("look.eye_dome")
-            .color(&self.picture, Load::Clear([r, g, b, 0.0]));
+            .color(&self.picture, TargetLoad::Clear([r, g, b, 0.0]));
         let (uniforms, images) = ([constants], [targets.color(), targets.depth()]);
         let screen = ScreenDraw::of_images(&self.pipeline, &uniforms, &images);
         raster_pass::full_screen(pass, &screen, context.rect_px);

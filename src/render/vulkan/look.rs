@@ -1,11 +1,11 @@
 //! Looks: passes over the finished picture of a frame, whatever technique drew it.
 
-use crate::gpu::frame::{Frame, Uniform};
-use crate::gpu::image::Image as Target;
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::{Error, Gpu};
 use crate::render::frame_plan::FramePlan;
 use crate::render::vulkan::eye_dome::EyeDomePass;
-use crate::render::vulkan::targets::Targets;
+use crate::render::vulkan::targets::FrameTargets;
 use std::sync::Arc;
 
 /// The looks of pictures of one size, made when a frame first has them.
@@ -24,7 +24,7 @@ impl PictureLooks {
     pub(super) fn prepare(
         &mut self,
         gpu: &Arc<Gpu>,
-        targets: &Targets,
+        targets: &FrameTargets,
         plan: &FramePlan,
     ) -> Result<(), Error> {
         self.is_darkened = plan.constants.eye_dome > 0.0;
@@ -42,10 +42,10 @@ impl PictureLooks {
     /// Records the looks of a frame, whose technique is recorded.
     pub(super) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         plan: &FramePlan,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         if let (true, Some(pass)) = (self.is_darkened, &self.eye_dome) {
             pass.record(frame, targets, &plan.context, constants);
@@ -53,7 +53,7 @@ impl PictureLooks {
     }
 
     /// The picture of the last frame, as its looks left it.
-    pub(super) fn picture<'a>(&'a self, targets: &'a Targets) -> &'a Target {
+    pub(super) fn picture<'a>(&'a self, targets: &'a FrameTargets) -> &'a Target {
         match &self.eye_dome {
             Some(pass) if self.is_darkened => pass.picture(),
             _ => targets.color(),

@@ -18,25 +18,25 @@ pub(crate) mod targets;
 pub mod triangles;
 pub(crate) mod visibility;
 
-use crate::gpu::image::Format;
-use crate::gpu::pipeline::{Record, record};
+use crate::gpu::image::ImageFormat;
+use crate::gpu::pipeline::{VertexRecord, record};
 
 /// Format of the color target: what the picture holds is what the target held.
-pub(crate) const COLOR: Format = Format::Rgba8;
+pub(crate) const COLOR: ImageFormat = ImageFormat::Rgba8;
 /// Format of the color target of pictures that are averaged: nothing is rounded before the mean is.
-pub(crate) const SAMPLES: Format = Format::Rgba32Float;
+pub(crate) const SAMPLES: ImageFormat = ImageFormat::Rgba32Float;
 /// Format of the normal target.
-pub(crate) const NORMAL: Format = Format::Rgba32Float;
+pub(crate) const NORMAL: ImageFormat = ImageFormat::Rgba32Float;
 
 /// [`crate::abi::Vertex`] as pipelines see it.
-pub(crate) const VERTEX: Record = record!(crate::abi::Vertex {
+pub(crate) const VERTEX: VertexRecord = record!(crate::abi::Vertex {
     position: Float3,
     normal: Snorm16x2,
     color: Unorm8x4,
 });
 
 /// [`crate::abi::Splat`] as pipelines see it.
-pub(crate) const SPLAT: Record = record!(crate::abi::Splat {
+pub(crate) const SPLAT: VertexRecord = record!(crate::abi::Splat {
     center: Float3,
     radius: Float,
     normal: Snorm16x2,

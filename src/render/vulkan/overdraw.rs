@@ -9,10 +9,12 @@
 use crate::abi::constants::MOST_OVERDRAW;
 use crate::abi::specialization::{IS_ORIENTED, IS_QUAD, LARGE_ONLY};
 use crate::abi::{ConstantValue, Shader, shaders};
-use crate::gpu::buffer::Readback;
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::buffer::ReadbackBuffer;
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::image::{DeviceImage as Target, ImageFormat};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
 use crate::pack::falsecolor;
@@ -20,10 +22,10 @@ use crate::render::Settings;
 use crate::render::technique::Technique;
 use crate::render::vulkan::blended::filtered;
 use crate::render::vulkan::blended::fuzzy;
-use crate::render::vulkan::opaque::hardware::Source;
+use crate::render::vulkan::opaque::hardware::SplatSource;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::{SPLAT, VERTEX};
 use std::sync::Arc;
 
@@ -57,47 +59,47 @@ pub fn legend_line() -> String {
 }
 
 /// Format of the counts: exact up to 16,777,216.
-const COUNTS: Format = Format::R32Float;
+const COUNTS: ImageFormat = ImageFormat::R32Float;
 
 /// What decides the pipelines.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Variant {
-    kind: Kind,
+struct OverdrawVariant {
+    kind: OverdrawKind,
     /// Of the picture.
-    color: Format,
+    color: ImageFormat,
     /// Of the frame.
     flags: u32,
 }
 
 /// What is counted besides triangles.
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Kind {
+enum OverdrawKind {
     Nothing,
-    Opaque(Footprint, Source),
-    Fuzzy(fuzzy::Variant),
+    Opaque(Footprint, SplatSource),
+    Fuzzy(fuzzy::FuzzyVariant),
     Filtered,
 }
 
 /// FrameCounts of one picture size.
 #[derive(Debug)]
-pub(crate) struct Counter {
+pub(crate) struct OverdrawCounter {
     gpu: Arc<Gpu>,
-    pipelines: Option<Pipelines>,
+    pipelines: Option<OverdrawPipelines>,
     counts: Target,
     /// One for each slot of the ring.
-    read: Vec<Readback>,
+    read: Vec<ReadbackBuffer>,
 }
 
 #[derive(Debug)]
-struct Pipelines {
-    variant: Variant,
-    triangles: Pipeline,
-    points: Option<Pipeline>,
-    quads: Option<Pipeline>,
-    show: Pipeline,
+struct OverdrawPipelines {
+    variant: OverdrawVariant,
+    triangles: ShaderPipeline,
+    points: Option<ShaderPipeline>,
+    quads: Option<ShaderPipeline>,
+    show: ShaderPipeline,
 }
 
-impl Counter {
+impl OverdrawCounter {
     /// For frames in a ring of `in_flight` slots.
     ///
     /// # Errors
@@ -123,7 +125,7 @@ impl Counter {
             pipelines: None,
             counts,
             read: (0..in_flight)
-                .map(|slot| Readback::new(gpu, &format!("overdraw of frame {slot}"), bytes))
+                .map(|slot| ReadbackBuffer::new(gpu, &format!("overdraw of frame {slot}"), bytes))
                 .collect::<Result<_, _>>()?,
         })
     }
@@ -135,27 +137,27 @@ impl Counter {
     pub(crate) fn ensure(
         &mut self,
         settings: &Settings,
-        targets: &Targets,
-        (flags, fuzzy): (u32, Option<fuzzy::Variant>),
+        targets: &FrameTargets,
+        (flags, fuzzy): (u32, Option<fuzzy::FuzzyVariant>),
     ) -> Result<(), Error> {
         let source = if settings.has_cut() {
-            Source::List
+            SplatSource::List
         } else {
-            Source::Vertices
+            SplatSource::Vertices
         };
         let kind = match (Technique::of(settings), fuzzy) {
-            (Technique::Nothing, _) => Kind::Nothing,
-            (Technique::Fuzzy, Some(variant)) => Kind::Fuzzy(variant),
-            (Technique::Filtered, _) => Kind::Filtered,
-            _ => Kind::Opaque(settings.footprint(), source),
+            (Technique::Nothing, _) => OverdrawKind::Nothing,
+            (Technique::Fuzzy, Some(variant)) => OverdrawKind::Fuzzy(variant),
+            (Technique::Filtered, _) => OverdrawKind::Filtered,
+            _ => OverdrawKind::Opaque(settings.footprint(), source),
         };
-        let variant = Variant {
+        let variant = OverdrawVariant {
             kind,
             color: targets.color().format,
             flags,
         };
         if self.pipelines.as_ref().is_none_or(|p| p.variant != variant) {
-            self.pipelines = Some(Pipelines::new(&self.gpu, variant)?);
+            self.pipelines = Some(OverdrawPipelines::new(&self.gpu, variant)?);
         }
         Ok(())
     }
@@ -163,18 +165,18 @@ impl Counter {
     /// FrameCounts what a frame drew, shows it in place of its picture, and has the counts read back.
     pub(crate) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         list: &RasterList<'_>,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let Some(pipelines) = &self.pipelines else {
             unreachable!("prepare made the pipelines")
         };
         let pass = frame
             .pass("overdraw.count")
-            .color(&self.counts, Load::Clear([0.0; 4]));
+            .color(&self.counts, TargetLoad::Clear([0.0; 4]));
         let counting = RasterPipelines {
             triangles: Some(&pipelines.triangles),
             points: pipelines.points.as_ref(),
@@ -184,7 +186,7 @@ impl Counter {
         let [r, g, b] = context.background;
         let pass = frame
             .pass("overdraw.show")
-            .color(targets.color(), Load::Clear([r, g, b, 0.0]));
+            .color(targets.color(), TargetLoad::Clear([r, g, b, 0.0]));
         let (uniforms, images) = ([constants], [&self.counts]);
         let screen = ScreenDraw::of_images(&pipelines.show, &uniforms, &images);
         raster_pass::full_screen(pass, &screen, context.whole_px());
@@ -194,7 +196,7 @@ impl Counter {
 
     /// The counts of the last frame in a slot of the ring, which was waited for; row by row from the top left.
     pub(crate) fn of_slot(&mut self, slot: usize) -> impl Iterator<Item = u32> {
-        let bytes = Readback::bytes(&mut self.read[slot]);
+        let bytes = ReadbackBuffer::bytes(&mut self.read[slot]);
         // The buffer may be longer than the picture.
         let pixels = self.counts.width as usize * self.counts.height as usize;
         bytes
@@ -204,76 +206,77 @@ impl Counter {
     }
 }
 
-impl Pipelines {
-    fn new(gpu: &Arc<Gpu>, variant: Variant) -> Result<Self, Error> {
-        let pipeline = |d: &Description<'_>| Pipeline::for_flags(gpu, d, variant.flags);
-        let base = Description {
+impl OverdrawPipelines {
+    fn new(gpu: &Arc<Gpu>, variant: OverdrawVariant) -> Result<Self, Error> {
+        let pipeline =
+            |d: &PipelineDescription<'_>| ShaderPipeline::for_flags(gpu, d, variant.flags);
+        let base = PipelineDescription {
             name: "overdraw.count triangles",
             vertex: &shaders::TRIANGLES_DRAW_VERT,
             fragment: Some(&shaders::OVERDRAW_COUNT_FRAG),
             constants: &[],
             record: VERTEX,
-            topology: Topology::Triangles,
+            topology: PrimitiveTopology::Triangles,
             colors: &[COUNTS],
-            depth: Depth::None,
+            depth: DepthMode::None,
             is_additive: true,
         };
-        let (vertex, fragment, record): (&Shader, &Shader, Record) = match variant.kind {
-            Kind::Nothing => (base.vertex, &shaders::OVERDRAW_COUNT_FRAG, VERTEX),
-            Kind::Opaque(Footprint::Square, Source::List) => (
+        let (vertex, fragment, record): (&Shader, &Shader, VertexRecord) = match variant.kind {
+            OverdrawKind::Nothing => (base.vertex, &shaders::OVERDRAW_COUNT_FRAG, VERTEX),
+            OverdrawKind::Opaque(Footprint::Square, SplatSource::List) => (
                 &shaders::SPLATS_SQUARE_VERT,
                 &shaders::OVERDRAW_COUNT_FRAG,
                 SPLAT,
             ),
-            Kind::Opaque(Footprint::Square, Source::Vertices) => (
+            OverdrawKind::Opaque(Footprint::Square, SplatSource::Vertices) => (
                 &shaders::POINTS_DRAW_VERT,
                 &shaders::OVERDRAW_COUNT_FRAG,
                 VERTEX,
             ),
-            Kind::Opaque(_, Source::List) => (
+            OverdrawKind::Opaque(_, SplatSource::List) => (
                 &shaders::SPLATS_ROUND_VERT,
                 &shaders::OVERDRAW_ROUND_FRAG,
                 SPLAT,
             ),
-            Kind::Opaque(_, Source::Vertices) => (
+            OverdrawKind::Opaque(_, SplatSource::Vertices) => (
                 &shaders::POINTS_ROUND_VERT,
                 &shaders::OVERDRAW_ROUND_FRAG,
                 VERTEX,
             ),
-            Kind::Fuzzy(fuzzy) if fuzzy.from_vertices => (
+            OverdrawKind::Fuzzy(fuzzy) if fuzzy.from_vertices => (
                 &shaders::FUZZY_BLEND_POINTS_VERT,
                 &shaders::OVERDRAW_FUZZY_FRAG,
                 VERTEX,
             ),
-            Kind::Fuzzy(_) => (
+            OverdrawKind::Fuzzy(_) => (
                 &shaders::FUZZY_BLEND_VERT,
                 &shaders::OVERDRAW_FUZZY_FRAG,
                 fuzzy::RECORD,
             ),
-            Kind::Filtered => (
+            OverdrawKind::Filtered => (
                 &shaders::FILTERED_BLEND_VERT,
                 &shaders::OVERDRAW_FILTERED_FRAG,
                 filtered::RECORD,
             ),
         };
-        let splats = |topology: Topology| {
-            let is_oriented = matches!(variant.kind, Kind::Opaque(footprint, _) if footprint == Footprint::Oriented);
+        let splats = |topology: PrimitiveTopology| {
+            let is_oriented = matches!(variant.kind, OverdrawKind::Opaque(footprint, _) if footprint == Footprint::Oriented);
             let opaque = [
-                IS_QUAD.is(topology == Topology::Quads),
+                IS_QUAD.is(topology == PrimitiveTopology::Quads),
                 IS_ORIENTED.is(is_oriented),
             ];
             let fuzzy;
             let constants: &[ConstantValue] = match variant.kind {
-                Kind::Nothing => &[],
-                Kind::Fuzzy(variant) => {
+                OverdrawKind::Nothing => &[],
+                OverdrawKind::Fuzzy(variant) => {
                     fuzzy = variant.of_blend(topology);
                     &fuzzy
                 }
-                Kind::Filtered => &[LARGE_ONLY.is(false)],
-                Kind::Opaque(Footprint::Square, _) => &opaque[..1],
-                Kind::Opaque(..) => &opaque,
+                OverdrawKind::Filtered => &[LARGE_ONLY.is(false)],
+                OverdrawKind::Opaque(Footprint::Square, _) => &opaque[..1],
+                OverdrawKind::Opaque(..) => &opaque,
             };
-            pipeline(&Description {
+            pipeline(&PipelineDescription {
                 name: "overdraw.count splats",
                 vertex,
                 fragment: Some(fragment),
@@ -287,19 +290,19 @@ impl Pipelines {
             variant,
             triangles: pipeline(&base)?,
             points: match variant.kind {
-                Kind::Nothing => None,
-                _ => Some(splats(Topology::Points)?),
+                OverdrawKind::Nothing => None,
+                _ => Some(splats(PrimitiveTopology::Points)?),
             },
             quads: match variant.kind {
                 // Filtered splats are points, however large.
-                Kind::Nothing | Kind::Filtered => None,
-                _ => Some(splats(Topology::Quads)?),
+                OverdrawKind::Nothing | OverdrawKind::Filtered => None,
+                _ => Some(splats(PrimitiveTopology::Quads)?),
             },
-            show: pipeline(&Description {
+            show: pipeline(&PipelineDescription {
                 name: "overdraw.show",
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
                 fragment: Some(&shaders::OVERDRAW_SHOW_FRAG),
-                record: Record::NOTHING,
+                record: VertexRecord::NOTHING,
                 colors: crate::render::vulkan::triangles::targets(variant.color, false),
                 is_additive: false,
                 ..base

@@ -3,20 +3,20 @@
 //! A technique says which targets a pass has, which pipelines draw its list, and what it leaves to others; how a list is
 //! declared and drawn stands here once.
 
-use crate::gpu::bind::Slice;
+use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::AnyBuffer;
-use crate::gpu::frame::{Draw, Pass, Uniform};
-use crate::gpu::image::Image;
-use crate::gpu::pipeline::Pipeline;
+use crate::gpu::frame::{DrawRecorder, PassBuilder, UniformBlock};
+use crate::gpu::image::DeviceImage;
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::fuzzy::Placed;
 use crate::pack::splats::Packed;
 use crate::render::screen_bounds;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::targets::Context;
 
 /// A run of indices in the draw list that belongs to one page.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Run {
+pub(crate) struct PageRange {
     /// Page of the scene.
     pub(crate) page: usize,
     /// First index.
@@ -28,7 +28,7 @@ pub(crate) struct Run {
 /// What the rasterizer draws of a scene in a pass: triangles, then splats.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct RasterList<'a> {
-    pub(crate) scene: &'a Scene,
+    pub(crate) scene: &'a DeviceScene,
     pub(crate) triangles: RasterTriangles<'a>,
     pub(crate) splats: RasterSplats<'a>,
 }
@@ -39,7 +39,7 @@ pub(crate) enum RasterTriangles<'a> {
     /// All of the scene.
     Scene,
     /// Runs of a buffer of indices; there may be none.
-    Runs(&'a dyn AnyBuffer, &'a [Run]),
+    Runs(&'a dyn AnyBuffer, &'a [PageRange]),
     Nothing,
 }
 
@@ -128,10 +128,10 @@ impl<'a> SplatRecords<'a> {
 /// What draws a list; a pipeline that the list never needs is none.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct RasterPipelines<'a> {
-    pub(crate) triangles: Option<&'a Pipeline>,
-    pub(crate) points: Option<&'a Pipeline>,
+    pub(crate) triangles: Option<&'a ShaderPipeline>,
+    pub(crate) points: Option<&'a ShaderPipeline>,
     /// Without, what may be quads is drawn as points too.
-    pub(crate) quads: Option<&'a Pipeline>,
+    pub(crate) quads: Option<&'a ShaderPipeline>,
 }
 
 impl RasterList<'_> {
@@ -162,7 +162,7 @@ impl RasterList<'_> {
     }
 
     /// Declares what a pass reads of the list.
-    fn declared<'f>(&self, mut pass: Pass<'f>) -> Pass<'f> {
+    fn declared<'f>(&self, mut pass: PassBuilder<'f>) -> PassBuilder<'f> {
         let has_vertices = matches!(self.splats, RasterSplats::Vertices { .. });
         if has_vertices || !self.triangles.is_empty() {
             for page in &self.scene.pages {
@@ -187,11 +187,11 @@ impl RasterList<'_> {
 /// # Panics
 /// When something is in the list that no pipeline draws.
 pub(crate) fn draw(
-    pass: Pass<'_>,
+    pass: PassBuilder<'_>,
     list: &RasterList<'_>,
     pipelines: RasterPipelines<'_>,
     context: &Context,
-    constants: Uniform,
+    constants: UniformBlock,
 ) {
     list.declared(pass).draw(context.viewport(), |draw| {
         if !list.triangles.is_empty() {
@@ -204,14 +204,14 @@ pub(crate) fn draw(
     });
 }
 
-fn needed(pipeline: Option<&Pipeline>) -> &Pipeline {
+fn needed(pipeline: Option<&ShaderPipeline>) -> &ShaderPipeline {
     let Some(pipeline) = pipeline else {
         unreachable!("a pass has the pipelines that its list needs")
     };
     pipeline
 }
 
-fn draw_triangles(draw: &mut Draw<'_>, list: &RasterList<'_>) {
+fn draw_triangles(draw: &mut DrawRecorder<'_>, list: &RasterList<'_>) {
     let pages = &list.scene.pages;
     match list.triangles {
         RasterTriangles::Scene => {
@@ -236,10 +236,10 @@ fn draw_triangles(draw: &mut Draw<'_>, list: &RasterList<'_>) {
 }
 
 fn draw_splats(
-    draw: &mut Draw<'_>,
+    draw: &mut DrawRecorder<'_>,
     list: &RasterList<'_>,
     pipelines: RasterPipelines<'_>,
-    constants: Uniform,
+    constants: UniformBlock,
 ) {
     match list.splats {
         RasterSplats::Records(records) => {
@@ -268,10 +268,10 @@ fn draw_splats(
 
 /// Binds what draws splats that may be quads or not. Whether they are.
 fn bind_splats(
-    draw: &mut Draw<'_>,
+    draw: &mut DrawRecorder<'_>,
     pipelines: RasterPipelines<'_>,
     may_be_quads: bool,
-    constants: Uniform,
+    constants: UniformBlock,
 ) -> bool {
     let quads = pipelines.quads.filter(|_| may_be_quads);
     let pipeline = quads.unwrap_or_else(|| needed(pipelines.points));
@@ -279,7 +279,7 @@ fn bind_splats(
     quads.is_some()
 }
 
-fn draw_range(draw: &mut Draw<'_>, range: RecordRange, are_quads: bool) {
+fn draw_range(draw: &mut DrawRecorder<'_>, range: RecordRange, are_quads: bool) {
     if are_quads {
         draw.draw_quads(range.first, range.count);
     } else {
@@ -290,20 +290,20 @@ fn draw_range(draw: &mut Draw<'_>, range: RecordRange, are_quads: bool) {
 /// What a triangle over the picture is drawn with.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScreenDraw<'a> {
-    pub(crate) pipeline: &'a Pipeline,
-    pub(crate) uniforms: &'a [Uniform],
+    pub(crate) pipeline: &'a ShaderPipeline,
+    pub(crate) uniforms: &'a [UniformBlock],
     /// Images that it samples.
-    pub(crate) images: &'a [&'a Image],
+    pub(crate) images: &'a [&'a DeviceImage],
     /// Storage that it reads, which the pass has declared.
-    pub(crate) storage: &'a [Slice<'a>],
+    pub(crate) storage: &'a [BufferSlice<'a>],
 }
 
 impl<'a> ScreenDraw<'a> {
     /// One that reads images and no storage.
     pub(crate) fn of_images(
-        pipeline: &'a Pipeline,
-        uniforms: &'a [Uniform],
-        images: &'a [&'a Image],
+        pipeline: &'a ShaderPipeline,
+        uniforms: &'a [UniformBlock],
+        images: &'a [&'a DeviceImage],
     ) -> Self {
         Self {
             pipeline,
@@ -316,7 +316,7 @@ impl<'a> ScreenDraw<'a> {
 
 /// Records a pass whose targets are attached: a triangle over them, which shows within `rect_px` only (left, top, and one past
 /// right and bottom).
-pub(crate) fn full_screen(pass: Pass<'_>, screen: &ScreenDraw<'_>, rect_px: [u32; 4]) {
+pub(crate) fn full_screen(pass: PassBuilder<'_>, screen: &ScreenDraw<'_>, rect_px: [u32; 4]) {
     let pass = screen
         .images
         .iter()
@@ -333,7 +333,7 @@ pub(crate) fn full_screen(pass: Pass<'_>, screen: &ScreenDraw<'_>, rect_px: [u32
 }
 
 /// Draws a triangle over each of some parts of the picture, with the pipeline that is bound in a pass over the whole of it.
-pub(crate) fn cover(draw: &mut Draw<'_>, areas: &[[u32; 4]]) {
+pub(crate) fn cover(draw: &mut DrawRecorder<'_>, areas: &[[u32; 4]]) {
     draw.cull_back_faces(false, false);
     for &area in areas {
         draw.scissor(screen_bounds::area(area));

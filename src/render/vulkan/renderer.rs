@@ -12,10 +12,10 @@ mod readback;
 mod whole_model_frame;
 
 use crate::cut::{self, Cut};
-use crate::gpu::buffer::{AnyBuffer, Readback};
-use crate::gpu::frame::{Frame, Frames, Measure, Ticket, Uniform};
-use crate::gpu::image::Image as Target;
-use crate::gpu::pipeline::Pipeline;
+use crate::gpu::buffer::{AnyBuffer, ReadbackBuffer};
+use crate::gpu::frame::{FrameMeasure, FrameRecorder, FrameRing, FrameTicket, UniformBlock};
+use crate::gpu::image::DeviceImage as Target;
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
 use crate::pack;
@@ -24,28 +24,28 @@ pub use crate::render::PictureOutputs;
 use crate::render::capabilities::RendererCapabilities;
 use crate::render::cost::choose;
 use crate::render::cost::choose::FrameWorkload;
-use crate::render::cost::model::Costs;
+use crate::render::cost::model::DrawCosts;
 use crate::render::cut_key::CutKey;
 pub(crate) use crate::render::frame_constants::margin_px;
 use crate::render::frame_plan::{CutPlace, FramePlan, PlanInput};
 use crate::render::pack_params::splat_plan;
 pub use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
-use crate::render::stats::{CutAhead, FrameCounts, Kept, Stage};
-use crate::render::vulkan::blended::filtered::Filtered;
-use crate::render::vulkan::blended::fuzzy::Fuzzy;
+use crate::render::stats::{CutAhead, FrameCounts, FrameStage, KeptWork};
+use crate::render::vulkan::blended::filtered::FilteredPasses;
+use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::device_tree::DeviceTree;
-use crate::render::vulkan::draw_lists::Lists;
-use crate::render::vulkan::expand_ids::ById;
+use crate::render::vulkan::draw_lists::DrawLists;
+use crate::render::vulkan::expand_ids::IdExpansion;
 use crate::render::vulkan::look::PictureLooks;
-use crate::render::vulkan::opaque::compute::Small;
-use crate::render::vulkan::opaque::hardware::Splats;
+use crate::render::vulkan::opaque::compute::ComputeRasterizer;
+use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::overdraw;
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::targets::Targets;
-use crate::render::vulkan::triangles::Variant;
-use crate::render::vulkan::visibility::hardware::Visibility;
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::targets::FrameTargets;
+use crate::render::vulkan::triangles::TriangleVariant;
+use crate::render::vulkan::visibility::hardware::VisibilityPasses;
 use crate::render::vulkan::{COLOR, SAMPLES};
 use crate::render::{Method, Settings};
 use crate::tree::Model;
@@ -55,8 +55,8 @@ use std::time::{Duration, Instant};
 /// A frame on its way through the device.
 #[derive(Debug)]
 #[must_use = "a frame is finished only once it was waited for"]
-pub struct Submitted {
-    ticket: Ticket,
+pub struct SubmittedFrame {
+    ticket: FrameTicket,
     times: FrameTimes,
     start: Instant,
     /// The device chose its cut and knows its counts.
@@ -65,10 +65,10 @@ pub struct Submitted {
     counted: Option<usize>,
 }
 
-impl Submitted {
+impl SubmittedFrame {
     /// A frame that shows what was there before, from `start` on.
     #[cfg(feature = "viewer")]
-    fn without_cut(ticket: Ticket, times: FrameTimes, start: Instant) -> Self {
+    fn without_cut(ticket: FrameTicket, times: FrameTimes, start: Instant) -> Self {
         Self {
             ticket,
             times,
@@ -80,7 +80,7 @@ impl Submitted {
 
     /// The submission.
     #[cfg(feature = "viewer")]
-    pub(crate) fn ticket(&self) -> Ticket {
+    pub(crate) fn ticket(&self) -> FrameTicket {
         self.ticket
     }
 }
@@ -90,50 +90,50 @@ impl Submitted {
 struct PlannedFrame<'a> {
     plan: &'a FramePlan,
     model: &'a Model,
-    scene: &'a Scene,
+    scene: &'a DeviceScene,
 }
 
 /// Ends a frame: submits it, after passes of its own that may read the color target.
-type End<'e> = dyn FnMut(Frame<'_>, &Target) -> Result<Ticket, Error> + 'e;
+type FrameEnding<'e> = dyn FnMut(FrameRecorder<'_>, &Target) -> Result<FrameTicket, Error> + 'e;
 
 /// Draws frames of one size on one device.
 #[derive(Debug)]
-pub struct Renderer {
+pub struct VulkanRenderer {
     gpu: Arc<Gpu>,
-    frames: Frames,
-    targets: Targets,
+    frames: FrameRing,
+    targets: FrameTargets,
     outputs: PictureOutputs,
-    lists: Vec<Lists>,
+    lists: Vec<DrawLists>,
     cut: Cut,
     selector: cut::Selector,
-    costs: Option<Costs>,
+    costs: Option<DrawCosts>,
     device_tree: Option<DeviceTree>,
     /// What makes records of numbers, once lists have held some.
-    by_id: Option<ById>,
+    by_id: Option<IdExpansion>,
     device_cut: Option<DeviceCut>,
     /// What its lists are of.
     held_on_device: Option<(u64, CutKey)>,
     /// The scene whose cuts do not fit the device, and the one whose tree does not.
     too_large: [Option<u64>; 2],
-    triangles: Option<(Variant, Pipeline)>,
-    spare_triangles: Vec<(Variant, Pipeline)>,
+    triangles: Option<(TriangleVariant, ShaderPipeline)>,
+    spare_triangles: Vec<(TriangleVariant, ShaderPipeline)>,
     /// One for each variant that was drawn, those drawn last.
-    splats: Vec<Splats>,
-    small: Option<Small>,
-    filtered: Option<Filtered>,
-    spare_filtered: Vec<Filtered>,
-    visibility: Option<Visibility>,
-    fuzzy: Option<Fuzzy>,
-    spare_fuzzy: Vec<Fuzzy>,
+    splats: Vec<OpaqueSplats>,
+    small: Option<ComputeRasterizer>,
+    filtered: Option<FilteredPasses>,
+    spare_filtered: Vec<FilteredPasses>,
+    visibility: Option<VisibilityPasses>,
+    fuzzy: Option<FuzzyPasses>,
+    spare_fuzzy: Vec<FuzzyPasses>,
     looks: PictureLooks,
     /// Once overdraw was counted.
-    overdraw: Option<overdraw::Counter>,
+    overdraw: Option<overdraw::OverdrawCounter>,
     /// Slot of the frame that was last waited for, where it was counted there.
     counted: Option<usize>,
-    readback: Option<[Option<Readback>; 3]>,
+    readback: Option<[Option<ReadbackBuffer>; 3]>,
     /// Depth around one pixel, read for the viewer.
     #[cfg(feature = "viewer")]
-    probe: Option<Readback>,
+    probe: Option<ReadbackBuffer>,
     keeps_lists: bool,
     /// What the present cut was chosen for, and in which scene; none where packing changed it.
     chosen: Option<(u64, CutKey)>,
@@ -145,7 +145,7 @@ pub struct Renderer {
 
 /// What ends a frame once its technique is recorded: the looks that go over the picture, and who shows it.
 struct FrameEnd<'a> {
-    targets: &'a Targets,
+    targets: &'a FrameTargets,
     looks: &'a PictureLooks,
     plan: &'a FramePlan,
 }
@@ -157,10 +157,10 @@ impl FrameEnd<'_> {
     /// As `end`.
     fn end(
         &self,
-        mut frame: Frame<'_>,
-        constants: Uniform,
-        end: &mut End<'_>,
-    ) -> Result<Ticket, Error> {
+        mut frame: FrameRecorder<'_>,
+        constants: UniformBlock,
+        end: &mut FrameEnding<'_>,
+    ) -> Result<FrameTicket, Error> {
         (self.looks).record(&mut frame, self.targets, self.plan, constants);
         end(frame, self.looks.picture(self.targets))
     }
@@ -170,7 +170,7 @@ fn ms(since: Instant) -> f64 {
     since.elapsed().as_secs_f64() * 1e3
 }
 
-impl Renderer {
+impl VulkanRenderer {
     /// A renderer for pictures of `width` x `height` pixels. With `timestamps` every pass is timed.
     ///
     /// # Errors
@@ -182,15 +182,15 @@ impl Renderer {
         outputs: PictureOutputs,
         timestamps: bool,
     ) -> Result<Self, Error> {
-        let frames = Frames::new(gpu, 2, timestamps)?;
+        let frames = FrameRing::new(gpu, 2, timestamps)?;
         let lists = (0..frames.in_flight())
-            .map(|slot| Lists::new(gpu, slot))
+            .map(|slot| DrawLists::new(gpu, slot))
             .collect::<Result<_, Error>>()?;
         let color = if outputs.values { SAMPLES } else { COLOR };
         Ok(Self {
             gpu: gpu.clone(),
             frames,
-            targets: Targets::new(gpu, width, height, (color, outputs.normal))?,
+            targets: FrameTargets::new(gpu, width, height, (color, outputs.normal))?,
             outputs,
             lists,
             cut: Cut::default(),
@@ -226,7 +226,7 @@ impl Renderer {
     /// A renderer of the same size on the same device whose pictures have values and nothing else besides colors.
     ///
     /// # Errors
-    /// As [`Renderer::new`].
+    /// As [`VulkanRenderer::new`].
     pub(crate) fn of_values(&self) -> Result<Self, Error> {
         let outputs = PictureOutputs {
             values: true,
@@ -240,7 +240,7 @@ impl Renderer {
     ///
     /// # Errors
     /// When the device cannot make the queries.
-    pub fn measure(&mut self, measure: Measure) -> Result<(), Error> {
+    pub fn measure(&mut self, measure: FrameMeasure) -> Result<(), Error> {
         self.frames.measure(measure)
     }
 
@@ -261,7 +261,7 @@ impl Renderer {
     /// on what is drawn by compute where [`Path::Auto`](crate::render::Path::Auto) leaves it open, and which splats are quads
     /// instead of points. Without, and for what was not measured, rules of thumb of a software device decide, and splats
     /// are points as far as the device has them. The picture is the same within one level.
-    pub fn set_costs(&mut self, costs: Option<Costs>) {
+    pub fn set_costs(&mut self, costs: Option<DrawCosts>) {
         if self.costs != costs {
             // What was packed by others may be of other primitives.
             self.lists.iter_mut().for_each(|lists| lists.held = None);
@@ -270,7 +270,7 @@ impl Renderer {
     }
 
     /// The costs that decide.
-    pub fn costs(&self) -> Option<Costs> {
+    pub fn costs(&self) -> Option<DrawCosts> {
         self.costs
     }
 
@@ -287,7 +287,7 @@ impl Renderer {
     pub fn draw(
         &mut self,
         model: &Model,
-        scene: &mut Scene,
+        scene: &mut DeviceScene,
         view: &View,
         settings: &Settings,
     ) -> Result<FrameTimes, Error> {
@@ -300,15 +300,15 @@ impl Renderer {
     ///
     /// # Errors
     /// When the device is lost.
-    pub fn finish(&mut self, submitted: Submitted) -> Result<FrameTimes, Error> {
-        let Submitted {
+    pub fn finish(&mut self, submitted: SubmittedFrame) -> Result<FrameTimes, Error> {
+        let SubmittedFrame {
             ticket,
             mut times,
             start,
             on_device,
             counted,
         } = submitted;
-        let wait = Stage::Wait.begin();
+        let wait = FrameStage::Wait.begin();
         let finished = self.frames.finish(ticket)?;
         wait.end(&mut times);
         times.frame_ms = ms(start);
@@ -325,12 +325,12 @@ impl Renderer {
                 triangles: u64::from(counts.triangles[0] / 3),
                 ..FrameCounts::default()
             };
-            if times.kept != Kept::Lists {
+            if times.kept != KeptWork::Lists {
                 self.visited += times.counts.nodes_visited;
             }
         }
         times.uploaded_bytes = finished.uniform_bytes;
-        if times.kept != Kept::Lists {
+        if times.kept != KeptWork::Lists {
             times.uploaded_bytes += times.counts.draw_list_bytes;
         }
         self.counted = counted;
@@ -353,11 +353,11 @@ impl Renderer {
     fn submit(
         &mut self,
         model: &Model,
-        scene: &mut Scene,
+        scene: &mut DeviceScene,
         view: &View,
         settings: &Settings,
-        end: &mut End<'_>,
-    ) -> Result<Submitted, Error> {
+        end: &mut FrameEnding<'_>,
+    ) -> Result<SubmittedFrame, Error> {
         self.check_size(view)?;
         let (plan, planning) = self.prepared_plan((model, scene), view, settings)?;
         let drawn = PlannedFrame {
@@ -377,7 +377,7 @@ impl Renderer {
             Method::Pop if on_device => self.draw_on_device(drawn, end)?,
             Method::Splats | Method::Pop => self.draw_cut(drawn, end)?,
         };
-        Ok(Submitted {
+        Ok(SubmittedFrame {
             ticket,
             times,
             start,
@@ -419,7 +419,7 @@ impl Renderer {
     fn plan(
         &self,
         model: &Model,
-        scene: &Scene,
+        scene: &DeviceScene,
         view: &View,
         settings: &Settings,
     ) -> Result<FramePlan, Error> {
@@ -476,7 +476,7 @@ impl Renderer {
     /// As [`FramePlan::new`], and when memory runs out.
     fn prepared_plan(
         &mut self,
-        (model, scene): (&Model, &mut Scene),
+        (model, scene): (&Model, &mut DeviceScene),
         view: &View,
         settings: &Settings,
     ) -> Result<(FramePlan, Duration), Error> {

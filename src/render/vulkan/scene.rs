@@ -2,7 +2,7 @@
 
 use crate::abi::Vertex;
 use crate::cut::Undrawn;
-use crate::gpu::buffer::{Buffer, Usage};
+use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::model_facts::ModelFacts;
 use crate::tree::Model;
@@ -14,20 +14,20 @@ const PAGE_BYTES: u64 = 1 << 30;
 
 /// A run of triangles whose vertices lie in one vertex buffer.
 #[derive(Debug)]
-pub struct Page {
+pub struct ScenePage {
     /// Vertices of the page.
-    pub vertices: Buffer,
+    pub vertices: DeviceBuffer,
     /// Number of vertices that points draw.
     pub vertex_count: u32,
     /// Corner indices of all triangles of the page, made when a method first draws them all.
-    pub indices: Option<Buffer>,
+    pub indices: Option<DeviceBuffer>,
     /// Triangles (leaves) of the page.
     pub triangles: Range<u32>,
     /// Corners in page-local indices; `None` when the model's own indices are right (a single page).
     local: Option<Vec<[u32; 3]>>,
 }
 
-impl Page {
+impl ScenePage {
     /// Corners of the page's triangles, first the one with id `triangles.start`.
     pub fn corners<'a>(&'a self, model: &'a Model) -> &'a [[u32; 3]] {
         match &self.local {
@@ -39,14 +39,14 @@ impl Page {
 
 /// A model on the device.
 #[derive(Debug)]
-pub struct Scene {
+pub struct DeviceScene {
     /// Pages in tree order.
-    pub pages: Vec<Page>,
+    pub pages: Vec<ScenePage>,
     facts: ModelFacts,
     gpu: Arc<Gpu>,
 }
 
-impl Scene {
+impl DeviceScene {
     /// Copies a model to the device, split into pages where a buffer would be larger than the device allows.
     ///
     /// # Errors
@@ -77,7 +77,7 @@ impl Scene {
         let used = &model.vertices[..model.used_vertices as usize];
         let mut pages = Vec::new();
         if used.len() <= max_vertices && model.triangles.len() <= max_triangles {
-            pages.push(Page {
+            pages.push(ScenePage {
                 vertices: upload(gpu, "vertices", used)?,
                 vertex_count: used.len() as u32,
                 indices: None,
@@ -86,7 +86,7 @@ impl Scene {
             });
         } else if !model.kind().is_surface() {
             for (index, chunk) in used.chunks(max_vertices).enumerate() {
-                pages.push(Page {
+                pages.push(ScenePage {
                     vertices: upload(gpu, &format!("vertices, page {index}"), chunk)?,
                     vertex_count: chunk.len() as u32,
                     indices: None,
@@ -121,7 +121,7 @@ impl Scene {
                     }));
                 }
                 let end = first + local.len();
-                pages.push(Page {
+                pages.push(ScenePage {
                     vertices: upload(gpu, &format!("vertices, page {page}"), &own)?,
                     vertex_count: own.len() as u32,
                     indices: None,
@@ -167,10 +167,10 @@ impl Scene {
             if page.indices.is_none() && !page.triangles.is_empty() {
                 let name = format!("indices, page {index}");
                 let corners = page.corners(model);
-                let buffer = Buffer::with_data(
+                let buffer = DeviceBuffer::with_data(
                     &self.gpu,
                     &name,
-                    Usage::Index,
+                    BufferUsage::Index,
                     bytemuck::cast_slice(corners),
                 )?;
                 page.indices = Some(buffer);
@@ -180,6 +180,11 @@ impl Scene {
     }
 }
 
-fn upload(gpu: &Arc<Gpu>, name: &str, vertices: &[Vertex]) -> Result<Buffer, Error> {
-    Buffer::with_data(gpu, name, Usage::Vertex, bytemuck::cast_slice(vertices))
+fn upload(gpu: &Arc<Gpu>, name: &str, vertices: &[Vertex]) -> Result<DeviceBuffer, Error> {
+    DeviceBuffer::with_data(
+        gpu,
+        name,
+        BufferUsage::Vertex,
+        bytemuck::cast_slice(vertices),
+    )
 }

@@ -2,61 +2,61 @@
 
 use crate::abi::{ListConstants, Splat};
 use crate::gpu::Error;
-use crate::gpu::bind::Slice;
+use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::AnyBuffer;
-use crate::gpu::frame::{Frame, Uniform};
-use crate::render::vulkan::opaque::compute::Variant;
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::render::vulkan::opaque::compute::ComputeVariant;
+use crate::render::vulkan::opaque::triangle_runs::PageRange;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::targets::Context;
 
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct List<'a> {
-    pub(crate) scene: &'a Scene,
+pub(crate) struct ComputeList<'a> {
+    pub(crate) scene: &'a DeviceScene,
     pub(crate) corners: &'a dyn AnyBuffer,
-    pub(crate) runs: &'a [Run],
+    pub(crate) runs: &'a [PageRange],
     pub(crate) splats: &'a dyn AnyBuffer,
     pub(crate) splat_count: u32,
     /// So many of them, the last, are samples: squares of a pixel.
     pub(crate) sample_count: u32,
     /// What the others are.
-    pub(crate) variant: Variant,
+    pub(crate) variant: ComputeVariant,
     /// Parts of the picture in which anything can be.
     pub(crate) areas: &'a [[u32; 4]],
 }
 
 /// Triangles of a scene: their corner indices, page by page.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Triangles<'a> {
-    pub(crate) scene: &'a Scene,
+pub(crate) struct TriangleRanges<'a> {
+    pub(crate) scene: &'a DeviceScene,
     pub(crate) corners: &'a dyn AnyBuffer,
-    pub(crate) runs: &'a [Run],
+    pub(crate) runs: &'a [PageRange],
 }
 
-impl List<'_> {
+impl ComputeList<'_> {
     /// Whether nothing is drawn.
     pub(crate) fn is_empty(&self) -> bool {
         self.runs.is_empty() && self.splat_count == 0
     }
 }
 
-impl<'a> Triangles<'a> {
+impl<'a> TriangleRanges<'a> {
     /// Parts of the list, each with the vertices of its page.
     ///
     /// # Errors
     /// When the frame has no room for the constants of so many parts.
     pub(super) fn bound(
         &self,
-        frame: &mut Frame<'_>,
+        frame: &mut FrameRecorder<'_>,
         context: &Context,
         max_binding: u64,
-    ) -> Result<Vec<(Bound<'a>, Slice<'a>)>, Error> {
+    ) -> Result<Vec<(BoundRange<'a>, BufferSlice<'a>)>, Error> {
         let mut triangles = Vec::new();
         for run in self.runs {
             let range = (run.first / 3, run.count / 3);
             let own = bound(frame, context, max_binding, (self.corners, 12), range)?;
-            let vertices = Slice::whole(&self.scene.pages[run.page].vertices);
+            let vertices = BufferSlice::whole(&self.scene.pages[run.page].vertices);
             triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
         }
         Ok(triangles)
@@ -64,16 +64,16 @@ impl<'a> Triangles<'a> {
 }
 
 /// A part with its uniform block, ready to be bound.
-pub(crate) type Bound<'a> = (Slice<'a>, Uniform, u32);
+pub(crate) type BoundRange<'a> = (BufferSlice<'a>, UniformBlock, u32);
 
 /// The items of a frame, ready to be bound.
-pub(super) struct Items<'a> {
+pub(super) struct BoundItems<'a> {
     /// Each with what its splats are.
-    pub(super) splats: Vec<(Variant, Bound<'a>)>,
+    pub(super) splats: Vec<(ComputeVariant, BoundRange<'a>)>,
     /// All of them, whatever they are.
-    pub(super) all: Vec<Bound<'a>>,
+    pub(super) all: Vec<BoundRange<'a>>,
     /// Each with the vertices of its page.
-    pub(super) triangles: Vec<(Bound<'a>, Slice<'a>)>,
+    pub(super) triangles: Vec<(BoundRange<'a>, BufferSlice<'a>)>,
 }
 
 /// The uniform block of a pass over a picture without items.
@@ -89,32 +89,34 @@ pub(crate) fn constants(context: &Context) -> ListConstants {
     }
 }
 
-impl<'a> List<'a> {
+impl<'a> ComputeList<'a> {
     /// Binds everything.
     ///
     /// # Errors
     /// When the frame has no room for the constants of so many parts.
     pub(super) fn bound(
         &self,
-        frame: &mut Frame<'_>,
+        frame: &mut FrameRecorder<'_>,
         context: &Context,
         max_binding: u64,
-    ) -> Result<Items<'a>, Error> {
+    ) -> Result<BoundItems<'a>, Error> {
         let others = self.splat_count - self.sample_count;
         let records: (&dyn AnyBuffer, u64) = (self.splats, size_of::<Splat>() as u64);
         let mut of = |range| bound(frame, context, max_binding, records, range);
         let (own, samples) = (of((0, others))?, of((others, self.sample_count))?);
         let all = of((0, self.splat_count))?;
         let own = own.into_iter().map(|bound| (self.variant, bound));
-        let samples = samples.into_iter().map(|bound| (Variant::SAMPLES, bound));
+        let samples = samples
+            .into_iter()
+            .map(|bound| (ComputeVariant::SAMPLES, bound));
         let splats = own.chain(samples).collect();
-        let triangles = Triangles {
+        let triangles = TriangleRanges {
             scene: self.scene,
             corners: self.corners,
             runs: self.runs,
         };
         let triangles = triangles.bound(frame, context, max_binding)?;
-        Ok(Items {
+        Ok(BoundItems {
             splats,
             all,
             triangles,
@@ -127,12 +129,12 @@ impl<'a> List<'a> {
 /// # Errors
 /// When the frame has no room for the constants of so many parts.
 pub(crate) fn bound<'a>(
-    frame: &mut Frame<'_>,
+    frame: &mut FrameRecorder<'_>,
     context: &Context,
     max_binding: u64,
     (buffer, record): (&'a dyn AnyBuffer, u64),
     (first, count): (u32, u32),
-) -> Result<Vec<Bound<'a>>, Error> {
+) -> Result<Vec<BoundRange<'a>>, Error> {
     parts(first, count, record, max_binding)
         .map(|part| {
             let uniform = frame.uniform(&ListConstants {
@@ -148,7 +150,7 @@ pub(crate) fn bound<'a>(
 
 /// Items of a list that fit one binding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Part {
+struct ListPart {
     first: u32,
     count: u32,
     /// First byte of the binding.
@@ -159,18 +161,18 @@ struct Part {
 
 /// The items `first .. first + count`, of `record` bytes each (a multiple of 4), in parts that fit bindings of
 /// `max_binding` bytes.
-fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator<Item = Part> {
+fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator<Item = ListPart> {
     // So many records fill whole alignments, which are a power of two.
-    let step = Slice::ALIGNMENT
+    let step = BufferSlice::ALIGNMENT
         >> record
             .trailing_zeros()
-            .min(Slice::ALIGNMENT.trailing_zeros());
+            .min(BufferSlice::ALIGNMENT.trailing_zeros());
     let most = (max_binding / (step * record)).saturating_sub(1) * step;
     let most = most.clamp(1, u64::from(u32::MAX / 2)) as u32;
     let end = first + count;
     (first..end).step_by(most as usize).map(move |first| {
         let aligned = u64::from(first) / step * step;
-        Part {
+        ListPart {
             first,
             count: most.min(end - first),
             offset: aligned * record,
@@ -179,10 +181,10 @@ fn parts(first: u32, count: u32, record: u64, max_binding: u64) -> impl Iterator
     })
 }
 
-impl Part {
-    fn slice<'a>(&self, buffer: &'a dyn AnyBuffer, record: u64) -> Slice<'a> {
+impl ListPart {
+    fn slice<'a>(&self, buffer: &'a dyn AnyBuffer, record: u64) -> BufferSlice<'a> {
         let bytes = u64::from(self.begin + self.count) * record;
-        Slice::new(buffer, self.offset, bytes)
+        BufferSlice::new(buffer, self.offset, bytes)
     }
 }
 
@@ -201,14 +203,14 @@ mod tests {
             (77, 1000, 12, 4096),
             (64, 64, 12, 1 << 27),
         ] {
-            let parts: Vec<Part> = parts(first, count, record, limit).collect();
+            let parts: Vec<ListPart> = parts(first, count, record, limit).collect();
             let numbers: Vec<u32> = parts
                 .iter()
                 .flat_map(|p| p.first..p.first + p.count)
                 .collect();
             assert_eq!(numbers, (first..first + count).collect::<Vec<_>>());
             for part in parts {
-                assert!(part.offset.is_multiple_of(Slice::ALIGNMENT));
+                assert!(part.offset.is_multiple_of(BufferSlice::ALIGNMENT));
                 assert_eq!(
                     part.offset + u64::from(part.begin) * record,
                     u64::from(part.first) * record

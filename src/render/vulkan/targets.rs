@@ -1,7 +1,7 @@
 //! What a frame draws into, and what its passes share.
 
-use crate::gpu::frame::{Load, Pass};
-use crate::gpu::image::{Format, Image as Target};
+use crate::gpu::frame::{PassBuilder, TargetLoad};
+use crate::gpu::image::{DeviceImage as Target, ImageFormat};
 use crate::gpu::{Error, Gpu};
 pub(crate) use crate::render::frame_constants::FrameContext as Context;
 use crate::render::vulkan::{NORMAL, triangles};
@@ -9,23 +9,23 @@ use std::sync::Arc;
 
 /// The targets of a frame.
 #[derive(Debug)]
-pub(crate) struct Targets {
+pub(crate) struct FrameTargets {
     pub(super) color: Target,
     pub(super) depth: Target,
     pub(super) normal: Option<Target>,
 }
 
-impl Targets {
+impl FrameTargets {
     /// Targets of `width` x `height` pixels; `color` is the format of the picture.
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         width: u32,
         height: u32,
-        (color, normals): (Format, bool),
+        (color, normals): (ImageFormat, bool),
     ) -> Result<Self, Error> {
         Ok(Self {
             color: Target::new(gpu, "color", color, width, height)?,
-            depth: Target::new(gpu, "depth", Format::Depth32, width, height)?,
+            depth: Target::new(gpu, "depth", ImageFormat::Depth32, width, height)?,
             normal: normals
                 .then(|| Target::new(gpu, "normal", NORMAL, width, height))
                 .transpose()?,
@@ -37,7 +37,7 @@ impl Targets {
     }
 
     /// Formats of the color targets, as pipelines that draw into all of them have to know.
-    pub(crate) fn formats(&self) -> &'static [Format] {
+    pub(crate) fn formats(&self) -> &'static [ImageFormat] {
         triangles::targets(self.color.format, self.normal.is_some())
     }
 
@@ -50,31 +50,31 @@ impl Targets {
     }
 
     /// Attaches all targets, cleared: color to the background with coverage 0, depth to far.
-    pub(crate) fn attach<'f>(&self, pass: Pass<'f>, context: &Context) -> Pass<'f> {
-        self.attach_with(pass, context, Load::Clear)
+    pub(crate) fn attach<'f>(&self, pass: PassBuilder<'f>, context: &Context) -> PassBuilder<'f> {
+        self.attach_with(pass, context, TargetLoad::Clear)
     }
 
     /// Attaches all targets: cleared in the first pass of a frame, else with what the one before left in them. A pass that
     /// does nothing but clear takes a software device a quarter of a millisecond.
     pub(crate) fn attach_after<'f>(
         &self,
-        pass: Pass<'f>,
+        pass: PassBuilder<'f>,
         context: &Context,
         is_first: bool,
-    ) -> Pass<'f> {
+    ) -> PassBuilder<'f> {
         self.attach_with(pass, context, |value| match is_first {
-            true => Load::Clear(value),
-            false => Load::Keep,
+            true => TargetLoad::Clear(value),
+            false => TargetLoad::Keep,
         })
     }
 
     /// Attaches all targets; `load` decides from the clear value.
     pub(crate) fn attach_with<'f>(
         &self,
-        pass: Pass<'f>,
+        pass: PassBuilder<'f>,
         context: &Context,
-        load: impl Fn([f32; 4]) -> Load,
-    ) -> Pass<'f> {
+        load: impl Fn([f32; 4]) -> TargetLoad,
+    ) -> PassBuilder<'f> {
         let [r, g, b] = context.background;
         let pass = pass.color(&self.color, load([r, g, b, 0.0]));
         let pass = match &self.normal {

@@ -2,23 +2,23 @@
 
 use crate::abi::shaders;
 use crate::abi::specialization::{HAS_COLORS, HAS_LAMP};
-use crate::gpu::frame::{Frame, Uniform};
-use crate::gpu::image::Format;
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Topology};
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::image::ImageFormat;
+use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{
     RasterList, RasterPipelines, RasterSplats, RasterTriangles,
 };
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::{COLOR, NORMAL, SAMPLES, VERTEX};
 use std::sync::Arc;
 
 /// Variant of the triangle pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Variant {
-    pub(crate) color: Format,
+pub(crate) struct TriangleVariant {
+    pub(crate) color: ImageFormat,
     pub(crate) normals: bool,
     pub(crate) colors: bool,
     /// A lamp instead of the headlight.
@@ -28,7 +28,7 @@ pub(crate) struct Variant {
 }
 
 /// The color targets of a pass whose first is [`COLOR`] or [`SAMPLES`].
-pub(crate) fn targets(color: Format, normals: bool) -> &'static [Format] {
+pub(crate) fn targets(color: ImageFormat, normals: bool) -> &'static [ImageFormat] {
     match (color, normals) {
         (SAMPLES, false) => &[SAMPLES],
         (SAMPLES, true) => &[SAMPLES, NORMAL],
@@ -38,18 +38,18 @@ pub(crate) fn targets(color: Format, normals: bool) -> &'static [Format] {
 }
 
 /// The pipeline that draws indexed mesh triangles.
-pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Error> {
-    Pipeline::for_flags(
+pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: TriangleVariant) -> Result<ShaderPipeline, Error> {
+    ShaderPipeline::for_flags(
         gpu,
-        &Description {
+        &PipelineDescription {
             name: "triangles.draw",
             vertex: &shaders::TRIANGLES_DRAW_VERT,
             fragment: Some(shaders::TRIANGLES_DRAW_FRAG.of(variant.normals)),
             constants: &[HAS_COLORS.is(variant.colors), HAS_LAMP.is(variant.lamp)],
             record: VERTEX,
-            topology: Topology::Triangles,
+            topology: PrimitiveTopology::Triangles,
             colors: targets(variant.color, variant.normals),
-            depth: Depth::Nearest,
+            depth: DepthMode::Nearest,
             is_additive: false,
         },
         variant.flags,
@@ -58,12 +58,12 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: Variant) -> Result<Pipeline, Err
 
 /// Pass `triangles.draw`: all triangles of all pages.
 pub(crate) fn record(
-    frame: &mut Frame<'_>,
-    pipeline: &Pipeline,
-    targets: &Targets,
-    scene: &Scene,
+    frame: &mut FrameRecorder<'_>,
+    pipeline: &ShaderPipeline,
+    targets: &FrameTargets,
+    scene: &DeviceScene,
     context: &Context,
-    constants: Uniform,
+    constants: UniformBlock,
 ) {
     let list = RasterList {
         scene,

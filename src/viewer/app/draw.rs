@@ -3,7 +3,7 @@
 use super::{App, MOST_LOSSES};
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
-use crate::render::stats::Kept;
+use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::viewer::Error;
 use crate::viewer::camera::Orbit;
@@ -44,7 +44,7 @@ impl App {
                 });
             }
             // What a frame takes over from one before it costs nothing, and tells nothing of the next.
-            if frame.times.kept != Kept::Nothing {
+            if frame.times.kept != KeptWork::Nothing {
                 continue;
             }
             events.push(Event::Frame {

@@ -19,7 +19,7 @@ use super::panel::Facts;
 use super::screen::Screen;
 use super::ui::Interface;
 use super::{Error, Options, text};
-use crate::gpu::messages::Messages;
+use crate::gpu::messages::LayerMessages;
 use crate::math::camera::{Camera, Light};
 use crate::pack::{Lighting, Phong};
 use crate::render::{Method, Settings};
@@ -123,7 +123,7 @@ pub(super) struct App {
     /// Number and time of the frame whose figures are shown.
     shown_figures: (u64, u64),
     /// What the validation layer says of each device that was opened.
-    pub(super) messages: Vec<Messages>,
+    pub(super) messages: Vec<LayerMessages>,
     /// Of the window, pixels.
     pub(super) size: (u32, u32),
     /// Columns of it that belonged to the panel when it was laid out.

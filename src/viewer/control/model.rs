@@ -13,7 +13,7 @@
 //! kept agree better; it matters where none is like the coming one.
 
 use super::median;
-use crate::render::cost::model::{SIZES_PX, SplatCosts, Ways};
+use crate::render::cost::model::{PerRasterizer, SIZES_PX, SplatCosts};
 use serde::{Deserialize, Serialize};
 use std::collections::VecDeque;
 
@@ -340,7 +340,7 @@ pub(super) struct Model {
     /// By the rasterizer, and by compute.
     ways: [Way; 2],
     /// What splats were measured to take.
-    costs: Option<Ways<SplatCosts>>,
+    costs: Option<PerRasterizer<SplatCosts>>,
     /// Frames so far.
     pub(super) count: u64,
 }
@@ -360,7 +360,7 @@ impl Model {
     }
 
     /// What splats were measured to take on the device.
-    pub(super) fn know(&mut self, costs: Option<Ways<SplatCosts>>) {
+    pub(super) fn know(&mut self, costs: Option<PerRasterizer<SplatCosts>>) {
         self.costs = costs;
     }
 

@@ -13,15 +13,15 @@ fn splat(splat_ns: [f64; 3], box_ns: f64, covered_ns: f64) -> SplatCosts {
 
 /// A device on which a raster splat takes 100 ns whatever its size, one by compute 10 ns and 10 more for each pixel
 /// above the first; shading a pixel takes 2 ns, a covered one 20 more.
-fn costs() -> Costs {
-    let square = Ways {
+fn costs() -> DrawCosts {
+    let square = PerRasterizer {
         raster: Some(splat([100.0; 3], 0.0, 0.0)),
         compute: Some(splat([10.0, 90.0, 360.0], 2.0, 20.0)),
     };
-    Costs {
+    DrawCosts {
         square: Some(square),
         gauss: Some(square),
-        filtered: Some(Ways {
+        filtered: Some(PerRasterizer {
             raster: Some(splat([400.0; 3], 5.0, 0.0)),
             compute: None,
         }),
@@ -33,7 +33,7 @@ fn costs() -> Costs {
                 ..PassCosts::default()
             },
         }),
-        triangle: Some(Ways {
+        triangle: Some(PerRasterizer {
             raster: Some(TriangleCosts {
                 triangle_ns: 70.0,
                 passes: PassCosts::default(),
@@ -49,17 +49,17 @@ fn costs() -> Costs {
         }),
         node_ns: Some(4.0),
         device_node_ns: Some(6.0),
-        ..Costs::default()
+        ..DrawCosts::default()
     }
 }
 
-const PIXELS: Pixels = Pixels {
+const PIXELS: PicturePixels = PicturePixels {
     picture: 1_000_000,
     of_box: 250_000,
 };
 
-fn load(triangles: u64, splats: u64, size_px: f32) -> Load {
-    Load {
+fn load(triangles: u64, splats: u64, size_px: f32) -> DrawLoad {
+    DrawLoad {
         triangles,
         splats,
         size_px,
@@ -120,13 +120,13 @@ fn many_small_splats_go_by_compute_and_few_or_large_ones_do_not() {
     assert_eq!(path(0, 1.0), Path::Raster);
     // What the rasterizer cannot goes by compute however few there are, and the other way round.
     let mut c = costs();
-    let filtered = |c: &Costs| {
+    let filtered = |c: &DrawCosts| {
         let load = load(0, 1_000_000, 1.0);
         let chosen = c.blended_path(SplatKind::Filtered, &load, (false, false));
         chosen.map(|chosen| chosen.choice)
     };
     assert_eq!(filtered(&c), Some(Path::Raster));
-    c.filtered = c.gauss.map(|ways| Ways {
+    c.filtered = c.gauss.map(|ways| PerRasterizer {
         raster: None,
         ..ways
     });
@@ -179,7 +179,7 @@ fn splats_follow_triangles_and_their_pixels_count_once() {
     assert_eq!(paths(301_000, 100_000), (Compute, Compute));
     assert_eq!(paths(299_000, 100_000), (Raster, Compute));
     let mut without = c;
-    without.square = c.square.map(|ways| Ways {
+    without.square = c.square.map(|ways| PerRasterizer {
         compute: None,
         ..ways
     });
@@ -227,19 +227,19 @@ fn points_end_where_quads_are_clearly_cheaper() {
     // Where the sizes around the border contradict it, it lies in the middle of their areas.
     let px = largest([1.0, 1.0, 120.0, 1.0, 900.0, 900.0], same);
     assert!((px - 16.0).abs() > 1.0 && px > 16.0 && px < 32.0, "{px}");
-    let costs = Costs {
+    let costs = DrawCosts {
         primitives: Some(PrimitiveCosts {
             point_ns: areas,
             quad_ns: quads,
         }),
-        ..Costs::default()
+        ..DrawCosts::default()
     };
     assert!(
         costs
             .largest_point_px()
             .is_some_and(|px| (px - 10.0).abs() < 1e-4)
     );
-    assert_eq!(Costs::default().largest_point_px(), None);
+    assert_eq!(DrawCosts::default().largest_point_px(), None);
 }
 
 #[test]
@@ -249,13 +249,13 @@ fn what_was_not_measured_comes_from_the_other() {
     a.node_ns = Some(5.0);
     let both = a.or(b);
     assert_eq!((both.square, both.node_ns), (b.square, Some(5.0)));
-    assert_eq!(Costs::default().or(b), b);
+    assert_eq!(DrawCosts::default().or(b), b);
 }
 
 #[test]
 fn times_that_cannot_be_are_seen() {
-    assert!(costs().is_whole() && Costs::default().is_whole());
-    let wrong = |change: fn(&mut Costs)| {
+    assert!(costs().is_whole() && DrawCosts::default().is_whole());
+    let wrong = |change: fn(&mut DrawCosts)| {
         let mut c = costs();
         change(&mut c);
         assert!(!c.is_whole(), "{c:?}");

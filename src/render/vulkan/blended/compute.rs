@@ -10,18 +10,20 @@
 
 use crate::abi::specialization::{HAS_LAMP, HAS_LARGE, IS_GRAY, IS_PUSHED};
 use crate::abi::{ConstantValue, FilteredSplat, FuzzySplat, Shader, shaders};
-use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
-use crate::gpu::frame::{Frame, Load, Pass, Uniform};
-use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::bind::BufferSlice;
+use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
+use crate::gpu::frame::{FrameRecorder, PassBuilder, TargetLoad, UniformBlock};
+use crate::gpu::image::{DeviceImage as Target, ImageFormat};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::render::screen_bounds;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::ScreenDraw;
 use crate::render::vulkan::storage_ranges;
-use crate::render::vulkan::storage_ranges::{Bound, Triangles};
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::storage_ranges::{BoundRange, TriangleRanges};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
 
@@ -38,7 +40,7 @@ struct PassNames {
 
 /// The passes of one kind of splats.
 #[derive(Debug)]
-pub(crate) struct Kind {
+pub(crate) struct BlendedKind {
     passes: PassNames,
     depth: &'static Shader,
     blend: &'static Shader,
@@ -52,7 +54,7 @@ pub(crate) struct Kind {
 }
 
 /// Filtered splats.
-pub(crate) const FILTERED: Kind = Kind {
+pub(crate) const FILTERED: BlendedKind = BlendedKind {
     passes: PassNames {
         clear: "filtered.clear",
         front: "filtered.front",
@@ -70,7 +72,7 @@ pub(crate) const FILTERED: Kind = Kind {
 };
 
 /// Fuzzy splats.
-pub(crate) const FUZZY: Kind = Kind {
+pub(crate) const FUZZY: BlendedKind = BlendedKind {
     passes: PassNames {
         clear: "fuzzy.clear",
         front: "fuzzy.front",
@@ -91,28 +93,28 @@ pub(crate) const FUZZY: Kind = Kind {
 /// Values of the specialization constants that the shaders of one kind have and others have not.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct OwnConstants<'a> {
-    /// Of [`Kind::depth`].
+    /// Of [`BlendedKind::depth`].
     pub(crate) depth: &'a [ConstantValue],
-    /// Of [`Kind::blend`].
+    /// Of [`BlendedKind::blend`].
     pub(crate) blend: &'a [ConstantValue],
-    /// Of [`Kind::normalize`].
+    /// Of [`BlendedKind::normalize`].
     pub(crate) normalize: &'a [ConstantValue],
 }
 
 /// Pipelines and the sums, for one picture size.
 #[derive(Debug)]
-pub(crate) struct Twin {
-    kind: &'static Kind,
-    depth: Pipeline,
-    depth_triangles: Pipeline,
-    blend: Pipeline,
-    blend_triangles: Pipeline,
-    merge: Pipeline,
-    normalize: Pipeline,
+pub(crate) struct ComputeBlending {
+    kind: &'static BlendedKind,
+    depth: ShaderPipeline,
+    depth_triangles: ShaderPipeline,
+    blend: ShaderPipeline,
+    blend_triangles: ShaderPipeline,
+    merge: ShaderPipeline,
+    normalize: ShaderPipeline,
     /// As `normalize`, where the rasterizer drew as well.
-    normalize_all: Pipeline,
-    front: Buffer,
-    sums: Buffer,
+    normalize_all: ShaderPipeline,
+    front: DeviceBuffer,
+    sums: DeviceBuffer,
     max_binding: u64,
     /// Red, green and blue are the same in all that is drawn.
     is_gray: bool,
@@ -120,29 +122,29 @@ pub(crate) struct Twin {
 
 /// What compute draws of a frame.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Small<'a> {
+pub(crate) struct ComputeInput<'a> {
     pub(crate) splats: &'a dyn AnyBuffer,
     /// How many of the list are looked at; what is too large is left to the rasterizer.
     pub(crate) splat_count: u32,
-    pub(crate) triangles: Triangles<'a>,
+    pub(crate) triangles: TriangleRanges<'a>,
 }
 
 /// What the rasterizer draws of a frame: its passes depth and blend.
-pub(crate) struct Rastered<'a> {
-    pub(crate) depth: &'a dyn Fn(&mut Frame<'_>),
-    pub(crate) blend: &'a dyn Fn(&mut Frame<'_>),
+pub(crate) struct RasterizedPart<'a> {
+    pub(crate) depth: &'a dyn Fn(&mut FrameRecorder<'_>),
+    pub(crate) blend: &'a dyn Fn(&mut FrameRecorder<'_>),
 }
 
 /// Lists, bound.
-struct Ready<'a> {
-    list: Small<'a>,
-    splats: Vec<Bound<'a>>,
-    triangles: Vec<(Bound<'a>, Slice<'a>)>,
+struct BoundLists<'a> {
+    list: ComputeInput<'a>,
+    splats: Vec<BoundRange<'a>>,
+    triangles: Vec<(BoundRange<'a>, BufferSlice<'a>)>,
 }
 
-impl Ready<'_> {
+impl BoundLists<'_> {
     /// Declares what a pass reads of them.
-    fn declared<'f>(&self, pass: Pass<'f>) -> Pass<'f> {
+    fn declared<'f>(&self, pass: PassBuilder<'f>) -> PassBuilder<'f> {
         let mut pass = pass.storage_read(self.list.splats);
         if !self.triangles.is_empty() {
             pass = pass.storage_read(self.list.triangles.corners);
@@ -159,14 +161,14 @@ const fn sum_bytes(is_gray: bool) -> u64 {
     if is_gray { 16 } else { 32 }
 }
 
-impl Twin {
+impl ComputeBlending {
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        kind: &'static Kind,
+        kind: &'static BlendedKind,
         (width, height): (u32, u32),
-        (is_gray, has_lamp, color): (bool, bool, Format),
+        (is_gray, has_lamp, color): (bool, bool, ImageFormat),
         constants: OwnConstants<'_>,
     ) -> Result<Self, Error> {
         let gray = IS_GRAY.is(is_gray);
@@ -174,28 +176,28 @@ impl Twin {
             let of_all = [gray, HAS_LARGE.is(has_large)];
             [constants.normalize, &of_all].concat()
         };
-        let base = Description {
+        let base = PipelineDescription {
             name: "merge of small splats",
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(&shaders::FILTERED_MERGE_FRAG),
             constants: &[],
-            record: Record::NOTHING,
-            topology: Topology::Triangles,
+            record: VertexRecord::NOTHING,
+            topology: PrimitiveTopology::Triangles,
             colors: &[],
-            depth: Depth::Nearest,
+            depth: DepthMode::Nearest,
             is_additive: false,
         };
-        let last = Description {
+        let last = PipelineDescription {
             fragment: Some(kind.normalize),
             colors: targets(color, false),
             // Also where there is no depth: kernels may reach beyond what hides.
-            depth: Depth::NotFarther,
+            depth: DepthMode::NotFarther,
             ..base
         };
         let normalize = |name, has_large| {
-            Pipeline::new(
+            ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name,
                     constants: &of_normalize(has_large),
                     ..last
@@ -204,9 +206,9 @@ impl Twin {
         };
         let pixels = u64::from(width) * u64::from(height);
         let compute = |name, shader, constants: &[ConstantValue]| {
-            Pipeline::compute(gpu, name, shader, constants)
+            ShaderPipeline::compute(gpu, name, shader, constants)
         };
-        let storage = |name, bytes| Buffer::new(gpu, name, Usage::Storage, bytes);
+        let storage = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::Storage, bytes);
         Ok(Self {
             kind,
             depth: compute("depth of small splats", kind.depth, constants.depth)?,
@@ -225,7 +227,7 @@ impl Twin {
                 &shaders::COMPUTE_BLEND_TRIANGLES_COMP,
                 &[HAS_LAMP.is(has_lamp), gray],
             )?,
-            merge: Pipeline::new(gpu, &base)?,
+            merge: ShaderPipeline::new(gpu, &base)?,
             normalize: normalize("normalize of small splats", false)?,
             normalize_all: normalize("normalize of all splats", true)?,
             front: storage("front of small splats", 4 * pixels)?,
@@ -241,16 +243,16 @@ impl Twin {
     /// When the frame has no room for the constants of so many parts.
     pub(crate) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: Small<'_>,
-        (rastered, sums): (Option<&Rastered<'_>>, &Target),
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: ComputeInput<'_>,
+        (rastered, sums): (Option<&RasterizedPart<'_>>, &Target),
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         let records = (list.splats as _, self.kind.record);
         let range = (0, list.splat_count);
-        let ready = Ready {
+        let ready = BoundLists {
             list,
             splats: storage_ranges::bound(frame, context, self.max_binding, records, range)?,
             triangles: list.triangles.bound(frame, context, self.max_binding)?,
@@ -270,7 +272,7 @@ impl Twin {
     }
 
     /// Pass `clear`: empties the sums, and begins with the depth that the rasterizer left, if it drew.
-    fn clear(&self, frame: &mut Frame<'_>, rastered: Option<&Target>, context: &Context) {
+    fn clear(&self, frame: &mut FrameRecorder<'_>, rastered: Option<&Target>, context: &Context) {
         let pixels = screen_bounds::pixels(context.rect_px);
         let sums = (&self.sums as _, sum_bytes(self.is_gray) * pixels);
         match rastered {
@@ -286,8 +288,8 @@ impl Twin {
     }
 
     /// Pass `depth`: the nearest pushed depth of each pixel.
-    fn depth(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
-        let front = Slice::whole(&self.front);
+    fn depth(&self, frame: &mut FrameRecorder<'_>, list: &BoundLists<'_>, constants: UniformBlock) {
+        let front = BufferSlice::whole(&self.front);
         list.declared(frame.pass(self.kind.passes.depth))
             .storage(&self.front)
             .compute(|compute| {
@@ -307,25 +309,33 @@ impl Twin {
     ///
     /// # Errors
     /// When the frame has no room for constants.
-    fn merge(&self, frame: &mut Frame<'_>, depth: &Target, context: &Context) -> Result<(), Error> {
+    fn merge(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        depth: &Target,
+        context: &Context,
+    ) -> Result<(), Error> {
         let picture = frame.uniform(&storage_ranges::constants(context))?;
         let pass = frame
             .pass(self.kind.passes.merge)
-            .depth(depth, Load::Keep)
+            .depth(depth, TargetLoad::Keep)
             .fragment_storage(&self.front);
         let screen = ScreenDraw {
             pipeline: &self.merge,
             uniforms: &[picture],
             images: &[],
-            storage: &[Slice::whole(&self.front)],
+            storage: &[BufferSlice::whole(&self.front)],
         };
         raster_pass::full_screen(pass, &screen, context.rect_px);
         Ok(())
     }
 
     /// Pass `blend`, once the depth of all is known.
-    fn blend(&self, frame: &mut Frame<'_>, list: &Ready<'_>, constants: Uniform) {
-        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
+    fn blend(&self, frame: &mut FrameRecorder<'_>, list: &BoundLists<'_>, constants: UniformBlock) {
+        let (front, sums) = (
+            BufferSlice::whole(&self.front),
+            BufferSlice::whole(&self.sums),
+        );
         list.declared(frame.pass(self.kind.passes.blend))
             .storage_read(&self.front)
             .storage(&self.sums)
@@ -353,14 +363,17 @@ impl Twin {
     /// When the frame has no room for constants.
     fn normalize(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         (rastered, none): (Option<&Target>, &Target),
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         let picture = frame.uniform(&storage_ranges::constants(context))?;
-        let (front, sums) = (Slice::whole(&self.front), Slice::whole(&self.sums));
+        let (front, sums) = (
+            BufferSlice::whole(&self.front),
+            BufferSlice::whole(&self.sums),
+        );
         // Every binding must be written; without rastered sums this one is not looked at.
         let large = rastered.unwrap_or(none);
         let pipeline = if rastered.is_some() {

@@ -10,22 +10,24 @@ mod tests;
 
 use crate::abi::specialization::{HAS_LAMP, LARGE_ONLY};
 use crate::abi::{FilteredSplat, shaders};
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::image::{DeviceImage as Target, ImageFormat};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord, record,
+};
 use crate::gpu::{Error, Gpu};
 use crate::render::cost::choose::ComputeShare;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
-use crate::render::vulkan::blended::compute::{OwnConstants, Twin};
+use crate::render::vulkan::blended::compute::{ComputeBlending, OwnConstants};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
 
 /// [`FilteredSplat`] as pipelines see it.
-pub(crate) const RECORD: Record = record!(FilteredSplat {
+pub(crate) const RECORD: VertexRecord = record!(FilteredSplat {
     window_px: Float2,
     pushed_depth: Float,
     side_px: Float,
@@ -36,28 +38,28 @@ pub(crate) const RECORD: Record = record!(FilteredSplat {
 });
 
 /// Format of the sums.
-const SUMS: Format = Format::Rgba32Float;
+const SUMS: ImageFormat = ImageFormat::Rgba32Float;
 
 /// Pipelines and the target of the sums, for one picture size.
 #[derive(Debug)]
-pub(crate) struct Filtered {
-    depth_triangles: Pipeline,
-    depth_splats: Pipeline,
-    blend_triangles: Pipeline,
-    blend_splats: Pipeline,
-    normalize: Pipeline,
+pub(crate) struct FilteredPasses {
+    depth_triangles: ShaderPipeline,
+    depth_splats: ShaderPipeline,
+    blend_triangles: ShaderPipeline,
+    blend_splats: ShaderPipeline,
+    normalize: ShaderPipeline,
     sums: Target,
-    pub(crate) variant: Variant,
+    pub(crate) variant: FilteredVariant,
     by_compute: Option<ByCompute>,
 }
 
 /// What decides the pipelines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Variant {
+pub(crate) struct FilteredVariant {
     /// A lamp instead of the headlight.
     pub(crate) has_lamp: bool,
     /// Of the picture.
-    pub(crate) color: Format,
+    pub(crate) color: ImageFormat,
     /// Small splats are drawn by compute, all of them gray (true) or not.
     pub(crate) by_compute: Option<bool>,
 }
@@ -65,27 +67,27 @@ pub(crate) struct Variant {
 /// What draws small splats, and the pipelines that draw the others only.
 #[derive(Debug)]
 struct ByCompute {
-    twin: Twin,
-    depth_splats: Pipeline,
-    blend_splats: Pipeline,
+    twin: ComputeBlending,
+    depth_splats: ShaderPipeline,
+    blend_splats: ShaderPipeline,
 }
 
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct List<'a> {
+pub(crate) struct FilteredLists<'a> {
     /// All of it, as the rasterizer draws it.
     pub(crate) raster: RasterList<'a>,
     /// The same splats and small triangles for compute.
-    pub(crate) small: compute::Small<'a>,
+    pub(crate) small: compute::ComputeInput<'a>,
 }
 
-impl Filtered {
+impl FilteredPasses {
     /// # Errors
     /// When the device cannot blend 32-bit floats, or memory runs out.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
         (width, height): (u32, u32),
-        variant: Variant,
+        variant: FilteredVariant,
     ) -> Result<Self, Error> {
         if !gpu.info().has_float_blend {
             return Err(Error::Unsupported {
@@ -93,27 +95,27 @@ impl Filtered {
                 why: format!("{} cannot blend into 32-bit float targets", gpu.info().name),
             });
         }
-        let base = Description {
+        let base = PipelineDescription {
             name: "",
             vertex: &shaders::FILTERED_DEPTH_VERT,
             fragment: None,
             constants: &[],
             record: RECORD,
-            topology: Topology::Points,
+            topology: PrimitiveTopology::Points,
             colors: &[],
-            depth: Depth::Nearest,
+            depth: DepthMode::Nearest,
             is_additive: false,
         };
-        let blend = Description {
+        let blend = PipelineDescription {
             colors: &[SUMS],
-            depth: Depth::TestOnly,
+            depth: DepthMode::TestOnly,
             is_additive: true,
             ..base
         };
         let depth_splats = |value| {
-            Pipeline::new(
+            ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "filtered.depth splats",
                     constants: &[LARGE_ONLY.is(value)],
                     ..base
@@ -121,9 +123,9 @@ impl Filtered {
             )
         };
         let blend_splats = |value| {
-            Pipeline::new(
+            ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "filtered.blend splats",
                     vertex: &shaders::FILTERED_BLEND_VERT,
                     fragment: Some(&shaders::FILTERED_BLEND_FRAG),
@@ -135,7 +137,7 @@ impl Filtered {
         let by_compute = match variant.by_compute {
             None => None,
             Some(is_gray) => Some(ByCompute {
-                twin: Twin::new(
+                twin: ComputeBlending::new(
                     gpu,
                     &compute::FILTERED,
                     (width, height),
@@ -147,41 +149,41 @@ impl Filtered {
             }),
         };
         Ok(Self {
-            depth_triangles: Pipeline::new(
+            depth_triangles: ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "filtered.depth triangles",
                     // The blend pass has the same, so that a triangle is never behind itself.
                     vertex: &shaders::TRIANGLES_DRAW_VERT,
                     record: VERTEX,
-                    topology: Topology::Triangles,
+                    topology: PrimitiveTopology::Triangles,
                     ..base
                 },
             )?,
             depth_splats: depth_splats(false)?,
-            blend_triangles: Pipeline::new(
+            blend_triangles: ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "filtered.blend triangles",
                     vertex: &shaders::TRIANGLES_DRAW_VERT,
                     fragment: Some(&shaders::FILTERED_BLEND_TRIANGLES_FRAG),
                     constants: &[HAS_LAMP.is(variant.has_lamp)],
                     record: VERTEX,
-                    topology: Topology::Triangles,
+                    topology: PrimitiveTopology::Triangles,
                     ..blend
                 },
             )?,
             blend_splats: blend_splats(false)?,
-            normalize: Pipeline::new(
+            normalize: ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "filtered.normalize",
                     vertex: &shaders::FILTERED_NORMALIZE_VERT,
                     fragment: Some(&shaders::FILTERED_NORMALIZE_FRAG),
-                    record: Record::NOTHING,
-                    topology: Topology::Triangles,
+                    record: VertexRecord::NOTHING,
+                    topology: PrimitiveTopology::Triangles,
                     colors: targets(variant.color, false),
-                    depth: Depth::None,
+                    depth: DepthMode::None,
                     ..base
                 },
             )?,
@@ -197,12 +199,12 @@ impl Filtered {
     /// When the frame has no room for the constants of its parts.
     pub(crate) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: List<'_>,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: FilteredLists<'_>,
         share: ComputeShare,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         let all = &list.raster;
         let (Some(by_compute), ComputeShare::Small | ComputeShare::All) = (&self.by_compute, share)
@@ -221,7 +223,7 @@ impl Filtered {
             ComputeShare::Small => *all,
             _ => all.only_triangles(),
         };
-        let rastered = compute::Rastered {
+        let rastered = compute::RasterizedPart {
             depth: &|frame| {
                 self.raster_depth(frame, targets, &large, depth_splats, context, constants);
             },
@@ -236,16 +238,16 @@ impl Filtered {
     /// Pass `filtered.depth` by the rasterizer: the pushed depth of splats, that of triangles.
     fn raster_depth(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         list: &RasterList<'_>,
-        splats: &Pipeline,
+        splats: &ShaderPipeline,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let pass = frame
             .pass("filtered.depth")
-            .depth(targets.depth(), Load::Clear([0.0; 4]));
+            .depth(targets.depth(), TargetLoad::Clear([0.0; 4]));
         let pipelines = pipelines(&self.depth_triangles, splats);
         raster_pass::draw(pass, list, pipelines, context, constants);
     }
@@ -253,16 +255,16 @@ impl Filtered {
     /// Pass `filtered.blend` by the rasterizer: sums of what is not behind that depth.
     fn raster_blend(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         list: &RasterList<'_>,
-        splats: &Pipeline,
+        splats: &ShaderPipeline,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let pass = frame
             .pass("filtered.blend")
-            .color(&self.sums, Load::Clear([0.0; 4]))
+            .color(&self.sums, TargetLoad::Clear([0.0; 4]))
             .depth_test(targets.depth());
         let pipelines = pipelines(&self.blend_triangles, splats);
         raster_pass::draw(pass, list, pipelines, context, constants);
@@ -271,15 +273,15 @@ impl Filtered {
     /// Pass `filtered.normalize` of what was rastered.
     fn normalize(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let [r, g, b] = context.background;
         let pass = frame
             .pass("filtered.normalize")
-            .color(targets.color(), Load::Clear([r, g, b, 0.0]));
+            .color(targets.color(), TargetLoad::Clear([r, g, b, 0.0]));
         let (uniforms, images) = ([constants], [&self.sums, targets.depth()]);
         let screen = ScreenDraw::of_images(&self.normalize, &uniforms, &images);
         raster_pass::full_screen(pass, &screen, context.rect_px);
@@ -287,7 +289,7 @@ impl Filtered {
 }
 
 /// What draws a list: filtered splats are points, however large.
-fn pipelines<'a>(triangles: &'a Pipeline, splats: &'a Pipeline) -> RasterPipelines<'a> {
+fn pipelines<'a>(triangles: &'a ShaderPipeline, splats: &'a ShaderPipeline) -> RasterPipelines<'a> {
     RasterPipelines {
         triangles: Some(triangles),
         points: Some(splats),

@@ -9,23 +9,25 @@ use crate::abi::specialization::{
     HAS_COVERAGE, HAS_LAMP, IS_DEFERRED, IS_GAUSS, IS_ORIENTED, IS_QUAD, IS_SQUARE, IS_WIDENED,
 };
 use crate::abi::{ConstantValue, FuzzySplat, Shader, WeightedSplat, shaders};
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology, record};
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::image::{DeviceImage as Target, ImageFormat};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord, record,
+};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
 use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::blended::compute;
-use crate::render::vulkan::blended::compute::{OwnConstants, Twin};
+use crate::render::vulkan::blended::compute::{ComputeBlending, OwnConstants};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::triangles::targets;
 use crate::render::{Settings, Shading, SplatKind, SumFormat};
 use std::sync::Arc;
 
 /// [`WeightedSplat`] as pipelines see it.
-pub(crate) const RECORD: Record = record!(WeightedSplat {
+pub(crate) const RECORD: VertexRecord = record!(WeightedSplat {
     center: Float3 in splat,
     radius: Float in splat,
     normal: Snorm16x2 in splat,
@@ -34,14 +36,14 @@ pub(crate) const RECORD: Record = record!(WeightedSplat {
 });
 
 /// The same where it lies in the place of a [`FuzzySplat`].
-const LARGE: Record = Record {
+const LARGE: VertexRecord = VertexRecord {
     stride: size_of::<FuzzySplat>() as u32,
     attributes: RECORD.attributes,
 };
 
 /// What decides the pipelines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Variant {
+pub(crate) struct FuzzyVariant {
     is_gauss: bool,
     /// By the frame's low pass.
     is_widened: bool,
@@ -55,16 +57,16 @@ pub(crate) struct Variant {
     pub(crate) from_vertices: bool,
     /// A lamp lights the surface instead of the headlight.
     has_lamp: bool,
-    sums: Format,
+    sums: ImageFormat,
     /// Of the picture.
-    color: Format,
+    color: ImageFormat,
     /// Of the frame.
     flags: u32,
     /// Small splats are drawn by compute, all of them gray (true) or not.
     by_compute: Option<bool>,
 }
 
-impl Variant {
+impl FuzzyVariant {
     /// That of `settings` for a model with or without triangles.
     ///
     /// # Errors
@@ -73,7 +75,7 @@ impl Variant {
         gpu: &Gpu,
         settings: &Settings,
         has_triangles: bool,
-        targets: &Targets,
+        targets: &FrameTargets,
         (flags, by_compute): (u32, Option<bool>),
     ) -> Result<Self, Error> {
         let sums = match settings.sums {
@@ -86,10 +88,10 @@ impl Variant {
                     ),
                 });
             }
-            Some(SumFormat::Half) => Format::Rgba16Float,
-            Some(SumFormat::Float) => Format::Rgba32Float,
-            None if gpu.info().has_float_blend => Format::Rgba32Float,
-            None => Format::Rgba16Float,
+            Some(SumFormat::Half) => ImageFormat::Rgba16Float,
+            Some(SumFormat::Float) => ImageFormat::Rgba32Float,
+            None if gpu.info().has_float_blend => ImageFormat::Rgba32Float,
+            None => ImageFormat::Rgba16Float,
         };
         Ok(Self {
             is_gauss: settings.splat == SplatKind::Gauss,
@@ -108,17 +110,17 @@ impl Variant {
     }
 
     /// Values of the specialization constants of shaders that place footprints.
-    fn of_footprints(&self, topology: Topology) -> [ConstantValue; 4] {
+    fn of_footprints(&self, topology: PrimitiveTopology) -> [ConstantValue; 4] {
         [
             IS_GAUSS.is(self.is_gauss),
             IS_ORIENTED.is(self.footprint == Footprint::Oriented),
-            IS_QUAD.is(topology == Topology::Quads),
+            IS_QUAD.is(topology == PrimitiveTopology::Quads),
             IS_SQUARE.is(self.footprint == Footprint::Square),
         ]
     }
 
     /// The same of those that blend them as well.
-    pub(crate) fn of_blend(&self, topology: Topology) -> [ConstantValue; 7] {
+    pub(crate) fn of_blend(&self, topology: PrimitiveTopology) -> [ConstantValue; 7] {
         let [gauss, oriented, quad, square] = self.of_footprints(topology);
         let [deferred, lamp] = self.of_light();
         let widened = IS_WIDENED.is(self.is_widened);
@@ -137,31 +139,31 @@ impl Variant {
 
 /// Points and quads of one pass.
 #[derive(Debug)]
-struct Pair {
-    points: Pipeline,
-    quads: Pipeline,
+struct PrimitivePipelines {
+    points: ShaderPipeline,
+    quads: ShaderPipeline,
     /// Both, of what compute leaves of its list.
-    large: Option<[Pipeline; 2]>,
+    large: Option<[ShaderPipeline; 2]>,
 }
 
 /// Pipelines and the targets of the sums, for one picture size.
 #[derive(Debug)]
-pub(crate) struct Fuzzy {
-    pub(crate) variant: Variant,
-    depth_triangles: Pipeline,
-    depth_splats: Pair,
-    blend_triangles: Pipeline,
-    blend_splats: Pair,
-    normalize: Pipeline,
+pub(crate) struct FuzzyPasses {
+    pub(crate) variant: FuzzyVariant,
+    depth_triangles: ShaderPipeline,
+    depth_splats: PrimitivePipelines,
+    blend_triangles: ShaderPipeline,
+    blend_splats: PrimitivePipelines,
+    normalize: ShaderPipeline,
     sums: Target,
     normals: Option<Target>,
     /// What draws small splats.
-    twin: Option<Twin>,
+    twin: Option<ComputeBlending>,
 }
 
-impl Pair {
+impl PrimitivePipelines {
     /// What draws a list, or what compute leaves of it, beside triangles.
-    fn with<'a>(&'a self, triangles: &'a Pipeline, is_left: bool) -> RasterPipelines<'a> {
+    fn with<'a>(&'a self, triangles: &'a ShaderPipeline, is_left: bool) -> RasterPipelines<'a> {
         let [points, quads] = match (&self.large, is_left) {
             (Some([points, quads]), true) => [points, quads],
             _ => [&self.points, &self.quads],
@@ -176,48 +178,49 @@ impl Pair {
 
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct List<'a> {
+pub(crate) struct FuzzyLists<'a> {
     /// By the rasterizer.
     pub(crate) raster: RasterList<'a>,
     /// By compute; none where it draws nothing.
-    pub(crate) small: Option<compute::Small<'a>>,
+    pub(crate) small: Option<compute::ComputeInput<'a>>,
 }
 
-impl Fuzzy {
+impl FuzzyPasses {
     /// # Errors
     /// When memory runs out.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        variant: Variant,
+        variant: FuzzyVariant,
         width: u32,
         height: u32,
     ) -> Result<Self, Error> {
-        let pipeline = |d: &Description<'_>| Pipeline::for_flags(gpu, d, variant.flags);
-        let colors: &[Format] = match (variant.sums, variant.sums_normals()) {
+        let pipeline =
+            |d: &PipelineDescription<'_>| ShaderPipeline::for_flags(gpu, d, variant.flags);
+        let colors: &[ImageFormat] = match (variant.sums, variant.sums_normals()) {
             (sums, true) => &[sums; 2],
             (sums, false) => &[sums],
         };
-        let base = Description {
+        let base = PipelineDescription {
             name: "",
             vertex: &shaders::FUZZY_DEPTH_VERT,
             fragment: None,
             constants: &[],
             record: VERTEX,
-            topology: Topology::Triangles,
+            topology: PrimitiveTopology::Triangles,
             colors: &[],
-            depth: Depth::Nearest,
+            depth: DepthMode::Nearest,
             is_additive: false,
         };
-        let blend = Description {
+        let blend = PipelineDescription {
             colors,
-            depth: Depth::TestOnly,
+            depth: DepthMode::TestOnly,
             is_additive: true,
             ..base
         };
         // A square needs no outline.
         let outline =
             (variant.footprint != Footprint::Square).then_some(&shaders::FUZZY_DEPTH_FRAG);
-        let (depth_vertex, blend_vertex, record): (&Shader, &Shader, Record) =
+        let (depth_vertex, blend_vertex, record): (&Shader, &Shader, VertexRecord) =
             if variant.from_vertices {
                 (
                     &shaders::FUZZY_DEPTH_POINTS_VERT,
@@ -231,11 +234,14 @@ impl Fuzzy {
                     RECORD,
                 )
             };
-        let pair = |name, description: Description<'_>, is_blend: bool| -> Result<Pair, Error> {
+        let pair = |name,
+                    description: PipelineDescription<'_>,
+                    is_blend: bool|
+         -> Result<PrimitivePipelines, Error> {
             let make = |topology, record| {
                 let constants = variant.of_blend(topology);
                 let footprints = variant.of_footprints(topology);
-                pipeline(&Description {
+                pipeline(&PipelineDescription {
                     name,
                     topology,
                     record,
@@ -243,24 +249,24 @@ impl Fuzzy {
                     ..description
                 })
             };
-            Ok(Pair {
-                points: make(Topology::Points, record)?,
-                quads: make(Topology::Quads, record)?,
+            Ok(PrimitivePipelines {
+                points: make(PrimitiveTopology::Points, record)?,
+                quads: make(PrimitiveTopology::Quads, record)?,
                 large: match variant.by_compute {
                     Some(_) => Some([
-                        make(Topology::Points, LARGE)?,
-                        make(Topology::Quads, LARGE)?,
+                        make(PrimitiveTopology::Points, LARGE)?,
+                        make(PrimitiveTopology::Quads, LARGE)?,
                     ]),
                     None => None,
                 },
             })
         };
-        let depth_splats = Description {
+        let depth_splats = PipelineDescription {
             vertex: depth_vertex,
             fragment: outline,
             ..base
         };
-        let blend_splats = Description {
+        let blend_splats = PipelineDescription {
             vertex: blend_vertex,
             fragment: Some(shaders::FUZZY_BLEND_FRAG.of(variant.sums_normals())),
             ..blend
@@ -269,13 +275,13 @@ impl Fuzzy {
         let coverage = HAS_COVERAGE.is(variant.has_coverage);
         Ok(Self {
             variant,
-            depth_triangles: pipeline(&Description {
+            depth_triangles: pipeline(&PipelineDescription {
                 name: "fuzzy.depth triangles",
                 vertex: &shaders::FUZZY_DEPTH_TRIANGLES_VERT,
                 ..base
             })?,
             depth_splats: pair("fuzzy.depth splats", depth_splats, false)?,
-            blend_triangles: pipeline(&Description {
+            blend_triangles: pipeline(&PipelineDescription {
                 name: "fuzzy.blend triangles",
                 vertex: &shaders::TRIANGLES_DRAW_VERT,
                 fragment: Some(shaders::FUZZY_BLEND_TRIANGLES_FRAG.of(variant.sums_normals())),
@@ -283,21 +289,21 @@ impl Fuzzy {
                 ..blend
             })?,
             blend_splats: pair("fuzzy.blend splats", blend_splats, true)?,
-            normalize: pipeline(&Description {
+            normalize: pipeline(&PipelineDescription {
                 name: "fuzzy.normalize",
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
                 fragment: Some(shaders::FUZZY_NORMALIZE_FRAG.of(variant.writes_normals)),
                 constants: &[deferred, lamp, coverage],
-                record: Record::NOTHING,
+                record: VertexRecord::NOTHING,
                 colors: targets(variant.color, variant.writes_normals),
-                depth: Depth::None,
+                depth: DepthMode::None,
                 ..base
             })?,
             twin: match variant.by_compute {
                 None => None,
                 Some(is_gray) => {
-                    let [gauss, _, _, square] = variant.of_footprints(Topology::Points);
-                    Some(Twin::new(
+                    let [gauss, _, _, square] = variant.of_footprints(PrimitiveTopology::Points);
+                    Some(ComputeBlending::new(
                         gpu,
                         &compute::FUZZY,
                         (width, height),
@@ -324,11 +330,11 @@ impl Fuzzy {
     /// When the frame has no room for the constants of its parts.
     pub(crate) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: List<'_>,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: FuzzyLists<'_>,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         let (Some(twin), Some(small)) = (&self.twin, list.small) else {
             self.raster_depth(frame, targets, list, context, constants);
@@ -336,7 +342,7 @@ impl Fuzzy {
             self.normalize(frame, targets, context, constants);
             return Ok(());
         };
-        let rastered = compute::Rastered {
+        let rastered = compute::RasterizedPart {
             depth: &|frame| self.raster_depth(frame, targets, list, context, constants),
             blend: &|frame| self.raster_blend(frame, targets, list, context, constants),
         };
@@ -348,15 +354,15 @@ impl Fuzzy {
     /// Pass `fuzzy.depth` by the rasterizer.
     fn raster_depth(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: List<'_>,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: FuzzyLists<'_>,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let pass = frame
             .pass("fuzzy.depth")
-            .depth(targets.depth(), Load::Clear([0.0; 4]));
+            .depth(targets.depth(), TargetLoad::Clear([0.0; 4]));
         let triangles = &self.depth_triangles;
         let pipelines = self.depth_splats.with(triangles, list.small.is_some());
         raster_pass::draw(pass, &list.raster, pipelines, context, constants);
@@ -365,17 +371,17 @@ impl Fuzzy {
     /// Pass `fuzzy.blend` by the rasterizer.
     fn raster_blend(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: List<'_>,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: FuzzyLists<'_>,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let mut pass = frame
             .pass("fuzzy.blend")
-            .color(&self.sums, Load::Clear([0.0; 4]));
+            .color(&self.sums, TargetLoad::Clear([0.0; 4]));
         if let Some(normals) = &self.normals {
-            pass = pass.color(normals, Load::Clear([0.0; 4]));
+            pass = pass.color(normals, TargetLoad::Clear([0.0; 4]));
         }
         let pass = pass.depth_test(targets.depth());
         let triangles = &self.blend_triangles;
@@ -386,19 +392,19 @@ impl Fuzzy {
     /// Pass `fuzzy.normalize` of what was rastered.
     fn normalize(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let [r, g, b] = context.background;
         // Every binding must be written; without normals the second is not looked at.
         let normals = self.normals.as_ref().unwrap_or(&self.sums);
         let mut pass = frame
             .pass("fuzzy.normalize")
-            .color(targets.color(), Load::Clear([r, g, b, 0.0]));
+            .color(targets.color(), TargetLoad::Clear([r, g, b, 0.0]));
         if let (true, Some(target)) = (self.variant.writes_normals, targets.normal()) {
-            pass = pass.color(target, Load::Clear([0.0; 4]));
+            pass = pass.color(target, TargetLoad::Clear([0.0; 4]));
         }
         let (uniforms, images) = ([constants], [&self.sums, normals]);
         let screen = ScreenDraw::of_images(&self.normalize, &uniforms, &images);

@@ -2,18 +2,18 @@
 
 use crate::math::camera::View;
 use crate::pack::triangles;
-use crate::render::vulkan::draw_lists::{Lists, whole_records};
-use crate::render::vulkan::opaque::triangle_runs::Run;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::draw_lists::{DrawLists, whole_records};
+use crate::render::vulkan::opaque::triangle_runs::PageRange;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
 use prefetch_index::prefetch_index;
 
 /// Writes what `of` has of the chosen triangles, page by page; those that `is_small` go to a list of their own.
 pub(super) fn write<T: bytemuck::Pod + Send>(
     model: &Model,
-    scene: &Scene,
+    scene: &DeviceScene,
     ids: &[u32],
-    (lists, is_small): (&mut Lists, Option<impl Fn(u32) -> bool + Sync>),
+    (lists, is_small): (&mut DrawLists, Option<impl Fn(u32) -> bool + Sync>),
     (of, ahead): (
         impl Fn(&[[u32; 3]], u32) -> T + Sync,
         impl Fn(&[[u32; 3]], u32) + Sync,
@@ -53,7 +53,7 @@ pub(super) fn write<T: bytemuck::Pod + Send>(
             .enumerate()
         {
             if written[which] > before[which] {
-                runs.push(Run {
+                runs.push(PageRange {
                     page: index,
                     first: 3 * before[which] as u32,
                     count: 3 * (written[which] - before[which]) as u32,

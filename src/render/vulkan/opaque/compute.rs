@@ -7,15 +7,17 @@
 //! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
 //! the near plane, goes to the rasterizer.
 
-pub(crate) use crate::render::vulkan::storage_ranges::List;
+pub(crate) use crate::render::vulkan::storage_ranges::ComputeList;
 
 use crate::abi::constants;
 use crate::abi::shaders;
 use crate::abi::specialization::{ARE_DISCS, LOOKS_FIRST, SIDE_PX};
-use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
-use crate::gpu::frame::{Frame, Uniform};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::bind::BufferSlice;
+use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
 use crate::render::compute_limits::{LARGEST_SQUARE_PX, storage_bytes};
@@ -24,14 +26,14 @@ use crate::render::pack_params::splat_plan;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
 use crate::render::vulkan::raster_pass;
-use crate::render::vulkan::storage_ranges::Items;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::storage_ranges::BoundItems;
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::tree::Model;
 use std::sync::Arc;
 
 /// What decides the pipeline of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Variant {
+pub(crate) struct ComputeVariant {
     footprint: Footprint,
     /// Where none has a size of its own that of all, rounded up to pixels; else 0.
     side_px: u32,
@@ -39,7 +41,7 @@ pub(crate) struct Variant {
     flags: u32,
 }
 
-impl Variant {
+impl ComputeVariant {
     /// Squares of a pixel.
     pub(crate) const SAMPLES: Self = Self {
         footprint: Footprint::Square,
@@ -65,35 +67,35 @@ impl Variant {
 
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]
-pub(crate) struct Small {
+pub(crate) struct ComputeRasterizer {
     gpu: Arc<Gpu>,
     /// Those that were asked for.
-    splats: Vec<(Variant, Pipeline)>,
-    triangles: Pipeline,
-    resolve_splats: Pipeline,
-    resolve_triangles: Pipeline,
-    keys: Buffer,
+    splats: Vec<(ComputeVariant, ShaderPipeline)>,
+    triangles: ShaderPipeline,
+    resolve_splats: ShaderPipeline,
+    resolve_triangles: ShaderPipeline,
+    keys: DeviceBuffer,
     max_binding: u64,
 }
 
-impl Small {
+impl ComputeRasterizer {
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
-    pub(crate) fn new(gpu: &Arc<Gpu>, targets: &Targets) -> Result<Self, Error> {
+    pub(crate) fn new(gpu: &Arc<Gpu>, targets: &FrameTargets) -> Result<Self, Error> {
         let normals = targets.normal().is_some();
         let (width, height) = (targets.color().width, targets.color().height);
         let resolve = |name, fragment| {
-            Pipeline::new(
+            ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name,
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
                     fragment: Some(fragment),
                     constants: &[],
-                    record: Record::NOTHING,
-                    topology: Topology::Triangles,
+                    record: VertexRecord::NOTHING,
+                    topology: PrimitiveTopology::Triangles,
                     colors: targets.formats(),
-                    depth: Depth::Nearest,
+                    depth: DepthMode::Nearest,
                     is_additive: false,
                 },
             )
@@ -101,7 +103,7 @@ impl Small {
         Ok(Self {
             gpu: gpu.clone(),
             splats: Vec::new(),
-            triangles: Pipeline::compute(
+            triangles: ShaderPipeline::compute(
                 gpu,
                 "small.triangles",
                 &shaders::COMPUTE_TRIANGLES_COMP,
@@ -115,10 +117,10 @@ impl Small {
                 "small.resolve triangles",
                 shaders::COMPUTE_RESOLVE_TRIANGLES_FRAG.of(normals),
             )?,
-            keys: Buffer::new(
+            keys: DeviceBuffer::new(
                 gpu,
                 "nearest small primitives",
-                Usage::Storage,
+                BufferUsage::Storage,
                 storage_bytes(Technique::Opaque, [width, height]),
             )?,
             max_binding: gpu.info().max_storage_range,
@@ -129,7 +131,7 @@ impl Small {
     ///
     /// # Errors
     /// When a Vulkan call fails.
-    pub(crate) fn ensure(&mut self, variant: Variant) -> Result<(), Error> {
+    pub(crate) fn ensure(&mut self, variant: ComputeVariant) -> Result<(), Error> {
         if self.splats.iter().any(|made| made.0 == variant) {
             return Ok(());
         }
@@ -141,12 +143,12 @@ impl Small {
                 LOOKS_FIRST.is(looks_first),
                 SIDE_PX.is(variant.side_px),
             ];
-            Pipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
+            ShaderPipeline::compute(gpu, name, &shaders::COMPUTE_SPLATS_COMP, &constants)
         };
         let pipeline = match variant.footprint {
             Footprint::Square => of_one_size("small squares", false)?,
             Footprint::Circle => of_one_size("small discs", true)?,
-            Footprint::Oriented => Pipeline::compute_for_flags(
+            Footprint::Oriented => ShaderPipeline::compute_for_flags(
                 gpu,
                 "small ellipses",
                 &shaders::COMPUTE_ELLIPSES_COMP,
@@ -165,20 +167,20 @@ impl Small {
     /// When the frame has no room for the constants of so many parts.
     pub(crate) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: List<'_>,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: ComputeList<'_>,
         (context, is_first): (&Context, bool),
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         if list.is_empty() {
             return Ok(());
         }
         let items = list.bound(frame, context, self.max_binding)?;
-        let Items {
+        let BoundItems {
             splats, triangles, ..
         } = &items;
-        let keys = Slice::whole(&self.keys);
+        let keys = BufferSlice::whole(&self.keys);
         frame.pass("small.clear").fill(
             &[(&self.keys, 8 * screen_bounds::pixels(context.rect_px))],
             0,
@@ -203,7 +205,7 @@ impl Small {
             });
         }
         if !splats.is_empty() {
-            let pipeline = |variant: Variant| {
+            let pipeline = |variant: ComputeVariant| {
                 let made = self.splats.iter().find(|made| made.0 == variant);
                 let Some((_, pipeline)) = made else {
                     unreachable!("ensure made the pipeline")
@@ -236,12 +238,12 @@ impl Small {
     /// Pass small.resolve: shades what each pixel kept.
     fn resolve(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: &List<'_>,
-        (items, (buffer, keys)): (&Items<'_>, (&dyn AnyBuffer, Slice<'_>)),
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: &ComputeList<'_>,
+        (items, (buffer, keys)): (&BoundItems<'_>, (&dyn AnyBuffer, BufferSlice<'_>)),
         (context, is_first): (&Context, bool),
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let mut pass = targets
             .attach_after(frame.pass("small.resolve"), context, is_first)

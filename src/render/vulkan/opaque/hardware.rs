@@ -4,9 +4,11 @@
 
 use crate::abi::specialization::{IS_ORIENTED, IS_QUAD};
 use crate::abi::{Shader, shaders};
-use crate::gpu::buffer::Buffer;
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::buffer::DeviceBuffer;
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
 use crate::render::Settings;
@@ -14,14 +16,14 @@ use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{
     RasterList, RasterPipelines, RasterSplats, RasterTriangles,
 };
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::{SPLAT, VERTEX};
 use std::sync::Arc;
 
 /// Where splats come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Source {
+pub(crate) enum SplatSource {
     /// The draw list.
     List,
     /// The vertices of the mesh, all of one size.
@@ -29,24 +31,24 @@ pub(crate) enum Source {
 }
 
 /// What decides the pipelines; the last are the flags of the frame.
-pub(crate) type Variant = (Footprint, Source, u32);
+pub(crate) type OpaqueVariant = (Footprint, SplatSource, u32);
 
 /// Pipelines of one kind of opaque splat.
 #[derive(Debug)]
-pub(crate) struct Splats {
+pub(crate) struct OpaqueSplats {
     /// What the pipelines were made for.
-    pub(crate) variant: Variant,
-    points: Pipeline,
-    quads: Pipeline,
+    pub(crate) variant: OpaqueVariant,
+    points: ShaderPipeline,
+    quads: ShaderPipeline,
 }
 
-impl Splats {
+impl OpaqueSplats {
     /// What `settings` need in frames of these flags.
-    pub(crate) fn variant_of(settings: &Settings, flags: u32) -> Variant {
+    pub(crate) fn variant_of(settings: &Settings, flags: u32) -> OpaqueVariant {
         let source = if settings.has_cut() {
-            Source::List
+            SplatSource::List
         } else {
-            Source::Vertices
+            SplatSource::Vertices
         };
         (settings.footprint(), source, flags)
     }
@@ -55,15 +57,15 @@ impl Splats {
     /// When a Vulkan call fails.
     pub(crate) fn new(
         gpu: &Arc<Gpu>,
-        variant @ (footprint, source, flags): Variant,
-        targets: &Targets,
+        variant @ (footprint, source, flags): OpaqueVariant,
+        targets: &FrameTargets,
     ) -> Result<Self, Error> {
         let is_square = footprint == Footprint::Square;
-        let (vertex, record): (&Shader, Record) = match (source, is_square) {
-            (Source::List, true) => (&shaders::SPLATS_SQUARE_VERT, SPLAT),
-            (Source::List, false) => (&shaders::SPLATS_ROUND_VERT, SPLAT),
-            (Source::Vertices, true) => (&shaders::POINTS_DRAW_VERT, VERTEX),
-            (Source::Vertices, false) => (&shaders::POINTS_ROUND_VERT, VERTEX),
+        let (vertex, record): (&Shader, VertexRecord) = match (source, is_square) {
+            (SplatSource::List, true) => (&shaders::SPLATS_SQUARE_VERT, SPLAT),
+            (SplatSource::List, false) => (&shaders::SPLATS_ROUND_VERT, SPLAT),
+            (SplatSource::Vertices, true) => (&shaders::POINTS_DRAW_VERT, VERTEX),
+            (SplatSource::Vertices, false) => (&shaders::POINTS_ROUND_VERT, VERTEX),
         };
         let fragment = if is_square {
             shaders::POINTS_DRAW_FRAG
@@ -75,12 +77,12 @@ impl Splats {
         let pipeline = |name, topology| {
             // A square has no plane.
             let constants = [
-                IS_QUAD.is(topology == Topology::Quads),
+                IS_QUAD.is(topology == PrimitiveTopology::Quads),
                 IS_ORIENTED.is(is_oriented),
             ];
-            Pipeline::for_flags(
+            ShaderPipeline::for_flags(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name,
                     vertex,
                     fragment: Some(fragment),
@@ -88,7 +90,7 @@ impl Splats {
                     record,
                     topology,
                     colors: targets.formats(),
-                    depth: Depth::Nearest,
+                    depth: DepthMode::Nearest,
                     is_additive: false,
                 },
                 flags,
@@ -96,8 +98,8 @@ impl Splats {
         };
         Ok(Self {
             variant,
-            points: pipeline("splats as points", Topology::Points)?,
-            quads: pipeline("splats as quads", Topology::Quads)?,
+            points: pipeline("splats as points", PrimitiveTopology::Points)?,
+            quads: pipeline("splats as quads", PrimitiveTopology::Quads)?,
         })
     }
 
@@ -113,11 +115,11 @@ impl Splats {
     /// of the frame.
     pub(crate) fn record_list(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         list: &RasterList<'_>,
         (context, is_first): (&Context, bool),
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let list = list.only_splats();
         if list.is_empty() {
@@ -130,14 +132,14 @@ impl Splats {
     /// Pass `hybrid.splats`: the points of a list by the arguments at an offset of a buffer. Keeps what the triangles left.
     pub(crate) fn record_from(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        (list, (arguments, offset)): (&Buffer, (&Buffer, u64)),
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        (list, (arguments, offset)): (&DeviceBuffer, (&DeviceBuffer, u64)),
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let pass = targets
-            .attach_with(frame.pass("hybrid.splats"), context, |_| Load::Keep)
+            .attach_with(frame.pass("hybrid.splats"), context, |_| TargetLoad::Keep)
             .vertices(list)
             .arguments(arguments);
         pass.draw(context.viewport(), |draw| {
@@ -151,12 +153,12 @@ impl Splats {
     /// Pass `points.draw`: all used vertices of all pages. Clears the targets.
     pub(crate) fn record_vertices(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        scene: &Scene,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        scene: &DeviceScene,
         as_quads: bool,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let list = RasterList {
             scene,

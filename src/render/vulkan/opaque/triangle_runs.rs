@@ -3,23 +3,23 @@
 //! Source: Benda, *Point Based Rendering*, section 3.3. Both kinds go into one color and one depth target;
 //! triangles come first, so that the depth test spares the splats behind them.
 
-pub(crate) use crate::render::vulkan::raster_pass::Run;
+pub(crate) use crate::render::vulkan::raster_pass::PageRange;
 
-use crate::gpu::frame::{Frame, Uniform};
-use crate::gpu::pipeline::Pipeline;
+use crate::gpu::frame::{FrameRecorder, UniformBlock};
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines};
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 
 /// Pass `hybrid.triangles`: the leaves that are large on screen. Clears the targets. A frame without any begins with the pass
 /// after it.
 pub(crate) fn record_triangles(
-    frame: &mut Frame<'_>,
-    pipeline: &Pipeline,
-    targets: &Targets,
+    frame: &mut FrameRecorder<'_>,
+    pipeline: &ShaderPipeline,
+    targets: &FrameTargets,
     list: &RasterList<'_>,
     context: &Context,
-    constants: Uniform,
+    constants: UniformBlock,
 ) {
     let pipelines = RasterPipelines {
         triangles: Some(pipeline),

@@ -1,73 +1,73 @@
 //! Frames of the methods that draw a cut: its draw lists are written into mapped memory, then drawn.
 
 use crate::gpu::Error;
-use crate::gpu::frame::{Frame, Ticket, Uniform};
-use crate::gpu::pipeline::Pipeline;
+use crate::gpu::frame::{FrameRecorder, FrameTicket, UniformBlock};
+use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::{ColorBy, Footprint};
 use crate::render::cost::choose;
 use crate::render::cost::choose::{ComputeShare, FrameWorkload, PassSelection};
 use crate::render::frame_plan::{FramePlan, PackKey};
 use crate::render::pack_params::largest_splat_px;
 use crate::render::screen_bounds;
-use crate::render::stats::{Kept, Stage};
+use crate::render::stats::{FrameStage, KeptWork};
 use crate::render::technique::Technique;
 use crate::render::vulkan::blended::compute as blended_compute;
-use crate::render::vulkan::blended::filtered::Filtered;
-use crate::render::vulkan::blended::fuzzy::Fuzzy;
+use crate::render::vulkan::blended::filtered::FilteredPasses;
+use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::blended::{filtered, fuzzy};
-use crate::render::vulkan::draw_lists::{Held, Lists, PackInput};
+use crate::render::vulkan::draw_lists::{DrawLists, PackInput, PackedFrame};
 use crate::render::vulkan::expand_ids;
 use crate::render::vulkan::opaque::compute;
-use crate::render::vulkan::opaque::compute::Small;
-use crate::render::vulkan::opaque::hardware::Splats;
+use crate::render::vulkan::opaque::compute::ComputeRasterizer;
+use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
 use crate::render::vulkan::renderer::{
-    End, FrameEnd, FrameTimes, PlannedFrame, Renderer, margin_px,
+    FrameEnd, FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer, margin_px,
 };
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::storage_ranges::Triangles;
-use crate::render::vulkan::targets::Targets;
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::storage_ranges::TriangleRanges;
+use crate::render::vulkan::targets::FrameTargets;
 use crate::render::vulkan::visibility::hardware;
-use crate::render::vulkan::visibility::hardware::Visibility;
+use crate::render::vulkan::visibility::hardware::VisibilityPasses;
 use crate::tree::Model;
 
-impl Renderer {
+impl VulkanRenderer {
     /// Chooses the cut of a frame, packs and uploads its draw lists, and records its passes.
     pub(super) fn draw_cut(
         &mut self,
         drawn: PlannedFrame<'_>,
-        end: &mut End<'_>,
-    ) -> Result<(Ticket, FrameTimes), Error> {
+        end: &mut FrameEnding<'_>,
+    ) -> Result<(FrameTicket, FrameTimes), Error> {
         let PlannedFrame { plan, model, scene } = drawn;
         let mut times = FrameTimes::default();
         let slot = self.frames.next_slot();
         let key = plan.pack_key(model);
-        let cut = Stage::Cut.begin();
+        let cut = FrameStage::Cut.begin();
         let is_kept = self.keeps_lists && self.lists[slot].hold(&key);
         let is_new = !is_kept && self.choose_cut(plan, model, scene);
         let ahead = self.ahead.take().unwrap_or_default();
         times.kept = match is_new || ahead.is_new {
-            _ if is_kept => Kept::Lists,
-            true => Kept::Nothing,
-            false => Kept::Cut,
+            _ if is_kept => KeptWork::Lists,
+            true => KeptWork::Nothing,
+            false => KeptWork::Cut,
         };
         cut.end(&mut times);
         times.cut_ms += ahead.ms;
 
-        let packing = Stage::Pack.begin();
+        let packing = FrameStage::Pack.begin();
         if !is_kept {
             self.frames.wait_for_next()?;
             self.pack_cut(drawn, key, slot)?;
         }
         packing.end(&mut times);
-        let upload = Stage::Upload.begin();
+        let upload = FrameStage::Upload.begin();
         if !is_kept {
             self.lists[slot].flush();
         }
         upload.end(&mut times);
-        let submit = Stage::Submit.begin();
+        let submit = FrameStage::Submit.begin();
         let ticket = self.record_cut(drawn, slot, end)?;
         self.lists[slot].are_made();
         submit.end(&mut times);
@@ -77,7 +77,12 @@ impl Renderer {
 
     /// Chooses the cut of a frame, unless it is there: that of the last frame, where it may be kept, or one that was
     /// predicted for this frame. Tells whether it was chosen.
-    pub(super) fn choose_cut(&mut self, plan: &FramePlan, model: &Model, scene: &Scene) -> bool {
+    pub(super) fn choose_cut(
+        &mut self,
+        plan: &FramePlan,
+        model: &Model,
+        scene: &DeviceScene,
+    ) -> bool {
         let (of_scene, key) = (plan.model, plan.cut);
         let may_stay = self.keeps_lists || self.ahead.is_some();
         if may_stay && self.chosen == Some((of_scene, key)) {
@@ -125,8 +130,8 @@ impl Renderer {
         &mut self,
         drawn: PlannedFrame<'_>,
         slot: usize,
-        end: &mut End<'_>,
-    ) -> Result<Ticket, Error> {
+        end: &mut FrameEnding<'_>,
+    ) -> Result<FrameTicket, Error> {
         let PlannedFrame { plan, model, scene } = drawn;
         let lists = &self.lists[slot];
         let Some(held) = lists.held else {
@@ -148,7 +153,7 @@ impl Renderer {
             }
             false => Vec::new(),
         };
-        let variant = Splats::variant_of(&plan.settings, plan.constants.flags);
+        let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
         let passes = CutPasses {
             drawn,
             lists,
@@ -167,7 +172,7 @@ impl Renderer {
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&plan.constants)?;
         if let (Some(by_id), Some(tree)) = (&self.by_id, &self.device_tree) {
-            let kind = expand_ids::Kind {
+            let kind = expand_ids::ExpandedKind {
                 are_oriented: plan.settings.footprint() == Footprint::Oriented,
                 have_areas: plan.technique == Technique::Fuzzy,
             };
@@ -186,20 +191,20 @@ impl Renderer {
 /// What draws the lists of a frame.
 struct CutPasses<'a> {
     drawn: PlannedFrame<'a>,
-    lists: &'a Lists,
-    held: Held,
+    lists: &'a DrawLists,
+    held: PackedFrame,
     /// What compute draws of blended splats.
     share: ComputeShare,
     /// Parts of the picture in which anything can be.
     areas: &'a [[u32; 4]],
-    targets: &'a Targets,
-    triangles: Option<&'a Pipeline>,
-    opaque: Option<&'a Splats>,
-    small: Option<&'a Small>,
-    fuzzy: Option<&'a Fuzzy>,
-    filtered: Option<&'a Filtered>,
-    visibility: Option<&'a Visibility>,
-    overdraw: Option<&'a overdraw::Counter>,
+    targets: &'a FrameTargets,
+    triangles: Option<&'a ShaderPipeline>,
+    opaque: Option<&'a OpaqueSplats>,
+    small: Option<&'a ComputeRasterizer>,
+    fuzzy: Option<&'a FuzzyPasses>,
+    filtered: Option<&'a FilteredPasses>,
+    visibility: Option<&'a VisibilityPasses>,
+    overdraw: Option<&'a overdraw::OverdrawCounter>,
 }
 
 impl<'a> CutPasses<'a> {
@@ -207,7 +212,7 @@ impl<'a> CutPasses<'a> {
     ///
     /// # Errors
     /// When the frame has no room for the constants of its parts.
-    fn record(&self, frame: &mut Frame<'_>, constants: Uniform) -> Result<(), Error> {
+    fn record(&self, frame: &mut FrameRecorder<'_>, constants: UniformBlock) -> Result<(), Error> {
         let (plan, model) = (self.drawn.plan, self.drawn.model);
         let (targets, context) = (self.targets, &plan.context);
         let raster = self.raster();
@@ -215,7 +220,7 @@ impl<'a> CutPasses<'a> {
             (Technique::Opaque, ..) => self.record_opaque(frame, constants)?,
             (Technique::Fuzzy, Some(fuzzy), ..) => {
                 let placed = self.held.placed;
-                let list = fuzzy::List {
+                let list = fuzzy::FuzzyLists {
                     raster: match placed {
                         Some(placed) => RasterList {
                             splats: RasterSplats::Records(SplatRecords::large(
@@ -232,7 +237,7 @@ impl<'a> CutPasses<'a> {
                 fuzzy.record(frame, targets, list, context, constants)?;
             }
             (Technique::Filtered, _, Some(filtered), _) => {
-                let list = filtered::List {
+                let list = filtered::FilteredLists {
                     raster,
                     small: self.blended_by_compute(self.held.packed.points),
                 };
@@ -240,7 +245,7 @@ impl<'a> CutPasses<'a> {
             }
             (Technique::Visibility, .., Some(visibility)) => {
                 let by_compute = self.held.selection.has_splats_by_compute;
-                let list = hardware::List {
+                let list = hardware::VisibilityLists {
                     raster,
                     by_compute: by_compute.then_some(self.areas),
                     largest_px: largest_splat_px(model, &plan.settings),
@@ -260,7 +265,11 @@ impl<'a> CutPasses<'a> {
     ///
     /// # Errors
     /// When the frame has no room for the constants of its parts.
-    fn record_opaque(&self, frame: &mut Frame<'_>, constants: Uniform) -> Result<(), Error> {
+    fn record_opaque(
+        &self,
+        frame: &mut FrameRecorder<'_>,
+        constants: UniformBlock,
+    ) -> Result<(), Error> {
         let (Some(pipeline), Some(splats)) = (self.triangles, self.opaque) else {
             unreachable!("prepare made the pipelines")
         };
@@ -275,14 +284,14 @@ impl<'a> CutPasses<'a> {
             splats: RasterSplats::Records(records),
             ..self.raster()
         };
-        let small_list = compute::List {
+        let small_list = compute::ComputeList {
             scene: self.drawn.scene,
             corners: lists.small(),
             runs: &lists.small_runs,
             splats: lists.splats(),
             splat_count: held.packed.points as u32,
             sample_count: held.samples as u32,
-            variant: compute::Variant::of(plan, self.drawn.model),
+            variant: compute::ComputeVariant::of(plan, self.drawn.model),
             areas: self.areas,
         };
         let (targets, context) = (self.targets, &plan.context);
@@ -316,11 +325,11 @@ impl<'a> CutPasses<'a> {
     }
 
     /// What compute draws of blended splats, of a list with so many splats.
-    fn blended_by_compute(&self, splats: usize) -> blended_compute::Small<'a> {
-        blended_compute::Small {
+    fn blended_by_compute(&self, splats: usize) -> blended_compute::ComputeInput<'a> {
+        blended_compute::ComputeInput {
             splats: self.lists.splats(),
             splat_count: splats as u32,
-            triangles: Triangles {
+            triangles: TriangleRanges {
                 scene: self.drawn.scene,
                 corners: self.lists.small(),
                 runs: &self.lists.small_runs,

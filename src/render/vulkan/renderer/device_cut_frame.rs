@@ -2,27 +2,29 @@
 
 use crate::cut::Tester;
 use crate::gpu::Error;
-use crate::gpu::frame::Ticket;
+use crate::gpu::frame::FrameTicket;
 use crate::render::cut_key::cut_settings;
-use crate::render::stats::{Kept, Stage};
-use crate::render::vulkan::opaque::hardware::Splats;
-use crate::render::vulkan::renderer::{End, FrameEnd, FrameTimes, PlannedFrame, Renderer};
+use crate::render::stats::{FrameStage, KeptWork};
+use crate::render::vulkan::opaque::hardware::OpaqueSplats;
+use crate::render::vulkan::renderer::{
+    FrameEnd, FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer,
+};
 
-impl Renderer {
+impl VulkanRenderer {
     pub(super) fn draw_on_device(
         &mut self,
         drawn: PlannedFrame<'_>,
-        end: &mut End<'_>,
-    ) -> Result<(Ticket, FrameTimes), Error> {
+        end: &mut FrameEnding<'_>,
+    ) -> Result<(FrameTicket, FrameTimes), Error> {
         let PlannedFrame { plan, model, scene } = drawn;
         let mut times = FrameTimes::default();
         self.ahead = None;
         let held = (plan.model, plan.cut);
         if self.keeps_lists && self.held_on_device == Some(held) {
-            times.kept = Kept::Lists;
+            times.kept = KeptWork::Lists;
         }
-        let submit = Stage::Submit.begin();
-        let variant = Splats::variant_of(&plan.settings, plan.constants.flags);
+        let submit = FrameStage::Submit.begin();
+        let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
         let splats = self.splats.iter().find(|s| s.variant == variant);
         let (Some(tree), Some(cut), Some((_, triangles)), Some(splats)) =
             (&self.device_tree, &self.device_cut, &self.triangles, splats)
@@ -32,7 +34,7 @@ impl Renderer {
         let mut frame = self.frames.begin()?;
         let constants = frame.uniform(&plan.constants)?;
         self.held_on_device = None;
-        if times.kept != Kept::Lists {
+        if times.kept != KeptWork::Lists {
             let tester = Tester::new(model, &plan.view, &cut_settings(&plan.settings, model));
             let tests = frame.uniform(&cut.constants(&tester, &plan.view))?;
             cut.choose(&mut frame, (tree, scene), tests);

@@ -5,25 +5,25 @@ use crate::pack::ColorBy;
 use crate::render::frame_plan::{CutPlace, FramePlan};
 use crate::render::technique::Technique;
 use crate::render::vulkan::blended::filtered;
-use crate::render::vulkan::blended::filtered::Filtered;
+use crate::render::vulkan::blended::filtered::FilteredPasses;
 use crate::render::vulkan::blended::fuzzy;
-use crate::render::vulkan::blended::fuzzy::Fuzzy;
+use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::device_tree::DeviceTree;
-use crate::render::vulkan::expand_ids::ById;
+use crate::render::vulkan::expand_ids::IdExpansion;
 use crate::render::vulkan::opaque::compute;
-use crate::render::vulkan::opaque::compute::Small;
-use crate::render::vulkan::opaque::hardware::{Source, Splats};
+use crate::render::vulkan::opaque::compute::ComputeRasterizer;
+use crate::render::vulkan::opaque::hardware::{OpaqueSplats, SplatSource};
 use crate::render::vulkan::overdraw;
-use crate::render::vulkan::renderer::Renderer;
-use crate::render::vulkan::scene::Scene;
+use crate::render::vulkan::renderer::VulkanRenderer;
+use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::triangles;
-use crate::render::vulkan::triangles::Variant;
-use crate::render::vulkan::visibility::hardware::Visibility;
+use crate::render::vulkan::triangles::TriangleVariant;
+use crate::render::vulkan::visibility::hardware::VisibilityPasses;
 use crate::render::{CutOn, ListOf, Method};
 use crate::tree::Model;
 
-impl Renderer {
+impl VulkanRenderer {
     /// Makes the pipelines and buffers that a frame needs.
     ///
     /// # Errors
@@ -32,7 +32,7 @@ impl Renderer {
         &mut self,
         plan: &FramePlan,
         model: &Model,
-        scene: &mut Scene,
+        scene: &mut DeviceScene,
     ) -> Result<(), Error> {
         let method = plan.settings.method;
         if method == Method::Triangles {
@@ -58,7 +58,7 @@ impl Renderer {
                 none => {
                     let size = (self.targets.color.width, self.targets.color.height);
                     let slots = self.frames.in_flight();
-                    none.insert(overdraw::Counter::new(&self.gpu, size, slots)?)
+                    none.insert(overdraw::OverdrawCounter::new(&self.gpu, size, slots)?)
                 }
             };
             let fuzzy = self.fuzzy.as_ref().map(|fuzzy| fuzzy.variant);
@@ -68,8 +68,8 @@ impl Renderer {
         Ok(())
     }
 
-    fn prepare_triangles(&mut self, plan: &FramePlan, scene: &Scene) -> Result<(), Error> {
-        let variant = Variant {
+    fn prepare_triangles(&mut self, plan: &FramePlan, scene: &DeviceScene) -> Result<(), Error> {
+        let variant = TriangleVariant {
             color: self.targets.color.format,
             normals: self.outputs.normal,
             colors: scene.facts().has_colors(),
@@ -88,17 +88,17 @@ impl Renderer {
         if plan.may_use_compute {
             let small = match &mut self.small {
                 Some(made) => made,
-                none => none.insert(Small::new(&self.gpu, &self.targets)?),
+                none => none.insert(ComputeRasterizer::new(&self.gpu, &self.targets)?),
             };
-            small.ensure(compute::Variant::of(plan, model))?;
-            small.ensure(compute::Variant::SAMPLES)?;
+            small.ensure(compute::ComputeVariant::of(plan, model))?;
+            small.ensure(compute::ComputeVariant::SAMPLES)?;
         }
-        let variant = Splats::variant_of(&plan.settings, plan.constants.flags);
+        let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
         if self.splats.iter().all(|s| s.variant != variant) {
             if self.splats.len() == MOST_SPLATS {
                 self.splats.remove(0);
             }
-            let made = Splats::new(&self.gpu, variant, &self.targets)?;
+            let made = OpaqueSplats::new(&self.gpu, variant, &self.targets)?;
             self.splats.push(made);
         }
         Ok(())
@@ -110,12 +110,12 @@ impl Renderer {
             none => {
                 let (width, height) = (self.targets.color.width, self.targets.color.height);
                 let normals = self.outputs.normal;
-                none.insert(Visibility::new(&self.gpu, width, height, normals)?)
+                none.insert(VisibilityPasses::new(&self.gpu, width, height, normals)?)
             }
         };
         let source = match plan.settings.method {
-            Method::Points => Source::Vertices,
-            _ => Source::List,
+            Method::Points => SplatSource::Vertices,
+            _ => SplatSource::List,
         };
         let how = (plan.constants.flags, plan.may_use_compute);
         visibility.ensure(source, plan.settings.reconstruction, how)
@@ -124,7 +124,7 @@ impl Renderer {
     fn prepare_fuzzy(&mut self, plan: &FramePlan, model: &Model) -> Result<(), Error> {
         let is_gray = plan.primitives.is_gray;
         let by_compute = plan.may_use_compute.then_some(is_gray);
-        let variant = fuzzy::Variant::new(
+        let variant = fuzzy::FuzzyVariant::new(
             &self.gpu,
             &plan.settings,
             model.kind().is_surface(),
@@ -135,13 +135,13 @@ impl Renderer {
         exchange(&mut self.fuzzy, spare, |f| f.variant == variant);
         if self.fuzzy.as_ref().is_none_or(|f| f.variant != variant) {
             let (width, height) = (self.targets.color.width, self.targets.color.height);
-            self.fuzzy = Some(Fuzzy::new(&self.gpu, variant, width, height)?);
+            self.fuzzy = Some(FuzzyPasses::new(&self.gpu, variant, width, height)?);
         }
         Ok(())
     }
 
     fn prepare_filtered(&mut self, plan: &FramePlan) -> Result<(), Error> {
-        let variant = filtered::Variant {
+        let variant = filtered::FilteredVariant {
             has_lamp: !plan.settings.has_headlight(),
             color: self.targets.color.format,
             by_compute: plan.may_use_compute.then_some(plan.primitives.is_gray),
@@ -150,7 +150,7 @@ impl Renderer {
         exchange(&mut self.filtered, spare, |f| f.variant == variant);
         if self.filtered.as_ref().is_none_or(|f| f.variant != variant) {
             let size = (self.targets.color.width, self.targets.color.height);
-            self.filtered = Some(Filtered::new(&self.gpu, size, variant)?);
+            self.filtered = Some(FilteredPasses::new(&self.gpu, size, variant)?);
         }
         Ok(())
     }
@@ -164,7 +164,7 @@ impl Renderer {
         &mut self,
         plan: &FramePlan,
         model: &Model,
-        scene: &Scene,
+        scene: &DeviceScene,
     ) -> Result<bool, Error> {
         let settings = &plan.settings;
         if plan.cut_place == CutPlace::Device {
@@ -187,15 +187,15 @@ impl Renderer {
                 return Ok(false);
             }
             let has_triangles = model.kind().is_surface();
-            let is_of = |made: &ById| made.is_of(has_triangles);
+            let is_of = |made: &IdExpansion| made.is_of(has_triangles);
             if !self.by_id.as_ref().is_some_and(is_of) {
-                self.by_id = Some(ById::new(&self.gpu, has_triangles)?);
+                self.by_id = Some(IdExpansion::new(&self.gpu, has_triangles)?);
             }
         }
         Ok(true)
     }
 
-    fn make_device_cut(&mut self, model: &Model, scene: &Scene) -> Result<(), Error> {
+    fn make_device_cut(&mut self, model: &Model, scene: &DeviceScene) -> Result<(), Error> {
         if self.device_cut.as_ref().is_some_and(|cut| cut.is_of(scene)) {
             return Ok(());
         }
@@ -209,7 +209,7 @@ impl Renderer {
     }
 
     /// The tree of a scene on the device, copied at the first call.
-    fn tree_on_device(&mut self, model: &Model, scene: &Scene) -> Result<&DeviceTree, Error> {
+    fn tree_on_device(&mut self, model: &Model, scene: &DeviceScene) -> Result<&DeviceTree, Error> {
         let tree = self.device_tree.take().filter(|tree| tree.is_of(scene));
         let tree = match tree {
             Some(tree) => tree,

@@ -2,11 +2,11 @@
 //! other, new sizes, and the depth under the cursor.
 
 use crate::gpu::Error;
-use crate::gpu::buffer::Readback;
-use crate::gpu::frame::{Frame, Ticket};
-use crate::gpu::image::Image as Target;
-use crate::gpu::overlay::Overlay;
-use crate::gpu::surface::Acquired;
+use crate::gpu::buffer::ReadbackBuffer;
+use crate::gpu::frame::{FrameRecorder, FrameTicket};
+use crate::gpu::image::DeviceImage as Target;
+use crate::gpu::overlay::WindowOverlay;
+use crate::gpu::surface::AcquiredImage;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::Lighting;
@@ -14,30 +14,30 @@ use crate::render::compute_limits::largest_threshold_px;
 use crate::render::cost::choose::{ComputeShare, FrameWorkload, PassSelection};
 use crate::render::frame_estimate::{FrameEstimate, counts_of_cut};
 use crate::render::probe_area::MOST_PROBE_PIXELS;
-use crate::render::stats::Stage;
+use crate::render::stats::FrameStage;
 use crate::render::technique::Technique;
 use crate::render::vulkan::look::PictureLooks;
-use crate::render::vulkan::renderer::{FrameTimes, Renderer, Submitted};
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::renderer::{FrameTimes, SubmittedFrame, VulkanRenderer};
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::{Path, Settings, screen_bounds};
 use crate::tree::Model;
 use std::time::Instant;
 
 /// Where a frame goes besides the renderer's own targets.
 #[derive(Debug)]
-pub struct Show<'a> {
+pub struct ShownFrame<'a> {
     /// The image of a window; none leaves the frame where it is, to be read back.
-    pub onto: Option<&'a Acquired>,
+    pub onto: Option<&'a AcquiredImage>,
     /// What covers the picture.
-    pub overlay: Option<&'a mut Overlay>,
+    pub overlay: Option<&'a mut WindowOverlay>,
     /// Columns at the left that the picture leaves to the overlay, pixels; 0 without one.
     pub inset: u32,
 }
 
-impl Show<'_> {
+impl ShownFrame<'_> {
     /// Covers the picture, presents and submits.
-    fn end(&mut self, mut frame: Frame<'_>, color: &Target) -> Result<Ticket, Error> {
+    fn end(&mut self, mut frame: FrameRecorder<'_>, color: &Target) -> Result<FrameTicket, Error> {
         let shown = match &mut self.overlay {
             Some(overlay) => overlay.record(&mut frame, color),
             None => color,
@@ -52,7 +52,7 @@ impl Show<'_> {
     }
 }
 
-impl Renderer {
+impl VulkanRenderer {
     /// Width and height of its pictures, pixels.
     pub fn size(&self) -> [u32; 2] {
         [self.targets.color.width, self.targets.color.height]
@@ -79,7 +79,7 @@ impl Renderer {
     /// When a side is 0 or above the device's limit, or memory runs out.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
         if (self.targets.color.width, self.targets.color.height) != (width, height) {
-            self.targets = Targets::new(
+            self.targets = FrameTargets::new(
                 &self.gpu,
                 width,
                 height,
@@ -101,7 +101,7 @@ impl Renderer {
     pub fn predict(
         &mut self,
         model: &Model,
-        scene: &Scene,
+        scene: &DeviceScene,
         view: &View,
         settings: &Settings,
     ) -> FrameEstimate {
@@ -149,15 +149,15 @@ impl Renderer {
     /// wait for it.
     ///
     /// # Errors
-    /// As [`Renderer::draw`]; an acquired image must be abandoned then.
+    /// As [`VulkanRenderer::draw`]; an acquired image must be abandoned then.
     pub fn submit_shown(
         &mut self,
         model: &Model,
-        scene: &mut Scene,
+        scene: &mut DeviceScene,
         view: &View,
         settings: &Settings,
-        mut shown: Show<'_>,
-    ) -> Result<Submitted, Error> {
+        mut shown: ShownFrame<'_>,
+    ) -> Result<SubmittedFrame, Error> {
         self.prepare_overlay(&mut shown)?;
         self.submit(model, scene, view, settings, &mut |frame, color| {
             shown.end(frame, color)
@@ -168,13 +168,17 @@ impl Renderer {
     ///
     /// # Errors
     /// When memory runs out or the device is lost; an acquired image must be abandoned then.
-    pub fn submit_again(&mut self, mut shown: Show<'_>) -> Result<Submitted, Error> {
+    pub fn submit_again(&mut self, mut shown: ShownFrame<'_>) -> Result<SubmittedFrame, Error> {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
         let picture = self.looks.picture(&self.targets);
         let frame = self.frames.begin()?;
         let ticket = shown.end(frame, picture)?;
-        Ok(Submitted::without_cut(ticket, FrameTimes::default(), start))
+        Ok(SubmittedFrame::without_cut(
+            ticket,
+            FrameTimes::default(),
+            start,
+        ))
     }
 
     /// Submits a frame that shows a picture that was drawn elsewhere, as its `times` say, from `start` on.
@@ -186,21 +190,21 @@ impl Renderer {
         picture: &Target,
         mut times: FrameTimes,
         start: Instant,
-        mut shown: Show<'_>,
-    ) -> Result<Submitted, Error> {
-        let submit = Stage::Submit.begin();
+        mut shown: ShownFrame<'_>,
+    ) -> Result<SubmittedFrame, Error> {
+        let submit = FrameStage::Submit.begin();
         self.prepare_overlay(&mut shown)?;
         let frame = self.frames.begin()?;
         let ticket = shown.end(frame, picture)?;
         submit.end(&mut times);
-        Ok(Submitted::without_cut(ticket, times, start))
+        Ok(SubmittedFrame::without_cut(ticket, times, start))
     }
 
     /// Waits until a frame no longer reads what it shows.
     ///
     /// # Errors
     /// When the device is lost.
-    pub(crate) fn wait_for(&self, submitted: Ticket) -> Result<(), Error> {
+    pub(crate) fn wait_for(&self, submitted: FrameTicket) -> Result<(), Error> {
         self.frames.wait_for(submitted)
     }
 
@@ -208,7 +212,7 @@ impl Renderer {
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    fn prepare_overlay(&mut self, shown: &mut Show<'_>) -> Result<(), Error> {
+    fn prepare_overlay(&mut self, shown: &mut ShownFrame<'_>) -> Result<(), Error> {
         let Some(overlay) = &mut shown.overlay else {
             return Ok(());
         };
@@ -225,8 +229,8 @@ impl Renderer {
     pub fn submit_background(
         &mut self,
         background: [f32; 3],
-        mut shown: Show<'_>,
-    ) -> Result<Submitted, Error> {
+        mut shown: ShownFrame<'_>,
+    ) -> Result<SubmittedFrame, Error> {
         let start = Instant::now();
         self.prepare_overlay(&mut shown)?;
         let context = Context {
@@ -246,7 +250,11 @@ impl Renderer {
             .attach(frame.pass("background"), &context)
             .draw(context.viewport(), |_| {});
         let ticket = shown.end(frame, &self.targets.color)?;
-        Ok(Submitted::without_cut(ticket, FrameTimes::default(), start))
+        Ok(SubmittedFrame::without_cut(
+            ticket,
+            FrameTimes::default(),
+            start,
+        ))
     }
 
     /// Reads what the last frame showed, overlay and all; `picture` is what lay under it, where that was drawn elsewhere.
@@ -256,12 +264,12 @@ impl Renderer {
     /// When memory runs out or the device is lost.
     pub fn read_shown(
         &mut self,
-        overlay: Option<&Overlay>,
+        overlay: Option<&WindowOverlay>,
         picture: Option<&Target>,
     ) -> Result<Image, Error> {
-        let shown = overlay.and_then(Overlay::shown).or(picture);
+        let shown = overlay.and_then(WindowOverlay::shown).or(picture);
         let shown = shown.unwrap_or_else(|| self.looks.picture(&self.targets));
-        let mut pixels = Readback::new(&self.gpu, "readback of the window", shown.bytes())?;
+        let mut pixels = ReadbackBuffer::new(&self.gpu, "readback of the window", shown.bytes())?;
         let mut frame = self.frames.begin()?;
         frame.read_back("readback.window", shown, &pixels);
         let ticket = frame.submit()?;
@@ -282,7 +290,7 @@ impl Renderer {
     pub(crate) fn read_depths(&mut self, part: [u32; 4]) -> Result<Vec<f32>, Error> {
         let mut probe = match self.probe.take() {
             Some(probe) => probe,
-            None => Readback::new(
+            None => ReadbackBuffer::new(
                 &self.gpu,
                 "depth under the cursor",
                 MOST_PROBE_PIXELS * self.targets.depth.format.pixel_bytes(),

@@ -1,13 +1,13 @@
 //! Pictures read back from the device.
 
 use crate::gpu::Error;
-use crate::gpu::buffer::Readback;
-use crate::gpu::image::Image as Target;
+use crate::gpu::buffer::ReadbackBuffer;
+use crate::gpu::image::DeviceImage as Target;
 use crate::image::{Image, unorm8};
 use crate::math::camera::View;
-use crate::render::vulkan::renderer::Renderer;
+use crate::render::vulkan::renderer::VulkanRenderer;
 
-impl Renderer {
+impl VulkanRenderer {
     /// Reads the last drawn frame back, with the outputs that the renderer was made for.
     ///
     /// # Errors
@@ -17,7 +17,7 @@ impl Renderer {
         if self.readback.is_none() {
             let make = |name: &str, target: Option<&Target>| {
                 target
-                    .map(|t| Readback::new(gpu, name, t.bytes()))
+                    .map(|t| ReadbackBuffer::new(gpu, name, t.bytes()))
                     .transpose()
             };
             self.readback = Some([

@@ -1,25 +1,27 @@
 //! Frames of the methods that draw the whole model: no cut, no draw lists.
 
 use crate::gpu::Error;
-use crate::gpu::frame::{Frame, Frames, Ticket, Uniform};
+use crate::gpu::frame::{FrameRecorder, FrameRing, FrameTicket, UniformBlock};
 use crate::pack::ColorBy;
 use crate::render::pack_params::largest_splat_px;
 use crate::render::stats::FrameCounts;
-use crate::render::stats::Stage;
+use crate::render::stats::FrameStage;
 use crate::render::technique::Technique;
 use crate::render::vulkan::blended::fuzzy;
-use crate::render::vulkan::opaque::hardware::Splats;
+use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles};
-use crate::render::vulkan::renderer::{End, FrameEnd, FrameTimes, PlannedFrame, Renderer};
+use crate::render::vulkan::renderer::{
+    FrameEnd, FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer,
+};
 use crate::render::vulkan::triangles;
 use crate::render::vulkan::visibility::hardware;
 
-impl Renderer {
+impl VulkanRenderer {
     pub(super) fn draw_triangles(
         &mut self,
         drawn: PlannedFrame<'_>,
-        end: &mut End<'_>,
-    ) -> Result<(Ticket, FrameTimes), Error> {
+        end: &mut FrameEnding<'_>,
+    ) -> Result<(FrameTicket, FrameTimes), Error> {
         let PlannedFrame { plan, model, scene } = drawn;
         let Some((_, pipeline)) = &self.triangles else {
             unreachable!("prepare made the pipeline")
@@ -54,8 +56,8 @@ impl Renderer {
     pub(super) fn draw_points(
         &mut self,
         drawn: PlannedFrame<'_>,
-        end: &mut End<'_>,
-    ) -> Result<(Ticket, FrameTimes), Error> {
+        end: &mut FrameEnding<'_>,
+    ) -> Result<(FrameTicket, FrameTimes), Error> {
         let PlannedFrame { plan, model, scene } = drawn;
         let as_quads = plan.primitives.are_quads;
         let counts = FrameCounts {
@@ -65,7 +67,7 @@ impl Renderer {
         let (targets, context) = (&self.targets, &plan.context);
         let counts_overdraw = plan.settings.color_by == ColorBy::Overdraw;
         let counter = self.overdraw.as_ref().filter(|_| counts_overdraw);
-        let variant = Splats::variant_of(&plan.settings, plan.constants.flags);
+        let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
         let opaque = self.splats.iter().find(|s| s.variant == variant);
         let (fuzzy, visibility) = (&self.fuzzy, &self.visibility);
         let raster = RasterList {
@@ -86,10 +88,16 @@ impl Renderer {
                 }
                 (Technique::Fuzzy, _, Some(fuzzy), _) => {
                     let small = None;
-                    fuzzy.record(frame, targets, fuzzy::List { raster, small }, context, c)?;
+                    fuzzy.record(
+                        frame,
+                        targets,
+                        fuzzy::FuzzyLists { raster, small },
+                        context,
+                        c,
+                    )?;
                 }
                 (Technique::Visibility, .., Some(visibility)) => {
-                    let list = hardware::List {
+                    let list = hardware::VisibilityLists {
                         raster,
                         by_compute: None,
                         largest_px: largest_splat_px(model, &plan.settings),
@@ -109,13 +117,13 @@ impl Renderer {
 
 /// Records and submits a frame of a method that draws the whole model.
 fn submit_whole(
-    frames: &mut Frames,
+    frames: &mut FrameRing,
     last: &FrameEnd<'_>,
     counts: FrameCounts,
-    end: &mut End<'_>,
-    record: impl FnOnce(&mut Frame<'_>, Uniform) -> Result<(), Error>,
-) -> Result<(Ticket, FrameTimes), Error> {
-    let submit = Stage::Submit.begin();
+    end: &mut FrameEnding<'_>,
+    record: impl FnOnce(&mut FrameRecorder<'_>, UniformBlock) -> Result<(), Error>,
+) -> Result<(FrameTicket, FrameTimes), Error> {
+    let submit = FrameStage::Submit.begin();
     let mut frame = frames.begin()?;
     let constants = frame.uniform(&last.plan.constants)?;
     record(&mut frame, constants)?;

@@ -7,11 +7,13 @@
 
 use crate::abi::specialization::LOOKS_FIRST;
 use crate::abi::{Splat, shaders};
-use crate::gpu::bind::Slice;
-use crate::gpu::buffer::{AnyBuffer, Buffer, Usage};
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::image::Image as Target;
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::bind::BufferSlice;
+use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::image::DeviceImage as Target;
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
@@ -19,21 +21,21 @@ use crate::render::technique::Technique;
 use crate::render::vulkan::NORMAL;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::storage_ranges;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED};
 use std::sync::Arc;
 
 /// Pipelines and what is kept of each pixel.
 #[derive(Debug)]
-pub(super) struct Twin {
-    splats: Pipeline,
-    resolve: Pipeline,
-    footprints: Buffer,
-    centers: Buffer,
+pub(super) struct ComputeVisibility {
+    splats: ShaderPipeline,
+    resolve: ShaderPipeline,
+    footprints: DeviceBuffer,
+    centers: DeviceBuffer,
     max_binding: u64,
 }
 
-impl Twin {
+impl ComputeVisibility {
     /// For frames of these flags.
     ///
     /// # Errors
@@ -46,26 +48,26 @@ impl Twin {
         let looks_first = !gpu.info().is_cpu();
         let formats = [PICKED, FRONTS, NORMAL];
         let bytes = storage_bytes(Technique::Visibility, size.into());
-        let storage = |name| Buffer::new(gpu, name, Usage::Storage, bytes);
+        let storage = |name| DeviceBuffer::new(gpu, name, BufferUsage::Storage, bytes);
         Ok(Self {
-            splats: Pipeline::compute_for_flags(
+            splats: ShaderPipeline::compute_for_flags(
                 gpu,
                 "visibility.splats",
                 &shaders::VISIBILITY_SPLATS_COMP,
                 &[LOOKS_FIRST.is(looks_first)],
                 flags,
             )?,
-            resolve: Pipeline::for_flags(
+            resolve: ShaderPipeline::for_flags(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "visibility.resolve",
                     vertex: &shaders::COMPUTE_RESOLVE_VERT,
                     fragment: Some(shaders::VISIBILITY_RESOLVE_FRAG.of(normals)),
                     constants: &[],
-                    record: Record::NOTHING,
-                    topology: Topology::Triangles,
+                    record: VertexRecord::NOTHING,
+                    topology: PrimitiveTopology::Triangles,
                     colors: &formats[..if normals { 3 } else { 2 }],
-                    depth: Depth::NotFarther,
+                    depth: DepthMode::NotFarther,
                     is_additive: false,
                 },
                 flags,
@@ -83,16 +85,16 @@ impl Twin {
     /// When the frame has no room for the constants of so many parts.
     pub(super) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        (targets, [picked, fronts]): (&Targets, [&Target; 2]),
+        frame: &mut FrameRecorder<'_>,
+        (targets, [picked, fronts]): (&FrameTargets, [&Target; 2]),
         (records, count): (&dyn AnyBuffer, u32),
         (areas, is_first): (&[[u32; 4]], bool),
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         let list = (records, size_of::<Splat>() as u64);
         let parts = storage_ranges::bound(frame, context, self.max_binding, list, (0, count))?;
-        let kept = [&self.footprints, &self.centers].map(|buffer| Slice::whole(buffer));
+        let kept = [&self.footprints, &self.centers].map(|buffer| BufferSlice::whole(buffer));
         let bytes = 8 * screen_bounds::pixels(context.rect_px);
         frame
             .pass("visibility.clear")
@@ -110,8 +112,8 @@ impl Twin {
                 }
             });
         let load = || match is_first {
-            true => Load::Clear([0.0; 4]),
-            false => Load::Keep,
+            true => TargetLoad::Clear([0.0; 4]),
+            false => TargetLoad::Keep,
         };
         let mut pass = frame
             .pass("visibility.resolve")

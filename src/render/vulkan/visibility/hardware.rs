@@ -11,28 +11,30 @@
 
 use crate::abi::specialization::{IS_CENTER, IS_QUAD};
 use crate::abi::{Shader, shaders};
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::image::{Format, Image as Target};
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::image::{DeviceImage as Target, ImageFormat};
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::render::Reconstruction;
-use crate::render::vulkan::opaque::hardware::Source;
+use crate::render::vulkan::opaque::hardware::SplatSource;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, RasterSplats, ScreenDraw};
-use crate::render::vulkan::targets::{Context, Targets};
-use crate::render::vulkan::visibility::compute::Twin;
-use crate::render::vulkan::visibility::pull_push::Pyramid;
+use crate::render::vulkan::targets::{Context, FrameTargets};
+use crate::render::vulkan::visibility::compute::ComputeVisibility;
+use crate::render::vulkan::visibility::pull_push::ColorPyramid;
 use crate::render::vulkan::{COLOR, NORMAL, SPLAT, VERTEX, triangles};
 use std::sync::Arc;
 
 /// Colors, with the class in alpha.
-pub(crate) const PICKED: Format = Format::Rgba8;
+pub(crate) const PICKED: ImageFormat = ImageFormat::Rgba8;
 /// Distance along the view direction and depth offset.
-pub(crate) const FRONTS: Format = Format::Rg32Float;
+pub(crate) const FRONTS: ImageFormat = ImageFormat::Rg32Float;
 
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct List<'a> {
+pub(crate) struct VisibilityLists<'a> {
     pub(crate) raster: RasterList<'a>,
     /// Compute draws those of the list that are points; parts of the picture in which they can be.
     pub(crate) by_compute: Option<&'a [[u32; 4]]>,
@@ -44,29 +46,29 @@ pub(crate) struct List<'a> {
 #[derive(Debug)]
 struct SplatPipelines {
     /// Footprints as points.
-    points: Pipeline,
+    points: ShaderPipeline,
     /// Footprints as quads.
-    quads: Pipeline,
+    quads: ShaderPipeline,
     /// One pixel each.
-    centers: Pipeline,
+    centers: ShaderPipeline,
 }
 
 /// Pipelines and targets, for one picture size.
 #[derive(Debug)]
-pub(crate) struct Visibility {
+pub(crate) struct VisibilityPasses {
     gpu: Arc<Gpu>,
     normals: bool,
     /// Of the first and of the second pass, and of which flags of a frame they are, as those of splats.
-    triangles: Option<(u32, [Pipeline; 2])>,
+    triangles: Option<(u32, [ShaderPipeline; 2])>,
     from_list: Option<SplatPipelines>,
     from_vertices: Option<SplatPipelines>,
     /// For frames that compute may draw.
-    twin: Option<Twin>,
+    twin: Option<ComputeVisibility>,
     picked: Target,
     fronts: Target,
-    gaussian: Option<Pipeline>,
-    density: Option<Pipeline>,
-    pyramid: Option<Pyramid>,
+    gaussian: Option<ShaderPipeline>,
+    density: Option<ShaderPipeline>,
+    pyramid: Option<ColorPyramid>,
 }
 
 /// A pipeline of one of the first two passes.
@@ -74,34 +76,36 @@ fn first_pass(
     gpu: &Arc<Gpu>,
     (normals, flags): (bool, u32),
     is_center: bool,
-    (vertex, record): (&Shader, Record),
-    topology: Topology,
-) -> Result<Pipeline, Error> {
+    (vertex, record): (&Shader, VertexRecord),
+    topology: PrimitiveTopology,
+) -> Result<ShaderPipeline, Error> {
     let formats = [PICKED, FRONTS, NORMAL];
     let pass = if is_center { "centers" } else { "depth" };
     // Triangles are no quads.
     let constants = [
         IS_CENTER.is(is_center),
-        IS_QUAD.is(topology == Topology::Quads),
+        IS_QUAD.is(topology == PrimitiveTopology::Quads),
     ];
-    Pipeline::for_flags(
+    ShaderPipeline::for_flags(
         gpu,
-        &Description {
+        &PipelineDescription {
             name: &format!("visibility.{pass} {topology:?}"),
             vertex,
             fragment: Some(match topology {
-                Topology::Triangles => shaders::VISIBILITY_TRIANGLES_FRAG.of(normals),
-                Topology::Points | Topology::Quads => shaders::VISIBILITY_SPLATS_FRAG.of(normals),
+                PrimitiveTopology::Triangles => shaders::VISIBILITY_TRIANGLES_FRAG.of(normals),
+                PrimitiveTopology::Points | PrimitiveTopology::Quads => {
+                    shaders::VISIBILITY_SPLATS_FRAG.of(normals)
+                }
             }),
-            constants: &constants[..1 + usize::from(topology != Topology::Triangles)],
+            constants: &constants[..1 + usize::from(topology != PrimitiveTopology::Triangles)],
             record,
             topology,
             colors: &formats[..if normals { 3 } else { 2 }],
             // A center may lie exactly in its own footprint, where the offset is 0.
             depth: if is_center {
-                Depth::NotFarther
+                DepthMode::NotFarther
             } else {
-                Depth::Nearest
+                DepthMode::Nearest
             },
             is_additive: false,
         },
@@ -110,39 +114,43 @@ fn first_pass(
 }
 
 impl SplatPipelines {
-    fn new(gpu: &Arc<Gpu>, how: (bool, u32), source: Source) -> Result<Self, Error> {
+    fn new(gpu: &Arc<Gpu>, how: (bool, u32), source: SplatSource) -> Result<Self, Error> {
         let from = match source {
-            Source::List => (&shaders::VISIBILITY_SPLATS_VERT, SPLAT),
-            Source::Vertices => (&shaders::VISIBILITY_POINTS_VERT, VERTEX),
+            SplatSource::List => (&shaders::VISIBILITY_SPLATS_VERT, SPLAT),
+            SplatSource::Vertices => (&shaders::VISIBILITY_POINTS_VERT, VERTEX),
         };
         Ok(Self {
-            points: first_pass(gpu, how, false, from, Topology::Points)?,
-            quads: first_pass(gpu, how, false, from, Topology::Quads)?,
-            centers: first_pass(gpu, how, true, from, Topology::Points)?,
+            points: first_pass(gpu, how, false, from, PrimitiveTopology::Points)?,
+            quads: first_pass(gpu, how, false, from, PrimitiveTopology::Quads)?,
+            centers: first_pass(gpu, how, true, from, PrimitiveTopology::Points)?,
         })
     }
 }
 
 /// A pass over the whole picture that ends it.
-pub(crate) fn last_pass(gpu: &Arc<Gpu>, name: &str, fragment: &Shader) -> Result<Pipeline, Error> {
-    Pipeline::new(
+pub(crate) fn last_pass(
+    gpu: &Arc<Gpu>,
+    name: &str,
+    fragment: &Shader,
+) -> Result<ShaderPipeline, Error> {
+    ShaderPipeline::new(
         gpu,
-        &Description {
+        &PipelineDescription {
             name,
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(fragment),
             constants: &[],
-            record: Record::NOTHING,
-            topology: Topology::Triangles,
+            record: VertexRecord::NOTHING,
+            topology: PrimitiveTopology::Triangles,
             colors: triangles::targets(COLOR, false),
-            depth: Depth::Nearest,
+            depth: DepthMode::Nearest,
             is_additive: false,
         },
     )
 }
 
-impl Visibility {
-    /// Targets; [`Visibility::ensure`] makes the pipelines.
+impl VisibilityPasses {
+    /// Targets; [`VisibilityPasses::ensure`] makes the pipelines.
     ///
     /// # Errors
     /// When memory runs out.
@@ -174,7 +182,7 @@ impl Visibility {
     /// When memory runs out.
     pub(crate) fn ensure(
         &mut self,
-        source: Source,
+        source: SplatSource,
         reconstruction: Reconstruction,
         (flags, by_compute): (u32, bool),
     ) -> Result<(), Error> {
@@ -182,7 +190,13 @@ impl Visibility {
         if self.triangles.as_ref().is_none_or(|made| made.0 != flags) {
             let make = |is_center| {
                 let from = (&shaders::VISIBILITY_TRIANGLES_VERT, VERTEX);
-                first_pass(&self.gpu, how, is_center, from, Topology::Triangles)
+                first_pass(
+                    &self.gpu,
+                    how,
+                    is_center,
+                    from,
+                    PrimitiveTopology::Triangles,
+                )
             };
             self.triangles = Some((flags, [make(false)?, make(true)?]));
             (self.from_list, self.from_vertices) = (None, None);
@@ -190,11 +204,11 @@ impl Visibility {
         }
         if by_compute && self.twin.is_none() {
             let size = (self.picked.width, self.picked.height);
-            self.twin = Some(Twin::new(&self.gpu, how, size)?);
+            self.twin = Some(ComputeVisibility::new(&self.gpu, how, size)?);
         }
         let pipelines = match source {
-            Source::List => &mut self.from_list,
-            Source::Vertices => &mut self.from_vertices,
+            SplatSource::List => &mut self.from_list,
+            SplatSource::Vertices => &mut self.from_vertices,
         };
         if pipelines.is_none() {
             *pipelines = Some(SplatPipelines::new(&self.gpu, how, source)?);
@@ -211,7 +225,7 @@ impl Visibility {
             }
             Reconstruction::PullPush if self.pyramid.is_none() => {
                 let size = (self.picked.width, self.picked.height);
-                self.pyramid = Some(Pyramid::new(gpu, size)?);
+                self.pyramid = Some(ColorPyramid::new(gpu, size)?);
             }
             _ => {}
         }
@@ -224,15 +238,15 @@ impl Visibility {
     /// When the frame has no room for the constants of so many parts.
     ///
     /// # Panics
-    /// When [`Visibility::ensure`] was not called for this reconstruction.
+    /// When [`VisibilityPasses::ensure`] was not called for this reconstruction.
     pub(crate) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: List<'_>,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: VisibilityLists<'_>,
         reconstruction: Reconstruction,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         self.record_first(frame, targets, list, context, constants)?;
         // Only quads may be larger than the margin that the rectangle has.
@@ -272,11 +286,11 @@ impl Visibility {
     /// What finds the class of each pixel: by the rasterizer, and by compute what it draws.
     fn record_first(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
-        list: List<'_>,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
+        list: VisibilityLists<'_>,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) -> Result<(), Error> {
         let all = &list.raster;
         let (records, areas, twin) = match (all.splats, list.by_compute, &self.twin) {
@@ -306,11 +320,11 @@ impl Visibility {
     /// `visibility.depth` and `visibility.centers`.
     fn record_splats(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         list: &RasterList<'_>,
         context: &Context,
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let splats = match list.splats {
             RasterSplats::Vertices { .. } => &self.from_vertices,
@@ -324,8 +338,8 @@ impl Visibility {
             ("visibility.centers", &triangles[1], true),
         ] {
             let load = |clear| match is_center {
-                false => Load::Clear(clear),
-                true => Load::Keep,
+                false => TargetLoad::Clear(clear),
+                true => TargetLoad::Keep,
             };
             let mut pass = frame
                 .pass(name)
@@ -352,14 +366,14 @@ impl Visibility {
 
 /// The description of a pass that ends the picture: color and depth anew.
 pub(crate) fn attach_last<'f>(
-    frame: &'f mut Frame<'_>,
+    frame: &'f mut FrameRecorder<'_>,
     name: &'static str,
-    targets: &Targets,
+    targets: &FrameTargets,
     context: &Context,
-) -> crate::gpu::frame::Pass<'f> {
+) -> crate::gpu::frame::PassBuilder<'f> {
     let [r, g, b] = context.background;
     frame
         .pass(name)
-        .color(targets.color(), Load::Clear([r, g, b, 0.0]))
-        .depth(targets.depth(), Load::Clear([0.0; 4]))
+        .color(targets.color(), TargetLoad::Clear([r, g, b, 0.0]))
+        .depth(targets.depth(), TargetLoad::Clear([0.0; 4]))
 }

@@ -4,13 +4,15 @@
 //! 3.4.2. Level 0 is the picture; each next level has half its sides, rounded up, down to one pixel.
 
 use crate::abi::shaders;
-use crate::gpu::frame::{Frame, Load, Uniform};
-use crate::gpu::image::Image as Target;
-use crate::gpu::pipeline::{Depth, Description, Pipeline, Record, Topology};
+use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
+use crate::gpu::image::DeviceImage as Target;
+use crate::gpu::pipeline::{
+    DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
+};
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::ScreenDraw;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED, attach_last, last_pass};
 use std::sync::Arc;
 
@@ -36,7 +38,7 @@ const NAMES: [[&str; 2]; 16] = [
 
 /// One level above the picture.
 #[derive(Debug)]
-struct Level {
+struct PullPushLevel {
     /// What was pulled: colors and holes.
     pulled: Target,
     fronts: Target,
@@ -60,14 +62,14 @@ fn halved([left, top, right, bottom]: [u32; 4], level: usize) -> [u32; 4] {
 
 /// Pipelines and levels.
 #[derive(Debug)]
-pub(super) struct Pyramid {
-    pull: Pipeline,
-    push: Pipeline,
-    fill: Pipeline,
-    levels: Vec<Level>,
+pub(super) struct ColorPyramid {
+    pull: ShaderPipeline,
+    push: ShaderPipeline,
+    fill: ShaderPipeline,
+    levels: Vec<PullPushLevel>,
 }
 
-impl Pyramid {
+impl ColorPyramid {
     /// Levels for pictures of `width` x `height` pixels: at least one.
     ///
     /// # Errors
@@ -88,7 +90,7 @@ impl Pyramid {
                     height,
                 )
             };
-            levels.push(Level {
+            levels.push(PullPushLevel {
                 pulled: make("pulled", PICKED)?,
                 fronts: make("fronts", FRONTS)?,
                 pushed: (!is_top).then(|| make("pushed", PICKED)).transpose()?,
@@ -97,22 +99,22 @@ impl Pyramid {
                 break;
             }
         }
-        let base = Description {
+        let base = PipelineDescription {
             name: "visibility.pull",
             vertex: &shaders::FILTERED_NORMALIZE_VERT,
             fragment: Some(&shaders::VISIBILITY_PULL_FRAG),
             constants: &[],
-            record: Record::NOTHING,
-            topology: Topology::Triangles,
+            record: VertexRecord::NOTHING,
+            topology: PrimitiveTopology::Triangles,
             colors: &[PICKED, FRONTS],
-            depth: Depth::None,
+            depth: DepthMode::None,
             is_additive: false,
         };
         Ok(Self {
-            pull: Pipeline::new(gpu, &base)?,
-            push: Pipeline::new(
+            pull: ShaderPipeline::new(gpu, &base)?,
+            push: ShaderPipeline::new(
                 gpu,
-                &Description {
+                &PipelineDescription {
                     name: "visibility.push",
                     fragment: Some(&shaders::VISIBILITY_PUSH_FRAG),
                     colors: &[PICKED],
@@ -128,12 +130,12 @@ impl Pyramid {
     /// colors and fronts of the picture. No splat is larger than `largest_px`.
     pub(super) fn record(
         &self,
-        frame: &mut Frame<'_>,
-        targets: &Targets,
+        frame: &mut FrameRecorder<'_>,
+        targets: &FrameTargets,
         finest: [&Target; 2],
         largest_px: f32,
         (context, rect_px): (&Context, [u32; 4]),
-        constants: Uniform,
+        constants: UniformBlock,
     ) {
         let levels = &self.levels[..level_count(largest_px).min(self.levels.len())];
         let Some(top) = levels.len().checked_sub(1) else {
@@ -148,8 +150,8 @@ impl Pyramid {
         for (at, (level, [name, _])) in levels.iter().zip(NAMES).enumerate() {
             let pass = frame
                 .pass(name)
-                .color(&level.pulled, Load::Clear([0.0; 4]))
-                .color(&level.fronts, Load::Clear([0.0; 4]));
+                .color(&level.pulled, TargetLoad::Clear([0.0; 4]))
+                .color(&level.fronts, TargetLoad::Clear([0.0; 4]));
             let screen = ScreenDraw::of_images(&self.pull, &uniforms, &from);
             raster_pass::full_screen(pass, &screen, halved(rect_px, at + 1));
             from = [&level.pulled, &level.fronts];
@@ -162,7 +164,7 @@ impl Pyramid {
                 filled(at + 1),
                 &levels[at + 1].fronts,
             ];
-            let pass = frame.pass(name).color(pushed, Load::Clear([0.0; 4]));
+            let pass = frame.pass(name).color(pushed, TargetLoad::Clear([0.0; 4]));
             let screen = ScreenDraw::of_images(&self.push, &uniforms, &images);
             raster_pass::full_screen(pass, &screen, halved(rect_px, at + 1));
         }

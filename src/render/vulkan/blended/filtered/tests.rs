@@ -3,9 +3,9 @@
 
 use crate::abi::FilteredSplat;
 use crate::gpu::Gpu;
-use crate::gpu::buffer::{Readback, Upload};
+use crate::gpu::buffer::{ReadbackBuffer, UploadBuffer};
 use crate::gpu::for_tests::{close_in_silence, device};
-use crate::gpu::frame::Frames;
+use crate::gpu::frame::FrameRing;
 use crate::image::{Image, unorm8};
 use crate::math::camera::{Camera, View};
 use crate::pack::FilteredList;
@@ -21,12 +21,12 @@ use crate::render::engine::style;
 use crate::render::frame_constants::frame_constants;
 use crate::render::reference::render_filtered;
 use crate::render::vulkan::COLOR;
-use crate::render::vulkan::blended::compute::Small;
-use crate::render::vulkan::blended::filtered::{Filtered, List, Variant};
+use crate::render::vulkan::blended::compute::ComputeInput;
+use crate::render::vulkan::blended::filtered::{FilteredLists, FilteredPasses, FilteredVariant};
 use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangles, SplatRecords};
-use crate::render::vulkan::scene::Scene;
-use crate::render::vulkan::storage_ranges::Triangles;
-use crate::render::vulkan::targets::{Context, Targets};
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::storage_ranges::TriangleRanges;
+use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::{Settings, SplatKind};
 use crate::tree::Model;
 use glam::{DVec3, Vec3};
@@ -89,21 +89,21 @@ fn picture(
         Way::Raster => None,
         Way::Compute(is_gray) => Some(is_gray),
     };
-    let variant = Variant {
+    let variant = FilteredVariant {
         has_lamp: false,
         color: COLOR,
         by_compute,
     };
-    let filtered = Filtered::new(gpu, SIZE, variant).unwrap();
-    let targets = Targets::new(gpu, width, height, (COLOR, false)).unwrap();
-    let scene = Scene::new(gpu, &Model::default()).unwrap();
+    let filtered = FilteredPasses::new(gpu, SIZE, variant).unwrap();
+    let targets = FrameTargets::new(gpu, width, height, (COLOR, false)).unwrap();
+    let scene = DeviceScene::new(gpu, &Model::default()).unwrap();
     let bytes: &[u8] = bytemuck::cast_slice(splats);
-    let mut list = Upload::new(gpu, "splats", bytes.len() as u64).unwrap();
+    let mut list = UploadBuffer::new(gpu, "splats", bytes.len() as u64).unwrap();
     list.bytes_mut()[..bytes.len()].copy_from_slice(bytes);
     list.flush(0..bytes.len() as u64);
-    let indices = Upload::new(gpu, "indices", 4).unwrap();
+    let indices = UploadBuffer::new(gpu, "indices", 4).unwrap();
     let context = context(rect_px);
-    let mut frames = Frames::new(gpu, 1, false).unwrap();
+    let mut frames = FrameRing::new(gpu, 1, false).unwrap();
     let mut frame = frames.begin().unwrap();
     let constants = frame
         .uniform(&frame_constants(view, &settings(), &context))
@@ -112,16 +112,16 @@ fn picture(
         points: splats.len(),
         quads: 0,
     };
-    let what = List {
+    let what = FilteredLists {
         raster: RasterList {
             scene: &scene,
             triangles: RasterTriangles::Nothing,
             splats: RasterSplats::Records(SplatRecords::packed(&list, packed, splats.len())),
         },
-        small: Small {
+        small: ComputeInput {
             splats: &list,
             splat_count: splats.len() as u32,
-            triangles: Triangles {
+            triangles: TriangleRanges {
                 scene: &scene,
                 corners: &indices,
                 runs: &[],
@@ -138,11 +138,11 @@ fn picture(
             constants,
         )
         .unwrap();
-    let mut color = Readback::new(gpu, "color", targets.color().bytes()).unwrap();
+    let mut color = ReadbackBuffer::new(gpu, "color", targets.color().bytes()).unwrap();
     frame.read_back("color", targets.color(), &color);
     let ticket = frame.submit().unwrap();
     frames.finish(ticket).unwrap();
-    bytemuck::pod_collect_to_vec(Readback::bytes(&mut color))
+    bytemuck::pod_collect_to_vec(ReadbackBuffer::bytes(&mut color))
 }
 
 /// What the passes of a frame share that draws in a part of the picture.
