@@ -8,13 +8,13 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
-use surfel::cut::{self, Cut, Footprints, Selector, StripRun, Undrawn};
-use surfel::generate::{self, Shape, Spec};
+use surfel::cut::{self, Cut, CutSelector, SplatFootprints, StripRun, ZeroAreaSet};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::gpu::{DeviceOptions, Gpu};
 use surfel::image::compare;
 use surfel::input;
 use surfel::math::camera::View;
-use surfel::measure::Distribution;
+use surfel::measure::ValueDistribution;
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -52,8 +52,8 @@ fn row(name: &str, value: f64, unit: &str, target: Option<(bool, f64)>) {
     println!("{name:<58} {value:>10.3} {unit:<8}{verdict}");
 }
 
-fn mesh(shape: Shape, triangles: u64) -> Mesh {
-    generate::mesh(&Spec::with_triangles(shape, triangles).expect("a valid size"))
+fn mesh(shape: GeneratedShape, triangles: u64) -> Mesh {
+    generate::mesh(&ShapeSpec::with_triangles(shape, triangles).expect("a valid size"))
 }
 
 fn build(mesh: Mesh) -> Model {
@@ -72,7 +72,7 @@ const PEAK: &str = "peak";
 
 /// Builds the torus in this process and prints the highest resident memory and the sizes of mesh and tree.
 fn peak_child(scale: u64) {
-    let source = mesh(Shape::Torus, 4_000_000 / scale);
+    let source = mesh(GeneratedShape::Torus, 4_000_000 / scale);
     let mesh_bytes = 12 * (source.positions.len() + source.normals.len() + source.triangles.len());
     let model = build(source);
     if let Some(highest) = highest_resident() {
@@ -107,7 +107,8 @@ fn peak(scale: u64) {
 }
 
 fn reading(scale: u64) {
-    let spec = Spec::with_triangles(Shape::Torus, 4_000_000 / scale).expect("a valid size");
+    let spec =
+        ShapeSpec::with_triangles(GeneratedShape::Torus, 4_000_000 / scale).expect("a valid size");
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("torus.ply");
     generate::write_ply_file(&spec, &path, &Silent).expect("the torus is written");
@@ -120,7 +121,7 @@ fn reading(scale: u64) {
     let times: Vec<f64> = (0..5).map(|_| ms(load)).collect();
     row(
         "read binary PLY, torus 4 M",
-        Distribution::of(&times).median / 1e3,
+        ValueDistribution::of(&times).median / 1e3,
         "s",
         Some((true, 0.6)),
     );
@@ -129,10 +130,10 @@ fn reading(scale: u64) {
 fn building(scale: u64) {
     let mut per_triangle = Vec::new();
     for (shape, triangles, target) in [
-        (Shape::Torus, 4_000_000, Some(1.2)),
-        (Shape::Statue, 1_000_000, None),
-        (Shape::Statue, 4_000_000, None),
-        (Shape::Statue, 8_000_000, None),
+        (GeneratedShape::Torus, 4_000_000, Some(1.2)),
+        (GeneratedShape::Statue, 1_000_000, None),
+        (GeneratedShape::Statue, 4_000_000, None),
+        (GeneratedShape::Statue, 8_000_000, None),
     ] {
         let source = mesh(shape, triangles / scale);
         let count = source.triangles.len();
@@ -146,7 +147,7 @@ fn building(scale: u64) {
         let Some(model) = model else {
             unreachable!("built above")
         };
-        let seconds = Distribution::of(&times).median;
+        let seconds = ValueDistribution::of(&times).median;
         row(
             &format!(
                 "build the tree, {} {:.1} M",
@@ -157,7 +158,7 @@ fn building(scale: u64) {
             "s",
             target.map(|t| (true, t)),
         );
-        if shape == Shape::Statue {
+        if shape == GeneratedShape::Statue {
             per_triangle.push(seconds / count as f64 * 1e9);
             row("   a triangle", seconds / count as f64 * 1e9, "ns", None);
         }
@@ -190,12 +191,12 @@ fn orbit(model: &Model, fill: f64, k: u32, n: u32) -> View {
 /// Time of cuts of the standard orbit, on one thread and on two in turn.
 fn cutting(model: &Model, name: &str) {
     for threshold_px in [1.0, 3.0] {
-        let settings = cut::Settings {
+        let settings = cut::CutSettings {
             threshold_px,
             cull_back: model.is_closed,
-            ..cut::Settings::default()
+            ..cut::CutSettings::default()
         };
-        let mut selectors = [1, 2].map(Selector::with_threads);
+        let mut selectors = [1, 2].map(CutSelector::with_threads);
         let mut cut = Cut::default();
         let mut times = [vec![], vec![]];
         let mut visits = Vec::new();
@@ -211,8 +212,8 @@ fn cutting(model: &Model, name: &str) {
                 visits.push(cut.stats.visited as f64);
             }
         }
-        let visited = Distribution::of(&visits).median;
-        let [one, two] = times.map(|times| Distribution::of(&times).median);
+        let visited = ValueDistribution::of(&visits).median;
+        let [one, two] = times.map(|times| ValueDistribution::of(&times).median);
         row(
             &format!("cut, {name}, threshold {threshold_px}, a visited node ({visited})"),
             one * 1e6,
@@ -232,25 +233,25 @@ fn cutting(model: &Model, name: &str) {
 
 /// What the search for hidden squares costs, in turn with the same cut without it.
 fn hiding(model: &Model, name: &str) {
-    let settings = cut::Settings {
+    let settings = cut::CutSettings {
         threshold_px: 1.0,
         cull_back: model.is_closed,
-        ..cut::Settings::default()
+        ..cut::CutSettings::default()
     };
-    let footprints = Footprints {
+    let footprints = SplatFootprints {
         side_px: 1.0,
         hides: true,
         are_discs: false,
         large_leaves: false,
         is_cloud: model.kind().is_points(),
     };
-    let undrawn = Undrawn::new(model);
+    let undrawn = ZeroAreaSet::new(model);
     let splats = |cut: &Cut| {
         let rows: u32 = cut.strips.iter().map(StripRun::splats).sum();
         (cut.nodes.len() + cut.leaves.len()) as f64 + f64::from(rows)
     };
     for threads in [1, 2] {
-        let mut selector = Selector::with_threads(threads).with_subpixel_bits(8);
+        let mut selector = CutSelector::with_threads(threads).with_subpixel_bits(8);
         let mut cut = Cut::default();
         let (mut plain, mut seen, mut found, mut left) = (vec![], vec![], vec![], vec![]);
         for repeat in 0..3 {
@@ -268,7 +269,7 @@ fn hiding(model: &Model, name: &str) {
             }
         }
         let [plain, seen, found, left] =
-            [plain, seen, found, left].map(|values| Distribution::of(&values).median);
+            [plain, seen, found, left].map(|values| ValueDistribution::of(&values).median);
         println!("{name}, {threads} threads: {left} squares left of {found}");
         row("   a cut without what is hidden", seen, "ms", None);
         let each = (seen - plain) * threads as f64 / found.max(1.0);
@@ -320,7 +321,10 @@ fn drawing(gpu: &Arc<Gpu>, model: &Model, name: &str, target: Option<f64>) {
             gpu.compiled_pipelines() - made.0,
             gpu.created_resources() - made.1,
         );
-        let median: Vec<f64> = times.iter().map(|t| Distribution::of(t).median).collect();
+        let median: Vec<f64> = times
+            .iter()
+            .map(|t| ValueDistribution::of(t).median)
+            .collect();
         for (index, &(method, threshold_px)) in candidates.iter().enumerate() {
             let (triangles, splats) = counts[index];
             row(
@@ -393,7 +397,7 @@ fn filtering(gpu: &Arc<Gpu>, model: &Model, name: &str) {
             let times: Vec<f64> = (0..5)
                 .map(|_| engine.draw(&view, &settings).expect("a frame").frame_ms)
                 .collect();
-            row("   frame", Distribution::of(&times).median, "ms", None);
+            row("   frame", ValueDistribution::of(&times).median, "ms", None);
         }
     }
 }
@@ -472,14 +476,14 @@ fn main() {
     };
     if wants("cut") {
         cutting(
-            &build(mesh(Shape::Sphere, 1_000_000 / scale)),
-            Shape::Sphere.name(),
+            &build(mesh(GeneratedShape::Sphere, 1_000_000 / scale)),
+            GeneratedShape::Sphere.name(),
         );
     }
     println!("drawing on {}", gpu.info().name);
     for (shape, triangles, target) in [
-        (Shape::Statue, 8_000_000, 8.0),
-        (Shape::Torus, 4_000_000, 4.0),
+        (GeneratedShape::Statue, 8_000_000, 8.0),
+        (GeneratedShape::Torus, 4_000_000, 4.0),
     ] {
         let model = build(mesh(shape, triangles / scale));
         if wants("cut") {

@@ -11,12 +11,12 @@ mod passes;
 mod targets;
 
 use std::path::PathBuf;
-use surfel::generate::{self, Shape, Spec};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::gpu::DeviceOptions;
 use surfel::image::compare;
 use surfel::input;
 use surfel::math::camera::View;
-use surfel::measure::Distribution;
+use surfel::measure::ValueDistribution;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
@@ -26,8 +26,8 @@ use surfel::tree::{self, BuildOptions, Model};
 
 const SIZE: (u32, u32) = (400, 400);
 
-fn generated(shape: Shape, triangles: u64) -> Model {
-    let spec = Spec::with_triangles(shape, triangles).expect("a valid size");
+fn generated(shape: GeneratedShape, triangles: u64) -> Model {
+    let spec = ShapeSpec::with_triangles(shape, triangles).expect("a valid size");
     tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).expect("the tree builds")
 }
 
@@ -43,9 +43,9 @@ fn real(name: &str) -> Option<Model> {
 fn models(only: Option<&str>) -> Vec<(&'static str, Model)> {
     let wanted = |name: &str| only.is_none_or(|only| name.contains(only));
     let shapes = [
-        ("sphere", Shape::Sphere, 500_000),
-        ("torus", Shape::Torus, 500_000),
-        ("statue", Shape::Statue, 1_000_000),
+        ("sphere", GeneratedShape::Sphere, 500_000),
+        ("torus", GeneratedShape::Torus, 500_000),
+        ("statue", GeneratedShape::Statue, 1_000_000),
     ];
     let mut models: Vec<_> = shapes
         .into_iter()
@@ -234,7 +234,7 @@ const FUZZY_TARGET_NS: f64 = 420.0;
 /// Nanoseconds a splat: 500,000 vertices in a few pixels each.
 fn cost(backend: &Backend) {
     // One vertex for two triangles.
-    let model = generated(Shape::Statue, 1_000_000);
+    let model = generated(GeneratedShape::Statue, 1_000_000);
     let size = (1024, 768);
     let mut engine = engine(backend, &model, size);
     let view = orbit(&model, size, 1.0, 0, 3);
@@ -272,7 +272,7 @@ fn cost(backend: &Backend) {
             let times: Vec<f64> = (0..runs.len()).map(ms).collect();
             (
                 times.iter().copied().fold(f64::INFINITY, f64::min),
-                Distribution::of(&times).median,
+                ValueDistribution::of(&times).median,
             )
         };
         let count = runs[0].counts.points as f64;

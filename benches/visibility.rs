@@ -10,13 +10,13 @@ use bytemuck::Zeroable;
 use passes::{PULL_PUSH_TARGET_MS, least, settings};
 use std::path::PathBuf;
 use surfel::abi::Splat;
-use surfel::cut::{Cut, Selector};
-use surfel::generate::{self, Shape, Spec};
+use surfel::cut::{Cut, CutSelector};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::gpu::DeviceOptions;
 use surfel::image::{FloatImage, Image, compare};
 use surfel::input;
 use surfel::math::camera::View;
-use surfel::measure::Distribution;
+use surfel::measure::ValueDistribution;
 use surfel::pack::{ColorBy, splats};
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -33,7 +33,7 @@ const RECONSTRUCTIONS: [(Reconstruction, &str); 3] = [
 ];
 
 fn statue(triangles: u64) -> Model {
-    let spec = Spec::with_triangles(Shape::Statue, triangles).expect("a valid size");
+    let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, triangles).expect("a valid size");
     tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).expect("the tree builds")
 }
 
@@ -69,7 +69,7 @@ fn times(backend: &Backend, model: &Model, name: &str, frames: usize) {
         let found = passes::times(&mut engine, &view, threshold, &all, frames);
         for ((_, how), found) in RECONSTRUCTIONS.iter().zip(&found) {
             let [depth, centers, filling] =
-                [0, 1, 2].map(|i| (Distribution::of(&found[i]).median, least(&found[i])));
+                [0, 1, 2].map(|i| (ValueDistribution::of(&found[i]).median, least(&found[i])));
             let verdict = match *how {
                 "pull-push" if filling.1 <= PULL_PUSH_TARGET_MS => "  at most 21 ms: met",
                 "pull-push" => "  at most 21 ms: MISSED",
@@ -85,7 +85,7 @@ fn times(backend: &Backend, model: &Model, name: &str, frames: usize) {
 
 /// Percent of the centers that are truly to be seen, by the depth of the triangles, whose pixel shows no center.
 fn lost(model: &Model, view: &View, settings: &Settings, depth: &[f32], class: &Image) -> f64 {
-    let (mut selector, mut cut) = (Selector::default(), Cut::default());
+    let (mut selector, mut cut) = (CutSelector::default(), Cut::default());
     selector.select(model, view, &cut_settings(settings, model), &mut cut);
     let plan = splat_plan(settings, f32::INFINITY);
     let mut list = vec![Splat::zeroed(); splats::count(&cut, &plan)];

@@ -8,7 +8,7 @@
 use glam::{Vec3, Vec4};
 use std::fmt::Write as _;
 use std::path::Path;
-use surfel::generate::{self, Shape, Spec};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
@@ -119,7 +119,7 @@ fn add_range_map(mesh: &mut Mesh, view: &View, seen: &Image, tint: [u8; 3], rand
 }
 
 fn scan() -> Result<Mesh, Box<dyn std::error::Error>> {
-    let statue = generate::mesh(&Spec::with_triangles(Shape::Statue, 100_000)?);
+    let statue = generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 100_000)?);
     let model = tree::build(statue, &tree::BuildOptions::default(), &Silent)?;
     let outputs = PictureOutputs {
         depth: true,

@@ -9,7 +9,7 @@
 mod tests;
 
 use crate::Error;
-use crate::generate::{self, Spec};
+use crate::generate::{self, ShapeSpec};
 use crate::input::{self, Counts, Format, InputStream, Warning};
 use crate::math::camera::Camera;
 use crate::mesh::Mesh;
@@ -39,9 +39,9 @@ pub enum ModelSource {
     /// Standard input: a model or a tree.
     StandardInput,
     /// A generated model.
-    Generator(Spec),
+    Generator(ShapeSpec),
     /// A built-in scene.
-    Scene(&'static scenes::Entry),
+    Scene(&'static scenes::SceneEntry),
 }
 
 impl ModelSource {

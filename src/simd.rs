@@ -8,7 +8,7 @@ use glam::Vec4;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
 
 /// Numbers of single precision.
-pub(super) trait Vector:
+pub(super) trait FloatLanes:
     Copy
     + Add<Output = Self>
     + Sub<Output = Self>
@@ -49,7 +49,7 @@ pub(super) trait Vector:
     fn from_bits_of(words: Self::Words, above: u32, below: u32, signed: bool) -> Self;
 }
 
-impl Vector for Vec4 {
+impl FloatLanes for Vec4 {
     type Mask = glam::BVec4A;
     type Words = [u32; 4];
 
@@ -128,14 +128,14 @@ impl Vector for Vec4 {
     }
 }
 
-/// Most lanes of [`Wide`].
+/// Most lanes of [`WideLanes`].
 pub(super) const WIDEST: usize = 16;
 
 /// As many numbers as the vectors of a level of the processor have.
 #[derive(Clone, Copy)]
-pub(super) struct Wide<S: Simd>(pub(super) S::f32s);
+pub(super) struct WideLanes<S: Simd>(pub(super) S::f32s);
 
-impl<S: Simd> Wide<S> {
+impl<S: Simd> WideLanes<S> {
     pub(super) const LANES: usize = <S::f32s as SimdBase<S>>::LEN;
 
     #[inline(always)]
@@ -176,7 +176,7 @@ impl<S: Simd> Wide<S> {
 
 macro_rules! operator {
     ($trait:ident, $function:ident, $operator:tt) => {
-        impl<S: Simd> $trait for Wide<S> {
+        impl<S: Simd> $trait for WideLanes<S> {
             type Output = Self;
 
             #[inline(always)]
@@ -185,7 +185,7 @@ macro_rules! operator {
             }
         }
 
-        impl<S: Simd> $trait<f32> for Wide<S> {
+        impl<S: Simd> $trait<f32> for WideLanes<S> {
             type Output = Self;
 
             #[inline(always)]
@@ -201,7 +201,7 @@ operator!(Sub, sub, -);
 operator!(Mul, mul, *);
 operator!(Div, div, /);
 
-impl<S: Simd> Neg for Wide<S> {
+impl<S: Simd> Neg for WideLanes<S> {
     type Output = Self;
 
     #[inline(always)]
@@ -210,7 +210,7 @@ impl<S: Simd> Neg for Wide<S> {
     }
 }
 
-impl<S: Simd> Vector for Wide<S> {
+impl<S: Simd> FloatLanes for WideLanes<S> {
     type Mask = S::mask32s;
     type Words = S::u32s;
 

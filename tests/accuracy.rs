@@ -6,7 +6,7 @@ mod common;
 use common::{Device, generated, orbit, real};
 use glam::DVec3;
 use std::f64::consts::PI;
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::image::compare;
 use surfel::math::camera::Camera;
 use surfel::progress::Silent;
@@ -33,7 +33,7 @@ fn settings(method: Method, threshold_px: f32) -> Settings {
 #[test]
 fn the_unit_sphere_matches_its_closed_form() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Sphere, 1_000_000);
+    let model = generated(GeneratedShape::Sphere, 1_000_000);
     let backend = Backend::Device(device.gpu().clone());
     let mut engine = Engine::new(&backend, &model, (500, 500), ALL).unwrap();
     for d in [2.0f64, 3.0, 5.0, 8.0] {
@@ -113,7 +113,7 @@ fn the_unit_sphere_matches_its_closed_form() {
 #[test]
 fn the_tilted_plane_has_the_depth_of_its_closed_form() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Square, 20_000);
+    let model = generated(GeneratedShape::Square, 20_000);
     let backend = Backend::Device(device.gpu().clone());
     let mut engine = Engine::new(&backend, &model, (300, 300), ALL).unwrap();
     let z0 = 2.0;
@@ -150,7 +150,7 @@ fn the_tilted_plane_has_the_depth_of_its_closed_form() {
 #[test]
 fn the_facing_square_covers_its_pixels_exactly() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Square, 5_000);
+    let model = generated(GeneratedShape::Square, 5_000);
     let backend = Backend::Device(device.gpu().clone());
     // 200 pixels for the side of 1 at distance 2: edges fall on pixel borders.
     let f = 400.0;
@@ -183,7 +183,7 @@ fn the_hybrid_at_one_pixel_is_close_to_supersampled_triangles() {
     let backend = Backend::Device(device.gpu().clone());
     let mut models = vec![(
         "sphere 200 k".to_owned(),
-        generated(Shape::Sphere, 200_000),
+        generated(GeneratedShape::Sphere, 200_000),
         true,
     )];
     for (name, is_smooth) in [
@@ -255,7 +255,8 @@ fn filtered_splats_beat_one_exact_sample_on_fine_detail() {
         return;
     };
     let backend = Backend::Device(device.gpu().clone());
-    let spec = surfel::generate::Spec::with_triangles(Shape::Statue, 2_000_000).unwrap();
+    let spec =
+        surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 2_000_000).unwrap();
     let model = tree::build(
         surfel::generate::mesh(&spec),
         &BuildOptions::default(),
@@ -297,7 +298,7 @@ fn filtered_rows_have_the_shades_of_their_needles() {
         return;
     };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Torus, 200_000);
+    let model = generated(GeneratedShape::Torus, 200_000);
     let size = (300, 300);
     let mut engine = Engine::new(&backend, &model, size, PictureOutputs::default()).unwrap();
     let view = orbit(&model, size, 30.0, 20.0, 1.0);

@@ -7,7 +7,7 @@ mod common;
 
 use common::pictures::{self, PictureOracle};
 use common::{Device, generated, orbit, orthographic, scans};
-use surfel::generate::{self, Shape, Spec};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
@@ -68,8 +68,8 @@ fn oracle(device: &Device) -> PictureOracle {
     }
 }
 
-fn cloud(shape: Shape, triangles: u64) -> Model {
-    let mut mesh = generate::mesh(&Spec::with_triangles(shape, triangles).unwrap());
+fn cloud(shape: GeneratedShape, triangles: u64) -> Model {
+    let mut mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
     mesh.triangles.clear();
     tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
 }
@@ -140,9 +140,9 @@ fn ways(device: &Device) -> Vec<(&'static str, Settings)> {
 fn numbers_draw_what_records_draw() {
     let Some(device) = Device::open() else { return };
     let models = [
-        ("statue", generated(Shape::Statue, 60_000)),
-        ("torus", generated(Shape::Torus, 30_000)),
-        ("cloud", cloud(Shape::Sphere, 20_000)),
+        ("statue", generated(GeneratedShape::Statue, 60_000)),
+        ("torus", generated(GeneratedShape::Torus, 30_000)),
+        ("cloud", cloud(GeneratedShape::Sphere, 20_000)),
     ];
     for (name, model) in &models {
         let mut scene = DeviceScene::new(device.gpu(), model).unwrap();
@@ -201,8 +201,8 @@ fn a_scan_is_drawn_by_numbers() {
 fn what_was_made_of_numbers_stays() {
     let Some(device) = Device::open() else { return };
     let models = [
-        generated(Shape::Statue, 20_000),
-        generated(Shape::Torus, 20_000),
+        generated(GeneratedShape::Statue, 20_000),
+        generated(GeneratedShape::Torus, 20_000),
     ];
     let mut scenes = [0, 1].map(|i: usize| DeviceScene::new(device.gpu(), &models[i]).unwrap());
     let mut renderer = renderer(&device);
@@ -242,7 +242,7 @@ fn what_was_made_of_numbers_stays() {
 #[test]
 fn what_numbers_cannot_say_is_refused_by_name() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = VulkanRenderer::new(
         device.gpu(),

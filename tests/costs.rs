@@ -5,7 +5,7 @@ mod common;
 
 use common::{Device, generated, orbit, pictures};
 use glam::DVec3;
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
@@ -138,7 +138,7 @@ fn costs_decide_the_path_and_the_picture_stays() {
         eprintln!("no 64-bit atomics: one path");
         return;
     }
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let mut engine = engine(&device, &model, (200, 160));
     let mut seen = 0;
     // Few splats beside many triangles, and splats alone: rules of thumb would choose differently.
@@ -180,7 +180,7 @@ fn costs_decide_the_path_and_the_picture_stays() {
 #[test]
 fn quads_and_points_draw_the_same() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let mut engine = engine(&device, &model, (200, 160));
     for fill in [0.7, 2.5] {
         let view = orbit(&model, (200, 160), 30.0, 20.0, fill);

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Device, generated, orbit, orthographic, pictures, scans};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
@@ -58,10 +58,10 @@ fn is_on_device(times: &FrameTimes) -> bool {
 fn the_device_draws_what_the_host_draws() {
     let Some(device) = Device::open() else { return };
     let models = [
-        (Shape::Statue, 60_000),
-        (Shape::Torus, 30_000),
-        (Shape::Square, 2),
-        (Shape::Square, 3_000),
+        (GeneratedShape::Statue, 60_000),
+        (GeneratedShape::Torus, 30_000),
+        (GeneratedShape::Square, 2),
+        (GeneratedShape::Square, 3_000),
     ];
     for (shape, triangles) in models {
         let model = generated(shape, triangles);
@@ -111,7 +111,7 @@ fn the_device_draws_what_the_host_draws() {
 #[test]
 fn the_device_cut_is_drawn_in_every_light_and_color() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 130.0, 25.0, 1.0);
@@ -156,8 +156,8 @@ fn a_scan_is_cut_on_the_device() {
 fn lists_stay_on_the_device() {
     let Some(device) = Device::open() else { return };
     let models = [
-        generated(Shape::Statue, 20_000),
-        generated(Shape::Torus, 20_000),
+        generated(GeneratedShape::Statue, 20_000),
+        generated(GeneratedShape::Torus, 20_000),
     ];
     let mut scenes = [0, 1].map(|i: usize| DeviceScene::new(device.gpu(), &models[i]).unwrap());
     let mut renderer = renderer(&device);
@@ -191,7 +191,7 @@ fn lists_stay_on_the_device() {
 #[test]
 fn costs_decide_what_chooses() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);
@@ -222,7 +222,7 @@ fn costs_decide_what_chooses() {
 #[test]
 fn what_the_device_cannot_choose_is_refused_by_name() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 2_000);
+    let model = generated(GeneratedShape::Statue, 2_000);
     let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer = renderer(&device);
     let view = orbit(&model, SIZE, 10.0, 20.0, 0.8);

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Device, generated, orbit};
-use surfel::generate::{Shape, Spec};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::ColorBy;
@@ -20,7 +20,7 @@ const EXPONENT: f64 = 18.0;
 
 /// The points of a statue, with their normals or without.
 fn cloud(has_normals: bool) -> Model {
-    let spec = Spec::with_triangles(Shape::Statue, 60_000).unwrap();
+    let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 60_000).unwrap();
     let mut mesh = surfel::generate::mesh(&spec);
     mesh.triangles.clear();
     if !has_normals {
@@ -80,7 +80,7 @@ fn picture(backend: &Backend, model: &Model, view: &View, settings: &Settings) -
 fn every_executor_darkens_its_picture_by_its_depths() {
     let Some(device) = Device::open() else { return };
     let vulkan = Backend::Vulkan(device.gpu().clone());
-    let (points, statue) = (cloud(false), generated(Shape::Statue, 20_000));
+    let (points, statue) = (cloud(false), generated(GeneratedShape::Statue, 20_000));
     let mut drawn = [0; 4];
     for (model, is_cloud) in [(&points, true), (&statue, false)] {
         for view in [
@@ -154,7 +154,7 @@ fn points_without_normals_are_darkened_where_it_is_left_open() {
         threshold_px: 2.0,
         ..Settings::default()
     };
-    let surface = generated(Shape::Statue, 20_000);
+    let surface = generated(GeneratedShape::Statue, 20_000);
     for (model, is_dark) in [
         (&cloud(false), true),
         (&cloud(true), false),

@@ -12,7 +12,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::sync::OnceLock;
 use surfel::cut::{self, Cut};
-use surfel::failures::{Case, Cell, Look, Verdict, looks, rows};
+use surfel::failures::{FailureCase, FailureCell, FailureLook, FailureVerdict, looks, rows};
 use surfel::image::{Picture, compare};
 use surfel::render::PictureOutputs;
 use surfel::render::Settings;
@@ -21,16 +21,16 @@ use surfel::render::engine::{Backend, Engine};
 use surfel::scenes;
 
 /// All scenes, made once for all tests of this file.
-fn cases() -> &'static [Case] {
-    static CASES: OnceLock<Vec<Case>> = OnceLock::new();
+fn cases() -> &'static [FailureCase] {
+    static CASES: OnceLock<Vec<FailureCase>> = OnceLock::new();
     CASES.get_or_init(|| {
         let made = scenes::ALL.par_iter();
-        made.map(|entry| Case::new(entry, &Backend::Mirror).unwrap())
+        made.map(|entry| FailureCase::new(entry, &Backend::Mirror).unwrap())
             .collect()
     })
 }
 
-fn line(cell: &Cell) -> String {
+fn line(cell: &FailureCell) -> String {
     let figures: Vec<String> = cell
         .figures
         .iter()
@@ -47,16 +47,16 @@ fn line(cell: &Cell) -> String {
 /// Draws everything and holds every figure to its row or rule.
 fn check(backend: &Backend) {
     let looks = looks();
-    let pairs: Vec<(&Case, &Look)> = cases()
+    let pairs: Vec<(&FailureCase, &FailureLook)> = cases()
         .iter()
         .flat_map(|case| looks.iter().map(move |look| (case, look)))
         .filter(|(case, look)| look.is_for(case))
         .collect();
-    let judge = |(case, look): &(&Case, &Look)| {
+    let judge = |(case, look): &(&FailureCase, &FailureLook)| {
         let picture = case.draw(backend, look).unwrap();
         case.judge(look, &picture).unwrap()
     };
-    let cells: Vec<Cell> = match backend {
+    let cells: Vec<FailureCell> = match backend {
         Backend::Mirror => pairs.par_iter().map(judge).collect(),
         _ => pairs.iter().map(judge).collect(),
     };
@@ -64,13 +64,13 @@ fn check(backend: &Backend) {
     let count = |verdict| cells.iter().filter(|c| c.verdict == verdict).count();
     for cell in &cells {
         println!("{}", line(cell));
-        if cell.verdict == Verdict::Fail {
+        if cell.verdict == FailureVerdict::Fail {
             wrong.push(format!("{}, {}: {}", cell.scene, cell.look, cell.cause()));
-        } else if cell.verdict == Verdict::Limit {
+        } else if cell.verdict == FailureVerdict::Limit {
             println!("    limit: {}", cell.cause());
         }
     }
-    let limits = count(Verdict::Limit);
+    let limits = count(FailureVerdict::Limit);
     println!("{} cells, {limits} known limits", cells.len());
     for row in rows::ROWS {
         let is_named = row.scenes.split(' ').all(|s| scenes::find(s).is_some())
@@ -78,7 +78,8 @@ fn check(backend: &Backend) {
                 .looks
                 .split('|')
                 .all(|l| looks.iter().any(|look| look.name == l));
-        let is_used = |c: &Cell| row.is_of(c.scene, c.look) && c.figure(row.figure).is_some();
+        let is_used =
+            |c: &FailureCell| row.is_of(c.scene, c.look) && c.figure(row.figure).is_some();
         if !is_named || !cells.iter().any(is_used) {
             wrong.push(format!("the row belongs to nothing: {row:?}"));
         }

@@ -6,8 +6,8 @@ mod common;
 
 use common::{Device, generated, orbit, pictures};
 use glam::{DVec3, Vec3};
-use surfel::cut::{Cut, Selector};
-use surfel::generate::Shape;
+use surfel::cut::{Cut, CutSelector};
+use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
@@ -243,7 +243,7 @@ fn the_depth_of_a_tilted_plane_is_a_ramp() {
 fn levels_of(model: &Model, view: &View, settings: &Settings) -> Vec<usize> {
     let mut cut = Cut::default();
     let with = cut_key::cut_settings(settings, model);
-    Selector::default().select(model, view, &with, &mut cut);
+    CutSelector::default().select(model, view, &with, &mut cut);
     let count = model.tree.level_count();
     let mut levels = vec![0; count + 1];
     for &node in cut.nodes.iter().chain(cut.strips.iter().map(|s| &s.node)) {
@@ -410,7 +410,7 @@ fn data_as_colors_are_the_same_on_device_and_mirror() {
         return;
     };
     let device = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let view = orbit(&model, (200, 160), 40.0, 25.0, 1.3);
     for (method, splat) in WAYS {
         for color_by in [ColorBy::Level, ColorBy::Normal, ColorBy::Depth] {
@@ -444,7 +444,7 @@ const KINDS: [SplatKind; 6] = [
 
 #[test]
 fn a_held_cut_is_drawn_wherever_the_camera_goes() {
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let there = orbit(&model, (160, 160), 40.0, 25.0, 0.6);
     // Half of what the cut has is behind the picture here, where a cut of this view would have nothing.
     let beside = orbit(&model, (160, 160), 130.0, -10.0, 2.5);

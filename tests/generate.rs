@@ -8,28 +8,28 @@ use std::{
     sync::atomic::{AtomicU64, Ordering},
 };
 use surfel::{
-    generate::{self, Error, Shape, Spec, ply},
+    generate::{self, Error, GeneratedShape, ShapeSpec, ply},
     mesh::Mesh,
     progress::{Progress, Silent},
 };
 
-fn sized(shape: Shape, triangles: u64) -> Spec {
-    Spec::with_triangles(shape, triangles).expect("a possible size")
+fn sized(shape: GeneratedShape, triangles: u64) -> ShapeSpec {
+    ShapeSpec::with_triangles(shape, triangles).expect("a possible size")
 }
 
-fn grid(shape: Shape, columns: u32, rows: u32) -> Spec {
-    Spec::with_grid(shape, columns, rows).expect("a possible grid")
+fn grid(shape: GeneratedShape, columns: u32, rows: u32) -> ShapeSpec {
+    ShapeSpec::with_grid(shape, columns, rows).expect("a possible grid")
 }
 
 /// One of each kind, small, with unequal sides where the shape has them.
-fn small() -> Vec<Spec> {
+fn small() -> Vec<ShapeSpec> {
     vec![
-        grid(Shape::Square, 7, 5),
-        grid(Shape::Sphere, 24, 11),
-        grid(Shape::Torus, 31, 9),
-        grid(Shape::Statue, 1, 1),
-        grid(Shape::Statue, 2, 2),
-        grid(Shape::Statue, 17, 17),
+        grid(GeneratedShape::Square, 7, 5),
+        grid(GeneratedShape::Sphere, 24, 11),
+        grid(GeneratedShape::Torus, 31, 9),
+        grid(GeneratedShape::Statue, 1, 1),
+        grid(GeneratedShape::Statue, 2, 2),
+        grid(GeneratedShape::Statue, 17, 17),
     ]
 }
 
@@ -57,32 +57,47 @@ fn volume(mesh: &Mesh) -> f64 {
 #[test]
 fn counts_are_exact() {
     for (spec, vertices, triangles) in [
-        (sized(Shape::Sphere, 1_000_000), 501_501, 1_000_000),
-        (sized(Shape::Torus, 4_000_000), 2_020_101, 4_000_000),
-        (grid(Shape::Torus, 2000, 1000), 2001 * 1001, 4_000_000),
-        (sized(Shape::Square, 2_000_000), 1001 * 1001, 2_000_000),
-        (sized(Shape::Square, 14), 2 * 8, 14),
+        (sized(GeneratedShape::Sphere, 1_000_000), 501_501, 1_000_000),
         (
-            sized(Shape::Statue, 1_000_000),
+            sized(GeneratedShape::Torus, 4_000_000),
+            2_020_101,
+            4_000_000,
+        ),
+        (
+            grid(GeneratedShape::Torus, 2000, 1000),
+            2001 * 1001,
+            4_000_000,
+        ),
+        (
+            sized(GeneratedShape::Square, 2_000_000),
+            1001 * 1001,
+            2_000_000,
+        ),
+        (sized(GeneratedShape::Square, 14), 2 * 8, 14),
+        (
+            sized(GeneratedShape::Statue, 1_000_000),
             6 * 289 * 289 + 2,
             1_002_252,
         ),
         (
-            sized(Shape::Statue, 2_000_000),
+            sized(GeneratedShape::Statue, 2_000_000),
             6 * 408 * 408 + 2,
             1_997_568,
         ),
         (
-            sized(Shape::Statue, 8_000_000),
+            sized(GeneratedShape::Statue, 8_000_000),
             6 * 816 * 816 + 2,
             7_990_272,
         ),
     ] {
         assert_eq!(spec.counts(), (vertices, triangles), "{spec:?}");
     }
-    assert_eq!(sized(Shape::Sphere, 1_000_000).grid(), (1000, 500));
-    assert_eq!(sized(Shape::Torus, 4_000_000).grid(), (20_000, 100));
-    assert_eq!(sized(Shape::Square, 2 * 360).grid(), (20, 18));
+    assert_eq!(sized(GeneratedShape::Sphere, 1_000_000).grid(), (1000, 500));
+    assert_eq!(
+        sized(GeneratedShape::Torus, 4_000_000).grid(),
+        (20_000, 100)
+    );
+    assert_eq!(sized(GeneratedShape::Square, 2 * 360).grid(), (20, 18));
     for spec in small() {
         let mesh = generate::mesh(&spec);
         let found = (mesh.positions.len() as u64, mesh.triangles.len() as u64);
@@ -105,7 +120,7 @@ fn every_vertex_is_used_finite_and_has_a_unit_normal_of_its_side() {
             for corner in triangle {
                 let normal = mesh.normals[*corner as usize].as_dvec3();
                 // The statue with two cells an edge is too coarse for its own waves.
-                if spec.shape() != Shape::Statue && face != DVec3::ZERO {
+                if spec.shape() != GeneratedShape::Statue && face != DVec3::ZERO {
                     assert!(face.dot(normal) > 0.0, "{spec:?}: a normal points inward");
                 }
             }
@@ -150,14 +165,17 @@ fn assert_closed(mesh: &Mesh, name: &str) -> usize {
 
 #[test]
 fn sphere_torus_and_statue_are_closed_and_face_outward() {
-    let sphere = generate::mesh(&grid(Shape::Sphere, 24, 11));
+    let sphere = generate::mesh(&grid(GeneratedShape::Sphere, 24, 11));
     assert_eq!(assert_closed(&sphere, "sphere"), 2 * 24);
     assert_eq!(
-        assert_closed(&generate::mesh(&grid(Shape::Torus, 31, 9)), "torus"),
+        assert_closed(
+            &generate::mesh(&grid(GeneratedShape::Torus, 31, 9)),
+            "torus"
+        ),
         0
     );
     for n in [1, 2, 3, 40] {
-        let statue = generate::mesh(&grid(Shape::Statue, n, n));
+        let statue = generate::mesh(&grid(GeneratedShape::Statue, n, n));
         assert_eq!(assert_closed(&statue, "statue"), 0);
         assert!(volume(&statue) > 0.0, "statue of {n}");
     }
@@ -188,7 +206,7 @@ fn assert_near(found: f64, wanted: f64, relative: f64, what: &str) {
 #[test]
 fn areas_and_volumes_follow_the_closed_forms() {
     let (nu, nv) = (1000, 500);
-    let sphere = generate::mesh(&grid(Shape::Sphere, nu, nv));
+    let sphere = generate::mesh(&grid(GeneratedShape::Sphere, nu, nv));
     let rows: Vec<_> = (0..=nv)
         .map(|j| f64::from(j) / f64::from(nv) * PI - PI / 2.0)
         .map(|w| (w.cos(), w.sin()))
@@ -207,7 +225,7 @@ fn areas_and_volumes_follow_the_closed_forms() {
     assert_near(v, 4.0 / 3.0 * PI, 4e-5, "volume of the sphere");
 
     let (nu, nv) = (800, 400);
-    let torus = generate::mesh(&grid(Shape::Torus, nu, nv));
+    let torus = generate::mesh(&grid(GeneratedShape::Torus, nu, nv));
     let rows: Vec<_> = (0..=nv)
         .map(|j| f64::from(j) / f64::from(nv) * 2.0 * PI - PI)
         .map(|w| (1.0 + 0.4 * w.cos(), 0.4 * w.sin()))
@@ -218,7 +236,7 @@ fn areas_and_volumes_follow_the_closed_forms() {
     assert_near(a, 4.0 * PI * PI * 0.4, 5e-5, "area of the torus");
     assert_near(v, 2.0 * PI * PI * 0.16, 1e-4, "volume of the torus");
 
-    let square = generate::mesh(&grid(Shape::Square, 7, 5));
+    let square = generate::mesh(&grid(GeneratedShape::Square, 7, 5));
     assert_near(area(&square), 1.0, 1e-6, "area of the square");
     let box_of = |pick: fn(Vec3, Vec3) -> Vec3| square.positions.iter().copied().reduce(pick);
     assert_eq!(box_of(Vec3::min), Some(Vec3::new(-0.5, -0.5, 0.0)));
@@ -234,13 +252,13 @@ fn areas_and_volumes_follow_the_closed_forms() {
 #[test]
 fn sphere_and_torus_are_indexed_as_stated() {
     let (nu, nv) = (24_u32, 11_u32);
-    for shape in [Shape::Sphere, Shape::Torus] {
+    for shape in [GeneratedShape::Sphere, GeneratedShape::Torus] {
         let mesh = generate::mesh(&grid(shape, nu, nv));
         for (i, j) in [(0, 1), (5, 0), (7, 4), (24, 9), (23, 11)] {
             let k = (j * (nu + 1) + i) as usize;
             let u = 2.0 * PI * f64::from(i) / f64::from(nu);
             let t = f64::from(j) / f64::from(nv);
-            let (w, ring, height) = if shape == Shape::Sphere {
+            let (w, ring, height) = if shape == GeneratedShape::Sphere {
                 let w = PI * t - PI / 2.0;
                 (w, w.cos(), w.sin())
             } else {
@@ -296,7 +314,7 @@ fn statue_point(cube: [f64; 3]) -> DVec3 {
 #[test]
 fn the_statue_has_the_points_of_its_definition() {
     let n = 9;
-    let mesh = generate::mesh(&grid(Shape::Statue, n, n));
+    let mesh = generate::mesh(&grid(GeneratedShape::Statue, n, n));
     let mut left: Vec<Vec3> = mesh.positions.clone();
     let at = |k: u32| f64::from(k) / f64::from(n) * 2.0 - 1.0;
     for x in 0..=n {
@@ -336,7 +354,7 @@ fn the_statue_known_answers() {
         ([1.0, 1.0, 1.0], KNOWN_CORNER),
     ] {
         assert!((statue_point(cube) - DVec3::from(known)).length() < 1e-12);
-        let mesh = generate::mesh(&grid(Shape::Statue, 4, 4));
+        let mesh = generate::mesh(&grid(GeneratedShape::Statue, 4, 4));
         let nearest = mesh
             .positions
             .iter()
@@ -350,8 +368,8 @@ fn the_statue_known_answers() {
 #[test]
 fn larger_statues_keep_the_surface() {
     let bits = |p: &Vec3| p.to_array().map(f32::to_bits);
-    let coarse = generate::mesh(&grid(Shape::Statue, 8, 8));
-    let fine = generate::mesh(&grid(Shape::Statue, 16, 16));
+    let coarse = generate::mesh(&grid(GeneratedShape::Statue, 8, 8));
+    let fine = generate::mesh(&grid(GeneratedShape::Statue, 16, 16));
     let known: std::collections::HashSet<_> = fine.positions.iter().map(bits).collect();
     assert!(coarse.positions.iter().all(|p| known.contains(&bits(p))));
 }
@@ -359,7 +377,10 @@ fn larger_statues_keep_the_surface() {
 #[test]
 fn any_number_of_threads_gives_the_same_model() {
     // Large enough for several blocks.
-    for spec in [sized(Shape::Torus, 300_000), sized(Shape::Statue, 600_000)] {
+    for spec in [
+        sized(GeneratedShape::Torus, 300_000),
+        sized(GeneratedShape::Statue, 600_000),
+    ] {
         let on = |threads| {
             let pool = rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)
@@ -383,9 +404,9 @@ fn the_stream_has_the_bytes_of_the_mesh() {
     let mut specs = small();
     // Several blocks, of all row kinds, with borders within a face and a ring.
     specs.extend([
-        sized(Shape::Sphere, 400_000),
-        sized(Shape::Statue, 900_000),
-        grid(Shape::Square, 200_000, 1),
+        sized(GeneratedShape::Sphere, 400_000),
+        sized(GeneratedShape::Statue, 900_000),
+        grid(GeneratedShape::Square, 200_000, 1),
     ]);
     for spec in specs {
         let mut streamed = Vec::new();
@@ -429,7 +450,7 @@ impl Progress for Meter {
 fn files_are_whole_or_absent() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("statue.ply");
-    let spec = sized(Shape::Statue, 400_000);
+    let spec = sized(GeneratedShape::Statue, 400_000);
 
     let meter = Meter::until(1000);
     let result = generate::write_ply_file(&spec, &path, &meter);
@@ -466,7 +487,7 @@ impl Write for Full {
 
 #[test]
 fn a_full_disk_is_an_error() {
-    let spec = grid(Shape::Sphere, 24, 11);
+    let spec = grid(GeneratedShape::Sphere, 24, 11);
     for room in [0, 500, 7000] {
         let result = generate::write_ply(&spec, &mut Full(room), &Silent);
         assert!(matches!(result, Err(Error::Stream(_))), "{room}");

@@ -15,7 +15,7 @@ use catalog::{GoldenCase, PictureExecutor, cases};
 use common::Device;
 use common::pictures::{GOLDEN_DEVICE, GOLDEN_REFERENCE, PictureOracle};
 use std::path::{Path, PathBuf};
-use surfel::generate::{Shape, Spec};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::Error;
 use surfel::image::{FloatImage, Image, difference_picture};
 use surfel::progress::Silent;
@@ -26,18 +26,18 @@ use surfel::tree::{self, BuildOptions, Model};
 const SIDE: u32 = 128;
 
 fn models() -> Vec<(&'static str, Model)> {
-    let build = |spec: Spec| {
+    let build = |spec: ShapeSpec| {
         let mesh = surfel::generate::mesh(&spec);
         tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
     };
     vec![
         (
             "statue",
-            build(Spec::with_triangles(Shape::Statue, 20_000).unwrap()),
+            build(ShapeSpec::with_triangles(GeneratedShape::Statue, 20_000).unwrap()),
         ),
         (
             "torus",
-            build(Spec::with_grid(Shape::Torus, 200, 50).unwrap()),
+            build(ShapeSpec::with_grid(GeneratedShape::Torus, 200, 50).unwrap()),
         ),
         ("scan", common::scans(&[]).remove(0).1),
     ]

@@ -4,7 +4,7 @@
 mod common;
 
 use common::{Device, generated, orbit, pictures};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
 use surfel::image::{Image, compare};
 use surfel::math::camera::View;
@@ -73,7 +73,7 @@ fn draws_clouds((method, splat, _): (Method, SplatKind, f32)) -> bool {
 #[test]
 fn the_same_frame_twice_is_bit_identical() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 50_000);
+    let model = generated(GeneratedShape::Statue, 50_000);
     let view = orbit(&model, (200, 200), 30.0, 20.0, 1.0);
     for case in METHODS {
         let backend = Backend::Device(device.gpu().clone());
@@ -91,7 +91,11 @@ fn the_same_frame_twice_is_bit_identical() {
 #[test]
 fn threshold_zero_is_the_triangle_picture() {
     let Some(device) = Device::open() else { return };
-    for shape in [Shape::Statue, Shape::Torus, Shape::Square] {
+    for shape in [
+        GeneratedShape::Statue,
+        GeneratedShape::Torus,
+        GeneratedShape::Square,
+    ] {
         let model = generated(shape, 20_000);
         for fill in [1.0, 4.0] {
             let view = orbit(&model, (200, 160), 30.0, 20.0, fill);
@@ -112,7 +116,7 @@ fn threshold_zero_is_the_triangle_picture() {
 #[test]
 fn culling_changes_nothing_on_a_closed_surface() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 50_000);
+    let model = generated(GeneratedShape::Statue, 50_000);
     assert!(model.is_closed);
     for k in 0..6 {
         let view = orbit(&model, (200, 200), 60.0 * f64::from(k), 20.0, 1.2);
@@ -147,7 +151,7 @@ fn memory_that_is_not_coherent_gives_the_same_picture() {
     }) else {
         return;
     };
-    let model = generated(Shape::Statue, 50_000);
+    let model = generated(GeneratedShape::Statue, 50_000);
     let view = orbit(&model, (200, 200), 30.0, 20.0, 1.0);
     for case in METHODS {
         let s = settings_of(case);
@@ -162,7 +166,7 @@ fn memory_that_is_not_coherent_gives_the_same_picture() {
 #[test]
 fn where_the_traversal_starts_does_not_show() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     let backend = Backend::Device(device.gpu().clone());
     let path = [0.0, 0.1, 0.3, 0.8, 2.0, 150.0, 151.0];
     let views = path.map(|azimuth| orbit(&model, (160, 160), azimuth, 20.0, 1.0 + azimuth / 50.0));
@@ -205,9 +209,9 @@ fn where_the_traversal_starts_does_not_show() {
 #[test]
 fn pages_do_not_show() {
     let Some(device) = Device::open() else { return };
-    let statue = generated(Shape::Statue, 20_000);
+    let statue = generated(GeneratedShape::Statue, 20_000);
     let mut mesh = surfel::generate::mesh(
-        &surfel::generate::Spec::with_triangles(Shape::Sphere, 3_000).unwrap(),
+        &surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Sphere, 3_000).unwrap(),
     );
     mesh.triangles.clear();
     let cloud = surfel::tree::build(
@@ -249,7 +253,7 @@ fn pages_do_not_show() {
 #[test]
 fn the_frame_loop_makes_nothing_new() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 50_000);
+    let model = generated(GeneratedShape::Statue, 50_000);
     let mut scene = DeviceScene::new(device.gpu(), &model).unwrap();
     let mut renderer =
         VulkanRenderer::new(device.gpu(), 200, 200, PictureOutputs::default(), true).unwrap();
@@ -286,7 +290,7 @@ fn the_frame_loop_makes_nothing_new() {
 #[test]
 fn one_renderer_draws_frames_of_every_kind_as_a_new_one_does() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let size = (120, 100);
     let perspective = orbit(&model, size, 30.0, 20.0, 1.0);
     let parallel = common::orthographic(&model, size);

@@ -6,7 +6,7 @@ mod common;
 use common::{Device, generated, orbit, pictures};
 use glam::{DMat4, DVec3};
 use std::process::Command;
-use surfel::generate::{Shape, Spec};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::{FloatImage, Image};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
@@ -125,7 +125,9 @@ fn closed_form(settings: &Settings, hit: DVec3, to_eye: DVec3, color: [u8; 3]) -
 
 /// The unit sphere in one color.
 fn sphere(triangles: u64, [r, g, b]: [u8; 3]) -> Model {
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Sphere, triangles).unwrap());
+    let mut mesh = surfel::generate::mesh(
+        &ShapeSpec::with_triangles(GeneratedShape::Sphere, triangles).unwrap(),
+    );
     mesh.colors = vec![[r, g, b, 255]; mesh.positions.len()];
     build(mesh)
 }
@@ -225,7 +227,7 @@ fn the_highlight_lies_where_the_normal_halves_light_and_eye() {
 
 #[test]
 fn a_lamp_in_the_eye_without_ambience_and_gloss_is_the_headlight() {
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let camera = Camera::orbit((160, 160), DVec3::ZERO, 1.6, 0.7, 0.3, 1.0);
     let view = camera.view(DVec3::ZERO).unwrap();
     let eye = camera.view.inverse().transform_point3(DVec3::ZERO);
@@ -260,7 +262,7 @@ fn a_lamp_in_the_eye_without_ambience_and_gloss_is_the_headlight() {
 
 #[test]
 fn the_back_is_lit_from_its_own_side_or_not_at_all() {
-    let model = generated(Shape::Square, 800);
+    let model = generated(GeneratedShape::Square, 800);
     let view = orbit(&model, (60, 60), 180.0, 0.0, 1.0);
     for (method, threshold_px) in [
         (Method::Triangles, 1.0),
@@ -285,7 +287,8 @@ fn the_back_is_lit_from_its_own_side_or_not_at_all() {
         }
     }
     // What has no normal has no highlight and no dark side.
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Sphere, 2000).unwrap());
+    let mut mesh =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 2000).unwrap());
     mesh.normals.clear();
     mesh.triangles.clear();
     let cloud = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
@@ -360,7 +363,7 @@ fn filtered_splats_are_the_mean_in_a_lamp_too() {
         // The light changes by up to 2 levels a pixel here, and a pixel sums splats from around it.
         assert!(worst < 4.0, "{lamp:?}: {worst} levels");
     }
-    let rough = generated(Shape::Statue, 200_000);
+    let rough = generated(GeneratedShape::Statue, 200_000);
     let view = orbit(&rough, (120, 120), 20.0, 20.0, 0.4);
     let with_splat = |method, splat| Settings {
         method,
@@ -415,7 +418,8 @@ const METHODS: [(Method, SplatKind, f32); 6] = [
 fn the_device_draws_what_the_mirror_draws() {
     let Some(device) = Device::open() else { return };
     let device_backend = Backend::Device(device.gpu().clone());
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
+    let mut mesh =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 30_000).unwrap());
     mesh.colors = mesh
         .positions
         .iter()

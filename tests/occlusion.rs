@@ -5,8 +5,8 @@ mod common;
 
 use common::{Device, generated, orbit, pictures, scans};
 use glam::{DVec3, Vec3};
-use surfel::cut::{Cut, Footprints, Selector, Undrawn, select};
-use surfel::generate::Shape;
+use surfel::cut::{Cut, CutSelector, SplatFootprints, ZeroAreaSet, select};
+use surfel::generate::GeneratedShape;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
@@ -84,7 +84,10 @@ impl<'m> Pair<'m> {
 fn no_bit_of_a_picture_changes_on_an_orbit() {
     let Some(device) = Device::open() else { return };
     let backends = [Backend::Device(device.gpu().clone()), Backend::Mirror];
-    for (shape, culling) in [(Shape::Statue, Culling::Auto), (Shape::Torus, Culling::Off)] {
+    for (shape, culling) in [
+        (GeneratedShape::Statue, Culling::Auto),
+        (GeneratedShape::Torus, Culling::Off),
+    ] {
         let model = generated(shape, 100_000);
         let mut hidden = 0;
         for backend in &backends {
@@ -157,7 +160,7 @@ fn no_bit_of_any_scene_changes() {
 fn no_bit_changes_from_inside_mirrored_far_away_and_orthographic() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Statue, 150_000);
+    let model = generated(GeneratedShape::Statue, 150_000);
     let size = (150, 130);
     let mut pair = Pair::new(&backend, &model, size);
     let mut mirrored = orbit(&model, size, 30.0, 20.0, 1.0);
@@ -202,7 +205,7 @@ fn no_bit_of_scans_and_clouds_changes() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
     let mut cloud = surfel::generate::mesh(
-        &surfel::generate::Spec::with_triangles(Shape::Statue, 100_000).unwrap(),
+        &surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 100_000).unwrap(),
     );
     cloud.triangles.clear();
     let mut models = vec![("cloud".to_owned(), build(cloud))];
@@ -234,7 +237,7 @@ fn no_bit_of_scans_and_clouds_changes() {
 #[test]
 fn splats_that_cover_what_cannot_be_told_hide_nothing() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     let view = orbit(&model, (100, 100), 30.0, 20.0, 1.0);
     let backends = [Backend::Device(device.gpu().clone()), Backend::Mirror];
     let counts = |splat, blend, occlusion| {
@@ -292,7 +295,7 @@ fn up_to_a_pixel_splats_cover_what_triangles_cover() {
         image.depth.iter().map(|z| z.is_finite()).collect()
     };
     let count = |a: &[bool], b: &[bool]| a.iter().zip(b).filter(|(a, b)| **a && !**b).count();
-    for shape in [Shape::Statue, Shape::Torus] {
+    for shape in [GeneratedShape::Statue, GeneratedShape::Torus] {
         let model = generated(shape, 60_000);
         let view = orbit(&model, (150, 150), 30.0, 20.0, 0.4);
         let of = |method, splat, threshold_px, occlusion, path| {
@@ -334,8 +337,8 @@ fn up_to_a_pixel_splats_cover_what_triangles_cover() {
     }
 }
 
-fn footprints(side_px: f32) -> Footprints {
-    Footprints {
+fn footprints(side_px: f32) -> SplatFootprints {
+    SplatFootprints {
         side_px,
         hides: true,
         are_discs: false,
@@ -399,7 +402,7 @@ fn depths(model: &Model, cut: &Cut) -> Vec<f32> {
 #[test]
 fn nothing_is_left_behind_a_plate_that_fills_the_view() {
     let mut mesh = surfel::generate::mesh(
-        &surfel::generate::Spec::with_triangles(Shape::Sphere, 60_000).unwrap(),
+        &surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Sphere, 60_000).unwrap(),
     );
     mesh.normals.clear();
     mesh.colors.clear();
@@ -408,13 +411,13 @@ fn nothing_is_left_behind_a_plate_that_fills_the_view() {
     append(&mut mesh, &plate(300, 2.0, 1.5));
     let model = build(mesh);
     let view = before(100);
-    let settings = surfel::cut::Settings {
+    let settings = surfel::cut::CutSettings {
         threshold_px: 3.0,
-        ..surfel::cut::Settings::default()
+        ..surfel::cut::CutSettings::default()
     };
-    let mut selector = Selector::with_threads(1);
+    let mut selector = CutSelector::with_threads(1);
     let (mut all, mut seen) = (Cut::default(), Cut::default());
-    let undrawn = Undrawn::new(&model);
+    let undrawn = ZeroAreaSet::new(&model);
     select(&model, &view, &settings, &mut all);
     selector.select_seen(
         &model,
@@ -438,15 +441,15 @@ fn nothing_is_left_behind_a_plate_that_fills_the_view() {
         *triangle = [triangle[0]; 3];
     }
     let mut mesh = surfel::generate::mesh(
-        &surfel::generate::Spec::with_triangles(Shape::Sphere, 60_000).unwrap(),
+        &surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Sphere, 60_000).unwrap(),
     );
     mesh.normals.clear();
     mesh.colors.clear();
     append(&mut mesh, &plate(150, 4.0, -2.0));
     append(&mut mesh, &flat);
     let model = build(mesh);
-    let undrawn = Undrawn::new(&model);
-    assert_ne!(undrawn, Undrawn::new(&behind));
+    let undrawn = ZeroAreaSet::new(&model);
+    assert_ne!(undrawn, ZeroAreaSet::new(&behind));
     let backend = Backend::Mirror;
     let mut pair = Pair::new(&backend, &model, (100, 100));
     let look = Settings {
@@ -461,9 +464,9 @@ fn nothing_is_left_behind_a_plate_that_fills_the_view() {
 #[test]
 fn what_is_left_depends_on_nothing_but_the_view() {
     // Several layers a pixel, so that nodes are hidden as a whole.
-    let model = generated(Shape::Statue, 2_000_000);
-    let undrawn = Undrawn::new(&model);
-    let cut_of = |selector: &mut Selector, azimuth: f64, side_px: f32| {
+    let model = generated(GeneratedShape::Statue, 2_000_000);
+    let undrawn = ZeroAreaSet::new(&model);
+    let cut_of = |selector: &mut CutSelector, azimuth: f64, side_px: f32| {
         let view = orbit(&model, (300, 300), azimuth, 20.0, 1.0);
         let settings = Settings {
             threshold_px: side_px,
@@ -479,7 +482,7 @@ fn what_is_left_depends_on_nothing_but_the_view() {
             &mut cut,
         );
         // Of what contains no pixel's center nothing is looked at in either.
-        let seen = Footprints {
+        let seen = SplatFootprints {
             hides: false,
             ..footprints(side_px)
         };
@@ -515,10 +518,10 @@ fn what_is_left_depends_on_nothing_but_the_view() {
         cut
     };
     for side_px in [1.0, 2.0] {
-        let expected = cut_of(&mut Selector::with_threads(1), 40.0, side_px);
+        let expected = cut_of(&mut CutSelector::with_threads(1), 40.0, side_px);
         assert!(expected.stats.hidden > 10_000);
         for threads in [2, 3, 8] {
-            let mut selector = Selector::with_threads(threads);
+            let mut selector = CutSelector::with_threads(threads);
             for azimuth in [40.0, 41.0, 220.0, 40.0] {
                 let cut = cut_of(&mut selector, azimuth, side_px);
                 if azimuth == 40.0 {
@@ -538,13 +541,13 @@ fn what_is_left_depends_on_nothing_but_the_view() {
 /// Of a row of splats only those are left that are seen: the torus has needles.
 #[test]
 fn rows_lose_the_splats_that_are_hidden() {
-    let model = generated(Shape::Torus, 400_000);
-    let undrawn = Undrawn::new(&model);
+    let model = generated(GeneratedShape::Torus, 400_000);
+    let undrawn = ZeroAreaSet::new(&model);
     let view = orbit(&model, (300, 300), 40.0, 20.0, 1.0);
     let with = cut_key::cut_settings(&Settings::default(), &model);
     let (mut cut, mut all) = (Cut::default(), Cut::default());
     let seen = (footprints(1.0), &undrawn);
-    Selector::default().select_seen(&model, &view, &with, seen, &mut cut);
+    CutSelector::default().select_seen(&model, &view, &with, seen, &mut cut);
     select(&model, &view, &with, &mut all);
     assert!(all.strips.iter().all(|row| row.splats() == row.count));
     let partly = |row: &&surfel::cut::StripRun| row.splats() < row.count;

@@ -6,7 +6,7 @@ mod common;
 use common::pictures::{self, PictureOracle};
 use common::{Device, generated, orbit, scans};
 use glam::{DVec3, Vec3};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::math::camera::{Camera, Light, View};
 use surfel::mesh::Mesh;
 use surfel::pack::ColorBy;
@@ -62,9 +62,9 @@ fn every_method(device: &Device, model: &Model, view: &View, name: &str, oracle:
 fn smooth_and_rough_surfaces_from_outside() {
     let Some(device) = Device::open() else { return };
     for (shape, triangles) in [
-        (Shape::Sphere, 20_000),
-        (Shape::Statue, 60_000),
-        (Shape::Square, 800),
+        (GeneratedShape::Sphere, 20_000),
+        (GeneratedShape::Statue, 60_000),
+        (GeneratedShape::Square, 800),
     ] {
         let model = generated(shape, triangles);
         for (azimuth, elevation, fill) in [(30.0, 20.0, 1.0), (200.0, -35.0, 0.4)] {
@@ -88,11 +88,11 @@ fn filtered_splats() {
     };
     let mut cases = Vec::new();
     for (shape, triangles) in [
-        (Shape::Sphere, 20_000),
-        (Shape::Statue, 60_000),
-        (Shape::Torus, 40_000),
+        (GeneratedShape::Sphere, 20_000),
+        (GeneratedShape::Statue, 60_000),
+        (GeneratedShape::Torus, 40_000),
     ] {
-        let spec = surfel::generate::Spec::with_triangles(shape, triangles).unwrap();
+        let spec = surfel::generate::ShapeSpec::with_triangles(shape, triangles).unwrap();
         cases.push((format!("{shape:?}"), surfel::generate::mesh(&spec)));
     }
     let mut colored = cases[0].1.clone();
@@ -153,7 +153,7 @@ fn what_filtered_splats_cannot_draw_is_refused_by_name() {
     };
     let statue = tree::build(
         surfel::generate::mesh(
-            &surfel::generate::Spec::with_triangles(Shape::Statue, 5_000).unwrap(),
+            &surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 5_000).unwrap(),
         ),
         &BuildOptions::default(),
         &Silent,
@@ -189,7 +189,7 @@ fn what_filtered_splats_cannot_draw_is_refused_by_name() {
 #[test]
 fn needles_near_and_far() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Torus, 40_000);
+    let model = generated(GeneratedShape::Torus, 40_000);
     for fill in [0.2, 1.0, 5.0] {
         let view = orbit(&model, (200, 200), 75.0, 40.0, fill);
         // Needles are all edge.
@@ -206,7 +206,7 @@ fn needles_near_and_far() {
 #[test]
 fn the_camera_inside_and_at_the_surface() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     for (eye, target) in [
         (DVec3::ZERO, DVec3::new(0.3, 0.1, 1.0)),
         (DVec3::new(0.0, 0.0, 0.66), DVec3::new(0.4, 0.2, 0.0)),
@@ -241,7 +241,7 @@ fn the_camera_inside_and_at_the_surface() {
 #[test]
 fn orthographic_off_center_and_parallel_light() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let mut camera = Camera::orbit((180, 220), DVec3::ZERO, 1.6, 0.7, 0.3, 1.0);
     camera.light = Light::Directional;
     every_method(
@@ -302,7 +302,7 @@ fn orthographic_off_center_and_parallel_light() {
 fn colors_missing_normals_and_clouds() {
     let Some(device) = Device::open() else { return };
     let mut mesh = surfel::generate::mesh(
-        &surfel::generate::Spec::with_triangles(Shape::Sphere, 5_000).unwrap(),
+        &surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Sphere, 5_000).unwrap(),
     );
     mesh.colors = mesh
         .positions

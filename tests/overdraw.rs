@@ -5,7 +5,7 @@ mod common;
 
 use common::{Device, generated, orbit, orthographic};
 use glam::{DVec3, Vec3};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
@@ -153,7 +153,7 @@ fn points_in_one_place_are_as_many_as_they_are() {
 
 #[test]
 fn squares_of_a_pixel_are_one_count_each() {
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, (160, 120), 40.0, 25.0, 0.9);
     let backends = backends();
     for backend in &backends.0 {
@@ -190,7 +190,7 @@ fn device_and_mirror_count_the_same() {
     };
     let subpixel_bits = device.gpu().info().subpixel_bits;
     let device = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let views = [
         orbit(&model, (200, 160), 40.0, 25.0, 1.3),
         orthographic(&model, (150, 130)),
@@ -233,7 +233,7 @@ fn device_and_mirror_count_the_same() {
 /// The pictures that a device draws with and without counting.
 #[test]
 fn what_is_drawn_stays_the_same() {
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, (120, 100), 200.0, 10.0, 1.0);
     let backends = backends();
     for backend in &backends.0 {
@@ -261,7 +261,7 @@ fn what_is_drawn_stays_the_same() {
 
 #[test]
 fn what_the_cut_leaves_out_is_not_counted() {
-    let model = generated(Shape::Statue, 100_000);
+    let model = generated(GeneratedShape::Statue, 100_000);
     let view = orbit(&model, (120, 100), 40.0, 25.0, 0.8);
     let backends = backends();
     for backend in &backends.0 {
@@ -284,7 +284,7 @@ fn what_the_cut_leaves_out_is_not_counted() {
 #[test]
 fn how_it_would_be_drawn_and_lit_does_not_matter() {
     let backends = backends();
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let view = orbit(&model, (120, 100), 40.0, 25.0, 2.0);
     for backend in &backends.0 {
         for splat in [SplatKind::Square, SplatKind::Filtered, SplatKind::Gauss] {

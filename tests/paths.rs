@@ -11,7 +11,7 @@ mod visibility;
 
 use common::pictures;
 use common::{Device, generated, orbit, scans};
-use surfel::generate::{Shape, Spec};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::Error;
 use surfel::image::Image;
 use surfel::math::camera::View;
@@ -67,7 +67,11 @@ fn compute_and_rasterizer_draw_the_same_picture() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    for shape in [Shape::Statue, Shape::Torus, Shape::Square] {
+    for shape in [
+        GeneratedShape::Statue,
+        GeneratedShape::Torus,
+        GeneratedShape::Square,
+    ] {
         let model = generated(shape, 60_000);
         for (threshold_px, fill) in [(0.0, 1.0), (1.0, 0.3), (1.0, 1.0), (3.0, 1.0), (5.5, 2.5)] {
             for culling in [Culling::Auto, Culling::Off] {
@@ -99,7 +103,8 @@ fn built(mesh: Mesh) -> Model {
 
 /// A statue of 30,000 triangles, in colors.
 fn colored() -> Mesh {
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
+    let mut mesh =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 30_000).unwrap());
     let shade = |x: f32| (x * 127.0 + 128.0) as u8;
     let colors = mesh.positions.iter();
     mesh.colors = colors.map(|p| [shade(p.x), 90, shade(p.z), 255]).collect();
@@ -135,9 +140,9 @@ fn the_processor_draws_what_the_device_does() {
     let mut cloud = colored.clone();
     cloud.triangles.clear();
     let models = [
-        ("statue", generated(Shape::Statue, 60_000)),
-        ("torus", generated(Shape::Torus, 60_000)),
-        ("few", generated(Shape::Sphere, 500)),
+        ("statue", generated(GeneratedShape::Statue, 60_000)),
+        ("torus", generated(GeneratedShape::Torus, 60_000)),
+        ("few", generated(GeneratedShape::Sphere, 500)),
         ("colored", built(colored)),
         ("cloud", built(cloud)),
     ];
@@ -227,11 +232,12 @@ fn opaque_discs_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Statue, 30_000).unwrap());
+    let mut mesh =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 30_000).unwrap());
     mesh.triangles.clear();
     let cloud = built(mesh);
-    let statue = generated(Shape::Statue, 60_000);
-    let torus = generated(Shape::Torus, 60_000);
+    let statue = generated(GeneratedShape::Statue, 60_000);
+    let torus = generated(GeneratedShape::Torus, 60_000);
     let size = (400, 320);
     // Below a diameter of sqrt(2) a disc is a square. Triangles among the discs; beside the picture; points of sizes of
     // their own; from inside.
@@ -283,7 +289,7 @@ fn opaque_discs_are_the_same_in_every_projection_and_light() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     let size = (240, 200);
     let view = orbit(&model, size, 30.0, 20.0, 0.7);
     let mut mirrored = view;
@@ -319,7 +325,7 @@ fn assert_ways(
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     let backend = Backend::Vulkan(device.gpu().clone());
     for &(fill, threshold_px, path, is_wanted) in wanted {
         let view = orbit(&model, (200, 200), 30.0, 20.0, fill);
@@ -359,7 +365,7 @@ fn blended_splats_are_the_same_at_every_threshold() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     // Above the largest that compute draws the path is the same; the last view has triangles among the splats.
     for (threshold_px, fill) in [
         (1.0, 0.1),
@@ -389,7 +395,7 @@ fn blended_splats_of_every_size_light_and_projection_are_the_same() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let model = generated(Shape::Statue, 5_000);
+    let model = generated(GeneratedShape::Statue, 5_000);
     let view = orbit(&model, (240, 200), 30.0, 20.0, 2.0);
     let far = orbit(&model, (240, 200), 30.0, 20.0, 0.5);
     let mut mirrored = far;
@@ -439,7 +445,7 @@ fn a_frame_by_compute_is_the_same_again() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let model = generated(Shape::Statue, 200_000);
+    let model = generated(GeneratedShape::Statue, 200_000);
     let view = orbit(&model, (300, 300), 30.0, 20.0, 1.0);
     for settings in blended().into_iter().chain([visible(2.0)]) {
         let settings = Settings {
@@ -459,7 +465,7 @@ fn a_mirrored_camera_and_a_camera_inside_the_model_draw_the_same_too() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     let mut view = orbit(&model, (240, 200), 30.0, 20.0, 1.0);
     view.scale[0] = -view.scale[0];
     view.offset[0] = -view.offset[0];
@@ -493,7 +499,7 @@ fn scans_and_real_models_with_colors_draw_the_same() {
 #[test]
 fn what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 5_000);
+    let model = generated(GeneratedShape::Statue, 5_000);
     let view = orbit(&model, (64, 64), 30.0, 20.0, 1.0);
     for settings in [
         Settings {

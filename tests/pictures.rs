@@ -5,7 +5,7 @@ mod common;
 
 use common::pictures::{self, PictureOracle, PictureRule, PixelAspect};
 use common::{generated, orbit};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::pack::{Lighting, Phong};
@@ -42,7 +42,7 @@ fn says_no(oracle: &PictureOracle, wanted: &Image, got: &Image) -> bool {
 /// One constant of the reference's input is another one: every oracle has to say no.
 #[test]
 fn every_oracle_sees_another_constant_of_the_reference() {
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let blended = Settings {
         splat: SplatKind::Gauss,
@@ -160,7 +160,7 @@ fn is_broken(oracle: &PictureOracle, rule: usize, wanted: &Image, got: &Image) -
 /// passes everywhere.
 #[test]
 fn every_rule_breaks_at_its_own_number() {
-    let model = generated(Shape::Sphere, 200);
+    let model = generated(GeneratedShape::Sphere, 200);
     let view = orbit(&model, SIZE, 0.0, 0.0, 1.0);
     let footprint = view.far / view.focal_px();
     let wanted = flat_picture();
@@ -193,7 +193,7 @@ fn every_rule_breaks_at_its_own_number() {
 
 #[test]
 fn pictures_that_prove_nothing_are_refused() {
-    let model = generated(Shape::Sphere, 200);
+    let model = generated(GeneratedShape::Sphere, 200);
     let view = orbit(&model, SIZE, 0.0, 0.0, 1.0);
     let full = flat_picture();
     let mut empty = full.clone();

@@ -41,10 +41,10 @@ fn counters_are_believed_only_where_they_are_exact() {
     assert!(!report.is_exact("no such counter"));
 }
 
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::gpu::frame::FrameMeasure;
 use surfel::math::camera::View;
-use surfel::measure::profile::{Error, Plan, Profile, Proof};
+use surfel::measure::profile::{Error, FrameProfile, Plan, ProfileProof};
 use surfel::measure::trace;
 use surfel::progress::{Progress, Silent};
 use surfel::render::PictureOutputs;
@@ -70,7 +70,7 @@ fn views(model: &Model, count: u32) -> Vec<View> {
         .collect()
 }
 
-fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings) -> Profile {
+fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings) -> FrameProfile {
     let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
     let plan = Plan {
         views,
@@ -79,13 +79,13 @@ fn profile(backend: &Backend, model: &Model, views: &[View], settings: &Settings
     };
     // The other self-test has a test of its own, and takes a second.
     let proof = match backend {
-        Backend::Device(gpu) | Backend::Vulkan(gpu) => Proof {
+        Backend::Device(gpu) | Backend::Vulkan(gpu) => ProfileProof {
             self_test: None,
             counter_test: Some(surfel::gpu::profile::counter_test(gpu).unwrap()),
         },
-        _ => Proof::default(),
+        _ => ProfileProof::default(),
     };
-    Profile::run(backend, &mut engine, &plan, proof, &Silent).unwrap()
+    FrameProfile::run(backend, &mut engine, &plan, proof, &Silent).unwrap()
 }
 
 fn settings(method: Method, splat: SplatKind) -> Settings {
@@ -98,7 +98,7 @@ fn settings(method: Method, splat: SplatKind) -> Settings {
 }
 
 /// What must hold of every profile made on a device, whatever the times are.
-fn check_times(profile: &Profile, passes: &[&str], is_timed: bool) {
+fn check_times(profile: &FrameProfile, passes: &[&str], is_timed: bool) {
     for sample in &profile.samples {
         let t = &sample.times;
         let stages: f64 = FrameStage::ALL.map(|s| t.of(s)).iter().sum();
@@ -139,7 +139,7 @@ fn passes_stages_and_counters_hang_together() {
     let backend = Backend::Vulkan(device.gpu().clone());
     let info = device.gpu().info().clone();
     let is_timed = info.timestamp_period_ns > 0.0;
-    let model = common::generated(Shape::Torus, 20_000);
+    let model = common::generated(GeneratedShape::Torus, 20_000);
     let views = views(&model, 3);
     for (method, splat, passes) in [
         (
@@ -235,7 +235,7 @@ fn passes_stages_and_counters_hang_together() {
 fn a_square_is_drawn_over_once() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Vulkan(device.gpu().clone());
-    let model = common::generated(Shape::Square, 200);
+    let model = common::generated(GeneratedShape::Square, 200);
     let settings = Settings {
         culling: Culling::Off,
         ..settings(Method::Triangles, SplatKind::Square)
@@ -252,7 +252,7 @@ fn a_square_is_drawn_over_once() {
 fn measuring_changes_no_picture_and_makes_nothing_new() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Vulkan(device.gpu().clone());
-    let model = common::generated(Shape::Sphere, 20_000);
+    let model = common::generated(GeneratedShape::Sphere, 20_000);
     let view = common::orbit(&model, SIZE, 10.0, 20.0, 1.0);
     let has_timestamps = device.gpu().info().timestamp_period_ns > 0.0;
     for splat in [SplatKind::Square, SplatKind::Filtered] {
@@ -337,7 +337,7 @@ fn spans(trace: &serde_json::Value) -> Vec<Span> {
 fn a_trace_has_both_tracks_on_one_clock() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Vulkan(device.gpu().clone());
-    let model = common::generated(Shape::Sphere, 20_000);
+    let model = common::generated(GeneratedShape::Sphere, 20_000);
     let views = views(&model, 4);
     // Compute has passes of its own, where it pays.
     let settings = Settings {
@@ -397,7 +397,7 @@ fn a_trace_has_both_tracks_on_one_clock() {
 
 #[test]
 fn the_mirror_has_stages_and_counts() {
-    let model = common::generated(Shape::Sphere, 20_000);
+    let model = common::generated(GeneratedShape::Sphere, 20_000);
     let views = views(&model, 2);
     let settings = settings(Method::Pop, SplatKind::Square);
     let profile = profile(&Backend::Mirror, &model, &views, &settings);
@@ -418,11 +418,11 @@ fn the_mirror_has_stages_and_counts() {
         settings: &settings,
         warm_up: 1,
     };
-    let empty = Profile::run(
+    let empty = FrameProfile::run(
         &Backend::Mirror,
         &mut engine,
         &plan,
-        Proof::default(),
+        ProfileProof::default(),
         &Silent,
     )
     .unwrap();
@@ -450,7 +450,7 @@ impl Progress for Impatient {
 
 #[test]
 fn cancelling_ends_at_the_next_frame() {
-    let model = common::generated(Shape::Sphere, 2_000);
+    let model = common::generated(GeneratedShape::Sphere, 2_000);
     let views = views(&model, 4);
     let settings = settings(Method::Pop, SplatKind::Square);
     let mut engine =
@@ -463,11 +463,11 @@ fn cancelling_ends_at_the_next_frame() {
     // While timing, then while counting.
     for (after, frames) in [(0, 0), (2, 2), (5, 1)] {
         let progress = Impatient(0.into(), after);
-        match Profile::run(
+        match FrameProfile::run(
             &Backend::Mirror,
             &mut engine,
             &plan,
-            Proof::default(),
+            ProfileProof::default(),
             &progress,
         ) {
             Err(Error::Cancelled(n)) => assert_eq!(n, frames),
@@ -478,14 +478,14 @@ fn cancelling_ends_at_the_next_frame() {
 
 #[test]
 fn what_a_device_costs_is_measured_once_and_again_where_the_file_is_none() {
-    use surfel::bench::calibrate::{Calibration, Key, Part};
+    use surfel::bench::calibrate::{CalibrationPart, DeviceCalibration, DeviceKey};
     let Some(device) = Device::open() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let kept = |parts: &[Part], again| {
-        Calibration::kept(device.gpu(), Some(folder.path()), parts, again).unwrap()
+    let kept = |parts: &[CalibrationPart], again| {
+        DeviceCalibration::kept(device.gpu(), Some(folder.path()), parts, again).unwrap()
     };
-    let first = kept(&Part::ALL, false);
-    let file = Key::of(device.gpu()).path(folder.path());
+    let first = kept(&CalibrationPart::ALL, false);
+    let file = DeviceKey::of(device.gpu()).path(folder.path());
     assert!(first.is_new && first.not_kept.is_none());
     assert_eq!(first.file.as_ref(), Some(&file));
     let costs = &first.calibration.costs;
@@ -505,7 +505,7 @@ fn what_a_device_costs_is_measured_once_and_again_where_the_file_is_none() {
     assert!(visibility.raster.is_some());
     assert_eq!(visibility.compute.is_some(), info.has_int64_atomics);
     assert!(costs.primitives.is_some() && costs.gauss.is_some());
-    let second = kept(&Part::ALL, false);
+    let second = kept(&CalibrationPart::ALL, false);
     assert!(!second.is_new);
     assert_eq!(second.calibration, first.calibration);
     // Damaged, or of another program: measured again, and kept in its place.
@@ -517,12 +517,17 @@ fn what_a_device_costs_is_measured_once_and_again_where_the_file_is_none() {
         text.replace(&version, "\"version\": \"0.0.1\""),
     ] {
         std::fs::write(&file, damaged).unwrap();
-        let found = kept(&[Part::Nodes], false);
+        let found = kept(&[CalibrationPart::Nodes], false);
         assert!(found.is_new);
-        assert_eq!(kept(&[Part::Nodes], false).calibration, found.calibration);
+        assert_eq!(
+            kept(&[CalibrationPart::Nodes], false).calibration,
+            found.calibration
+        );
     }
-    assert!(kept(&[Part::Nodes], true).is_new);
+    assert!(kept(&[CalibrationPart::Nodes], true).is_new);
     // Nowhere to keep it is no failure.
-    let found = Calibration::kept(device.gpu(), Some(&file), &[Part::Nodes], false).unwrap();
+    let found =
+        DeviceCalibration::kept(device.gpu(), Some(&file), &[CalibrationPart::Nodes], false)
+            .unwrap();
     assert!(found.is_new && found.not_kept.is_some());
 }

@@ -11,8 +11,8 @@ use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::builder::build_bvh2_from_tris;
 use obvhs::ray::{Ray, RayHit};
 use obvhs::triangle::Triangle;
-use surfel::chart::run::Bench;
-use surfel::generate::{Shape, Spec};
+use surfel::chart::run::ChartBench;
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::{Accumulator, FloatImage, stratified};
 use surfel::math::camera::{Camera, Light, View};
 use surfel::math::octahedral;
@@ -159,7 +159,7 @@ fn check_surface(name: &str, device: &Device, model: &Model, view: &View) {
 #[test]
 fn depth_and_normals_are_those_of_a_ray_caster() {
     let Some(device) = Device::open() else { return };
-    let statue = generated(Shape::Statue, 100_000);
+    let statue = generated(GeneratedShape::Statue, 100_000);
     let view = orbit(&statue, (400, 300), 30.0, 20.0, 1.0);
     check_surface("statue", &device, &statue, &view);
     if let Some(horse) = real("thesis/horse.ply") {
@@ -171,10 +171,10 @@ fn depth_and_normals_are_those_of_a_ray_caster() {
 #[test]
 fn the_reference_is_what_very_many_rays_see() {
     let Some(device) = Device::open() else { return };
-    let statue = generated(Shape::Statue, 100_000);
+    let statue = generated(GeneratedShape::Statue, 100_000);
     let view = orbit(&statue, (150, 150), 30.0, 20.0, 1.0);
     let backend = Backend::Device(device.gpu().clone());
-    let mut bench = Bench::new(&backend, &statue, (150, 150)).unwrap();
+    let mut bench = ChartBench::new(&backend, &statue, (150, 150)).unwrap();
     let reference = bench.reference(&view, 8, &Silent).unwrap();
     let caster = Caster::new(&statue);
     let (mut worst, mut sum, mut count) = (0.0f64, 0.0, 0u32);
@@ -214,10 +214,10 @@ fn the_reference_is_what_very_many_rays_see() {
 #[test]
 fn the_reference_of_a_sphere_covers_a_circle() {
     let Some(device) = Device::open() else { return };
-    let sphere = generated(Shape::Sphere, 200_000);
+    let sphere = generated(GeneratedShape::Sphere, 200_000);
     let view = orbit(&sphere, (200, 200), 0.0, 0.0, 1.0);
     let backend = Backend::Device(device.gpu().clone());
-    let mut bench = Bench::new(&backend, &sphere, (200, 200)).unwrap();
+    let mut bench = ChartBench::new(&backend, &sphere, (200, 200)).unwrap();
     let reference = bench.reference(&view, 8, &Silent).unwrap();
     let area: f64 = reference
         .picture
@@ -281,7 +281,8 @@ fn a_shade_between_two_levels_stays_between_them() {
     // 0.8 of these is 80.8, 41.6 and 5.6 levels; the third is the farthest from what eight bits hold.
     let color = [101, 52, 7, 255];
     let wanted = [80.8, 41.6, 5.6, 255.0];
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Square, 20_000).unwrap());
+    let mut mesh =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Square, 20_000).unwrap());
     mesh.colors = vec![color; mesh.positions.len()];
     let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
     // The unit square is larger than the picture, whose pixels are 0.0085 of it: leaves of 1.7 pixels.
@@ -358,11 +359,11 @@ fn off_inside(picture: &FloatImage, caster: &Caster, view: &View) -> (f64, f64) 
 #[test]
 fn inside_of_a_surface_the_reference_is_exact_to_a_fraction_of_a_level() {
     let Some(device) = Device::open() else { return };
-    let sphere = generated(Shape::Sphere, 200_000);
+    let sphere = generated(GeneratedShape::Sphere, 200_000);
     let view = orbit(&sphere, (200, 200), 0.0, 20.0, 1.0);
     let caster = Caster::new(&sphere);
     for backend in [Backend::Device(device.gpu().clone()), Backend::Mirror] {
-        let mut bench = Bench::new(&backend, &sphere, (200, 200)).unwrap();
+        let mut bench = ChartBench::new(&backend, &sphere, (200, 200)).unwrap();
         let reference = bench.reference(&view, 8, &Silent).unwrap();
         let (rms, worst) = off_inside(&reference.picture, &caster, &view);
         println!("{}: rms {rms:.4}, worst {worst:.4} levels", backend.name());

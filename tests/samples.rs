@@ -5,8 +5,10 @@ mod common;
 
 use common::{Device, generated, orbit, pictures, scans};
 use glam::{DVec2, DVec3, Vec3};
-use surfel::cut::{Cut, Footprints, Selector, SizeMetric, Tester, Undrawn, select, strip_center};
-use surfel::generate::Shape;
+use surfel::cut::{
+    Cut, CutSelector, NodeTester, SizeMetric, SplatFootprints, ZeroAreaSet, select, strip_center,
+};
+use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::mesh::Mesh;
@@ -61,7 +63,10 @@ fn assert_same(device: &Device, model: &Model, view: &View, settings: Settings, 
 fn samples_are_the_pixels_of_the_rasterizer() {
     let Some(device) = Device::open() else { return };
     let size = (240, 200);
-    for (shape, triangles) in [(Shape::Statue, 100_000), (Shape::Torus, 60_000)] {
+    for (shape, triangles) in [
+        (GeneratedShape::Statue, 100_000),
+        (GeneratedShape::Torus, 60_000),
+    ] {
         let model = generated(shape, triangles);
         let view = orbit(&model, size, 30.0, 20.0, 0.9);
         let mut mirrored = view;
@@ -97,7 +102,7 @@ fn samples_are_the_pixels_of_the_rasterizer() {
 #[test]
 fn samples_of_needles_leave_no_holes() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Torus, 1_000_000);
+    let model = generated(GeneratedShape::Torus, 1_000_000);
     for (azimuth, fill) in [(20.0, 1.0), (80.0, 0.6)] {
         let view = orbit(&model, (300, 300), azimuth, 20.0, fill);
         let settings = Settings {
@@ -176,7 +181,7 @@ fn samples_of_a_scan_are_the_pixels_of_the_rasterizer() {
 /// device and by its mirror. Larger ones are not, nor is any where splats stay squares.
 #[test]
 fn thresholds_of_little_more_than_a_pixel_are_a_pixel() {
-    let model = generated(Shape::Statue, 300_000);
+    let model = generated(GeneratedShape::Statue, 300_000);
     let cloud = {
         let points = Mesh {
             positions: model.vertices.iter().map(|v| v.position).collect(),
@@ -291,9 +296,12 @@ fn centers_in(model: &Model, view: &View, leaf: u32) -> Vec<[i64; 2]> {
 /// that are left have the pixels of all centers that the triangles below it contain.
 #[test]
 fn branches_that_are_left_out_cover_nothing() {
-    for (shape, triangles) in [(Shape::Statue, 300_000), (Shape::Sphere, 300_000)] {
+    for (shape, triangles) in [
+        (GeneratedShape::Statue, 300_000),
+        (GeneratedShape::Sphere, 300_000),
+    ] {
         let model = generated(shape, triangles);
-        let undrawn = Undrawn::new(&model);
+        let undrawn = ZeroAreaSet::new(&model);
         let view = orbit(&model, (80, 64), 30.0, 20.0, 0.9);
         let orthographic = common::orthographic(&model, (80, 64));
         for (view, side_px) in [
@@ -310,7 +318,7 @@ fn branches_that_are_left_out_cover_nothing() {
                 ..Settings::default()
             };
             let with = cut_key::cut_settings(&settings, &model);
-            let footprints = Footprints {
+            let footprints = SplatFootprints {
                 side_px,
                 hides: false,
                 are_discs: false,
@@ -319,7 +327,7 @@ fn branches_that_are_left_out_cover_nothing() {
             };
             let (mut cut, mut all) = (Cut::default(), Cut::default());
             let seen = (footprints, &undrawn);
-            Selector::default().select_seen(&model, &view, &with, seen, &mut cut);
+            CutSelector::default().select_seen(&model, &view, &with, seen, &mut cut);
             select(&model, &view, &with, &mut all);
             assert!(
                 20 * cut.stats.visited < (if side_px < 1.0 { 16 } else { 19 }) * all.stats.visited,
@@ -353,7 +361,7 @@ fn branches_that_are_left_out_cover_nothing() {
             let mut larger = 0;
             for &id in &cut.nodes {
                 let node = &model.tree.nodes[id as usize];
-                let tester = Tester::new(&model, &view, &with);
+                let tester = NodeTester::new(&model, &view, &with);
                 larger += usize::from(!tester.is_small(node.center, node.radius));
                 let own = pixel(node.center);
                 for leaf in model.tree.leaf_range(id) {

@@ -6,13 +6,13 @@ mod common;
 use common::{Device, generated, orbit, real};
 use glam::{DMat4, DVec3, Vec3};
 use std::fmt::Write;
-use surfel::cut::{self, Selector};
-use surfel::generate::{Shape, Spec};
+use surfel::cut::{self, CutSelector};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::{Difference, Image, compare};
 use surfel::input;
 use surfel::math::camera::Camera;
-use surfel::measure::motion::{self, Path, Plan, Steps, Subject, Target};
-use surfel::measure::temporal::{Figures, Rules, Sequence};
+use surfel::measure::motion::{self, CameraPath, MotionSteps, MotionSubject, MotionTarget, Plan};
+use surfel::measure::temporal::{Figures, PictureSequence, TemporalRules};
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -71,8 +71,8 @@ fn build(mesh: Mesh) -> Model {
 
 fn models() -> Vec<(&'static str, Model)> {
     let mut models = vec![
-        ("sphere", generated(Shape::Sphere, 50_000)),
-        ("statue", generated(Shape::Statue, 50_000)),
+        ("sphere", generated(GeneratedShape::Sphere, 50_000)),
+        ("statue", generated(GeneratedShape::Statue, 50_000)),
     ];
     models.extend(real("thesis/horse.ply").map(|horse| ("horse", horse)));
     models
@@ -81,7 +81,7 @@ fn models() -> Vec<(&'static str, Model)> {
 /// No torus: where a surface repeats itself, rounding decides which of two equal coordinates comes first, and with it the
 /// tree (`docs/MEASURING.md`).
 fn meshes() -> Vec<(&'static str, Mesh)> {
-    let spec = Spec::with_triangles(Shape::Statue, 50_000).unwrap();
+    let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 50_000).unwrap();
     let mut meshes = vec![("statue", surfel::generate::mesh(&spec))];
     if let Some(path) = common::models::real_file("thesis/horse.ply") {
         let horse = input::load(&path, &input::Options::default(), &Silent).unwrap();
@@ -134,7 +134,7 @@ fn a_lower_threshold_is_not_less_accurate_and_draws_no_less() {
                     visited = counts.nodes_visited;
                     let mut cut = cut::Cut::default();
                     let cut_settings = cut_key::cut_settings(&s, &model);
-                    Selector::default().select(&model, &view, &cut_settings, &mut cut);
+                    CutSelector::default().select(&model, &view, &cut_settings, &mut cut);
                     let size = [&cut.nodes, &cut.leaves, &cut.triangles].map(Vec::len);
                     let counts = [
                         // What nearer splats hide, or what contains no center, is no fewer because it is not drawn.
@@ -331,16 +331,16 @@ fn scaled_and_moved_scenes_look_the_same() {
 fn along(
     backend: &Backend,
     model: &Model,
-    steps: &Steps,
+    steps: &MotionSteps,
     looks: &[Settings],
     samples_side: u32,
-) -> Vec<Sequence> {
-    let target = Target::of(model);
+) -> Vec<PictureSequence> {
+    let target = MotionTarget::of(model);
     let camera = Camera::orbit(SIZE, target.center, target.radius, 0.5, 0.35, 1.0);
     let frames = motion::frames(&camera, &target, steps, true).unwrap();
-    let subjects: Vec<Subject> = looks
+    let subjects: Vec<MotionSubject> = looks
         .iter()
-        .map(|s| Subject {
+        .map(|s| MotionSubject {
             label: name(s),
             settings: *s,
         })
@@ -349,7 +349,7 @@ fn along(
         frames: &frames,
         subjects: &subjects,
         samples_side,
-        rules: Rules::default(),
+        rules: TemporalRules::default(),
     };
     let mut engine = Engine::new(backend, model, SIZE, PictureOutputs::default()).unwrap();
     motion::measure(&mut engine, model, &plan, &Silent).unwrap()
@@ -361,15 +361,15 @@ fn along(
 fn what_equals_its_reference_does_not_flicker() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Statue, 20_000);
-    let steps = |path, coarsest| Steps {
+    let model = generated(GeneratedShape::Statue, 20_000);
+    let steps = |path, coarsest| MotionSteps {
         path,
         count: 4,
         angle: 0.01,
         coarsest,
     };
     let triangles = settings(Method::Triangles, SplatKind::Square, 1.0);
-    for path in [Path::Orbit, Path::Dolly] {
+    for path in [CameraPath::Orbit, CameraPath::Dolly] {
         let found = along(&backend, &model, &steps(path, 1.0), &[triangles], 1);
         let figures = found[0].figures();
         assert!(
@@ -388,14 +388,20 @@ fn what_equals_its_reference_does_not_flicker() {
         settings(Method::Pop, SplatKind::Square, 2.0),
         settings(Method::Pop, SplatKind::Square, 0.0),
     ];
-    let found = along(&backend, &model, &steps(Path::Refine, 8.0), &looks, 2);
+    let found = along(&backend, &model, &steps(CameraPath::Refine, 8.0), &looks, 2);
     let [falls, stays] = [0, 1].map(|i| found[i].figures());
     assert_eq!((falls.reference_level, stays.reference_level), (0.0, 0.0));
     assert!(falls.mean_level > 1.0 && falls.pops_per_second > 60.0);
     assert!(falls.mean_churn.unwrap() > 0.3, "{falls:?}");
     assert_eq!((stays.max_level, stays.mean_churn), (0.0, Some(0.0)));
     // A camera at rest at one threshold draws the same picture.
-    let found = along(&backend, &model, &steps(Path::Refine, 1.0), &looks[..1], 2);
+    let found = along(
+        &backend,
+        &model,
+        &steps(CameraPath::Refine, 1.0),
+        &looks[..1],
+        2,
+    );
     let still = found[0].figures();
     assert_eq!((still.max_level, still.mean_churn), (0.0, Some(0.0)));
 }
@@ -405,9 +411,9 @@ fn what_equals_its_reference_does_not_flicker() {
 fn sums_flicker_less_than_squares_and_small_steps_churn_less() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Statue, 200_000);
-    let steps = |angle: f64| Steps {
-        path: Path::Orbit,
+    let model = generated(GeneratedShape::Statue, 200_000);
+    let steps = |angle: f64| MotionSteps {
+        path: CameraPath::Orbit,
         count: 5,
         angle: angle.to_radians(),
         coarsest: 1.0,
@@ -415,7 +421,7 @@ fn sums_flicker_less_than_squares_and_small_steps_churn_less() {
     let looks = [SplatKind::Square, SplatKind::Gauss, SplatKind::Filtered]
         .map(|splat| settings(Method::Pop, splat, 3.0));
     let [square, gauss, filtered] =
-        <[Sequence; 3]>::try_from(along(&backend, &model, &steps(0.25), &looks, 3))
+        <[PictureSequence; 3]>::try_from(along(&backend, &model, &steps(0.25), &looks, 3))
             .unwrap()
             .map(|s| s.figures());
     println!("square {square:?}\ngauss {gauss:?}\nfiltered {filtered:?}");

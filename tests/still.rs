@@ -6,7 +6,7 @@ mod common;
 
 use common::{Device, generated, orbit};
 use surfel::cut::SizeMetric;
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::gpu::DeviceOptions;
 use surfel::image::Image;
 use surfel::math::camera::{Light, View};
@@ -119,7 +119,7 @@ fn a_still_camera_is_not_cut_and_packed_again() {
     }) else {
         return;
     };
-    let model = generated(Shape::Statue, 50_000);
+    let model = generated(GeneratedShape::Statue, 50_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 2.0);
     for device in [&device, &pretending] {
         for look in looks() {
@@ -163,7 +163,7 @@ fn a_still_camera_is_not_cut_and_packed_again() {
 #[test]
 fn nothing_is_kept_unless_it_is_asked_for() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Sphere, 5_000);
+    let model = generated(GeneratedShape::Sphere, 5_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let backend = Backend::Device(device.gpu().clone());
     let mut engine = Engine::new(&backend, &model, SIZE, PictureOutputs::default()).unwrap();
@@ -282,7 +282,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
 
 /// A statue of many colors.
 fn colored() -> Model {
-    let spec = surfel::generate::Spec::with_triangles(Shape::Statue, 20_000).unwrap();
+    let spec = surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 20_000).unwrap();
     let mut mesh = surfel::generate::mesh(&spec);
     mesh.colors = (0..mesh.positions.len())
         .map(|i| [255, (i % 256) as u8, 80, 255])
@@ -377,7 +377,7 @@ fn every_change_of_the_camera_is_seen() {
 #[test]
 fn what_does_not_change_is_not_made_again() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let held = Settings {
         cut_view: Some(view),
@@ -407,8 +407,8 @@ fn what_does_not_change_is_not_made_again() {
 #[test]
 fn another_model_and_other_pages_are_seen() {
     let Some(device) = Device::open() else { return };
-    let statue = generated(Shape::Statue, 20_000);
-    let sphere = generated(Shape::Sphere, 20_000);
+    let statue = generated(GeneratedShape::Statue, 20_000);
+    let sphere = generated(GeneratedShape::Sphere, 20_000);
     let view = orbit(&statue, SIZE, 30.0, 20.0, 2.0);
     for look in looks() {
         let mut stand = Stand::new(&device, &statue);
@@ -440,7 +440,7 @@ fn another_model_and_other_pages_are_seen() {
 /// A device that was lost is opened again, and scene and renderer are made anew.
 #[test]
 fn nothing_is_kept_from_another_device() {
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let mut pictures = Vec::new();
     for _ in 0..2 {
@@ -458,7 +458,7 @@ fn nothing_is_kept_from_another_device() {
 #[test]
 fn what_was_predicted_for_other_settings_is_not_drawn() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let square = of_splat(SplatKind::Square, 2.0);
     let disc = of_splat(SplatKind::Disc, 2.5);

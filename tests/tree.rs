@@ -22,7 +22,7 @@ use surfel::math::cone::faces_away;
 use surfel::math::octahedral;
 use surfel::mesh::Mesh;
 use surfel::progress::{Progress, Silent};
-use surfel::tree::{self, BuildOptions, Cone, Error, Model, Node, Strip, build, check};
+use surfel::tree::{self, BuildOptions, Error, Model, Node, NodeStrip, NormalCone, build, check};
 
 fn tree_of(mesh: &Mesh) -> Model {
     build(mesh.clone(), &BuildOptions::default(), &Silent).unwrap()
@@ -104,7 +104,13 @@ fn promises_hold_on_clouds() {
         );
         assert!(model.kind().is_points() && !model.is_closed);
         // No normals: nothing is culled, and everything says so.
-        assert!(model.tree.nodes.iter().all(|node| node.cone == Cone::ALL));
+        assert!(
+            model
+                .tree
+                .nodes
+                .iter()
+                .all(|node| node.cone == NormalCone::ALL)
+        );
         assert!(model.vertices.iter().all(|v| v.color == [255, 255, 255, 0]));
         assert!(model.tree.attributes.iter().all(|a| a.color[3] == 0));
     }
@@ -238,7 +244,7 @@ fn damage_of_every_kind_is_found() {
     finds("a narrow cone", "cone", &|m| {
         let last = m.tree.nodes.len() - 9;
         let cone = &mut m.tree.nodes[last].cone;
-        assert_ne!(*cone, Cone::ALL);
+        assert_ne!(*cone, NormalCone::ALL);
         cone.sin_half_angle -= 40;
     });
     finds("a turned cone", "cone", &|m| {
@@ -249,7 +255,7 @@ fn damage_of_every_kind_is_found() {
         .tree
         .nodes
         .iter()
-        .rposition(|node| node.strip != Strip::SPHERE)
+        .rposition(|node| node.strip != NodeStrip::SPHERE)
         .unwrap();
     finds("a thin capsule", "capsule", &|m| {
         m.tree.nodes[with_strip].strip.width -= 2
@@ -429,7 +435,7 @@ fn attributes_are_area_weighted_means() {
             .all(|&q| (f32::from(q) / 32767.0 - 1.0 / 3.0).abs() < 1e-3)
     );
     assert!(m.vector_area.iter().all(|v| v.abs() < 4));
-    assert_eq!(ball.tree.nodes[0].cone, Cone::ALL);
+    assert_eq!(ball.tree.nodes[0].cone, NormalCone::ALL);
     // Unknown normals are computed where there is a surface, and stay unknown, above as well, where there is none.
     let mut unknown = square(4);
     unknown.normals = vec![Vec3::ZERO; unknown.positions.len()];
@@ -489,7 +495,7 @@ fn strips_are_thin_along_needles() {
     // The direction is that of the needles: around the tube, across the ring.
     let strips: Vec<&Node> = low
         .iter()
-        .filter(|node| node.strip != Strip::SPHERE)
+        .filter(|node| node.strip != NodeStrip::SPHERE)
         .collect();
     let is_astray = |node: &&&Node| {
         let ring = Vec3::new(node.center.x, 0.0, node.center.z).normalize();

@@ -5,7 +5,7 @@ mod common;
 
 use common::{Device, generated, orbit, pictures};
 use glam::{DMat4, DVec3, Vec3};
-use surfel::generate::{Shape, Spec};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::image::{Image, compare};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
@@ -110,8 +110,8 @@ fn agree(device: &Device, model: &Model, view: &View, settings: &Settings, name:
     );
 }
 
-fn cloud(shape: Shape, triangles: u64) -> Model {
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(shape, triangles).unwrap());
+fn cloud(shape: GeneratedShape, triangles: u64) -> Model {
+    let mut mesh = surfel::generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
     mesh.triangles.clear();
     mesh.colors = (mesh.positions.iter())
         .map(|p| {
@@ -129,9 +129,9 @@ fn cloud(shape: Shape, triangles: u64) -> Model {
 #[test]
 fn the_device_draws_what_the_mirror_draws() {
     let Some(device) = Device::open() else { return };
-    let statue = generated(Shape::Statue, 60_000);
-    let torus = generated(Shape::Torus, 40_000);
-    let cloud = cloud(Shape::Sphere, 20_000);
+    let statue = generated(GeneratedShape::Statue, 60_000);
+    let torus = generated(GeneratedShape::Torus, 40_000);
+    let cloud = cloud(GeneratedShape::Sphere, 20_000);
     for reconstruction in RECONSTRUCTIONS {
         for (name, model, method, fill, threshold) in [
             ("statue", &statue, Method::Pop, 1.0, 1.0),
@@ -164,7 +164,7 @@ fn the_device_draws_what_the_mirror_draws() {
 #[test]
 fn orthographic_views_and_other_settings_agree_too() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let mut camera = Camera::orbit((150, 170), DVec3::ZERO, 1.6, 0.7, 0.3, 1.0);
     let (near, far) = (1.0, 8.0);
     camera.proj = DMat4::from_cols_array(&[
@@ -341,8 +341,10 @@ fn grows_by(threshold_px: f32) -> f64 {
 #[test]
 fn a_near_rim_keeps_its_color_over_a_far_surface() {
     let device = Device::open();
-    let mut mesh = surfel::generate::mesh(&Spec::with_triangles(Shape::Sphere, 20_000).unwrap());
-    let mut wall = surfel::generate::mesh(&Spec::with_triangles(Shape::Square, 8_000).unwrap());
+    let mut mesh =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 20_000).unwrap());
+    let mut wall =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Square, 8_000).unwrap());
     mesh.colors = vec![[255, 0, 0, 255]; mesh.positions.len()];
     let first = mesh.positions.len() as u32;
     for position in &mut wall.positions {
@@ -392,7 +394,7 @@ fn a_near_rim_keeps_its_color_over_a_far_surface() {
 #[test]
 fn the_silhouette_of_a_sphere_is_that_of_its_footprints() {
     let device = Device::open();
-    let model = generated(Shape::Sphere, 200_000);
+    let model = generated(GeneratedShape::Sphere, 200_000);
     let view = axis_view((300, 300), 3.0);
     let silhouette = f64::from(view.focal_px()) / (3.0f64.powi(2) - 1.0).sqrt();
     for backend in backends(device.as_ref()) {
@@ -431,7 +433,7 @@ fn the_silhouette_of_a_sphere_is_that_of_its_footprints() {
 fn it_is_more_accurate_than_squares_and_leaves_no_hole() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Statue, 200_000);
+    let model = generated(GeneratedShape::Statue, 200_000);
     let view = orbit(&model, (250, 250), 30.0, 20.0, 1.0);
     let mut engine = engine(&backend, &model, &view);
     let triangles = Settings {
@@ -552,7 +554,7 @@ fn a_hole_out_of_reach_shows_its_footprint() {
 
 #[test]
 fn ways_to_blend_and_shade_are_refused_by_name() {
-    let model = generated(Shape::Sphere, 1_000);
+    let model = generated(GeneratedShape::Sphere, 1_000);
     let view = axis_view((50, 50), 3.0);
     for settings in [
         Settings {
@@ -573,7 +575,7 @@ fn ways_to_blend_and_shade_are_refused_by_name() {
 #[test]
 fn classes_of_other_splats_are_refused_by_name() {
     let device = Device::open();
-    let model = generated(Shape::Sphere, 1_000);
+    let model = generated(GeneratedShape::Sphere, 1_000);
     let view = axis_view((50, 50), 3.0);
     for backend in backends(device.as_ref()) {
         for method in [Method::Triangles, Method::Points, Method::Pop] {

@@ -5,7 +5,7 @@
 mod common;
 
 use common::{Device, generated, orbit};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::math::camera::View;
 use surfel::render::engine::{Backend, Engine};
@@ -87,7 +87,7 @@ fn engine_picture(model: &Model, backend: &Backend, view: &View, settings: &Sett
 #[test]
 fn frames_of_the_processor_are_its_pictures_and_kept_while_the_camera_rests() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let views = [20.0, 70.0].map(|azimuth| orbit(&model, SIZE, azimuth, 20.0, 1.5));
     let mut window = Window::new(&device, &model, WindowBackend::Cpu);
     for look in looks() {
@@ -113,7 +113,7 @@ fn frames_of_the_processor_are_its_pictures_and_kept_while_the_camera_rests() {
 #[test]
 fn frames_of_both_backends_follow_each_other() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.5);
     let mut window = Window::new(&device, &model, WindowBackend::Auto);
     let gauss = of_splat(SplatKind::Gauss, 2.0);
@@ -135,7 +135,7 @@ fn frames_of_both_backends_follow_each_other() {
 #[test]
 fn who_is_insisted_on_draws_or_says_why_not() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.5);
     let square = of_splat(SplatKind::Square, 2.0);
     let mut window = Window::new(&device, &model, WindowBackend::Vulkan);
@@ -162,7 +162,7 @@ fn who_is_insisted_on_draws_or_says_why_not() {
 #[test]
 fn what_was_predicted_is_drawn_of_the_same_settings_alone() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.0);
     let [square, disc, _] = looks();
     let mut window = Window::new(&device, &model, WindowBackend::Cpu);
@@ -188,7 +188,7 @@ fn what_was_predicted_is_drawn_of_the_same_settings_alone() {
 #[test]
 fn the_surface_under_the_cursor_is_as_far_as_its_pixel_says() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let view = orbit(&model, SIZE, 30.0, 20.0, 1.5);
     let outputs = PictureOutputs {
         depth: true,
@@ -240,7 +240,7 @@ fn the_surface_under_the_cursor_is_as_far_as_its_pixel_says() {
 #[test]
 fn a_window_that_changes_its_size_goes_on() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 20_000);
+    let model = generated(GeneratedShape::Statue, 20_000);
     let mut window = Window::new(&device, &model, WindowBackend::Cpu);
     for (width, height) in [(160, 120), (90, 200), (1, 1), (160, 120)] {
         window.renderer.resize(width, height).unwrap();

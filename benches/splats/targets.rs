@@ -7,8 +7,8 @@ use super::{
 use bytemuck::Zeroable;
 use std::time::Instant;
 use surfel::abi::WeightedSplat;
-use surfel::cut::{Cut, Selector};
-use surfel::generate::{self, Shape, Spec};
+use surfel::cut::{Cut, CutSelector};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::image::{FloatImage, Image, compare};
 use surfel::math::camera::View;
 use surfel::pack;
@@ -152,8 +152,8 @@ fn holes(backend: &Backend, tally: &mut Tally) {
         ("gauss", SplatKind::Gauss, Blend::TwoPass),
     ];
     let mut all = vec![
-        ("sphere", Some(generated(Shape::Sphere, 100_000))),
-        ("statue", Some(generated(Shape::Statue, 200_000))),
+        ("sphere", Some(generated(GeneratedShape::Sphere, 100_000))),
+        ("statue", Some(generated(GeneratedShape::Statue, 200_000))),
     ];
     for (name, file) in [
         ("horse", "thesis/horse.ply"),
@@ -203,7 +203,7 @@ fn filtered(backend: &Backend, tally: &mut Tally) {
         ..Settings::default()
     };
     let size = (500, 500);
-    let statue = generated(Shape::Statue, 8_000_000);
+    let statue = generated(GeneratedShape::Statue, 8_000_000);
     let mut drawn = engine(backend, &statue, size);
     for (fill, target) in [(1.0, 30.0), (0.5, 29.0), (0.125, 28.0)] {
         let view = orbit(&statue, size, fill, 0, 9);
@@ -220,8 +220,8 @@ fn filtered(backend: &Backend, tally: &mut Tally) {
     drop(drawn);
     drop(statue);
     let mut smooth = vec![
-        ("sphere", Some(generated(Shape::Sphere, 200_000))),
-        ("torus", Some(generated(Shape::Torus, 500_000))),
+        ("sphere", Some(generated(GeneratedShape::Sphere, 200_000))),
+        ("torus", Some(generated(GeneratedShape::Torus, 500_000))),
     ];
     for (name, file) in [
         ("bunny", "meshes/bun_zipper.ply.gz"),
@@ -255,8 +255,11 @@ fn filtered(backend: &Backend, tally: &mut Tally) {
 /// Largest difference within a picture of a surface of one color, by every kind that is blended.
 fn flat(backend: &Backend, tally: &mut Tally) {
     let size = (300, 300);
-    for (name, shape) in [("plane", Shape::Square), ("sphere", Shape::Sphere)] {
-        let spec = Spec::with_triangles(shape, 100_000).expect("a valid size");
+    for (name, shape) in [
+        ("plane", GeneratedShape::Square),
+        ("sphere", GeneratedShape::Sphere),
+    ] {
+        let spec = ShapeSpec::with_triangles(shape, 100_000).expect("a valid size");
         let mut mesh = generate::mesh(&spec);
         // Without normals everything is lit alike.
         mesh.triangles.clear();
@@ -300,7 +303,7 @@ fn flat(backend: &Backend, tally: &mut Tally) {
 fn cost(backend: &Backend, tally: &mut Tally) {
     let size = (1024, 768);
     // One vertex for two triangles.
-    let model = generated(Shape::Statue, 1_000_000);
+    let model = generated(GeneratedShape::Statue, 1_000_000);
     let mut drawn = engine(backend, &model, size);
     let view = orbit(&model, size, 1.0, 0, 3);
     // A disc of four pixels.
@@ -318,7 +321,7 @@ fn cost(backend: &Backend, tally: &mut Tally) {
         &AtMost(FUZZY_TARGET_NS),
     );
     drop(drawn);
-    let model = generated(Shape::Statue, 2_000_000);
+    let model = generated(GeneratedShape::Statue, 2_000_000);
     let mut drawn = engine(backend, &model, size);
     let view = orbit(&model, size, 1.0, 0, 3);
     for threshold in [1.0, 3.0, 8.0] {
@@ -341,7 +344,7 @@ fn cost(backend: &Backend, tally: &mut Tally) {
 /// Two frames are equal to the bit, and the order of the splats does not matter.
 fn identity(backend: &Backend, tally: &mut Tally) {
     let size = (300, 300);
-    let model = generated(Shape::Statue, 300_000);
+    let model = generated(GeneratedShape::Statue, 300_000);
     let view = orbit(&model, size, 0.9, 0, 9);
     let pictures = |settings: &Settings| {
         let mut drawn = engine(backend, &model, size);
@@ -391,7 +394,7 @@ fn order_sensitivity(model: &Model, view: &View) -> u8 {
         method: Method::Splats,
         ..splats(SplatKind::Gauss, Blend::TwoPass, 3.0)
     };
-    let (mut selector, mut cut) = (Selector::default(), Cut::default());
+    let (mut selector, mut cut) = (CutSelector::default(), Cut::default());
     selector.select(model, view, &cut_settings(&settings, model), &mut cut);
     let plan = splat_plan(&settings, f32::INFINITY);
     let mut list = vec![WeightedSplat::zeroed(); pack::splats::count(&cut, &plan)];

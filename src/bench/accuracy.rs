@@ -3,14 +3,16 @@
 //! The reference is triangles, 16 samples a pixel (in a quick run rays, where they are built in: the same surface, and the
 //! same picture but for single pixels on edges). Everything is drawn in turn from the same views.
 
-use super::cases::{self, Line, SIZE, views};
-use super::rivals::{self, Caster, Rivals};
-use super::verdict::{EQUAL_FLIP, Offer, Target, at_equal_flip, at_psnr, most_accurate};
-use super::{Case, Error, Figure, Place, Plan, Session};
+use super::cases::{self, BenchLine, SIZE, views};
+use super::rivals::{self, RayCaster, RivalRenderers};
+use super::verdict::{
+    BenchTarget, EQUAL_FLIP, ThresholdOffer, at_equal_flip, at_psnr, most_accurate,
+};
+use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
 use crate::chart::errors::object_flip;
 use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
-use crate::measure::Distribution;
+use crate::measure::ValueDistribution;
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::engine::Engine;
@@ -24,7 +26,7 @@ const CHAIN: &str = "simplified meshes, 1 px";
 
 /// One way to draw, measured.
 #[derive(Debug, Default)]
-struct Found {
+struct FoundThreshold {
     name: String,
     ms: Vec<f64>,
     flip: Vec<f64>,
@@ -33,7 +35,7 @@ struct Found {
     times: Option<FrameTimes>,
 }
 
-impl Found {
+impl FoundThreshold {
     fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -48,11 +50,11 @@ impl Found {
         Ok(())
     }
 
-    fn offer(&self) -> Offer {
+    fn offer(&self) -> ThresholdOffer {
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        Offer {
+        ThresholdOffer {
             name: self.name.clone(),
-            frame_ms: Distribution::of(&self.ms).median,
+            frame_ms: ValueDistribution::of(&self.ms).median,
             flip: mean(&self.flip),
             psnr_db: mean(&self.psnr_db),
         }
@@ -74,13 +76,13 @@ impl Found {
 /// # Errors
 /// When a picture cannot be drawn, or `progress` is cancelled.
 pub fn figures(
-    session: &Session,
-    case: &Case<'_>,
+    session: &BenchSession,
+    case: &BenchCase<'_>,
     plan: &Plan,
     progress: &dyn Progress,
-) -> Result<Vec<Figure>, Error> {
+) -> Result<Vec<BenchFigure>, Error> {
     let model = case.model;
-    let rivals = Rivals::build(model, progress)?;
+    let rivals = RivalRenderers::build(model, progress)?;
     let mut figures = Vec::new();
     let place = case.place((0, 0), 0.0);
     for (line, name, ms) in [
@@ -88,7 +90,7 @@ pub fn figures(
         (CHAIN, "building the chain", rivals.chain_build_ms),
     ] {
         if rivals::ARE_BUILT_IN {
-            figures.push(Figure::new(PART, &place, line, name, ms / 1e3, "s"));
+            figures.push(BenchFigure::new(PART, &place, line, name, ms / 1e3, "s"));
         }
     }
     let mut engine = session.engine(model, SIZE)?;
@@ -110,15 +112,16 @@ pub fn figures(
         )?;
         found.retain(|f| !f.ms.is_empty());
         describe(&place, &found, &mut figures);
-        let is_of = |f: &&Found, lines: &[Line]| lines.iter().any(|l| l.name == f.name);
-        let default: Vec<&Found> = found.iter().filter(|f| is_of(f, &default)).collect();
-        let filtered: Vec<&Found> = found.iter().filter(|f| is_of(f, &filtered)).collect();
+        let is_of =
+            |f: &&FoundThreshold, lines: &[BenchLine]| lines.iter().any(|l| l.name == f.name);
+        let default: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &default)).collect();
+        let filtered: Vec<&FoundThreshold> = found.iter().filter(|f| is_of(f, &filtered)).collect();
         for rival in [RAYS, CHAIN] {
             let other = found.iter().find(|f| f.name == rival);
             figures.push(beside(case, &place, &default, other, rival));
         }
         if let Some((db, target)) = case.filtered_target(fill) {
-            let offers: Vec<Offer> = filtered.iter().map(|f| f.offer()).collect();
+            let offers: Vec<ThresholdOffer> = filtered.iter().map(|f| f.offer()).collect();
             figures.push(in_time(&place, &offers, db).target(Some(target)));
         }
     }
@@ -126,7 +129,11 @@ pub fn figures(
 }
 
 /// The level of the chain for a view, as a model; `None` where there is no chain.
-fn coarse_model(model: &Model, rivals: &Rivals<'_>, view: &View) -> Result<Option<Model>, Error> {
+fn coarse_model(
+    model: &Model,
+    rivals: &RivalRenderers<'_>,
+    view: &View,
+) -> Result<Option<Model>, Error> {
     let errors: Vec<f32> = rivals.chain.iter().map(|l| l.error).collect();
     let level = rivals.chain.get(rivals::level_for(&errors, model, view));
     level.map(|level| rivals::model(model, level)).transpose()
@@ -134,11 +141,11 @@ fn coarse_model(model: &Model, rivals: &Rivals<'_>, view: &View) -> Result<Optio
 
 /// Errors and times of everything from one distance.
 fn at_distance(
-    (engine, coarse, session): (&mut Engine<'_>, &Option<Model>, &Session),
-    (lines, rivals, plan): (&[Line], &Rivals<'_>, &Plan),
+    (engine, coarse, session): (&mut Engine<'_>, &Option<Model>, &BenchSession),
+    (lines, rivals, plan): (&[BenchLine], &RivalRenderers<'_>, &Plan),
     views: &[View],
     progress: &dyn Progress,
-) -> Result<Vec<Found>, Error> {
+) -> Result<Vec<FoundThreshold>, Error> {
     use crate::gpu::Error as E;
     let plain = cases::triangles().settings;
     let mut coarse = match coarse {
@@ -150,8 +157,9 @@ fn at_distance(
         )?),
         None => None,
     };
-    let mut found: Vec<Found> = lines.iter().map(|l| Found::new(&l.name)).collect();
-    let (mut rays, mut chain) = (Found::new(RAYS), Found::new(CHAIN));
+    let mut found: Vec<FoundThreshold> =
+        lines.iter().map(|l| FoundThreshold::new(&l.name)).collect();
+    let (mut rays, mut chain) = (FoundThreshold::new(RAYS), FoundThreshold::new(CHAIN));
     let mut refused = vec![false; lines.len()];
     for view in views {
         if progress.is_cancelled() {
@@ -206,7 +214,7 @@ fn at_distance(
 }
 
 /// The mean of `grid` x `grid` rays a pixel, at the places where [`Engine::supersample`] has its samples.
-fn by_rays(caster: &dyn Caster, view: &View, grid: u32) -> Result<FloatImage, Error> {
+fn by_rays(caster: &dyn RayCaster, view: &View, grid: u32) -> Result<FloatImage, Error> {
     let mut mean = Accumulator::new();
     for i in 0..grid * grid {
         mean.add(&caster.draw(&jittered(view, i, grid)))?;
@@ -214,7 +222,7 @@ fn by_rays(caster: &dyn Caster, view: &View, grid: u32) -> Result<FloatImage, Er
     Ok(mean.mean())
 }
 
-fn describe(place: &Place, found: &[Found], figures: &mut Vec<Figure>) {
+fn describe(place: &BenchPlace, found: &[FoundThreshold], figures: &mut Vec<BenchFigure>) {
     for found in found {
         let offer = found.offer();
         let line = &found.name;
@@ -222,9 +230,9 @@ fn describe(place: &Place, found: &[Found], figures: &mut Vec<Figure>) {
             "mean FLIP {:.5}, PSNR over object pixels {:.1} dB",
             offer.flip, offer.psnr_db
         );
-        figures.push(Figure::median(PART, place, line, "frame", &found.ms, "ms").note(note));
-        figures.push(Figure::new(PART, place, line, "mean FLIP", offer.flip, "").detail());
-        let psnr = Figure::new(
+        figures.push(BenchFigure::median(PART, place, line, "frame", &found.ms, "ms").note(note));
+        figures.push(BenchFigure::new(PART, place, line, "mean FLIP", offer.flip, "").detail());
+        let psnr = BenchFigure::new(
             PART,
             place,
             line,
@@ -238,16 +246,16 @@ fn describe(place: &Place, found: &[Found], figures: &mut Vec<Figure>) {
 
 /// How much faster the default method is than a rival, with a threshold at which it is as close to the reference.
 fn beside(
-    case: &Case<'_>,
-    place: &Place,
-    default: &[&Found],
-    rival: Option<&Found>,
+    case: &BenchCase<'_>,
+    place: &BenchPlace,
+    default: &[&FoundThreshold],
+    rival: Option<&FoundThreshold>,
     name: &str,
-) -> Figure {
+) -> BenchFigure {
     let is_rays = name == RAYS;
     // From a million triangles up the default method has to be ahead of rays.
     let target =
-        (is_rays && case.model.triangles.len() >= 1_000_000).then_some(Target::AtLeast(1.0));
+        (is_rays && case.model.triangles.len() >= 1_000_000).then_some(BenchTarget::AtLeast(1.0));
     let figure_name = format!("times faster than {name} at equal FLIP");
     let Some(rival) = rival else {
         let why = if rivals::ARE_BUILT_IN {
@@ -255,9 +263,9 @@ fn beside(
         } else {
             "this build is without the feature rivals"
         };
-        return Figure::absent(PART, place, "default", &figure_name, "x", why).target(target);
+        return BenchFigure::absent(PART, place, "default", &figure_name, "x", why).target(target);
     };
-    let offers: Vec<Offer> = default.iter().map(|f| f.offer()).collect();
+    let offers: Vec<ThresholdOffer> = default.iter().map(|f| f.offer()).collect();
     let against = rival.offer();
     let Some(best) = at_equal_flip(&offers, &against) else {
         let nearest = most_accurate(&offers).map_or_else(String::new, |o| {
@@ -270,7 +278,7 @@ fn beside(
             "no threshold comes to its mean FLIP of {:.5} in {:.1} ms{nearest}",
             against.flip, against.frame_ms
         );
-        return Figure::new(PART, place, "default", &figure_name, 0.0, "x")
+        return BenchFigure::new(PART, place, "default", &figure_name, 0.0, "x")
             .target(target)
             .note(note);
     };
@@ -294,16 +302,16 @@ fn beside(
             note += &format!(", there {}", rival.cause());
         }
     }
-    Figure::new(PART, place, "default", &figure_name, times, "x")
+    BenchFigure::new(PART, place, "default", &figure_name, times, "x")
         .target(target)
         .note(note)
 }
 
 /// The time of the fastest filtered splats that are as accurate as asked.
-fn in_time(place: &Place, offers: &[Offer], least_db: f64) -> Figure {
+fn in_time(place: &BenchPlace, offers: &[ThresholdOffer], least_db: f64) -> BenchFigure {
     let name = format!("frame of at least {least_db} dB over object pixels");
     match at_psnr(offers, least_db) {
-        Some(best) => Figure::new(PART, place, "pop filtered", &name, best.frame_ms, "ms")
+        Some(best) => BenchFigure::new(PART, place, "pop filtered", &name, best.frame_ms, "ms")
             .note(format!("{}: {:.1} dB", best.name, best.psnr_db)),
         None => {
             let best = offers
@@ -312,7 +320,7 @@ fn in_time(place: &Place, offers: &[Offer], least_db: f64) -> Figure {
                 .fold(f64::NEG_INFINITY, f64::max);
             let why = format!("no threshold comes to it: at most {best:.1} dB");
             // An infinite time misses every bound.
-            Figure::new(PART, place, "pop filtered", &name, f64::INFINITY, "ms").note(why)
+            BenchFigure::new(PART, place, "pop filtered", &name, f64::INFINITY, "ms").note(why)
         }
     }
 }
@@ -320,14 +328,14 @@ fn in_time(place: &Place, offers: &[Offer], least_db: f64) -> Figure {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
-    use super::super::verdict::Verdict;
+    use super::super::verdict::BenchVerdict;
     use super::*;
-    use crate::generate::{self, Shape, Spec};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
 
-    fn found(name: &str, ms: f64, flip: f64, psnr_db: f64) -> Found {
-        Found {
+    fn found(name: &str, ms: f64, flip: f64, psnr_db: f64) -> FoundThreshold {
+        FoundThreshold {
             name: name.into(),
             ms: vec![ms],
             flip: vec![flip],
@@ -338,9 +346,9 @@ mod tests {
 
     #[test]
     fn ahead_behind_and_out_of_reach() {
-        let spec = Spec::with_triangles(Shape::Square, 2).unwrap();
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Square, 2).unwrap();
         let model = tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap();
-        let case = Case {
+        let case = BenchCase {
             name: "square",
             model: &model,
         };
@@ -372,9 +380,9 @@ mod tests {
                 .contains("the closest, default, 1 px, has 0.01010")
         );
         // No target: the model is small.
-        assert_eq!(ahead.verdict(), Verdict::None);
+        assert_eq!(ahead.verdict(), BenchVerdict::None);
         let none = super::beside(&case, &place, &default, None, RAYS);
-        assert_eq!(none.verdict(), Verdict::Absent);
+        assert_eq!(none.verdict(), BenchVerdict::Absent);
     }
 
     #[test]
@@ -383,14 +391,14 @@ mod tests {
             found("a", 20.0, 0.01, 31.0).offer(),
             found("b", 9.0, 0.02, 29.0).offer(),
         ];
-        let target = Some(Target::AtMost(15.0));
+        let target = Some(BenchTarget::AtMost(15.0));
         let verdict = |db| {
-            in_time(&Place::default(), &offers, db)
+            in_time(&BenchPlace::default(), &offers, db)
                 .target(target)
                 .verdict()
         };
-        assert_eq!(verdict(28.0), Verdict::Pass);
-        assert_eq!(verdict(30.0), Verdict::Miss);
-        assert_eq!(verdict(40.0), Verdict::Miss);
+        assert_eq!(verdict(28.0), BenchVerdict::Pass);
+        assert_eq!(verdict(30.0), BenchVerdict::Miss);
+        assert_eq!(verdict(40.0), BenchVerdict::Miss);
     }
 }

@@ -7,7 +7,7 @@
 //! Of several frames the least counts: other work on the machine only ever adds. Where they differ much, that is not enough,
 //! and at first use nothing is kept.
 //!
-//! It is measured in [`Part`]s, at first use of what each decides, so that no shader is compiled that is not drawn with
+//! It is measured in [`CalibrationPart`]s, at first use of what each decides, so that no shader is compiled that is not drawn with
 //! anyway; kept in the user's cache folder ([`crate::measure::store`]); and it decides nothing but times: all paths and
 //! primitives draw the same picture.
 
@@ -19,7 +19,7 @@ use crate::measure::store;
 use crate::render::cost::model::DrawCosts;
 use crate::render::stats::FrameTimes;
 use crate::render::{Blend, CutOn, Method, Path, Settings, SplatKind};
-use stand::Stand;
+use stand::CalibrationStand;
 use std::path::{Path as File, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -32,7 +32,7 @@ pub const VARIABLE: &str = "SURFEL_CALIBRATE";
 /// What is measured together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Part {
+pub enum CalibrationPart {
     /// Opaque squares and triangles of a pixel or two by both paths.
     Opaque,
     /// Opaque ellipses by both paths.
@@ -49,7 +49,7 @@ pub enum Part {
     Nodes,
 }
 
-impl Part {
+impl CalibrationPart {
     /// All of them.
     pub const ALL: [Self; 7] = [
         Self::Opaque,
@@ -81,7 +81,7 @@ impl Part {
     }
 }
 
-impl Part {
+impl CalibrationPart {
     /// Whether it is open what chooses the cut of these settings.
     fn asks_nodes(settings: &Settings) -> bool {
         settings.cut_on == CutOn::Auto
@@ -94,7 +94,7 @@ impl Part {
 /// What a calibration holds for.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Key {
+pub struct DeviceKey {
     version: String,
     commit: String,
     device: String,
@@ -103,7 +103,7 @@ pub struct Key {
     threads: usize,
 }
 
-impl Key {
+impl DeviceKey {
     /// That of a device and this program.
     pub fn of(gpu: &Gpu) -> Self {
         Self {
@@ -124,12 +124,12 @@ impl Key {
 /// The costs of one device, and what they hold for.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Calibration {
-    key: Key,
+pub struct DeviceCalibration {
+    key: DeviceKey,
     /// What was measured, or given up twice: that is not tried again.
-    pub parts: Vec<Part>,
+    pub parts: Vec<CalibrationPart>,
     /// What was given up once. A driver may have compiled its shaders for the first time then, and be quick the next time.
-    pub given_up: Vec<Part>,
+    pub given_up: Vec<CalibrationPart>,
     /// What was measured.
     pub costs: DrawCosts,
     /// How long measuring took, all parts together, milliseconds.
@@ -138,9 +138,9 @@ pub struct Calibration {
 
 /// A calibration and where it comes from.
 #[derive(Debug)]
-pub struct Found {
+pub struct FoundCalibration {
     /// The calibration.
-    pub calibration: Calibration,
+    pub calibration: DeviceCalibration,
     /// Its file; `None` where the system has no cache folder.
     pub file: Option<PathBuf>,
     /// Some of it was measured just now.
@@ -174,7 +174,7 @@ const ASKED_FOR: Limits = Limits {
 
 /// Milliseconds of a frame's passes by what they go over.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Split {
+pub struct PassSplit {
     /// Splats, and where they are blended triangles with them.
     pub splats_ms: f64,
     /// Triangles alone.
@@ -185,8 +185,8 @@ pub struct Split {
 
 /// Divides the passes of a frame by their names. Without timestamps all counts as splats, or where there are none as
 /// triangles.
-pub fn split(times: &FrameTimes) -> Split {
-    let mut split = Split::default();
+pub fn split(times: &FrameTimes) -> PassSplit {
+    let mut split = PassSplit::default();
     if times.passes.is_empty() {
         let all = times.submit_ms + times.wait_ms;
         if times.counts.splats > 0 {
@@ -207,9 +207,9 @@ pub fn split(times: &FrameTimes) -> Split {
     split
 }
 
-impl Calibration {
+impl DeviceCalibration {
     /// Reads one; `None` where there is none, or it is damaged, or of another key.
-    pub fn read(folder: &File, key: &Key) -> Option<Self> {
+    pub fn read(folder: &File, key: &DeviceKey) -> Option<Self> {
         let found: Self = store::read(&key.path(folder))?;
         (found.key == *key && found.costs.is_whole()).then_some(found)
     }
@@ -226,27 +226,27 @@ impl Calibration {
     /// measured and kept as well. A folder that cannot be written to is no failure: it is measured again next time.
     ///
     /// # Errors
-    /// As [`Calibration::measure`].
+    /// As [`DeviceCalibration::measure`].
     pub fn kept(
         gpu: &Arc<Gpu>,
         folder: Option<&File>,
-        parts: &[Part],
+        parts: &[CalibrationPart],
         again: bool,
-    ) -> Result<Found, Error> {
+    ) -> Result<FoundCalibration, Error> {
         Self::kept_within(gpu, folder, parts, again, ASKED_FOR)
     }
 
     fn kept_within(
         gpu: &Arc<Gpu>,
         folder: Option<&File>,
-        parts: &[Part],
+        parts: &[CalibrationPart],
         again: bool,
         limits: Limits,
-    ) -> Result<Found, Error> {
-        let key = Key::of(gpu);
+    ) -> Result<FoundCalibration, Error> {
+        let key = DeviceKey::of(gpu);
         let file = folder.map(|f| key.path(f));
         let old = folder.and_then(|f| Self::read(f, &key));
-        let missing: Vec<Part> = match &old {
+        let missing: Vec<CalibrationPart> = match &old {
             Some(old) if !again => parts
                 .iter()
                 .copied()
@@ -256,7 +256,7 @@ impl Calibration {
         };
         let calibration = match old {
             Some(old) if missing.is_empty() => {
-                return Ok(Found {
+                return Ok(FoundCalibration {
                     calibration: old,
                     file,
                     is_new: false,
@@ -266,7 +266,7 @@ impl Calibration {
             old => Self::measure_within(gpu, &missing, limits)?.and(old),
         };
         let not_kept = folder.and_then(|f| calibration.write(f).err());
-        Ok(Found {
+        Ok(FoundCalibration {
             calibration,
             file,
             is_new: true,
@@ -283,7 +283,7 @@ impl Calibration {
         }
         self.parts.extend(kept.copied().collect::<Vec<_>>());
         self.costs = self.costs.or(old.costs);
-        let (again, once): (Vec<Part>, Vec<Part>) = self
+        let (again, once): (Vec<CalibrationPart>, Vec<CalibrationPart>) = self
             .given_up
             .iter()
             .partition(|part| old.given_up.contains(part));
@@ -299,35 +299,39 @@ impl Calibration {
     ///
     /// # Errors
     /// When memory runs out or the device is lost.
-    pub fn measure(gpu: &Arc<Gpu>, parts: &[Part]) -> Result<Self, Error> {
+    pub fn measure(gpu: &Arc<Gpu>, parts: &[CalibrationPart]) -> Result<Self, Error> {
         Self::measure_within(gpu, parts, ASKED_FOR)
     }
 
-    fn measure_within(gpu: &Arc<Gpu>, parts: &[Part], limits: Limits) -> Result<Self, Error> {
+    fn measure_within(
+        gpu: &Arc<Gpu>,
+        parts: &[CalibrationPart],
+        limits: Limits,
+    ) -> Result<Self, Error> {
         let start = Instant::now();
-        let mut stand = Stand::new(gpu)?;
+        let mut stand = CalibrationStand::new(gpu)?;
         let mut all = DrawCosts::default();
         let (mut measured, mut given_up) = (Vec::new(), Vec::new());
         for part in parts {
             let mut costs = DrawCosts::default();
             stand.begin(limits.patience);
             match part {
-                Part::Opaque => {
+                CalibrationPart::Opaque => {
                     costs.square = stand.splats(SplatKind::Square)?.0;
                     costs.triangle = stand.triangles()?;
                 }
-                Part::Ellipses => costs.ellipse = stand.splats(SplatKind::Ellipse)?.0,
-                Part::Blended => {
+                CalibrationPart::Ellipses => costs.ellipse = stand.splats(SplatKind::Ellipse)?.0,
+                CalibrationPart::Blended => {
                     (costs.gauss, costs.gauss_merge) = stand.splats(SplatKind::Gauss)?;
                 }
-                Part::Filtered => {
+                CalibrationPart::Filtered => {
                     (costs.filtered, costs.filtered_merge) = stand.splats(SplatKind::Filtered)?;
                 }
-                Part::Visibility => {
+                CalibrationPart::Visibility => {
                     costs.visibility = stand.splats(SplatKind::Visibility)?.0;
                 }
-                Part::Primitives => costs.primitives = stand.primitives()?,
-                Part::Nodes => {
+                CalibrationPart::Primitives => costs.primitives = stand.primitives()?,
+                CalibrationPart::Nodes => {
                     costs.node_ns = Some(stand.node_ns()?);
                     costs.device_node_ns = stand.device_node_ns()?;
                 }
@@ -352,7 +356,7 @@ impl Calibration {
         let took_ms = start.elapsed().as_secs_f64() * 1e3;
         tracing::debug!("calibrated {parts:?} in {took_ms:.0} ms: {all:?}");
         Ok(Self {
-            key: Key::of(gpu),
+            key: DeviceKey::of(gpu),
             parts: measured,
             given_up,
             costs: all,
@@ -371,20 +375,20 @@ pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<DrawCosts> {
         return None;
     }
     let folder = store::folder();
-    let mut parts: Vec<Part> = Vec::new();
+    let mut parts: Vec<CalibrationPart> = Vec::new();
     for settings in settings.iter().filter(|s| s.path == Path::Auto) {
-        for part in Part::of(settings) {
+        for part in CalibrationPart::of(settings) {
             if !parts.contains(part) {
                 parts.push(*part);
             }
         }
     }
     // A software device would go down the tree on the same processor, by more instructions (docs/PERFORMANCE.md).
-    if !gpu.info().is_cpu() && settings.iter().any(Part::asks_nodes) {
-        parts.push(Part::Nodes);
+    if !gpu.info().is_cpu() && settings.iter().any(CalibrationPart::asks_nodes) {
+        parts.push(CalibrationPart::Nodes);
     }
     if parts.is_empty() {
-        let kept = folder.and_then(|f| Calibration::read(&f, &Key::of(gpu)));
+        let kept = folder.and_then(|f| DeviceCalibration::read(&f, &DeviceKey::of(gpu)));
         return kept.map(|calibration| calibration.costs);
     }
     let limits = Limits {
@@ -394,7 +398,7 @@ pub fn for_use(gpu: &Arc<Gpu>, settings: &[Settings]) -> Option<DrawCosts> {
             _ => LEAST_UNSTEADY,
         },
     };
-    match Calibration::kept_within(gpu, folder.as_deref(), &parts, false, limits) {
+    match DeviceCalibration::kept_within(gpu, folder.as_deref(), &parts, false, limits) {
         Ok(found) => {
             if let Some(error) = &found.not_kept {
                 tracing::warn!("what drawing costs on this device is not kept: {error}");

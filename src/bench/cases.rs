@@ -1,7 +1,7 @@
 //! What is measured: the standard models, how they are drawn, from where, and how often.
 
-use super::report::Place;
-use super::verdict::Target;
+use super::report::BenchPlace;
+use super::verdict::BenchTarget;
 use crate::chart::run::orbit;
 use crate::math::camera::{Camera, View};
 use crate::render::{CutOn, ListOf, Method, Path, Settings, SplatKind};
@@ -10,7 +10,7 @@ use glam::DVec3;
 
 /// A model of the run.
 #[derive(Debug, Clone, Copy)]
-pub struct Case<'m> {
+pub struct BenchCase<'m> {
     /// Its name.
     pub name: &'m str,
     /// The model.
@@ -19,7 +19,7 @@ pub struct Case<'m> {
 
 /// The models that targets are stated for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Standard {
+pub enum CaseStandard {
     /// A sphere of a million triangles.
     Sphere,
     /// A torus of four million needles.
@@ -30,7 +30,7 @@ pub enum Standard {
     Dragon,
 }
 
-impl Standard {
+impl CaseStandard {
     /// All of them, in the order of a run.
     pub const ALL: [Self; 4] = [Self::Sphere, Self::Torus, Self::Statue, Self::Dragon];
 
@@ -65,15 +65,15 @@ impl Standard {
 /// The picture size that targets are stated for.
 pub const SIZE: (u32, u32) = (500, 500);
 
-impl Case<'_> {
+impl BenchCase<'_> {
     /// The standard model that it is.
-    pub fn standard(&self) -> Option<Standard> {
-        Standard::of(self.name, self.model.triangles.len() as u64)
+    pub fn standard(&self) -> Option<CaseStandard> {
+        CaseStandard::of(self.name, self.model.triangles.len() as u64)
     }
 
     /// It, in pictures of a size at a distance.
-    pub fn place(&self, size: (u32, u32), fill: f64) -> Place {
-        Place {
+    pub fn place(&self, size: (u32, u32), fill: f64) -> BenchPlace {
+        BenchPlace {
             model: self.name.to_owned(),
             triangles: self.model.triangles.len() as u64,
             size,
@@ -82,35 +82,35 @@ impl Case<'_> {
     }
 
     /// How much faster than triangles the default method has to be at threshold 1.
-    pub fn speed_target(&self, size: (u32, u32), fill: f64) -> Option<Target> {
+    pub fn speed_target(&self, size: (u32, u32), fill: f64) -> Option<BenchTarget> {
         let standard = self.standard()?;
         if size != SIZE {
             return None;
         }
         let times = match (standard, fill) {
-            (Standard::Statue, 1.0) => 40.0,
-            (Standard::Torus, 1.0) => 8.0,
-            (Standard::Statue | Standard::Torus, 0.125) => 100.0,
+            (CaseStandard::Statue, 1.0) => 40.0,
+            (CaseStandard::Torus, 1.0) => 8.0,
+            (CaseStandard::Statue | CaseStandard::Torus, 0.125) => 100.0,
             _ => return None,
         };
-        Some(Target::AtLeast(times))
+        Some(BenchTarget::AtLeast(times))
     }
 
     /// The accuracy that filtered splats have to have at a distance, decibels, and the milliseconds in which.
-    pub fn filtered_target(&self, fill: f64) -> Option<(f64, Target)> {
+    pub fn filtered_target(&self, fill: f64) -> Option<(f64, BenchTarget)> {
         let (db, ms) = match (self.standard()?, fill) {
-            (Standard::Statue, 1.0) => (30.0, 15.0),
-            (Standard::Statue, 0.5) => (28.0, 6.0),
-            (Standard::Statue, 0.125) => (27.0, 2.0),
+            (CaseStandard::Statue, 1.0) => (30.0, 15.0),
+            (CaseStandard::Statue, 0.5) => (28.0, 6.0),
+            (CaseStandard::Statue, 0.125) => (27.0, 2.0),
             _ => return None,
         };
-        Some((db, Target::AtMost(ms)))
+        Some((db, BenchTarget::AtMost(ms)))
     }
 }
 
 /// One way to draw.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Line {
+pub struct BenchLine {
     /// Its name in tables.
     pub name: String,
     /// How.
@@ -120,8 +120,8 @@ pub struct Line {
 }
 
 /// Plain triangles.
-pub fn triangles() -> Line {
-    Line {
+pub fn triangles() -> BenchLine {
+    BenchLine {
         name: "triangles".into(),
         settings: Settings {
             method: Method::Triangles,
@@ -133,8 +133,8 @@ pub fn triangles() -> Line {
 }
 
 /// The default method, splat and path at a threshold.
-pub fn default(threshold_px: f32) -> Line {
-    Line {
+pub fn default(threshold_px: f32) -> BenchLine {
+    BenchLine {
         name: format!("default, {threshold_px} px"),
         settings: Settings {
             threshold_px,
@@ -145,7 +145,7 @@ pub fn default(threshold_px: f32) -> Line {
 }
 
 /// `pop` with a kind of splat, by one path.
-pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> Line {
+pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> BenchLine {
     let word = |value: &dyn Fn() -> serde_json::Result<serde_json::Value>| match value() {
         Ok(serde_json::Value::String(word)) => word,
         _ => String::new(),
@@ -155,7 +155,7 @@ pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> Line {
         Path::Auto => String::new(),
         _ => format!(" by {}", word(&|| serde_json::to_value(path))),
     };
-    Line {
+    BenchLine {
         name: format!("pop {kind}{by}, {threshold_px} px"),
         settings: Settings {
             splat,
@@ -168,8 +168,8 @@ pub fn pop(splat: SplatKind, path: Path, threshold_px: f32) -> Line {
 }
 
 /// `pop` with squares whose cut the device chooses and the rasterizer draws.
-pub fn cut_on_device(threshold_px: f32) -> Line {
-    Line {
+pub fn cut_on_device(threshold_px: f32) -> BenchLine {
+    BenchLine {
         name: format!("pop square, cut on the device, {threshold_px} px"),
         settings: Settings {
             path: Path::Raster,
@@ -182,8 +182,8 @@ pub fn cut_on_device(threshold_px: f32) -> Line {
 }
 
 /// `pop` with squares that the rasterizer draws, from draw lists of numbers and of records.
-pub fn lists(threshold_px: f32) -> [Line; 2] {
-    [("ids", ListOf::Ids), ("records", ListOf::Records)].map(|(word, list_of)| Line {
+pub fn lists(threshold_px: f32) -> [BenchLine; 2] {
+    [("ids", ListOf::Ids), ("records", ListOf::Records)].map(|(word, list_of)| BenchLine {
         name: format!("pop square by raster, lists of {word}, {threshold_px} px"),
         settings: Settings {
             path: Path::Raster,
@@ -260,7 +260,7 @@ impl Plan {
     }
 
     /// The ways that whole frames are measured in.
-    pub fn lines(&self) -> Vec<Line> {
+    pub fn lines(&self) -> Vec<BenchLine> {
         use SplatKind::{Filtered, Gauss, Square};
         let mut lines = vec![triangles()];
         lines.extend(self.thresholds.iter().map(|t| default(*t)));
@@ -268,7 +268,7 @@ impl Plan {
             lines.push(pop(Square, path, 1.0));
             if self.has_blended {
                 lines.extend(
-                    [(Filtered, 1.0), (Gauss, 3.0)].map(|(kind, threshold)| Line {
+                    [(Filtered, 1.0), (Gauss, 3.0)].map(|(kind, threshold)| BenchLine {
                         is_rare: true,
                         ..pop(kind, path, threshold)
                     }),
@@ -281,7 +281,7 @@ impl Plan {
     }
 
     /// The ways whose errors are measured: the default method, and filtered splats.
-    pub fn accurate_lines(&self) -> [Vec<Line>; 2] {
+    pub fn accurate_lines(&self) -> [Vec<BenchLine>; 2] {
         let [of_default, of_filtered] = &self.accurate;
         let filtered = |t: &f32| pop(SplatKind::Filtered, Path::Auto, *t);
         [
@@ -332,12 +332,15 @@ mod tests {
 
     #[test]
     fn targets_are_those_of_the_standard_models_only() {
-        assert_eq!(Standard::of("statue", 7_990_272), Some(Standard::Statue));
-        assert_eq!(Standard::of("statue", 20_000), None);
-        assert_eq!(Standard::of("horse", 871_414), None);
-        for standard in Standard::ALL {
+        assert_eq!(
+            CaseStandard::of("statue", 7_990_272),
+            Some(CaseStandard::Statue)
+        );
+        assert_eq!(CaseStandard::of("statue", 20_000), None);
+        assert_eq!(CaseStandard::of("horse", 871_414), None);
+        for standard in CaseStandard::ALL {
             assert_eq!(
-                Standard::of(standard.name(), standard.triangles()),
+                CaseStandard::of(standard.name(), standard.triangles()),
                 Some(standard)
             );
         }

@@ -1,9 +1,9 @@
 //! The cut on the processor: visited nodes a second, and what a camera costs that rests or moves.
 
 use super::cases::{self, SIZE, views};
-use super::verdict::Target;
-use super::{Case, Error, Figure, Plan, Session};
-use crate::cut::{Cut, Selector};
+use super::verdict::BenchTarget;
+use super::{BenchCase, BenchFigure, BenchSession, Error, Plan};
+use crate::cut::{Cut, CutSelector};
 use crate::progress::Progress;
 use crate::render::Settings;
 use crate::render::cut_key::cut_settings;
@@ -24,11 +24,11 @@ fn ms(work: impl FnOnce()) -> f64 {
 /// # Errors
 /// When a frame cannot be drawn, or `progress` is cancelled.
 pub fn figures(
-    session: &Session,
-    case: &Case<'_>,
+    session: &BenchSession,
+    case: &BenchCase<'_>,
     plan: &Plan,
     progress: &dyn Progress,
-) -> Result<Vec<Figure>, Error> {
+) -> Result<Vec<BenchFigure>, Error> {
     let model = case.model;
     let views = views(model, SIZE, 1.0, plan.views.clamp(1, 12))?;
     let place = case.place(SIZE, 1.0);
@@ -41,7 +41,7 @@ pub fn figures(
             threshold_px,
             ..Settings::default()
         };
-        let mut selectors = [1, 2].map(Selector::with_threads);
+        let mut selectors = [1, 2].map(CutSelector::with_threads);
         let mut cut = Cut::default();
         let mut rates = [vec![], vec![]];
         for round in 0..=2 {
@@ -65,11 +65,11 @@ pub fn figures(
             (
                 "visited nodes a second, two threads",
                 two,
-                target(Target::AtLeast(150.0)),
+                target(BenchTarget::AtLeast(150.0)),
             ),
         ] {
             let line = format!("threshold {threshold_px}");
-            let figure = Figure::median(PART, &place, &line, name, rates, "M/s");
+            let figure = BenchFigure::median(PART, &place, &line, name, rates, "M/s");
             figures.push(figure.target(bound).note(visits.clone()));
         }
         progress.advance(1);
@@ -81,10 +81,10 @@ pub fn figures(
 
 /// The same view again and again, as a viewer at rest asks for it.
 fn still(
-    session: &Session,
-    case: &Case<'_>,
+    session: &BenchSession,
+    case: &BenchCase<'_>,
     plan: &Plan,
-    figures: &mut Vec<Figure>,
+    figures: &mut Vec<BenchFigure>,
     progress: &dyn Progress,
 ) -> Result<(), Error> {
     let (model, line) = (case.model, cases::default(1.0));
@@ -111,8 +111,8 @@ fn still(
             }
         }
     }
-    let bound = case.standard().map(|_| Target::AtMost(0.2));
-    let figure = |name, values| Figure::median(PART, &place, &line.name, name, values, "ms");
+    let bound = case.standard().map(|_| BenchTarget::AtMost(0.2));
+    let figure = |name, values| BenchFigure::median(PART, &place, &line.name, name, values, "ms");
     let [kept, anew] = &found;
     let kept_lists = figure("still camera, cut and packing", &kept.0).target(bound);
     figures.push(match last {
@@ -128,16 +128,16 @@ fn still(
 /// A camera that goes around the model: its cut from the root, and from the front of the last frame
 /// ([`Traversal::Coherent`](crate::render::Traversal::Coherent)), without what the search for hidden splats takes.
 fn moving(
-    case: &Case<'_>,
+    case: &BenchCase<'_>,
     plan: &Plan,
-    figures: &mut Vec<Figure>,
+    figures: &mut Vec<BenchFigure>,
     progress: &dyn Progress,
 ) -> Result<(), Error> {
     let (model, line) = (case.model, cases::default(1.0));
     let place = case.place(SIZE, 1.0);
     for degrees in [0.02, 0.1, 0.5] {
         let mut selectors = [false, true].map(|is_coherent| {
-            let mut selector = Selector::default();
+            let mut selector = CutSelector::default();
             selector.set_coherent(is_coherent);
             selector
         });
@@ -165,7 +165,7 @@ fn moving(
         let names = ["cut from the root", "coherent cut"];
         for ((what, times), visited) in names.into_iter().zip(&times).zip(visited) {
             let name = format!("camera moving by {degrees} degrees, {what}");
-            let figure = Figure::median(PART, &place, &line.name, &name, times, "ms");
+            let figure = BenchFigure::median(PART, &place, &line.name, &name, times, "ms");
             figures.push(figure.note(format!("{visited} visits in the last view")));
         }
     }

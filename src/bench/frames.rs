@@ -1,10 +1,10 @@
 //! Whole frames of every way to draw, beside plain triangles.
 
-use super::cases::{Line, SIZE, views};
-use super::verdict::Target;
-use super::{Case, Error, Figure, Place, Plan, Session};
+use super::cases::{BenchLine, SIZE, views};
+use super::verdict::BenchTarget;
+use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
 use crate::math::camera::View;
-use crate::measure::Distribution;
+use crate::measure::ValueDistribution;
 use crate::measure::frames::{pass_ms, pass_names};
 use crate::progress::Progress;
 use crate::render::cost::model::PicturePixels;
@@ -19,7 +19,7 @@ const PART: &str = "frames";
 const RARE: usize = 3;
 
 /// Frames of one line: view and times.
-type Frames = Vec<(usize, FrameTimes)>;
+type BenchFrames = Vec<(usize, FrameTimes)>;
 
 /// What a frame can cost at least, milliseconds: its bytes over the measured bandwidth of the host, and its primitives at
 /// the calibrated rate of the cheaper path, with the picture's own passes and the cut.
@@ -28,7 +28,7 @@ type Frames = Vec<(usize, FrameTimes)>;
 /// of plain triangles vertices and indices, and color and depth of the picture once written. The rates are those of some
 /// ten thousand primitives: what they say of plain triangles, millions of which lie behind others or face away, is nothing.
 pub fn roofs(
-    session: &Session,
+    session: &BenchSession,
     model: &Model,
     settings: &Settings,
     times: &FrameTimes,
@@ -77,11 +77,11 @@ pub fn roofs(
 /// # Errors
 /// When a frame cannot be drawn, or `progress` is cancelled.
 pub fn figures(
-    session: &Session,
-    case: &Case<'_>,
+    session: &BenchSession,
+    case: &BenchCase<'_>,
     plan: &Plan,
     progress: &dyn Progress,
-) -> Result<Vec<Figure>, Error> {
+) -> Result<Vec<BenchFigure>, Error> {
     let lines = plan.lines();
     let mut figures = Vec::new();
     let mut slowest: Option<(f64, String)> = None;
@@ -106,7 +106,7 @@ pub fn figures(
             let (drawn, refused) = draw(&mut engine, &lines, &views, size == SIZE, progress)?;
             for (line, why) in &refused {
                 let name = &lines[*line].name;
-                figures.push(Figure::absent(PART, &place, name, "frame", "ms", why).detail());
+                figures.push(BenchFigure::absent(PART, &place, name, "frame", "ms", why).detail());
             }
             for (line, frames) in lines.iter().zip(&drawn) {
                 let roofs = frames
@@ -125,7 +125,7 @@ pub fn figures(
                     None
                 };
                 let name = "times faster than triangles";
-                let figure = Figure::new(PART, &place, &line.name, name, times, "x");
+                let figure = BenchFigure::new(PART, &place, &line.name, name, times, "x");
                 let figure = figure.target(target);
                 figures.push(if is_default { figure } else { figure.detail() });
                 if line.name.starts_with("default") && slowest.as_ref().is_none_or(|s| times < s.0)
@@ -141,8 +141,8 @@ pub fn figures(
     {
         let name = "times faster than triangles, the least of all thresholds and distances";
         let place = case.place((0, 0), 0.0);
-        let figure = Figure::new(PART, &place, "default", name, times, "x");
-        figures.push(figure.target(Some(Target::AtLeast(1.0))).note(at));
+        let figure = BenchFigure::new(PART, &place, "default", name, times, "x");
+        figures.push(figure.target(Some(BenchTarget::AtLeast(1.0))).note(at));
     }
     Ok(figures)
 }
@@ -154,13 +154,13 @@ pub fn figures(
 )]
 fn draw(
     engine: &mut Engine<'_>,
-    lines: &[Line],
+    lines: &[BenchLine],
     views: &[View],
     is_full: bool,
     progress: &dyn Progress,
-) -> Result<(Vec<Frames>, Vec<(usize, String)>), Error> {
+) -> Result<(Vec<BenchFrames>, Vec<(usize, String)>), Error> {
     use crate::gpu::Error as E;
-    let mut drawn: Vec<Frames> = vec![Vec::new(); lines.len()];
+    let mut drawn: Vec<BenchFrames> = vec![Vec::new(); lines.len()];
     let mut refused: Vec<(usize, String)> = Vec::new();
     let mut order: Vec<usize> = (0..lines.len()).collect();
     // The first view goes before once and does not count: shaders are compiled and lists grow.
@@ -197,7 +197,7 @@ fn rarity(views: usize) -> usize {
 }
 
 /// The median of the ratios of two lines in the views that both have; `None` where there is none.
-fn faster(slow: &Frames, fast: &Frames) -> Option<f64> {
+fn faster(slow: &BenchFrames, fast: &BenchFrames) -> Option<f64> {
     let ratios: Vec<f64> = fast
         .iter()
         .filter_map(|(view, times)| {
@@ -205,23 +205,23 @@ fn faster(slow: &Frames, fast: &Frames) -> Option<f64> {
             (times.frame_ms > 0.0).then(|| same.1.frame_ms / times.frame_ms)
         })
         .collect();
-    (!ratios.is_empty()).then(|| Distribution::of(&ratios).median)
+    (!ratios.is_empty()).then(|| ValueDistribution::of(&ratios).median)
 }
 
 /// Frame, stages, passes and counts of a line.
 fn describe(
-    place: &Place,
-    line: &Line,
-    frames: &Frames,
+    place: &BenchPlace,
+    line: &BenchLine,
+    frames: &BenchFrames,
     roofs: Option<[f64; 2]>,
-    figures: &mut Vec<Figure>,
+    figures: &mut Vec<BenchFigure>,
 ) {
     let Some(roofs) = roofs else { return };
     let values = |of: &dyn Fn(&FrameTimes) -> f64| -> Vec<f64> {
         frames.iter().map(|(_, times)| of(times)).collect()
     };
     let figure = |name: &str, values: &[f64], unit| {
-        Figure::median(PART, place, &line.name, name, values, unit)
+        BenchFigure::median(PART, place, &line.name, name, values, unit)
     };
     let frame = figure("frame", &values(&|t| t.frame_ms), "ms").roofs(roofs);
     figures.push(frame);
@@ -251,7 +251,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::generate::{self, Shape, Spec};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::progress::Silent;
     use crate::render::PictureOutputs;
     use crate::render::engine::Backend;
@@ -280,13 +280,13 @@ mod tests {
 
     #[test]
     fn what_is_rare_is_drawn_from_each_of_few_views() {
-        let spec = Spec::with_triangles(Shape::Sphere, 1000).unwrap();
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 1000).unwrap();
         let options = BuildOptions::default();
         let model = tree::build(generate::mesh(&spec), &options, &Silent).unwrap();
         let size = (20, 20);
         let mut engine =
             Engine::new(&Backend::Mirror, &model, size, PictureOutputs::default()).unwrap();
-        let line = |is_rare| Line {
+        let line = |is_rare| BenchLine {
             name: String::new(),
             settings: Settings::default(),
             is_rare,
@@ -295,7 +295,7 @@ mod tests {
         let mut seen = |count, is_full| {
             let views = views(&model, size, 1.0, count).unwrap();
             let (drawn, _) = draw(&mut engine, &lines, &views, is_full, &Silent).unwrap();
-            let of = |frames: &Frames| frames.iter().map(|frame| frame.0).collect::<Vec<_>>();
+            let of = |frames: &BenchFrames| frames.iter().map(|frame| frame.0).collect::<Vec<_>>();
             [of(&drawn[0]), of(&drawn[1])]
         };
         let all = |count| (0..count).collect::<Vec<usize>>();

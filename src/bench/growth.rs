@@ -1,9 +1,9 @@
 //! One view of the same surface, of ever more triangles: what does the frame of a fixed view cost as a model grows?
 
 use super::cases::{self, SIZE, views};
-use super::verdict::Target;
-use super::{Case, Error, Figure, Session};
-use crate::measure::Distribution;
+use super::verdict::BenchTarget;
+use super::{BenchCase, BenchFigure, BenchSession, Error};
+use crate::measure::ValueDistribution;
 use crate::progress::Progress;
 use crate::render::stats::FrameTimes;
 
@@ -18,11 +18,11 @@ pub const TRIANGLES: [u64; 3] = [1_000_000, 8_000_000, 64_000_000];
 /// # Errors
 /// When a frame cannot be drawn, or `progress` is cancelled.
 pub fn figures(
-    session: &Session,
-    models: &[Case<'_>],
+    session: &BenchSession,
+    models: &[BenchCase<'_>],
     rounds: usize,
     progress: &dyn Progress,
-) -> Result<Vec<Figure>, Error> {
+) -> Result<Vec<BenchFigure>, Error> {
     let line = cases::default(1.0);
     let mut stands = Vec::new();
     for case in models {
@@ -45,7 +45,7 @@ pub fn figures(
     }
     let mut figures = Vec::new();
     let median = |frames: &[FrameTimes]| {
-        Distribution::of(&frames.iter().map(|t| t.frame_ms).collect::<Vec<_>>()).median
+        ValueDistribution::of(&frames.iter().map(|t| t.frame_ms).collect::<Vec<_>>()).median
     };
     let first = stands.first().map_or(f64::NAN, |s| median(&s.3));
     for (index, (case, _, _, frames)) in stands.iter().enumerate() {
@@ -54,7 +54,7 @@ pub fn figures(
         let memory = case.model.memory_bytes();
         let last = frames.last().map(|t| t.counts).unwrap_or_default();
         figures.push(
-            Figure::median(PART, &place, &line.name, "frame", &ms, "ms").note(format!(
+            BenchFigure::median(PART, &place, &line.name, "frame", &ms, "ms").note(format!(
                 "{} nodes visited, {} splats, {} triangles; {} MiB of model and tree",
                 last.nodes_visited,
                 last.splats,
@@ -65,25 +65,25 @@ pub fn figures(
         if index == 0 {
             continue;
         }
-        let count = |case: &Case<'_>| case.model.triangles.len() as f64;
+        let count = |case: &BenchCase<'_>| case.model.triangles.len() as f64;
         let is_whole = count(models.first().unwrap_or(case)) < 1.1e6 && count(case) > 6e7;
-        let bound = is_whole.then_some(Target::AtMost(1.3));
+        let bound = is_whole.then_some(BenchTarget::AtMost(1.3));
         let name = "frame over that of the smallest";
         let growth = median(frames) / first;
-        figures.push(Figure::new(PART, &place, &line.name, name, growth, "x").target(bound));
+        figures.push(BenchFigure::new(PART, &place, &line.name, name, growth, "x").target(bound));
     }
     Ok(figures)
 }
 
 /// What stands for the target where the large models were not asked for.
-pub fn not_asked() -> Figure {
-    let place = super::Place {
+pub fn not_asked() -> BenchFigure {
+    let place = super::BenchPlace {
         model: "statue".into(),
         triangles: TRIANGLES[2],
         size: SIZE,
         fill: 1.0,
     };
-    Figure::absent(
+    BenchFigure::absent(
         PART,
         &place,
         &cases::default(1.0).name,
@@ -94,5 +94,5 @@ pub fn not_asked() -> Figure {
             super::memory::needed(TRIANGLES.iter().sum()).div_ceil(1_000_000_000)
         ),
     )
-    .target(Some(Target::AtMost(1.3)))
+    .target(Some(BenchTarget::AtMost(1.3)))
 }

@@ -1,7 +1,7 @@
 //! `surfel bench`: every figure that the program has to reach, measured in one run, with pass or miss.
 //!
-//! A [`Session`] is a device with what it costs there ([`calibrate`]) and how fast it moves bytes. The parts each measure a
-//! [`Case`] and return [`Figure`]s: [`rates`] what a primitive and an empty frame cost, [`cuts`] the cut on the processor,
+//! A [`BenchSession`] is a device with what it costs there ([`calibrate`]) and how fast it moves bytes. The parts each measure a
+//! [`BenchCase`] and return [`BenchFigure`]s: [`rates`] what a primitive and an empty frame cost, [`cuts`] the cut on the processor,
 //! [`frames`] whole frames beside plain triangles, [`accuracy`] time against error beside ray casting and simplified
 //! meshes ([`rivals`]), [`growth`] one view of ever larger models. [`verdict`] decides, [`report`] writes.
 //!
@@ -20,15 +20,15 @@ pub mod report;
 pub mod rivals;
 pub mod verdict;
 
-pub use cases::{Case, Line, Plan};
-pub use report::{About, Figure, Place};
+pub use cases::{BenchCase, BenchLine, Plan};
+pub use report::{BenchFigure, BenchPlace, RunFacts};
 
 use crate::gpu::Gpu;
 use crate::render::PictureOutputs;
 use crate::render::engine::{Backend, Engine};
 use crate::tree::Model;
-use calibrate::{Calibration, Found, Part};
-use rates::Bandwidth;
+use calibrate::{CalibrationPart, DeviceCalibration, FoundCalibration};
+use rates::MemoryBandwidth;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -83,16 +83,16 @@ pub fn threads() -> usize {
 
 /// What all parts of a run share.
 #[derive(Debug)]
-pub struct Session {
+pub struct BenchSession {
     /// The device.
     pub backend: Backend,
     /// Its calibration, measured anew for this run.
-    pub found: Found,
+    pub found: FoundCalibration,
     /// How fast bytes move.
-    pub bandwidth: Bandwidth,
+    pub bandwidth: MemoryBandwidth,
 }
 
-impl Session {
+impl BenchSession {
     /// Measures a device's costs and bandwidths, and keeps the costs in `folder`.
     ///
     /// # Errors
@@ -100,8 +100,8 @@ impl Session {
     pub fn open(gpu: &Arc<Gpu>, folder: Option<&Path>) -> Result<Self, Error> {
         Ok(Self {
             backend: Backend::Device(gpu.clone()),
-            found: Calibration::kept(gpu, folder, &Part::ALL, true)?,
-            bandwidth: Bandwidth::measure(gpu)?,
+            found: DeviceCalibration::kept(gpu, folder, &CalibrationPart::ALL, true)?,
+            bandwidth: MemoryBandwidth::measure(gpu)?,
         })
     }
 
@@ -121,8 +121,8 @@ impl Session {
     }
 
     /// What measured; `settings` are the options of the run.
-    pub fn about(&self, settings: String) -> About {
-        About {
+    pub fn about(&self, settings: String) -> RunFacts {
+        RunFacts {
             version: env!("CARGO_PKG_VERSION").into(),
             commit: crate::measure::COMMIT.into(),
             device: self.backend.name().into(),

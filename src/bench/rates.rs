@@ -2,8 +2,8 @@
 
 use super::calibrate::split;
 use super::cases::{self, SIZE, empty_view, views};
-use super::verdict::Target;
-use super::{Case, Error, Figure, Place, Plan, Session};
+use super::verdict::BenchTarget;
+use super::{BenchCase, BenchFigure, BenchPlace, BenchSession, Error, Plan};
 use crate::gpu::Gpu;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::frame::FrameRing;
@@ -27,14 +27,14 @@ const MOVED: usize = 64 << 20;
 
 /// How fast bytes move, bytes a nanosecond (GB/s), reads and writes together.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Bandwidth {
+pub struct MemoryBandwidth {
     /// Copies on the processor, all threads together.
     pub host: f64,
     /// The device fills a buffer.
     pub device: f64,
 }
 
-impl Bandwidth {
+impl MemoryBandwidth {
     /// The best of several copies and fills.
     ///
     /// # Errors
@@ -75,11 +75,11 @@ impl Bandwidth {
 }
 
 /// The calibration and the bandwidths as figures.
-pub fn calibration(session: &Session) -> Vec<Figure> {
+pub fn calibration(session: &BenchSession) -> Vec<BenchFigure> {
     let costs = &session.found.calibration.costs;
-    let place = Place::default();
+    let place = BenchPlace::default();
     let figure = |line: &str, name: &str, value: f64, unit| {
-        Figure::new("calibration", &place, line, name, value, unit)
+        BenchFigure::new("calibration", &place, line, name, value, unit)
     };
     let mut figures = vec![
         figure(
@@ -102,7 +102,7 @@ pub fn calibration(session: &Session) -> Vec<Figure> {
             let line = format!("{name} by {by}");
             let Some(way) = way else {
                 let why = "the device or the program cannot";
-                figures.push(Figure::absent(
+                figures.push(BenchFigure::absent(
                     "calibration",
                     &place,
                     &line,
@@ -140,14 +140,14 @@ pub fn calibration(session: &Session) -> Vec<Figure> {
     figures
 }
 
-fn of_passes(place: &Place, line: &str, passes: &PassCosts) -> [Figure; 4] {
+fn of_passes(place: &BenchPlace, line: &str, passes: &PassCosts) -> [BenchFigure; 4] {
     [
         ("a frame", passes.frame_ns),
         ("a pixel of the picture on top", passes.picture_ns),
         ("a pixel of the model's box on top", passes.box_ns),
         ("a covered pixel on top", passes.covered_ns),
     ]
-    .map(|(name, ns)| Figure::new("calibration", place, line, name, ns, "ns"))
+    .map(|(name, ns)| BenchFigure::new("calibration", place, line, name, ns, "ns"))
 }
 
 /// The kinds of splats that were calibrated, with their names.
@@ -192,11 +192,11 @@ pub fn triangles(costs: &DrawCosts) -> Vec<(&'static str, &TriangleCosts)> {
 /// # Errors
 /// When a frame cannot be drawn, or `progress` is cancelled.
 pub fn figures(
-    session: &Session,
-    case: &Case<'_>,
+    session: &BenchSession,
+    case: &BenchCase<'_>,
     plan: &Plan,
     progress: &dyn Progress,
-) -> Result<Vec<Figure>, Error> {
+) -> Result<Vec<BenchFigure>, Error> {
     use crate::gpu::Error as E;
     let view = views(case.model, SIZE, 1.0, plan.views.max(1))?[0];
     let place = case.place(SIZE, 1.0);
@@ -281,11 +281,11 @@ pub fn figures(
         let target = target.filter(|_| case.standard().is_some());
         let figure = match found {
             Ok(list) => rate(&place, &line.name, name, &list),
-            Err(why) => Figure::absent(PART, &place, &line.name, name, "M/s", why),
+            Err(why) => BenchFigure::absent(PART, &place, &line.name, name, "M/s", why),
         };
         // What is absent is slower than anything.
         let value = figure.value.max(f64::NEG_INFINITY);
-        figures.push(figure.target(target.map(Target::AtLeast)));
+        figures.push(figure.target(target.map(BenchTarget::AtLeast)));
         if target.is_none() {
             continue;
         }
@@ -306,13 +306,13 @@ pub fn figures(
 }
 
 /// Splats a second in the passes over splats, and with those over the picture in the remark.
-fn rate(place: &Place, line: &str, name: &str, frames: &[FrameTimes]) -> Figure {
+fn rate(place: &BenchPlace, line: &str, name: &str, frames: &[FrameTimes]) -> BenchFigure {
     let splats = frames.last().map_or(0, |t| t.counts.splats);
     let triangles = frames.last().map_or(0, |t| t.counts.triangles);
     if splats == 0 {
         let why =
             format!("{triangles} triangles and no splat: the model is too small for this view");
-        return Figure::absent(PART, place, line, name, "M/s", why);
+        return BenchFigure::absent(PART, place, line, name, "M/s", why);
     }
     let rates = |is_all: bool| -> Vec<f64> {
         let ms = frames.iter().map(|t| {
@@ -321,8 +321,8 @@ fn rate(place: &Place, line: &str, name: &str, frames: &[FrameTimes]) -> Figure 
         });
         ms.map(|ms| splats as f64 / ms.max(1e-9) / 1e3).collect()
     };
-    let [own, all] =
-        [false, true].map(|is_all| Figure::median(PART, place, line, name, &rates(is_all), "M/s"));
+    let [own, all] = [false, true]
+        .map(|is_all| BenchFigure::median(PART, place, line, name, &rates(is_all), "M/s"));
     let others = match triangles {
         0 => String::new(),
         n => format!(", beside {n} triangles"),
@@ -336,11 +336,11 @@ fn rate(place: &Place, line: &str, name: &str, frames: &[FrameTimes]) -> Figure 
 
 /// What a frame costs in which nothing is drawn.
 fn floor(
-    session: &Session,
-    case: &Case<'_>,
+    session: &BenchSession,
+    case: &BenchCase<'_>,
     engine: &mut Engine<'_>,
     plan: &Plan,
-    figures: &mut Vec<Figure>,
+    figures: &mut Vec<BenchFigure>,
     progress: &dyn Progress,
 ) -> Result<(), Error> {
     let place = case.place(SIZE, 0.0);
@@ -359,7 +359,9 @@ fn floor(
         }
         let mut add = |name: &str, of: &dyn Fn(&FrameTimes) -> f64| {
             let values: Vec<f64> = frames.iter().map(of).collect();
-            figures.push(Figure::median("floor", &place, line, name, &values, "ms"));
+            figures.push(BenchFigure::median(
+                "floor", &place, line, name, &values, "ms",
+            ));
         };
         add("frame", &|t| t.frame_ms);
         add("submit", &|t| t.submit_ms);
@@ -383,9 +385,9 @@ fn floor(
     if let Some(gpu) = session.backend.device() {
         let test = self_test(gpu)?;
         let name = "submission with nothing in it";
-        figures.push(Figure::new(
+        figures.push(BenchFigure::new(
             "floor",
-            &Place::default(),
+            &BenchPlace::default(),
             "",
             name,
             test.empty_ms,

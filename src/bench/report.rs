@@ -1,12 +1,12 @@
 //! The figures of a run: one row each, as a table for people and as CSV.
 
-use super::verdict::{Tally, Target, Verdict};
-use crate::measure::Distribution;
+use super::verdict::{BenchTarget, BenchVerdict, VerdictTally};
+use crate::measure::ValueDistribution;
 use std::fmt::Write;
 
 /// Where a figure was measured.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Place {
+pub struct BenchPlace {
     /// The model; empty for what concerns the device alone.
     pub model: String,
     /// Its triangles.
@@ -19,11 +19,11 @@ pub struct Place {
 
 /// One figure.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Figure {
+pub struct BenchFigure {
     /// Part of the run.
     pub part: &'static str,
     /// Where.
-    pub place: Place,
+    pub place: BenchPlace,
     /// What drew, such as `pop, 1 px`.
     pub line: String,
     /// What was measured.
@@ -41,18 +41,18 @@ pub struct Figure {
     /// What the calibrated rates allow, in the same unit; NaN where they bound nothing.
     pub primitives_roof: f64,
     /// What it has to reach.
-    pub target: Option<Target>,
+    pub target: Option<BenchTarget>,
     /// Cause, condition, or why it is absent.
     pub note: String,
     /// In the file only, not in the table.
     pub is_detail: bool,
 }
 
-impl Figure {
+impl BenchFigure {
     /// One value.
     pub fn new(
         part: &'static str,
-        place: &Place,
+        place: &BenchPlace,
         line: &str,
         name: &str,
         value: f64,
@@ -78,13 +78,13 @@ impl Figure {
     /// The median of several.
     pub fn median(
         part: &'static str,
-        place: &Place,
+        place: &BenchPlace,
         line: &str,
         name: &str,
         values: &[f64],
         unit: &'static str,
     ) -> Self {
-        let d = Distribution::of(values);
+        let d = ValueDistribution::of(values);
         let is_empty = values.is_empty();
         let or_none = |v: f64| if is_empty { f64::NAN } else { v };
         Self {
@@ -97,7 +97,7 @@ impl Figure {
     /// What could not be measured, and why.
     pub fn absent(
         part: &'static str,
-        place: &Place,
+        place: &BenchPlace,
         line: &str,
         name: &str,
         unit: &'static str,
@@ -112,7 +112,7 @@ impl Figure {
 
     /// With a bound.
     #[must_use]
-    pub fn target(mut self, target: Option<Target>) -> Self {
+    pub fn target(mut self, target: Option<BenchTarget>) -> Self {
         self.target = target;
         self
     }
@@ -139,14 +139,14 @@ impl Figure {
     }
 
     /// Whether it reaches its target.
-    pub fn verdict(&self) -> Verdict {
-        Verdict::of(self.value, self.target)
+    pub fn verdict(&self) -> BenchVerdict {
+        BenchVerdict::of(self.value, self.target)
     }
 }
 
 /// What measured: repeated in every row.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct About {
+pub struct RunFacts {
     /// The program's version.
     pub version: String,
     /// The commit it was built from ([`crate::measure::COMMIT`]).
@@ -194,7 +194,7 @@ pub const COLUMNS: [&str; 25] = [
 ///
 /// # Errors
 /// Those of the writer; into memory there are none.
-pub fn csv(about: &About, figures: &[Figure]) -> Result<String, csv::Error> {
+pub fn csv(about: &RunFacts, figures: &[BenchFigure]) -> Result<String, csv::Error> {
     let mut out = csv::Writer::from_writer(Vec::new());
     out.write_record(COLUMNS)?;
     let number = |v: f64| {
@@ -257,7 +257,7 @@ fn short(value: f64) -> String {
 }
 
 /// A figure with its verdict, as one line.
-pub fn line(f: &Figure) -> String {
+pub fn line(f: &BenchFigure) -> String {
     let mut name = String::new();
     if f.place.size.0 > 0 {
         let _ = write!(name, "{}x{} ", f.place.size.0, f.place.size.1);
@@ -283,10 +283,10 @@ pub fn line(f: &Figure) -> String {
         let _ = write!(text, " {target}: {}", f.verdict().word());
         let margin = target.margin(f.value);
         match f.verdict() {
-            Verdict::Miss if margin > 0.0 => {
+            BenchVerdict::Miss if margin > 0.0 => {
                 let _ = write!(text, " by {} x", short(1.0 / margin));
             }
-            Verdict::Pass if margin > 1.005 => {
+            BenchVerdict::Pass if margin > 1.005 => {
                 let _ = write!(text, " by {} x", short(margin));
             }
             _ => {}
@@ -308,9 +308,9 @@ pub fn line(f: &Figure) -> String {
 
 /// What the figures with a target came to: those that reach it, then the absent ones, then those that miss it, so that these
 /// are the last thing on the screen.
-pub fn summary(figures: &[Figure]) -> String {
+pub fn summary(figures: &[BenchFigure]) -> String {
     let mut out = String::new();
-    for verdict in [Verdict::Pass, Verdict::Absent, Verdict::Miss] {
+    for verdict in [BenchVerdict::Pass, BenchVerdict::Absent, BenchVerdict::Miss] {
         for f in figures {
             if f.target.is_some() && f.verdict() == verdict {
                 let model = if f.place.model.is_empty() {
@@ -322,11 +322,11 @@ pub fn summary(figures: &[Figure]) -> String {
             }
         }
     }
-    let tally = Tally::of(
+    let tally = VerdictTally::of(
         figures
             .iter()
             .filter(|f| f.target.is_some())
-            .map(Figure::verdict),
+            .map(BenchFigure::verdict),
     );
     let _ = writeln!(
         out,
@@ -341,15 +341,15 @@ pub fn summary(figures: &[Figure]) -> String {
 mod tests {
     use super::*;
 
-    fn figures() -> Vec<Figure> {
-        let place = Place {
+    fn figures() -> Vec<BenchFigure> {
+        let place = BenchPlace {
             model: "statue, \"large\"".into(),
             triangles: 7_990_272,
             size: (500, 500),
             fill: 0.5,
         };
         vec![
-            Figure::median(
+            BenchFigure::median(
                 "frames",
                 &place,
                 "pop, 1 px",
@@ -358,7 +358,7 @@ mod tests {
                 "ms",
             )
             .roofs([1.5, f64::NAN]),
-            Figure::new(
+            BenchFigure::new(
                 "frames",
                 &place,
                 "pop, 1 px",
@@ -366,26 +366,26 @@ mod tests {
                 4.5,
                 "x",
             )
-            .target(Some(Target::AtLeast(40.0))),
-            Figure::new("cut", &Place::default(), "", "visits", 180.0, "M/s")
-                .target(Some(Target::AtLeast(150.0))),
-            Figure::absent(
+            .target(Some(BenchTarget::AtLeast(40.0))),
+            BenchFigure::new("cut", &BenchPlace::default(), "", "visits", 180.0, "M/s")
+                .target(Some(BenchTarget::AtLeast(150.0))),
+            BenchFigure::absent(
                 "rates",
-                &Place::default(),
+                &BenchPlace::default(),
                 "",
                 "discs",
                 "M/s",
                 "no such path",
             )
-            .target(Some(Target::AtLeast(30.0))),
+            .target(Some(BenchTarget::AtLeast(30.0))),
         ]
     }
 
     #[test]
     fn rows_come_back_as_they_were() {
-        let about = About {
+        let about = RunFacts {
             device: "a device, with a comma".into(),
-            ..About::default()
+            ..RunFacts::default()
         };
         let text = csv(&about, &figures()).unwrap();
         let mut reader = csv::Reader::from_reader(text.as_bytes());
@@ -457,8 +457,8 @@ mod tests {
 
     #[test]
     fn the_median_of_nothing_is_absent() {
-        let f = Figure::median("cut", &Place::default(), "", "visits", &[], "M/s")
-            .target(Some(Target::AtLeast(1.0)));
-        assert_eq!(f.verdict(), Verdict::Absent);
+        let f = BenchFigure::median("cut", &BenchPlace::default(), "", "visits", &[], "M/s")
+            .target(Some(BenchTarget::AtLeast(1.0)));
+        assert_eq!(f.verdict(), BenchVerdict::Absent);
     }
 }

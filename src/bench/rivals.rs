@@ -18,14 +18,14 @@ use crate::tree::Model;
 pub const ARE_BUILT_IN: bool = cfg!(feature = "rivals");
 
 /// Casts one ray through the center of each pixel, on two threads.
-pub trait Caster: std::fmt::Debug {
+pub trait RayCaster: std::fmt::Debug {
     /// The picture of a perspective view: the default light, black background. Without depth and normals.
     fn draw(&self, view: &View) -> Image;
 }
 
 /// A mesh of the chain.
 #[derive(Debug, Clone)]
-pub struct Level {
+pub struct RivalLevel {
     /// Corner indices into the vertices of the model.
     pub triangles: Vec<[u32; 3]>,
     /// How far its surface is from the model's at most, as the simplification says, in units of the model.
@@ -34,18 +34,18 @@ pub struct Level {
 
 /// What stands beside a model.
 #[derive(Debug)]
-pub struct Rivals<'m> {
+pub struct RivalRenderers<'m> {
     /// Rays.
-    pub caster: Option<Box<dyn Caster + 'm>>,
+    pub caster: Option<Box<dyn RayCaster + 'm>>,
     /// Building the hierarchy took, milliseconds.
     pub caster_build_ms: f64,
     /// The chain, the whole mesh first; empty where there is none.
-    pub chain: Vec<Level>,
+    pub chain: Vec<RivalLevel>,
     /// Building the chain took, milliseconds.
     pub chain_build_ms: f64,
 }
 
-impl<'m> Rivals<'m> {
+impl<'m> RivalRenderers<'m> {
     /// Builds both. Seconds for a million triangles, and 120 bytes a triangle.
     ///
     /// # Errors
@@ -55,7 +55,7 @@ impl<'m> Rivals<'m> {
         use std::time::Instant;
         progress.stage("ray caster", 0);
         let start = Instant::now();
-        let caster = rays::Rays::new(model)?;
+        let caster = rays::RayScene::new(model)?;
         let caster_build_ms = start.elapsed().as_secs_f64() * 1e3;
         let start = Instant::now();
         let chain = chain::build(model, progress)?;
@@ -86,7 +86,7 @@ impl<'m> Rivals<'m> {
 ///
 /// # Errors
 /// When its tree cannot be built; always in a build without the feature `rivals`.
-pub fn model(of: &Model, level: &Level) -> Result<Model, Error> {
+pub fn model(of: &Model, level: &RivalLevel) -> Result<Model, Error> {
     #[cfg(feature = "rivals")]
     return chain::model(of, level);
     #[cfg(not(feature = "rivals"))]
@@ -118,12 +118,12 @@ pub fn level_for(errors: &[f32], model: &Model, view: &View) -> usize {
 mod tests {
     use super::*;
     use crate::chart::run::orbit;
-    use crate::generate::{self, Shape, Spec};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
 
     fn statue() -> Model {
-        let spec = Spec::with_triangles(Shape::Statue, 20_000).unwrap();
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 20_000).unwrap();
         tree::build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
     }
 
@@ -159,7 +159,7 @@ mod tests {
             engine.render(&view, settings).unwrap()
         };
         let picture = draw(&model, &settings);
-        let rivals = Rivals::build(&model, &Silent).unwrap();
+        let rivals = RivalRenderers::build(&model, &Silent).unwrap();
         let rays = rivals.caster.as_ref().unwrap().draw(&view);
         let off = compare(&picture, &rays, 8.0).unwrap();
         // Corners are snapped to 1/256 pixel by one and not by the other: single pixels on edges.

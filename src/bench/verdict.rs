@@ -2,14 +2,14 @@
 
 /// A bound on a figure, in the figure's unit.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Target {
+pub enum BenchTarget {
     /// At most this.
     AtMost(f64),
     /// At least this.
     AtLeast(f64),
 }
 
-impl Target {
+impl BenchTarget {
     /// Whether a value keeps it; NaN never does.
     pub fn is_met(self, value: f64) -> bool {
         match self {
@@ -33,7 +33,7 @@ impl Target {
     }
 }
 
-impl std::fmt::Display for Target {
+impl std::fmt::Display for BenchTarget {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::AtMost(bound) => write!(f, "at most {bound}"),
@@ -44,7 +44,7 @@ impl std::fmt::Display for Target {
 
 /// What came of a figure.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
+pub enum BenchVerdict {
     /// It has no target.
     None,
     /// It keeps its target.
@@ -55,9 +55,9 @@ pub enum Verdict {
     Absent,
 }
 
-impl Verdict {
+impl BenchVerdict {
     /// Of a value and what it has to reach. A value that is NaN is absent, whatever its target.
-    pub fn of(value: f64, target: Option<Target>) -> Self {
+    pub fn of(value: f64, target: Option<BenchTarget>) -> Self {
         match target {
             _ if value.is_nan() => Self::Absent,
             None => Self::None,
@@ -79,7 +79,7 @@ impl Verdict {
 
 /// How many figures with a target came to what.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Tally {
+pub struct VerdictTally {
     /// Kept.
     pub passed: usize,
     /// Missed.
@@ -88,16 +88,16 @@ pub struct Tally {
     pub absent: usize,
 }
 
-impl Tally {
+impl VerdictTally {
     /// Counts verdicts of figures with a target.
-    pub fn of(verdicts: impl IntoIterator<Item = Verdict>) -> Self {
+    pub fn of(verdicts: impl IntoIterator<Item = BenchVerdict>) -> Self {
         let mut tally = Self::default();
         for verdict in verdicts {
             match verdict {
-                Verdict::None => {}
-                Verdict::Pass => tally.passed += 1,
-                Verdict::Miss => tally.missed += 1,
-                Verdict::Absent => tally.absent += 1,
+                BenchVerdict::None => {}
+                BenchVerdict::Pass => tally.passed += 1,
+                BenchVerdict::Miss => tally.missed += 1,
+                BenchVerdict::Absent => tally.absent += 1,
             }
         }
         tally
@@ -106,7 +106,7 @@ impl Tally {
 
 /// A way to draw: what it costs and how far it is off.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Offer {
+pub struct ThresholdOffer {
     /// Its name.
     pub name: String,
     /// A frame, milliseconds.
@@ -123,7 +123,10 @@ pub const EQUAL_FLIP: f64 = 0.02;
 
 /// The fastest of the offers whose mean FLIP is at most that of `rival`, within [`EQUAL_FLIP`]; `None` where none is so
 /// close to the reference.
-pub fn at_equal_flip<'o>(offers: &'o [Offer], rival: &Offer) -> Option<&'o Offer> {
+pub fn at_equal_flip<'o>(
+    offers: &'o [ThresholdOffer],
+    rival: &ThresholdOffer,
+) -> Option<&'o ThresholdOffer> {
     offers
         .iter()
         .filter(|o| o.flip <= rival.flip * (1.0 + EQUAL_FLIP))
@@ -131,7 +134,7 @@ pub fn at_equal_flip<'o>(offers: &'o [Offer], rival: &Offer) -> Option<&'o Offer
 }
 
 /// The fastest of the offers with at least this PSNR over object pixels.
-pub fn at_psnr(offers: &[Offer], least_db: f64) -> Option<&Offer> {
+pub fn at_psnr(offers: &[ThresholdOffer], least_db: f64) -> Option<&ThresholdOffer> {
     offers
         .iter()
         .filter(|o| o.psnr_db >= least_db)
@@ -139,7 +142,7 @@ pub fn at_psnr(offers: &[Offer], least_db: f64) -> Option<&Offer> {
 }
 
 /// The most accurate of the offers by mean FLIP.
-pub fn most_accurate(offers: &[Offer]) -> Option<&Offer> {
+pub fn most_accurate(offers: &[ThresholdOffer]) -> Option<&ThresholdOffer> {
     offers.iter().min_by(|a, b| a.flip.total_cmp(&b.flip))
 }
 
@@ -150,39 +153,50 @@ mod tests {
 
     #[test]
     fn a_bound_is_kept_missed_or_absent() {
-        let of = |value, target| Verdict::of(value, Some(target));
-        assert_eq!(of(0.2, Target::AtMost(0.2)), Verdict::Pass);
-        assert_eq!(of(0.21, Target::AtMost(0.2)), Verdict::Miss);
-        assert_eq!(of(40.0, Target::AtLeast(40.0)), Verdict::Pass);
-        assert_eq!(of(39.9, Target::AtLeast(40.0)), Verdict::Miss);
-        assert_eq!(of(f64::INFINITY, Target::AtMost(1.0)), Verdict::Miss);
-        assert_eq!(of(f64::NAN, Target::AtLeast(0.0)), Verdict::Absent);
-        assert_eq!(Verdict::of(1.0, None), Verdict::None);
-        assert_eq!(Verdict::of(f64::NAN, None), Verdict::Absent);
-        let words =
-            [Verdict::Pass, Verdict::Miss, Verdict::Absent, Verdict::None].map(Verdict::word);
+        let of = |value, target| BenchVerdict::of(value, Some(target));
+        assert_eq!(of(0.2, BenchTarget::AtMost(0.2)), BenchVerdict::Pass);
+        assert_eq!(of(0.21, BenchTarget::AtMost(0.2)), BenchVerdict::Miss);
+        assert_eq!(of(40.0, BenchTarget::AtLeast(40.0)), BenchVerdict::Pass);
+        assert_eq!(of(39.9, BenchTarget::AtLeast(40.0)), BenchVerdict::Miss);
+        assert_eq!(
+            of(f64::INFINITY, BenchTarget::AtMost(1.0)),
+            BenchVerdict::Miss
+        );
+        assert_eq!(
+            of(f64::NAN, BenchTarget::AtLeast(0.0)),
+            BenchVerdict::Absent
+        );
+        assert_eq!(BenchVerdict::of(1.0, None), BenchVerdict::None);
+        assert_eq!(BenchVerdict::of(f64::NAN, None), BenchVerdict::Absent);
+        let words = [
+            BenchVerdict::Pass,
+            BenchVerdict::Miss,
+            BenchVerdict::Absent,
+            BenchVerdict::None,
+        ]
+        .map(BenchVerdict::word);
         assert_eq!(words, ["pass", "MISS", "absent", ""]);
     }
 
     #[test]
     fn a_margin_is_above_one_on_the_good_side() {
-        assert_eq!(Target::AtLeast(40.0).margin(10.0), 0.25);
-        assert_eq!(Target::AtLeast(40.0).margin(80.0), 2.0);
-        assert_eq!(Target::AtMost(0.2).margin(0.4), 0.5);
-        assert_eq!(Target::AtMost(0.2).margin(0.1), 2.0);
-        assert!(Target::AtMost(0.2).margin(0.0).is_nan());
-        assert!(Target::AtLeast(1.0).margin(f64::NAN).is_nan());
+        assert_eq!(BenchTarget::AtLeast(40.0).margin(10.0), 0.25);
+        assert_eq!(BenchTarget::AtLeast(40.0).margin(80.0), 2.0);
+        assert_eq!(BenchTarget::AtMost(0.2).margin(0.4), 0.5);
+        assert_eq!(BenchTarget::AtMost(0.2).margin(0.1), 2.0);
+        assert!(BenchTarget::AtMost(0.2).margin(0.0).is_nan());
+        assert!(BenchTarget::AtLeast(1.0).margin(f64::NAN).is_nan());
     }
 
     #[test]
     fn a_tally_counts_what_has_a_target() {
-        use Verdict::{Absent, Miss, None, Pass};
-        let tally = Tally::of([Pass, None, Miss, Miss, Absent, Pass, Pass]);
+        use BenchVerdict::{Absent, Miss, None, Pass};
+        let tally = VerdictTally::of([Pass, None, Miss, Miss, Absent, Pass, Pass]);
         assert_eq!((tally.passed, tally.missed, tally.absent), (3, 2, 1));
     }
 
-    fn offer(name: &str, frame_ms: f64, flip: f64, psnr_db: f64) -> Offer {
-        Offer {
+    fn offer(name: &str, frame_ms: f64, flip: f64, psnr_db: f64) -> ThresholdOffer {
+        ThresholdOffer {
             name: name.into(),
             frame_ms,
             flip,

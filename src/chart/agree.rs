@@ -2,7 +2,7 @@
 //! triangles.
 
 use super::choice::TRIANGLES;
-use super::summary::{Panel, Point};
+use super::summary::{SummaryPanel, SummaryPoint};
 
 /// How far apart two ratios of times may be, as a factor: the 15 percent within which they agree.
 pub const LARGEST_FACTOR: f64 = 1.15;
@@ -11,14 +11,14 @@ const SAME_ERROR: f64 = 1.01;
 
 /// A ratio of times that differs between two charts.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ratio {
+pub struct CountRatio {
     /// Name of the choice.
     pub name: String,
     /// How many times faster than triangles it is, in the first and in the second chart.
     pub speeds: [f64; 2],
 }
 
-impl Ratio {
+impl CountRatio {
     /// The larger over the smaller: at least 1.
     pub fn factor(&self) -> f64 {
         let [a, b] = self.speeds;
@@ -28,15 +28,15 @@ impl Ratio {
 
 /// What two charts say of one model at one distance.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Agreement {
+pub struct ReferenceAgreement {
     /// Name of the model.
     pub model: String,
-    /// The distance, as [`Panel::fill`].
+    /// The distance, as [`SummaryPanel::fill`].
     pub fill: f64,
     /// How many ratios there are in both.
     pub compared: usize,
     /// Those that are farther apart than [`LARGEST_FACTOR`], the worst first.
-    pub off: Vec<Ratio>,
+    pub off: Vec<CountRatio>,
     /// Median over the choices (without triangles) of the second speed over the first. Far from 1 it is the time of
     /// triangles that differs, and with it every ratio.
     pub common: f64,
@@ -50,7 +50,7 @@ pub struct Agreement {
     pub tied: Vec<String>,
 }
 
-impl Agreement {
+impl ReferenceAgreement {
     /// Whether the two say the same.
     pub fn is_kept(&self) -> bool {
         self.off.is_empty()
@@ -61,8 +61,8 @@ impl Agreement {
 }
 
 /// The time that others are measured by: that of triangles, of clouds that of the first choice that both have.
-fn unit(panel: &Panel, other: &Panel) -> Option<f64> {
-    let is_shared = |p: &&Point| other.points.iter().any(|q| q.choice == p.choice);
+fn unit(panel: &SummaryPanel, other: &SummaryPanel) -> Option<f64> {
+    let is_shared = |p: &&SummaryPoint| other.points.iter().any(|q| q.choice == p.choice);
     let first = || panel.points.iter().find(is_shared);
     panel
         .triangles_point()
@@ -71,7 +71,7 @@ fn unit(panel: &Panel, other: &Panel) -> Option<f64> {
 }
 
 /// Whether a point of a chart is beaten by another, by more than what is a tie.
-fn is_beaten(panel: &Panel, point: &Point) -> bool {
+fn is_beaten(panel: &SummaryPanel, point: &SummaryPoint) -> bool {
     panel.points.iter().any(|other| {
         other.frame.median * LARGEST_FACTOR < point.frame.median
             && other.flip <= point.flip * SAME_ERROR
@@ -79,17 +79,20 @@ fn is_beaten(panel: &Panel, point: &Point) -> bool {
 }
 
 /// Compares the panels that are in both charts, in the order of the first; `None` where the two have none in common.
-pub fn agreement(first: &[Panel], second: &[Panel]) -> Option<Vec<Agreement>> {
-    let compare = |a: &Panel| {
-        let is_same = |b: &&Panel| b.model == a.model && b.fill == a.fill;
+pub fn agreement(
+    first: &[SummaryPanel],
+    second: &[SummaryPanel],
+) -> Option<Vec<ReferenceAgreement>> {
+    let compare = |a: &SummaryPanel| {
+        let is_same = |b: &&SummaryPanel| b.model == a.model && b.fill == a.fill;
         second.iter().find(is_same).map(|b| of_panels(a, b))
     };
-    let all: Vec<Agreement> = first.iter().filter_map(compare).collect();
+    let all: Vec<ReferenceAgreement> = first.iter().filter_map(compare).collect();
     (!all.is_empty()).then_some(all)
 }
 
-fn of_panels(a: &Panel, b: &Panel) -> Agreement {
-    let mut found = Agreement {
+fn of_panels(a: &SummaryPanel, b: &SummaryPanel) -> ReferenceAgreement {
+    let mut found = ReferenceAgreement {
         model: a.model.clone(),
         fill: a.fill,
         compared: 0,
@@ -100,7 +103,7 @@ fn of_panels(a: &Panel, b: &Panel) -> Agreement {
         moved: Vec::new(),
         tied: Vec::new(),
     };
-    let in_b = |p: &Point| b.points.iter().position(|q| q.choice == p.choice);
+    let in_b = |p: &SummaryPoint| b.points.iter().position(|q| q.choice == p.choice);
     let mut changes = Vec::new();
     if let (Some(of_a), Some(of_b)) = (unit(a, b), unit(b, a)) {
         for p in &a.points {
@@ -109,7 +112,7 @@ fn of_panels(a: &Panel, b: &Panel) -> Agreement {
             };
             found.compared += 1;
             let name = p.choice.name();
-            let ratio = Ratio {
+            let ratio = CountRatio {
                 name: name.clone(),
                 speeds: [of_a / p.frame.median, of_b / q.frame.median],
             };
@@ -162,13 +165,13 @@ fn of_panels(a: &Panel, b: &Panel) -> Agreement {
 mod tests {
     use super::super::row::tests::row;
     use super::super::summary::summarize;
-    use super::super::{Choice, Row, Ways};
+    use super::super::{AvailablePaths, ChartRow, DrawConfiguration};
     use super::*;
 
     /// Panels of choices with these times and errors.
-    fn panels(points: &[(f64, f64)]) -> Vec<Panel> {
-        let choices = Choice::few(false, Ways::ALL);
-        let rows: Vec<Row> = (points.iter().zip(choices))
+    fn panels(points: &[(f64, f64)]) -> Vec<SummaryPanel> {
+        let choices = DrawConfiguration::few(false, AvailablePaths::ALL);
+        let rows: Vec<ChartRow> = (points.iter().zip(choices))
             .map(|(&(ms, flip), choice)| {
                 let mut r = row("m", choice, 1.0, 0);
                 (r.frame_ms, r.flip) = (ms, flip);
@@ -180,7 +183,7 @@ mod tests {
 
     const FIRST: [(f64, f64); 4] = [(60.0, 0.01), (6.0, 0.05), (20.0, 0.02), (30.0, 0.03)];
 
-    fn against_first(points: &[(f64, f64)]) -> Agreement {
+    fn against_first(points: &[(f64, f64)]) -> ReferenceAgreement {
         let found = agreement(&panels(&FIRST), &panels(points)).unwrap();
         assert_eq!(found.len(), 1);
         found.into_iter().next().unwrap()
@@ -205,7 +208,7 @@ mod tests {
         points[3].0 = 30.0 * 1.5;
         let found = against_first(&points);
         let names: Vec<&str> = found.off.iter().map(|r| r.name.as_str()).collect();
-        let all = Choice::few(false, Ways::ALL);
+        let all = DrawConfiguration::few(false, AvailablePaths::ALL);
         assert_eq!(names, [all[3].name(), all[2].name()]);
         assert!((found.off[0].factor() - 1.5).abs() < 1e-9 && !found.is_kept());
         // When triangles were slow all others look fast.

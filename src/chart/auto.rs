@@ -1,15 +1,15 @@
 //! Chooses method, splat, path and threshold by a bound: the cheapest that was good enough, or the best that was fast
 //! enough, where this device drew models of this class.
 //!
-//! A [`Calibration`] measures the choices of a quick chart from a few views at three distances, and their errors from
+//! A [`ChartCalibration`] measures the choices of a quick chart from a few views at three distances, and their errors from
 //! other views that the choice does not look at (held views). It is kept in the user's cache folder under a name made of
 //! program, device, driver, class of model and size of the picture; what is damaged or of another is ignored and made
 //! again.
 
-use super::run::{Bench, orbit};
-use super::{Choice, Error, Plan};
+use super::run::{ChartBench, orbit};
+use super::{DrawConfiguration, Error, Plan};
 use crate::math::camera::View;
-use crate::measure::{Distribution, store};
+use crate::measure::{ValueDistribution, store};
 use crate::progress::Progress;
 use crate::render::cost::model::DrawCosts;
 use crate::render::engine::Backend;
@@ -27,7 +27,7 @@ pub struct Bounds {
 
 /// What a calibration holds for: models of the same kind and of about as many primitives.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct Key {
+pub struct CalibrationKey {
     version: String,
     commit: String,
     device: String,
@@ -43,7 +43,7 @@ pub struct Key {
 /// Errors and time of one choice at one distance.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Entry {
+struct CalibrationEntry {
     method: String,
     splat: String,
     path: String,
@@ -56,9 +56,9 @@ struct Entry {
     held: Vec<f64>,
 }
 
-impl Entry {
-    fn choice(&self) -> Option<Choice> {
-        Choice::of_words(&self.method, &self.splat, &self.path, self.threshold_px)
+impl CalibrationEntry {
+    fn choice(&self) -> Option<DrawConfiguration> {
+        DrawConfiguration::of_words(&self.method, &self.splat, &self.path, self.threshold_px)
     }
 
     fn worst(&self) -> f64 {
@@ -69,18 +69,18 @@ impl Entry {
 /// What a device made of the choices for a class of models.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Calibration {
-    key: Key,
+pub struct ChartCalibration {
+    key: CalibrationKey,
     /// The model that was measured.
     model: String,
-    entries: Vec<Entry>,
+    entries: Vec<CalibrationEntry>,
 }
 
 /// What was chosen, and why.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Chosen {
+pub struct ChosenConfiguration {
     /// The choice.
-    pub choice: Choice,
+    pub choice: DrawConfiguration,
     /// Whether it met the bounds where it was calibrated.
     pub is_met: bool,
     /// Largest mean FLIP of the calibrated views.
@@ -99,7 +99,7 @@ const HELD: u32 = 2;
 /// A choice has to keep this much of the error's bound free: views differ.
 const SLACK: f64 = 0.9;
 
-impl Key {
+impl CalibrationKey {
     /// That of a model on a device, in pictures of one size.
     pub fn of(backend: &Backend, model: &Model, (width, height): (u32, u32)) -> Self {
         let primitives = model.tree.leaves.len().max(1);
@@ -124,11 +124,11 @@ impl Key {
     }
 }
 
-impl Calibration {
+impl ChartCalibration {
     /// Reads one; `None` where there is none, or it is damaged, or of another key.
-    pub fn read(folder: &Path, key: &Key) -> Option<Self> {
+    pub fn read(folder: &Path, key: &CalibrationKey) -> Option<Self> {
         let found: Self = store::read(&key.path(folder))?;
-        let is_whole = |e: &Entry| {
+        let is_whole = |e: &CalibrationEntry| {
             let is_error = |v: &f64| (0.0..=1.0).contains(v);
             e.choice().is_some()
                 && e.frame_ms > 0.0
@@ -168,7 +168,7 @@ impl Calibration {
             ..Plan::quick()
         };
         let choices = plan.choices(model, backend);
-        let mut bench = Bench::new(backend, model, size)?;
+        let mut bench = ChartBench::new(backend, model, size)?;
         bench.set_costs(costs);
         let samples = u64::from(plan.grid * plan.grid);
         let per_view = samples + choices.len() as u64;
@@ -180,11 +180,11 @@ impl Calibration {
         );
         let mut entries = Vec::new();
         for &fill in &plan.fills {
-            let mut found: Vec<Option<Entry>> = choices
+            let mut found: Vec<Option<CalibrationEntry>> = choices
                 .iter()
                 .map(|choice| {
                     let [method, splat, path] = choice.words();
-                    Some(Entry {
+                    Some(CalibrationEntry {
                         method,
                         splat,
                         path,
@@ -217,7 +217,8 @@ impl Calibration {
                 if k % 2 == 0 {
                     let kept: Vec<usize> =
                         (0..choices.len()).filter(|i| found[*i].is_some()).collect();
-                    let of_kept: Vec<Choice> = kept.iter().map(|&i| choices[i]).collect();
+                    let of_kept: Vec<DrawConfiguration> =
+                        kept.iter().map(|&i| choices[i]).collect();
                     let measured = bench.times(&view, &of_kept, plan.repeats, progress)?;
                     for (i, frames) in kept.into_iter().zip(measured) {
                         times[i].extend(frames.iter().map(|f| f.frame_ms));
@@ -226,13 +227,13 @@ impl Calibration {
             }
             for (entry, times) in found.into_iter().zip(times) {
                 if let Some(mut entry) = entry {
-                    entry.frame_ms = Distribution::of(&times).median;
+                    entry.frame_ms = ValueDistribution::of(&times).median;
                     entries.push(entry);
                 }
             }
         }
         Ok(Self {
-            key: Key::of(backend, model, size),
+            key: CalibrationKey::of(backend, model, size),
             model: name.to_owned(),
             entries,
         })
@@ -262,9 +263,9 @@ impl Calibration {
     /// Chooses for a picture in which the bounding sphere fills `fill`: of what keeps all bounds at the calibrated
     /// distances around it the cheapest (by frame alone: the most accurate). Where nothing keeps them, the most accurate
     /// that is fast enough, or else the fastest. `None` of an empty calibration.
-    pub fn choose(&self, bounds: &Bounds, fill: f64) -> Option<Chosen> {
+    pub fn choose(&self, bounds: &Bounds, fill: f64) -> Option<ChosenConfiguration> {
         let fills = self.fills_around(fill);
-        let mut candidates: Vec<Chosen> = Vec::new();
+        let mut candidates: Vec<ChosenConfiguration> = Vec::new();
         for entry in self.entries.iter().filter(|e| fills.contains(&e.fill)) {
             let choice = entry.choice()?;
             let held = bounds.max_error.map(|bound| {
@@ -284,7 +285,7 @@ impl Calibration {
                     };
                     c.fills.push(entry.fill);
                 }
-                None => candidates.push(Chosen {
+                None => candidates.push(ChosenConfiguration {
                     choice,
                     is_met: false,
                     flip: entry.worst(),
@@ -296,14 +297,15 @@ impl Calibration {
         }
         // A choice that one of the distances refused is none.
         candidates.retain(|c| c.fills.len() == fills.len());
-        let is_accurate = |c: &Chosen| bounds.max_error.is_none_or(|e| c.flip <= SLACK * e);
-        let is_fast = |c: &Chosen| bounds.frame_ms.is_none_or(|ms| c.frame_ms <= ms);
-        let by_time = |a: &&Chosen, b: &&Chosen| {
+        let is_accurate =
+            |c: &ChosenConfiguration| bounds.max_error.is_none_or(|e| c.flip <= SLACK * e);
+        let is_fast = |c: &ChosenConfiguration| bounds.frame_ms.is_none_or(|ms| c.frame_ms <= ms);
+        let by_time = |a: &&ChosenConfiguration, b: &&ChosenConfiguration| {
             a.frame_ms
                 .total_cmp(&b.frame_ms)
                 .then(a.flip.total_cmp(&b.flip))
         };
-        let by_error = |a: &&Chosen, b: &&Chosen| {
+        let by_error = |a: &&ChosenConfiguration, b: &&ChosenConfiguration| {
             a.flip
                 .total_cmp(&b.flip)
                 .then(a.frame_ms.total_cmp(&b.frame_ms))
@@ -315,7 +317,7 @@ impl Calibration {
             good.min_by(by_error)
         };
         if let Some(best) = best {
-            return Some(Chosen {
+            return Some(ChosenConfiguration {
                 is_met: true,
                 ..best.clone()
             });
@@ -351,14 +353,14 @@ pub fn fill_of(model: &Model, view: &View) -> f64 {
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 #[cfg(test)]
 mod tests {
-    use super::super::Ways;
+    use super::super::AvailablePaths;
     use super::*;
-    use crate::generate::{Shape, Spec};
+    use crate::generate::{GeneratedShape, ShapeSpec};
     use crate::progress::Silent;
     use crate::tree;
 
     fn model() -> Model {
-        let spec = Spec::with_triangles(Shape::Statue, 2000).unwrap();
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 2000).unwrap();
         tree::build(
             crate::generate::mesh(&spec),
             &tree::BuildOptions::default(),
@@ -368,11 +370,11 @@ mod tests {
     }
 
     /// Three choices at two distances.
-    fn calibration() -> Calibration {
-        let few = Choice::few(false, Ways::NONE);
+    fn calibration() -> ChartCalibration {
+        let few = DrawConfiguration::few(false, AvailablePaths::NONE);
         let entry = |i: usize, fill: f64, frame_ms: f64, flip: f64, held: [f64; 2]| {
             let [method, splat, path] = few[i].words();
-            Entry {
+            CalibrationEntry {
                 method,
                 splat,
                 path,
@@ -383,8 +385,8 @@ mod tests {
                 held: held.to_vec(),
             }
         };
-        Calibration {
-            key: Key::of(&Backend::Mirror, &model(), (500, 500)),
+        ChartCalibration {
+            key: CalibrationKey::of(&Backend::Mirror, &model(), (500, 500)),
             model: "m".into(),
             entries: vec![
                 entry(0, 1.0, 100.0, 0.001, [0.001, 0.001]),
@@ -400,7 +402,7 @@ mod tests {
     #[test]
     fn the_cheapest_that_is_good_enough_is_chosen() {
         let c = calibration();
-        let few = Choice::few(false, Ways::NONE);
+        let few = DrawConfiguration::few(false, AvailablePaths::NONE);
         let choose = |max_error, frame_ms, fill| {
             c.choose(
                 &Bounds {
@@ -440,9 +442,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let below = folder.path().join("a/b");
         let c = calibration();
-        assert_eq!(Calibration::read(&below, &c.key), None);
+        assert_eq!(ChartCalibration::read(&below, &c.key), None);
         c.write(&below).unwrap();
-        assert_eq!(Calibration::read(&below, &c.key).unwrap(), c);
+        assert_eq!(ChartCalibration::read(&below, &c.key).unwrap(), c);
         let path = c.key.path(&below);
         let text = std::fs::read_to_string(&path).unwrap();
         for damage in [
@@ -456,12 +458,12 @@ mod tests {
         ] {
             assert_ne!(damage, text);
             std::fs::write(&path, &damage).unwrap();
-            assert_eq!(Calibration::read(&below, &c.key), None, "{damage}");
+            assert_eq!(ChartCalibration::read(&below, &c.key), None, "{damage}");
         }
         std::fs::write(&path, [0xff, 0x00, 0xfe]).unwrap();
-        assert_eq!(Calibration::read(&below, &c.key), None);
+        assert_eq!(ChartCalibration::read(&below, &c.key), None);
         // Another class of models has another file.
-        let other = Key::of(&Backend::Mirror, &model(), (500, 400));
+        let other = CalibrationKey::of(&Backend::Mirror, &model(), (500, 400));
         assert_ne!(other.path(&below), path);
     }
 
@@ -473,8 +475,8 @@ mod tests {
             let found = fill_of(&model, &camera.view(model.origin).unwrap());
             assert!((found - fill).abs() < 1e-4, "{found} {fill}");
         }
-        let c =
-            Calibration::measure(&Backend::Mirror, &model, "m", ((40, 40), None), &Silent).unwrap();
+        let c = ChartCalibration::measure(&Backend::Mirror, &model, "m", ((40, 40), None), &Silent)
+            .unwrap();
         let found = c
             .choose(
                 &Bounds {
@@ -487,6 +489,6 @@ mod tests {
         assert!(found.is_met && found.misses == Some([0, 2]));
         let folder = tempfile::tempdir().unwrap();
         c.write(folder.path()).unwrap();
-        assert_eq!(Calibration::read(folder.path(), &c.key).unwrap(), c);
+        assert_eq!(ChartCalibration::read(folder.path(), &c.key).unwrap(), c);
     }
 }

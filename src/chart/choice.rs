@@ -4,7 +4,7 @@ use crate::render::{Method, Path, Settings, SplatKind};
 
 /// One way to draw a model.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Choice {
+pub struct DrawConfiguration {
     /// The method.
     pub method: Method,
     /// What its splats look like; of no account for triangles.
@@ -17,7 +17,7 @@ pub struct Choice {
 }
 
 /// Every triangle, by the rasterizer: what the others are compared with.
-pub const TRIANGLES: Choice = Choice {
+pub const TRIANGLES: DrawConfiguration = DrawConfiguration {
     method: Method::Triangles,
     splat: SplatKind::Square,
     path: Path::Raster,
@@ -39,7 +39,7 @@ pub const KINDS: [SplatKind; 6] = [
 
 /// What a device can draw by besides its rasterizer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Ways {
+pub struct AvailablePaths {
     /// Compute shaders.
     pub compute: bool,
     /// The host.
@@ -47,7 +47,7 @@ pub struct Ways {
 }
 
 #[cfg(test)]
-impl Ways {
+impl AvailablePaths {
     pub(super) const NONE: Self = Self {
         compute: false,
         host: false,
@@ -66,7 +66,7 @@ fn word(value: &impl serde::Serialize) -> String {
     }
 }
 
-impl Choice {
+impl DrawConfiguration {
     fn new(method: Method, splat: SplatKind, threshold_px: f32) -> Self {
         Self {
             method,
@@ -94,7 +94,7 @@ impl Choice {
     }
 
     /// The same by all ways there are, this one first.
-    fn by(self, ways: Ways) -> impl Iterator<Item = Self> {
+    fn by(self, ways: AvailablePaths) -> impl Iterator<Item = Self> {
         let compute = (ways.compute && self.has_twin()).then_some(Path::Compute);
         let host = (ways.host && self.splat.host_draws()).then_some(Path::Auto);
         let paths = [Some(self.path), compute, host];
@@ -106,7 +106,7 @@ impl Choice {
 
     /// Everything at the given thresholds that makes sense for a mesh, or for a cloud: triangles, points (up to 3 pixels),
     /// splats and pop with every kind of splat, by all ways there are.
-    pub fn all(thresholds: &[f32], is_cloud: bool, ways: Ways) -> Vec<Self> {
+    pub fn all(thresholds: &[f32], is_cloud: bool, ways: AvailablePaths) -> Vec<Self> {
         let mut all = Vec::new();
         if !is_cloud {
             all.push(TRIANGLES);
@@ -133,7 +133,7 @@ impl Choice {
     }
 
     /// Some dozens of them, for a first look.
-    pub fn few(is_cloud: bool, ways: Ways) -> Vec<Self> {
+    pub fn few(is_cloud: bool, ways: AvailablePaths) -> Vec<Self> {
         use SplatKind::{Disc, Ellipse, Filtered, Gauss, Square, Visibility};
         let method = if is_cloud {
             Method::Splats
@@ -245,50 +245,53 @@ mod tests {
     #[test]
     fn names_are_unique_and_words_lead_back() {
         for choices in [
-            Choice::all(&THRESHOLDS, false, Ways::ALL),
-            Choice::all(&THRESHOLDS, true, Ways::NONE),
-            Choice::few(false, Ways::ALL),
-            Choice::few(true, Ways::NONE),
+            DrawConfiguration::all(&THRESHOLDS, false, AvailablePaths::ALL),
+            DrawConfiguration::all(&THRESHOLDS, true, AvailablePaths::NONE),
+            DrawConfiguration::few(false, AvailablePaths::ALL),
+            DrawConfiguration::few(true, AvailablePaths::NONE),
         ] {
-            let mut names: Vec<String> = choices.iter().map(Choice::name).collect();
+            let mut names: Vec<String> = choices.iter().map(DrawConfiguration::name).collect();
             names.sort();
             names.dedup();
             assert_eq!(names.len(), choices.len());
             for choice in choices {
                 let [m, s, p] = choice.words();
                 assert_eq!(
-                    Choice::of_words(&m, &s, &p, choice.threshold_px).unwrap(),
+                    DrawConfiguration::of_words(&m, &s, &p, choice.threshold_px).unwrap(),
                     choice
                 );
             }
         }
-        assert!(Choice::of_words("pop", "square", "host", 1.0).is_none());
-        assert!(Choice::of_words("pop", "square", "raster", f32::NAN).is_none());
+        assert!(DrawConfiguration::of_words("pop", "square", "host", 1.0).is_none());
+        assert!(DrawConfiguration::of_words("pop", "square", "raster", f32::NAN).is_none());
     }
 
     #[test]
     fn clouds_have_no_triangles_and_twins_need_what_draws_them() {
-        let cloud = Choice::all(&THRESHOLDS, true, Ways::NONE);
+        let cloud = DrawConfiguration::all(&THRESHOLDS, true, AvailablePaths::NONE);
         assert!(
             cloud
                 .iter()
                 .all(|c| matches!(c.method, Method::Points | Method::Splats)
                     && c.path == Path::Raster)
         );
-        let count = |ways: Ways, path: Path| {
-            let all = Choice::all(&THRESHOLDS, false, ways).into_iter();
+        let count = |ways: AvailablePaths, path: Path| {
+            let all = DrawConfiguration::all(&THRESHOLDS, false, ways).into_iter();
             all.filter(|c| c.path == path).count()
         };
         for path in [Path::Compute, Path::Auto] {
-            assert_eq!(count(Ways::NONE, path), 0);
+            assert_eq!(count(AvailablePaths::NONE, path), 0);
         }
         // Squares and discs up to 6 pixels, ellipses up to 10; Gaussians, visibility and filtered splats of all eleven sizes, in
         // splats and in pop.
-        assert_eq!(count(Ways::ALL, Path::Compute), 2 * 8 + 9 + 6 * 11);
+        assert_eq!(
+            count(AvailablePaths::ALL, Path::Compute),
+            2 * 8 + 9 + 6 * 11
+        );
         // Squares, discs and filtered splats.
-        assert_eq!(count(Ways::ALL, Path::Auto), 2 * 3 * 11);
+        assert_eq!(count(AvailablePaths::ALL, Path::Auto), 2 * 3 * 11);
         let lines = |is_cloud, path| {
-            let few = Choice::few(is_cloud, Ways::ALL).into_iter();
+            let few = DrawConfiguration::few(is_cloud, AvailablePaths::ALL).into_iter();
             let mut lines: Vec<String> = few.filter(|c| c.path == path).map(|c| c.line()).collect();
             lines.dedup();
             lines

@@ -3,8 +3,8 @@
 use crate::image::{Error, FloatImage, Image, Picture, compare};
 use crate::math::camera::View;
 use crate::measure::{
-    Coverage, PIXELS_PER_DEGREE, Spread, Tile, coverage, depth_error, flip, normal_error,
-    silhouette, ssim, worst_tile,
+    CoverageErrors, PIXELS_PER_DEGREE, PictureTile, SampleSpread, coverage, depth_error, flip,
+    normal_error, silhouette, ssim, worst_tile,
 };
 
 /// Side of the worst tile, pixels.
@@ -12,7 +12,7 @@ pub const TILE_PX: u32 = 32;
 
 /// What a picture is compared with.
 #[derive(Debug, Clone, Default)]
-pub struct Reference {
+pub struct ReferencePicture {
     /// The supersampled color, and the depth at the pixel centers.
     pub picture: FloatImage,
     /// Normals at the pixel centers; empty where there are none.
@@ -21,7 +21,7 @@ pub struct Reference {
 
 /// The errors of one picture. Coverage and silhouette count a pixel as covered from one half.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Errors {
+pub struct PictureErrors {
     /// Mean FLIP over the picture.
     pub flip: f64,
     /// Mean FLIP over object pixels: covered at all in either picture. 0 where there are none.
@@ -35,20 +35,20 @@ pub struct Errors {
     /// How many object pixels there are.
     pub object_pixels: u64,
     /// Missing and extra pixels, holes.
-    pub coverage: Coverage,
+    pub coverage: CoverageErrors,
     /// Distance between the outlines, pixels.
-    pub silhouette: Spread,
+    pub silhouette: SampleSpread,
     /// Depth error in footprints of a pixel.
-    pub depth: Spread,
+    pub depth: SampleSpread,
     /// Angle between normals, degrees.
-    pub normal: Option<Spread>,
+    pub normal: Option<SampleSpread>,
     /// Where the picture is worst.
-    pub worst: Tile,
+    pub worst: PictureTile,
 }
 
 /// Columns and rows that hold every pixel that is covered in either picture, `margin` pixels wider on each side, within
 /// the picture; `None` when nothing is covered.
-pub fn object_box(a: &impl Picture, b: &impl Picture, margin: u32) -> Option<Tile> {
+pub fn object_box(a: &impl Picture, b: &impl Picture, margin: u32) -> Option<PictureTile> {
     let [width, height] = a.size();
     let (mut left, mut right, mut top, mut bottom) = (u32::MAX, 0, u32::MAX, 0);
     for y in 0..height {
@@ -64,7 +64,7 @@ pub fn object_box(a: &impl Picture, b: &impl Picture, margin: u32) -> Option<Til
         return None;
     }
     let (x, y) = (left.saturating_sub(margin), top.saturating_sub(margin));
-    Some(Tile {
+    Some(PictureTile {
         x,
         y,
         width: (right + 1).saturating_add(margin).min(width) - x,
@@ -74,7 +74,7 @@ pub fn object_box(a: &impl Picture, b: &impl Picture, margin: u32) -> Option<Til
 }
 
 /// The part of a picture under a tile, in floats.
-fn part(picture: &impl Picture, tile: &Tile) -> FloatImage {
+fn part(picture: &impl Picture, tile: &PictureTile) -> FloatImage {
     let width = picture.size()[0] as usize;
     let mut color = Vec::with_capacity(tile.width as usize * tile.height as usize);
     for y in tile.y..tile.y + tile.height {
@@ -119,13 +119,13 @@ pub(crate) fn object_flip(
     Ok([all / (width * height), object / pixels.max(1) as f64])
 }
 
-impl Errors {
+impl PictureErrors {
     /// Of `picture` against the reference. `normal` are those of the picture, where it has any.
     ///
     /// # Errors
     /// When the pictures differ in size.
     pub fn of(
-        reference: &Reference,
+        reference: &ReferencePicture,
         picture: &Image,
         normal: Option<&[[f32; 3]]>,
         view: &View,

@@ -1,7 +1,7 @@
 //! Speed against accuracy: every choice of method, splat, path and threshold is a point with a time and an error.
 //!
 //! [`run::block`] measures the choices of a [`Plan`] from one view: errors against a supersampled reference, times in
-//! turn with each other. Each gives a [`Row`]; [`summary::summarize`] makes points of the rows of all views and finds
+//! turn with each other. Each gives a [`ChartRow`]; [`summary::summarize`] makes points of the rows of all views and finds
 //! the [`frontier()`]; [`plot::svg`] draws it and [`page::html`] shows it with its pictures. [`agree::agreement`] says
 //! whether two charts say the same.
 //! `docs/MEASURING.md` says what every column means.
@@ -18,9 +18,9 @@ mod row;
 pub mod run;
 pub mod summary;
 
-pub use choice::{Choice, Ways};
+pub use choice::{AvailablePaths, DrawConfiguration};
 pub use frontier::frontier;
-pub use row::{Row, read_rows, write_rows};
+pub use row::{ChartRow, read_rows, write_rows};
 pub use run::Plan;
 
 use std::path::PathBuf;

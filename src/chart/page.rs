@@ -3,9 +3,9 @@
 use super::Error;
 use super::errors::{TILE_PX, object_box};
 use super::plot::{METRICS, escaped, svg};
-use super::summary::{Panel, Point};
+use super::summary::{SummaryPanel, SummaryPoint};
 use crate::image::{FloatImage, Image, difference_picture};
-use crate::measure::{Tile, crop, worst_tile};
+use crate::measure::{PictureTile, crop, worst_tile};
 use base64::Engine;
 use serde_json::{Value, json};
 use std::fmt::Write;
@@ -32,7 +32,7 @@ fn number(value: f64) -> Value {
 }
 
 /// What is known of a point, for the page and for `--json`.
-pub fn point_facts(panel: &Panel, point: &Point, is_on_frontier: bool) -> Value {
+pub fn point_facts(panel: &SummaryPanel, point: &SummaryPoint, is_on_frontier: bool) -> Value {
     let [method, splat, path] = point.choice.words();
     json!({
         "name": point.choice.name(),
@@ -64,7 +64,7 @@ pub fn point_facts(panel: &Panel, point: &Point, is_on_frontier: bool) -> Value 
 }
 
 /// What is known of a panel.
-pub fn panel_facts(panel: &Panel) -> Value {
+pub fn panel_facts(panel: &SummaryPanel) -> Value {
     let points: Vec<Value> = panel
         .points
         .iter()
@@ -120,7 +120,7 @@ fn data_url(image: &Image) -> Result<String, Error> {
 pub fn html(
     title: &str,
     subtitle: &str,
-    panels: &[Panel],
+    panels: &[SummaryPanel],
     references: &[FloatImage],
     shots: &[Shot],
 ) -> Result<String, Error> {
@@ -138,10 +138,10 @@ pub fn html(
     let mut right = Vec::new();
     for reference in references {
         let image = reference.to_image();
-        let tile = object_box(&image, &image, 12).unwrap_or(Tile {
+        let tile = object_box(&image, &image, 12).unwrap_or(PictureTile {
             width: image.width,
             height: image.height,
-            ..Tile::default()
+            ..PictureTile::default()
         });
         right.push(data_url(&crop(reference, &tile, 1))?);
         boxes.push(tile);
@@ -185,12 +185,12 @@ pub fn html(
 mod tests {
     use super::super::row::tests::row;
     use super::super::summary::summarize;
-    use super::super::{Choice, Ways};
+    use super::super::{AvailablePaths, DrawConfiguration};
     use super::*;
 
     #[test]
     fn the_page_is_whole_and_alone() {
-        let rows: Vec<_> = Choice::few(false, Ways::NONE)
+        let rows: Vec<_> = DrawConfiguration::few(false, AvailablePaths::NONE)
             .into_iter()
             .map(|c| row("</script><b>&", c, 1.0, 0))
             .collect();

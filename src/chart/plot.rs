@@ -7,72 +7,72 @@
 mod axis;
 mod labels;
 
-use super::summary::{Panel, Point};
-use super::{Choice, Error};
+use super::summary::{SummaryPanel, SummaryPoint};
+use super::{DrawConfiguration, Error};
 use crate::image::Image;
 use crate::render::{Method, Path, SplatKind};
-use axis::Axis;
-use labels::{Label, Placer};
+use axis::PlotAxis;
+use labels::{LabelPlacer, PlotLabel};
 use std::fmt::Write;
 
 /// An error that a chart can show.
 #[derive(Debug, Clone, Copy)]
-pub struct Metric {
+pub struct PlotMetric {
     /// Short name.
     pub key: &'static str,
     /// Name on the axis.
     pub label: &'static str,
     /// Its value; 0 is best.
-    pub of: fn(&Point) -> f64,
+    pub of: fn(&SummaryPoint) -> f64,
     /// How a value is written at the axis.
     pub show: fn(f64) -> String,
 }
 
 /// What charts show, the first of them by default.
-pub const METRICS: [Metric; 8] = [
-    Metric {
+pub const METRICS: [PlotMetric; 8] = [
+    PlotMetric {
         key: "FLIP",
         label: "mean FLIP over the picture",
         of: |p| p.flip,
         show: plain,
     },
-    Metric {
+    PlotMetric {
         key: "PSNR",
         label: "PSNR over object pixels, dB",
         of: |p| p.rmse_object,
         show: |v| format!("{:.0}", -20.0 * v.log10()),
     },
-    Metric {
+    PlotMetric {
         key: "SSIM",
         label: "1 - SSIM",
         of: |p| p.dissimilarity,
         show: plain,
     },
-    Metric {
+    PlotMetric {
         key: "coverage",
         label: "missing and extra pixels",
         of: |p| p.wrong_pixels,
         show: plain,
     },
-    Metric {
+    PlotMetric {
         key: "holes",
         label: "pixels in holes",
         of: |p| p.hole_pixels,
         show: plain,
     },
-    Metric {
+    PlotMetric {
         key: "silhouette",
         label: "distance of the outlines, pixels",
         of: |p| p.silhouette_px,
         show: plain,
     },
-    Metric {
+    PlotMetric {
         key: "depth",
         label: "depth error, footprints of a pixel",
         of: |p| p.depth,
         show: plain,
     },
-    Metric {
+    PlotMetric {
         key: "normals",
         label: "normal error, degrees",
         of: |p| p.normal,
@@ -103,7 +103,7 @@ const LEGEND_COLUMN: f64 = 200.0;
 const INK: &str = "#1b1e24";
 const FAINT: &str = "#e4e7ec";
 
-fn color(choice: &Choice) -> &'static str {
+fn color(choice: &DrawConfiguration) -> &'static str {
     if choice.method == Method::Triangles {
         return "#000000";
     }
@@ -118,7 +118,7 @@ fn color(choice: &Choice) -> &'static str {
 }
 
 /// The marker of a point: its shape tells the method, hollow ones are compute twins, those with a dark rim are left to the program.
-fn marker(choice: &Choice, x: f64, y: f64, r: f64) -> String {
+fn marker(choice: &DrawConfiguration, x: f64, y: f64, r: f64) -> String {
     let (fill, stroke, width) = match choice.path {
         Path::Raster => (color(choice), "#ffffff", 0.8),
         Path::Compute => ("#ffffff", color(choice), 1.8),
@@ -159,7 +159,7 @@ pub(super) fn escaped(text: &str) -> String {
 }
 
 /// A short name for a label: what is usual is left out.
-fn short(choice: &Choice) -> String {
+fn short(choice: &DrawConfiguration) -> String {
     if choice.method == Method::Triangles {
         return choice.line();
     }
@@ -173,7 +173,7 @@ fn short(choice: &Choice) -> String {
 }
 
 /// What the picture says, as text for a hint.
-fn hint(panel: &Panel, p: &Point) -> String {
+fn hint(panel: &SummaryPanel, p: &SummaryPoint) -> String {
     let speed = panel.speed(p);
     let faster = if speed.is_finite() {
         format!(", {speed:.2} times as fast as triangles")
@@ -193,8 +193,8 @@ fn hint(panel: &Panel, p: &Point) -> String {
 }
 
 /// Lines of the legend: name and a choice that shows how they look.
-fn legend(panels: &[Panel]) -> Vec<(String, Choice)> {
-    let mut lines: Vec<(String, Choice)> = Vec::new();
+fn legend(panels: &[SummaryPanel]) -> Vec<(String, DrawConfiguration)> {
+    let mut lines: Vec<(String, DrawConfiguration)> = Vec::new();
     for point in panels.iter().flat_map(|p| &p.points) {
         let name = point.choice.line();
         if !lines.iter().any(|l| l.0 == name) {
@@ -205,7 +205,7 @@ fn legend(panels: &[Panel]) -> Vec<(String, Choice)> {
 }
 
 /// The chart of all panels for one error. `title` and `subtitle` stand above it.
-pub fn svg(title: &str, subtitle: &str, panels: &[Panel], metric: &Metric) -> String {
+pub fn svg(title: &str, subtitle: &str, panels: &[SummaryPanel], metric: &PlotMetric) -> String {
     let mut rows: Vec<Vec<usize>> = Vec::new();
     for (i, panel) in panels.iter().enumerate() {
         match rows.last_mut() {
@@ -270,7 +270,7 @@ pub fn svg(title: &str, subtitle: &str, panels: &[Panel], metric: &Metric) -> St
             .iter()
             .flat_map(|&i| &panels[i].points)
             .map(|p| p.frame.median);
-        let time = Axis::around(times);
+        let time = PlotAxis::around(times);
         for (c, &i) in row.iter().enumerate() {
             let corner = [
                 6.0 + cell[0] * c as f64 + MARGIN[0],
@@ -287,7 +287,7 @@ const FRONTIER: &str = "fill=\"none\" stroke=\"#f0e442\" stroke-width=\"9\" stro
                         stroke-linejoin=\"round\" stroke-opacity=\"0.75\"";
 
 /// A line of a choice's color; dashed for compute, thick for what is left to the program, dotted for splats.
-fn stroke(choice: &Choice, points: &[[f64; 2]]) -> String {
+fn stroke(choice: &DrawConfiguration, points: &[[f64; 2]]) -> String {
     let dash = match (choice.path, choice.method) {
         (Path::Compute, _) => " stroke-dasharray=\"7 4\"",
         (_, Method::Splats) => " stroke-dasharray=\"2 3\"",
@@ -307,15 +307,15 @@ fn stroke(choice: &Choice, points: &[[f64; 2]]) -> String {
 
 fn panel_svg(
     out: &mut String,
-    panel: &Panel,
+    panel: &SummaryPanel,
     index: usize,
-    metric: &Metric,
-    time: &Axis,
+    metric: &PlotMetric,
+    time: &PlotAxis,
     [left, top]: [f64; 2],
 ) {
     let [width, height] = FIELD;
-    let error = Axis::around(panel.points.iter().map(metric.of));
-    let at = |p: &Point| {
+    let error = PlotAxis::around(panel.points.iter().map(metric.of));
+    let at = |p: &SummaryPoint| {
         let v = (metric.of)(p);
         v.is_finite().then(|| {
             [
@@ -409,7 +409,7 @@ fn panel_svg(
             points.join(" ")
         );
     }
-    let mut placer = Placer::new([left, top, left + width, top + height]);
+    let mut placer = LabelPlacer::new([left, top, left + width, top + height]);
     let mut drawn: Vec<String> = Vec::new();
     for point in &panel.points {
         let name = point.choice.line();
@@ -443,7 +443,7 @@ fn panel_svg(
     for &i in &panel.frontier {
         let point = &panel.points[i];
         let Some(place) = at(point) else { continue };
-        if let Some(Label { text, at, anchor }) = placer.place(place, &short(&point.choice)) {
+        if let Some(PlotLabel { text, at, anchor }) = placer.place(place, &short(&point.choice)) {
             let _ = writeln!(
                 out,
                 "<line x1=\"{:.1}\" y1=\"{:.1}\" x2=\"{:.1}\" y2=\"{:.1}\" stroke=\"#5b6370\" stroke-width=\"0.7\"/>\
@@ -518,14 +518,14 @@ pub fn pixels(svg: &str, scale: f32) -> Result<Image, Error> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
-    use super::super::Ways;
+    use super::super::AvailablePaths;
     use super::super::row::tests::row;
     use super::super::summary::summarize;
     use super::*;
 
-    fn panels() -> Vec<Panel> {
+    fn panels() -> Vec<SummaryPanel> {
         let mut rows = Vec::new();
-        for (i, choice) in Choice::all(&[1.0, 2.0, 4.0], false, Ways::ALL)
+        for (i, choice) in DrawConfiguration::all(&[1.0, 2.0, 4.0], false, AvailablePaths::ALL)
             .into_iter()
             .enumerate()
         {

@@ -9,7 +9,7 @@ pub mod qsplat;
 
 use super::Error;
 use crate::math::camera::View;
-use crate::measure::Distribution;
+use crate::measure::ValueDistribution;
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::Settings;
@@ -19,7 +19,7 @@ use crate::tree::Model;
 
 /// A model with what is known of it.
 #[derive(Debug, Clone, Copy)]
-pub struct Subject<'m> {
+pub struct PublishedSubject<'m> {
     /// Name for people.
     pub name: &'m str,
     /// The model.
@@ -28,7 +28,7 @@ pub struct Subject<'m> {
     pub build_s: f64,
 }
 
-impl Subject<'_> {
+impl PublishedSubject<'_> {
     /// Interior nodes and leaves, as the sources count.
     pub fn nodes(&self) -> usize {
         self.model.tree.nodes.len() + self.model.tree.leaves.len()
@@ -120,7 +120,7 @@ impl Table {
 
 /// One frame to measure.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Cell {
+pub(super) struct PublishedCell {
     pub(super) view: View,
     pub(super) settings: Settings,
 }
@@ -129,7 +129,7 @@ pub(super) struct Cell {
 pub(super) fn measure(
     backend: &Backend,
     model: &Model,
-    cells: &[Cell],
+    cells: &[PublishedCell],
     repeats: u32,
     progress: &dyn Progress,
 ) -> Result<Vec<(f64, FrameCounts)>, Error> {
@@ -157,7 +157,7 @@ pub(super) fn measure(
     Ok(times
         .iter()
         .zip(counts)
-        .map(|(t, c)| (Distribution::of(t).median, c))
+        .map(|(t, c)| (ValueDistribution::of(t).median, c))
         .collect())
 }
 

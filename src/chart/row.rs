@@ -1,15 +1,15 @@
 //! One measurement as a row of `rows.csv`, and the file of them.
 
-use super::{Choice, Error};
-use crate::measure::Distribution;
+use super::{DrawConfiguration, Error};
+use crate::measure::ValueDistribution;
 use std::path::Path;
 
-/// What one choice cost and how far it was off, from one view. Times in milliseconds, errors as [`super::errors::Errors`]
+/// What one choice cost and how far it was off, from one view. Times in milliseconds, errors as [`super::errors::PictureErrors`]
 /// has them; NaN where there is none. `docs/MEASURING.md` has a line on every column.
 #[derive(Debug, Clone, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 #[expect(missing_docs, reason = "docs/MEASURING.md has a line on every column")]
-pub struct Row {
+pub struct ChartRow {
     pub version: String,
     pub commit: String,
     pub device: String,
@@ -68,10 +68,10 @@ pub struct Row {
     pub worst_levels: f64,
 }
 
-impl Row {
+impl ChartRow {
     /// The choice; `None` when the words of the file name none.
-    pub fn choice(&self) -> Option<Choice> {
-        Choice::of_words(&self.method, &self.splat, &self.path, self.threshold_px)
+    pub fn choice(&self) -> Option<DrawConfiguration> {
+        DrawConfiguration::of_words(&self.method, &self.splat, &self.path, self.threshold_px)
     }
 
     /// Whether another row was measured under the same conditions: program, device, picture and effort.
@@ -100,8 +100,8 @@ impl Row {
     }
 
     /// Median, 5th and 95th percentile of the frame.
-    pub fn frame(&self) -> Distribution {
-        Distribution {
+    pub fn frame(&self) -> ValueDistribution {
+        ValueDistribution {
             median: self.frame_ms,
             p5: self.frame_p5_ms,
             p95: self.frame_p95_ms,
@@ -113,7 +113,7 @@ impl Row {
 ///
 /// # Errors
 /// When the file cannot be written.
-pub fn write_rows(path: &Path, rows: &[Row]) -> Result<(), Error> {
+pub fn write_rows(path: &Path, rows: &[ChartRow]) -> Result<(), Error> {
     crate::image::write(path, |file| {
         let mut writer = csv::Writer::from_writer(file);
         for row in rows {
@@ -128,7 +128,7 @@ pub fn write_rows(path: &Path, rows: &[Row]) -> Result<(), Error> {
 ///
 /// # Errors
 /// [`Error::Rows`] with the line when the file is not readable or holds something else.
-pub fn read_rows(path: &Path) -> Result<Vec<Row>, Error> {
+pub fn read_rows(path: &Path) -> Result<Vec<ChartRow>, Error> {
     let fail = |line: u64, cause: String| Error::Rows {
         path: path.to_owned(),
         line,
@@ -147,7 +147,7 @@ pub fn read_rows(path: &Path) -> Result<Vec<Row>, Error> {
     }
     reader
         .into_deserialize()
-        .map(|row: Result<Row, csv::Error>| {
+        .map(|row: Result<ChartRow, csv::Error>| {
             let row = row.map_err(|error| {
                 let line = error.position().map_or(0, csv::Position::line);
                 let cause = match error.kind() {
@@ -170,13 +170,18 @@ pub fn read_rows(path: &Path) -> Result<Vec<Row>, Error> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 pub(super) mod tests {
-    use super::super::Ways;
+    use super::super::AvailablePaths;
     use super::*;
 
     /// A row of figures that differ from each other.
-    pub(in crate::chart) fn row(model: &str, choice: Choice, fill: f64, view: u32) -> Row {
+    pub(in crate::chart) fn row(
+        model: &str,
+        choice: DrawConfiguration,
+        fill: f64,
+        view: u32,
+    ) -> ChartRow {
         let [method, splat, path] = choice.words();
-        Row {
+        ChartRow {
             version: "1.2.3".into(),
             commit: String::new(),
             device: "a device, \"quoted\"".into(),
@@ -241,7 +246,7 @@ pub(super) mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("rows.csv");
         assert_eq!(read_rows(&path).unwrap(), Vec::new());
-        let rows: Vec<Row> = Choice::few(false, Ways::ALL)
+        let rows: Vec<ChartRow> = DrawConfiguration::few(false, AvailablePaths::ALL)
             .into_iter()
             .enumerate()
             .map(|(i, c)| row("m, \"n\"", c, [1.0, 0.125][i % 2], i as u32))

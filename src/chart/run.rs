@@ -1,12 +1,12 @@
 //! Measures choices: each view a block of its own, whose times are taken in turn.
 
 use super::choice::TRIANGLES;
-use super::errors::{Errors, Reference, TILE_PX};
-use super::{Choice, Error, Row, Ways};
+use super::errors::{PictureErrors, ReferencePicture, TILE_PX};
+use super::{AvailablePaths, ChartRow, DrawConfiguration, Error};
 use crate::gpu;
 use crate::image::{Accumulator, Image, stratified};
 use crate::math::camera::View;
-use crate::measure::{Distribution, frames};
+use crate::measure::{ValueDistribution, frames};
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::cost::model::DrawCosts;
@@ -56,17 +56,17 @@ impl Plan {
     }
 
     /// The choices for a model on a device.
-    pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<Choice> {
+    pub fn choices(&self, model: &Model, backend: &Backend) -> Vec<DrawConfiguration> {
         let ways = match backend.device() {
-            Some(gpu) => Ways {
+            Some(gpu) => AvailablePaths {
                 compute: gpu.info().has_int64_atomics,
                 host: gpu.info().is_cpu() && matches!(backend, Backend::Device(_)),
             },
-            None => Ways::default(),
+            None => AvailablePaths::default(),
         };
         match &self.thresholds {
-            Some(thresholds) => Choice::all(thresholds, model.kind().is_points(), ways),
-            None => Choice::few(model.kind().is_points(), ways),
+            Some(thresholds) => DrawConfiguration::all(thresholds, model.kind().is_points(), ways),
+            None => DrawConfiguration::few(model.kind().is_points(), ways),
         }
     }
 
@@ -106,7 +106,7 @@ pub fn reference_settings(is_cloud: bool) -> Settings {
 
 /// Draws one model for measurements: with depth, and apart from that with normals, which would cost the timed frames.
 #[derive(Debug)]
-pub struct Bench<'m> {
+pub struct ChartBench<'m> {
     model: &'m Model,
     timed: Engine<'m>,
     surface: Option<Engine<'m>>,
@@ -120,7 +120,7 @@ const UNIT_MS: f64 = 200.0;
 /// Models above this many triangles are not kept on the device twice, so their normals are not compared.
 const MOST_WITH_NORMALS: usize = 20_000_000;
 
-impl<'m> Bench<'m> {
+impl<'m> ChartBench<'m> {
     /// Readies a model.
     ///
     /// # Errors
@@ -160,7 +160,7 @@ impl<'m> Bench<'m> {
         view: &View,
         grid: u32,
         progress: &dyn Progress,
-    ) -> Result<Reference, Error> {
+    ) -> Result<ReferencePicture, Error> {
         let settings = reference_settings(self.model.kind().is_points());
         let mut mean = Accumulator::new();
         for i in 0..grid * grid {
@@ -176,14 +176,18 @@ impl<'m> Bench<'m> {
             Some(engine) => engine.render(view, &settings)?.normal,
             None => Vec::new(),
         };
-        Ok(Reference { picture, normal })
+        Ok(ReferencePicture { picture, normal })
     }
 
     /// The picture of a choice, with depth.
     ///
     /// # Errors
     /// As [`Engine::render`].
-    pub fn picture(&mut self, view: &View, choice: &Choice) -> Result<Image, gpu::Error> {
+    pub fn picture(
+        &mut self,
+        view: &View,
+        choice: &DrawConfiguration,
+    ) -> Result<Image, gpu::Error> {
         self.timed.render(view, &choice.settings())
     }
 
@@ -191,7 +195,7 @@ impl<'m> Bench<'m> {
     fn normals(
         &mut self,
         view: &View,
-        choice: &Choice,
+        choice: &DrawConfiguration,
     ) -> Result<Option<Vec<[f32; 3]>>, gpu::Error> {
         let Some(engine) = &mut self.surface else {
             return Ok(None);
@@ -210,9 +214,9 @@ impl<'m> Bench<'m> {
     pub fn errors(
         &mut self,
         view: &View,
-        choice: &Choice,
-        reference: &Reference,
-    ) -> Result<Result<Errors, String>, Error> {
+        choice: &DrawConfiguration,
+        reference: &ReferencePicture,
+    ) -> Result<Result<PictureErrors, String>, Error> {
         let picture = match self.picture(view, choice) {
             Ok(picture) => picture,
             Err(error @ (gpu::Error::Unsupported { .. } | gpu::Error::Limit { .. })) => {
@@ -221,7 +225,7 @@ impl<'m> Bench<'m> {
             Err(error) => return Err(error.into()),
         };
         let normals = self.normals(view, choice)?;
-        Ok(Ok(Errors::of(
+        Ok(Ok(PictureErrors::of(
             reference,
             &picture,
             normals.as_deref(),
@@ -240,7 +244,7 @@ impl<'m> Bench<'m> {
     pub fn times(
         &mut self,
         view: &View,
-        choices: &[Choice],
+        choices: &[DrawConfiguration],
         repeats: u32,
         progress: &dyn Progress,
     ) -> Result<Vec<Vec<FrameTimes>>, Error> {
@@ -281,7 +285,7 @@ impl<'m> Bench<'m> {
 
 /// Where a block is measured, for its rows.
 #[derive(Debug, Clone, Copy)]
-pub struct Place<'a> {
+pub struct ChartPlace<'a> {
     /// Name of the model.
     pub model: &'a str,
     /// Index into [`Plan::fills`].
@@ -297,11 +301,11 @@ pub struct Place<'a> {
 /// When a picture cannot be drawn, or `progress` is cancelled; nothing is kept of the block then.
 pub fn block(
     backend: &Backend,
-    bench: &mut Bench<'_>,
+    bench: &mut ChartBench<'_>,
     plan: &Plan,
-    place: Place<'_>,
+    place: ChartPlace<'_>,
     progress: &dyn Progress,
-) -> Result<(Vec<Row>, Reference), Error> {
+) -> Result<(Vec<ChartRow>, ReferencePicture), Error> {
     let model = bench.model;
     let view = orbit(
         model,
@@ -329,7 +333,7 @@ pub fn block(
         rows.push(row);
         progress.advance(1);
     }
-    let candidates: Vec<Choice> = timed.iter().map(|t| t.1).collect();
+    let candidates: Vec<DrawConfiguration> = timed.iter().map(|t| t.1).collect();
     let times = bench.times(&view, &candidates, plan.repeats, progress)?;
     for ((row, _), times) in timed.into_iter().zip(times) {
         put_times(&mut rows[row], &times);
@@ -342,12 +346,12 @@ pub fn empty_row(
     backend: &Backend,
     model: &Model,
     plan: &Plan,
-    place: Place<'_>,
-    choice: &Choice,
-) -> Row {
+    place: ChartPlace<'_>,
+    choice: &DrawConfiguration,
+) -> ChartRow {
     let [method, splat, path] = choice.words();
     let none = f64::NAN;
-    Row {
+    ChartRow {
         version: env!("CARGO_PKG_VERSION").into(),
         commit: crate::measure::COMMIT.into(),
         device: backend.name().into(),
@@ -409,7 +413,7 @@ pub fn empty_row(
     }
 }
 
-fn put_errors(row: &mut Row, errors: &Errors) {
+fn put_errors(row: &mut ChartRow, errors: &PictureErrors) {
     row.flip = errors.flip;
     row.flip_object = errors.flip_object;
     row.psnr_db = errors.psnr_db;
@@ -441,9 +445,9 @@ fn cpu_ms(times: &FrameTimes) -> f64 {
     times.cut_ms + times.pack_ms + times.upload_ms + times.submit_ms
 }
 
-fn put_times(row: &mut Row, times: &[FrameTimes]) {
+fn put_times(row: &mut ChartRow, times: &[FrameTimes]) {
     let spread = |of: &dyn Fn(&FrameTimes) -> f64| {
-        Distribution::of(&times.iter().map(of).collect::<Vec<_>>())
+        ValueDistribution::of(&times.iter().map(of).collect::<Vec<_>>())
     };
     let frame = spread(&|t| t.frame_ms);
     (row.frame_ms, row.frame_p5_ms, row.frame_p95_ms) = (frame.median, frame.p5, frame.p95);

@@ -1,17 +1,17 @@
 //! Rows of all views put together: a point a choice, and the frontier.
 
-use super::{Choice, Row, frontier};
-use crate::measure::Distribution;
+use super::{ChartRow, DrawConfiguration, frontier};
+use crate::measure::ValueDistribution;
 
 /// A choice at one distance from a model: means over the views, and the worst view.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Point {
+pub struct SummaryPoint {
     /// The choice.
-    pub choice: Choice,
+    pub choice: DrawConfiguration,
     /// How many views there are.
     pub views: u32,
     /// Frame, milliseconds: means over the views of their median, 5th and 95th percentile.
-    pub frame: Distribution,
+    pub frame: ValueDistribution,
     /// Processor's part of it, milliseconds: mean of the views' medians.
     pub cpu_ms: f64,
     /// Mean FLIP.
@@ -45,7 +45,7 @@ const LEAST_GAIN: f64 = 0.01;
 
 /// The points of one model at one distance.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Panel {
+pub struct SummaryPanel {
     /// Name of the model.
     pub model: String,
     /// Its triangles.
@@ -55,7 +55,7 @@ pub struct Panel {
     /// Projected diameter of the bounding sphere over the shorter side.
     pub fill: f64,
     /// All that was measured, in the order of the rows.
-    pub points: Vec<Point>,
+    pub points: Vec<SummaryPoint>,
     /// Indices of the points that none beats in frame time and mean FLIP, fastest first; each has a hundredth less FLIP
     /// than the one before.
     pub frontier: Vec<usize>,
@@ -63,22 +63,22 @@ pub struct Panel {
     pub refused: Vec<(String, String)>,
 }
 
-impl Panel {
+impl SummaryPanel {
     /// The point of triangles by the rasterizer.
-    pub fn triangles_point(&self) -> Option<&Point> {
+    pub fn triangles_point(&self) -> Option<&SummaryPoint> {
         self.points
             .iter()
             .find(|p| p.choice == super::choice::TRIANGLES)
     }
 
     /// How many times faster than triangles a point is; NaN for clouds.
-    pub fn speed(&self, point: &Point) -> f64 {
+    pub fn speed(&self, point: &SummaryPoint) -> f64 {
         self.triangles_point()
             .map_or(f64::NAN, |t| t.frame.median / point.frame.median)
     }
 
     /// The cheapest point whose mean FLIP is at most `bound` in every view.
-    pub fn cheapest(&self, bound: f64) -> Option<&Point> {
+    pub fn cheapest(&self, bound: f64) -> Option<&SummaryPoint> {
         self.points
             .iter()
             .filter(|p| p.worst_flip <= bound)
@@ -86,21 +86,21 @@ impl Panel {
     }
 }
 
-fn mean(rows: &[&Row], of: impl Fn(&Row) -> f64) -> f64 {
+fn mean(rows: &[&ChartRow], of: impl Fn(&ChartRow) -> f64) -> f64 {
     rows.iter().map(|r| of(r)).sum::<f64>() / rows.len() as f64
 }
 
 /// As [`mean`] of those that have a value.
-fn mean_of_known(rows: &[&Row], of: impl Fn(&Row) -> f64) -> f64 {
+fn mean_of_known(rows: &[&ChartRow], of: impl Fn(&ChartRow) -> f64) -> f64 {
     let known: Vec<f64> = rows.iter().map(|r| of(r)).filter(|v| !v.is_nan()).collect();
     known.iter().sum::<f64>() / known.len() as f64
 }
 
-fn point(choice: Choice, rows: &[&Row]) -> Point {
-    Point {
+fn point(choice: DrawConfiguration, rows: &[&ChartRow]) -> SummaryPoint {
+    SummaryPoint {
         choice,
         views: rows.len() as u32,
-        frame: Distribution {
+        frame: ValueDistribution {
             median: mean(rows, |r| r.frame_ms),
             p5: mean(rows, |r| r.frame_p5_ms),
             p95: mean(rows, |r| r.frame_p95_ms),
@@ -124,9 +124,9 @@ fn point(choice: Choice, rows: &[&Row]) -> Point {
 
 /// Panels in the order in which models and distances come first in the rows. A choice that some views refuse has no
 /// point.
-pub fn summarize(rows: &[Row]) -> Vec<Panel> {
-    let mut panels: Vec<Panel> = Vec::new();
-    let same = |p: &Panel, r: &Row| {
+pub fn summarize(rows: &[ChartRow]) -> Vec<SummaryPanel> {
+    let mut panels: Vec<SummaryPanel> = Vec::new();
+    let same = |p: &SummaryPanel, r: &ChartRow| {
         p.model == r.model
             && p.fill == r.fill
             && p.triangles == r.model_triangles
@@ -134,7 +134,7 @@ pub fn summarize(rows: &[Row]) -> Vec<Panel> {
     };
     for row in rows {
         if !panels.iter().any(|p| same(p, row)) {
-            panels.push(Panel {
+            panels.push(SummaryPanel {
                 model: row.model.clone(),
                 triangles: row.model_triangles,
                 vertices: row.model_vertices,
@@ -146,15 +146,15 @@ pub fn summarize(rows: &[Row]) -> Vec<Panel> {
         }
     }
     for panel in &mut panels {
-        let own: Vec<&Row> = rows.iter().filter(|r| same(panel, r)).collect();
-        let mut choices: Vec<Choice> = Vec::new();
+        let own: Vec<&ChartRow> = rows.iter().filter(|r| same(panel, r)).collect();
+        let mut choices: Vec<DrawConfiguration> = Vec::new();
         for choice in own.iter().filter_map(|r| r.choice()) {
             if !choices.contains(&choice) {
                 choices.push(choice);
             }
         }
         for choice in choices {
-            let of: Vec<&Row> = own
+            let of: Vec<&ChartRow> = own
                 .iter()
                 .filter(|r| r.choice() == Some(choice))
                 .copied()
@@ -186,14 +186,14 @@ pub fn summarize(rows: &[Row]) -> Vec<Panel> {
 #[cfg(test)]
 #[allow(clippy::unwrap_used, reason = "a failing test panics")]
 mod tests {
-    use super::super::Ways;
+    use super::super::AvailablePaths;
     use super::super::choice::TRIANGLES;
     use super::super::row::tests::row;
     use super::*;
 
     #[test]
     fn views_are_averaged_and_the_worst_is_kept() {
-        let few = Choice::few(false, Ways::NONE);
+        let few = DrawConfiguration::few(false, AvailablePaths::NONE);
         let (slow, fast, refused) = (TRIANGLES, few[2], few[3]);
         let mut rows = Vec::new();
         for view in 0..2 {
@@ -232,8 +232,8 @@ mod tests {
 
     #[test]
     fn what_gains_next_to_nothing_is_not_on_the_frontier() {
-        let few = Choice::few(false, Ways::ALL);
-        let rows: Vec<Row> = [(1.0, 0.1), (2.0, 0.0999), (3.0, 0.0995), (4.0, 0.05)]
+        let few = DrawConfiguration::few(false, AvailablePaths::ALL);
+        let rows: Vec<ChartRow> = [(1.0, 0.1), (2.0, 0.0999), (3.0, 0.0995), (4.0, 0.05)]
             .iter()
             .zip(&few)
             .map(|(&(ms, flip), choice)| {

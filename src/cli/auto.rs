@@ -4,8 +4,8 @@ use super::progress::Bar;
 use super::render::costs_of;
 use super::{Failure, Outcome, say, usage};
 use surfel::OpenedModel;
-use surfel::chart::auto::{Bounds, Calibration, Chosen, Key, fill_of};
-use surfel::chart::{Choice, Plan};
+use surfel::chart::auto::{Bounds, CalibrationKey, ChartCalibration, ChosenConfiguration, fill_of};
+use surfel::chart::{DrawConfiguration, Plan};
 use surfel::math::camera::View;
 use surfel::render::engine::Backend;
 use surfel::render::{Path, Settings};
@@ -72,9 +72,11 @@ impl AutoArgs {
     ) -> Result<Settings, Failure> {
         let model = &ready.model;
         let size = (view.width, view.height);
-        let key = Key::of(backend, model, size);
+        let key = CalibrationKey::of(backend, model, size);
         let folder = surfel::measure::store::folder();
-        let kept = folder.as_ref().and_then(|f| Calibration::read(f, &key));
+        let kept = folder
+            .as_ref()
+            .and_then(|f| ChartCalibration::read(f, &key));
         let calibration = match kept {
             Some(kept) => kept,
             None => {
@@ -83,10 +85,10 @@ impl AutoArgs {
                     backend.name()
                 ));
                 let tried = Plan::quick().choices(model, backend);
-                let tried: Vec<_> = tried.iter().map(Choice::settings).collect();
+                let tried: Vec<_> = tried.iter().map(DrawConfiguration::settings).collect();
                 let how = (size, costs_of(backend, &tried));
                 let bar = Bar::new(quiet);
-                let made = Calibration::measure(backend, model, &ready.name, how, &bar)?;
+                let made = ChartCalibration::measure(backend, model, &ready.name, how, &bar)?;
                 drop(bar);
                 if let Some(folder) = &folder
                     && let Err(error) = made.write(folder)
@@ -113,7 +115,7 @@ impl AutoArgs {
     }
 
     /// Which and why, in a line.
-    fn reason(&self, chosen: &Chosen, model: &str) -> String {
+    fn reason(&self, chosen: &ChosenConfiguration, model: &str) -> String {
         let fills: Vec<String> = chosen.fills.iter().map(f64::to_string).collect();
         let mut text = format!("surfel: auto: {}: ", chosen.choice.name());
         if !chosen.is_met {

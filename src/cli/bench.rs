@@ -6,10 +6,11 @@ use super::source::Source;
 use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
-use surfel::bench::cases::Standard;
+use surfel::bench::cases::CaseStandard;
 use surfel::bench::report::{csv, line, summary};
 use surfel::bench::{
-    Case, Error, Figure, Plan, Session, accuracy, cuts, frames, growth, memory, rates, rivals,
+    BenchCase, BenchFigure, BenchSession, Error, Plan, accuracy, cuts, frames, growth, memory,
+    rates, rivals,
 };
 use surfel::measure::store;
 use surfel::progress::Progress;
@@ -42,7 +43,7 @@ pub(crate) struct Args {
     csv: Option<PathBuf>,
     /// Only this standard model (sphere, torus, statue, dragon); may be given several times
     #[arg(long = "case", value_name = "NAME", value_parser = parse_case)]
-    cases: Vec<Standard>,
+    cases: Vec<CaseStandard>,
     /// Only this part of the run; may be given several times
     #[arg(long, value_name = "PART")]
     only: Vec<Part>,
@@ -66,8 +67,8 @@ enum Part {
     Growth,
 }
 
-fn parse_case(text: &str) -> Result<Standard, String> {
-    Standard::ALL
+fn parse_case(text: &str) -> Result<CaseStandard, String> {
+    CaseStandard::ALL
         .into_iter()
         .find(|s| s.name() == text)
         .ok_or_else(|| "there are sphere, torus, statue and dragon".to_owned())
@@ -107,7 +108,7 @@ impl Args {
         self.only.is_empty() || self.only.contains(&part)
     }
 
-    fn wants_case(&self, case: Standard) -> bool {
+    fn wants_case(&self, case: CaseStandard) -> bool {
         self.cases.is_empty() || self.cases.contains(&case)
     }
 
@@ -132,12 +133,12 @@ fn dragon() -> Option<PathBuf> {
 
 /// The figures so far, printed as they come.
 struct Figures {
-    all: Vec<Figure>,
+    all: Vec<BenchFigure>,
     prints: bool,
 }
 
 impl Figures {
-    fn add(&mut self, title: &str, figures: Vec<Figure>) -> Outcome {
+    fn add(&mut self, title: &str, figures: Vec<BenchFigure>) -> Outcome {
         if self.prints && !figures.is_empty() {
             let mut text = format!("\n{title}\n");
             for figure in figures.iter().filter(|f| !f.is_detail) {
@@ -167,7 +168,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let bar = Bar::new(quiet);
     bar.stage("calibrate", 0);
     let folder = store::folder();
-    let session = Session::open(gpu, folder.as_deref())?;
+    let session = BenchSession::open(gpu, folder.as_deref())?;
     let about = session.about(args.words());
     let mut figures = Figures {
         all: Vec::new(),
@@ -215,12 +216,12 @@ fn is_cancelled(error: &anyhow::Error) -> bool {
 /// A model of the run, once it is needed: name and file.
 fn sources(args: &Args) -> Vec<(String, PathBuf)> {
     let mut sources = Vec::new();
-    for standard in Standard::ALL {
+    for standard in CaseStandard::ALL {
         if !args.wants_case(standard) {
             continue;
         }
         let name = standard.name().to_owned();
-        if standard == Standard::Dragon {
+        if standard == CaseStandard::Dragon {
             match dragon() {
                 Some(path) => sources.push((name, path)),
                 None if args.files.is_empty() => say(
@@ -257,7 +258,7 @@ fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
 
 fn models(
     args: &Args,
-    session: &Session,
+    session: &BenchSession,
     plan: &Plan,
     figures: &mut Figures,
     bar: &Bar,
@@ -272,7 +273,7 @@ fn models(
     // Rates are asked of the largest model: its parts are all splats.
     let rated = sources
         .iter()
-        .position(|(name, _)| name == Standard::Statue.name())
+        .position(|(name, _)| name == CaseStandard::Statue.name())
         .unwrap_or(0);
     let sources = if wants_models { &sources[..] } else { &[] };
     for (i, (name, path)) in sources.iter().enumerate() {
@@ -285,13 +286,13 @@ fn models(
             continue;
         }
         let ready = load(path, bar)?;
-        let is_dragon = ready.model.triangles.len() as u64 == Standard::Dragon.triangles();
+        let is_dragon = ready.model.triangles.len() as u64 == CaseStandard::Dragon.triangles();
         let name = if is_dragon {
-            Standard::Dragon.name()
+            CaseStandard::Dragon.name()
         } else {
             name
         };
-        let case = Case {
+        let case = BenchCase {
             name,
             model: &ready.model,
         };
@@ -300,7 +301,12 @@ fn models(
             let title = format!("rates and the empty frame: {name}, {count} triangles");
             figures.add(&title, rates::figures(session, &case, plan, bar)?)?;
         }
-        type Measure = fn(&Session, &Case<'_>, &Plan, &dyn Progress) -> Result<Vec<Figure>, Error>;
+        type Measure = fn(
+            &BenchSession,
+            &BenchCase<'_>,
+            &Plan,
+            &dyn Progress,
+        ) -> Result<Vec<BenchFigure>, Error>;
         let parts: [(Part, &str, Measure); 3] = [
             (Part::Cut, "cut", cuts::figures),
             (Part::Frames, "frames", frames::figures),
@@ -313,14 +319,20 @@ fn models(
             }
         }
     }
-    if args.wants(Part::Growth) && args.wants_case(Standard::Statue) {
+    if args.wants(Part::Growth) && args.wants_case(CaseStandard::Statue) {
         grow(args, session, plan, figures, bar)?;
     }
     Ok(())
 }
 
 /// One view of the statue with ever more triangles.
-fn grow(args: &Args, session: &Session, plan: &Plan, figures: &mut Figures, bar: &Bar) -> Outcome {
+fn grow(
+    args: &Args,
+    session: &BenchSession,
+    plan: &Plan,
+    figures: &mut Figures,
+    bar: &Bar,
+) -> Outcome {
     let scale = |n: u64| {
         args.triangles
             .map_or(n, |small| small * n / 8_000_000)
@@ -336,9 +348,9 @@ fn grow(args: &Args, session: &Session, plan: &Plan, figures: &mut Figures, bar:
         let path = format!("generate:statue:{}", scale(count));
         models.push(load(Path::new(&path), bar)?.model);
     }
-    let cases: Vec<Case<'_>> = models
+    let cases: Vec<BenchCase<'_>> = models
         .iter()
-        .map(|model| Case {
+        .map(|model| BenchCase {
             name: "statue",
             model,
         })

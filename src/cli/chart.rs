@@ -8,12 +8,12 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
-use surfel::chart::agree::{Agreement, agreement};
+use surfel::chart::agree::{ReferenceAgreement, agreement};
 use surfel::chart::page::{Shot, html, panel_facts};
 use surfel::chart::plot::{METRICS, pixels, svg};
-use surfel::chart::run::{Bench, Place, block, empty_row, orbit};
-use surfel::chart::summary::{Panel, summarize};
-use surfel::chart::{Choice, Plan, Row, read_rows, write_rows};
+use surfel::chart::run::{ChartBench, ChartPlace, block, empty_row, orbit};
+use surfel::chart::summary::{SummaryPanel, summarize};
+use surfel::chart::{ChartRow, DrawConfiguration, Plan, read_rows, write_rows};
 use surfel::image::FloatImage;
 use surfel::progress::Progress;
 use surfel::render::engine::Backend;
@@ -121,7 +121,7 @@ impl Args {
     }
 
     /// The panels of the chart that this one is compared with.
-    fn other_panels(&self) -> Result<Option<Vec<Panel>>, Failure> {
+    fn other_panels(&self) -> Result<Option<Vec<SummaryPanel>>, Failure> {
         let Some(folder) = &self.against else {
             return Ok(None);
         };
@@ -150,9 +150,10 @@ fn unique<T: PartialEq + Copy>(values: &[T]) -> Vec<T> {
 }
 
 /// Rows of an earlier run that this one can go on from; what was measured otherwise is kept in another file.
-fn earlier_rows(path: &Path, like: &Row) -> Result<Vec<Row>, Failure> {
+fn earlier_rows(path: &Path, like: &ChartRow) -> Result<Vec<ChartRow>, Failure> {
     let all = read_rows(path)?;
-    let (rows, others): (Vec<Row>, Vec<Row>) = all.into_iter().partition(|r| r.is_like(like));
+    let (rows, others): (Vec<ChartRow>, Vec<ChartRow>) =
+        all.into_iter().partition(|r| r.is_like(like));
     if !others.is_empty() {
         let aside = path.with_file_name("rows.other.csv");
         let mut kept = read_rows(&aside)?;
@@ -174,8 +175,8 @@ struct Run<'a> {
     plan: &'a Plan,
     backend: &'a Backend,
     path: PathBuf,
-    earlier: Vec<Row>,
-    rows: Vec<Row>,
+    earlier: Vec<ChartRow>,
+    rows: Vec<ChartRow>,
     references: Vec<FloatImage>,
     shots: Vec<Shot>,
 }
@@ -185,8 +186,8 @@ impl Run<'_> {
     fn model(&mut self, ready: &OpenedModel, bar: &Bar) -> Outcome {
         let (model, plan) = (&ready.model, self.plan);
         let choices = plan.choices(model, self.backend);
-        let mut bench = Bench::new(self.backend, model, plan.size)?;
-        let settings: Vec<_> = choices.iter().map(Choice::settings).collect();
+        let mut bench = ChartBench::new(self.backend, model, plan.size)?;
+        let settings: Vec<_> = choices.iter().map(DrawConfiguration::settings).collect();
         bench.set_costs(costs_of(self.backend, &settings));
         let blocks = plan.fills.len() as u64 * u64::from(plan.views);
         bar.stage("measure", blocks * plan.block_frames(choices.len()));
@@ -195,17 +196,18 @@ impl Run<'_> {
         for fill in 0..plan.fills.len() {
             let mut reference = None;
             for view in 0..plan.views {
-                let place = Place {
+                let place = ChartPlace {
                     model: &ready.name,
                     fill,
                     view,
                 };
                 let like = |c| empty_row(self.backend, model, plan, place, c);
-                let found: Vec<Row> = choices
+                let found: Vec<ChartRow> = choices
                     .iter()
                     .filter_map(|choice| {
                         let row = like(choice);
-                        let is_it = |r: &&Row| r.is_of_block(&row) && r.choice() == Some(*choice);
+                        let is_it =
+                            |r: &&ChartRow| r.is_of_block(&row) && r.choice() == Some(*choice);
                         self.earlier.iter().find(is_it).cloned()
                     })
                     .collect();
@@ -254,7 +256,7 @@ impl Run<'_> {
                 .iter()
                 .any(|r| r.is_of_block(old) && r.choice() == old.choice())
         });
-        let all: Vec<Row> = self.rows.iter().chain(rest).cloned().collect();
+        let all: Vec<ChartRow> = self.rows.iter().chain(rest).cloned().collect();
         Ok(write_rows(&self.path, &all)?)
     }
 }
@@ -287,7 +289,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
                             .context(format!("cannot make the folder {}", args.output.display())),
                     )
                 })?;
-                let place = Place {
+                let place = ChartPlace {
                     model: &ready.name,
                     fill: 0,
                     view: 0,
@@ -346,7 +348,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
 ///
 /// # Errors
 /// When they do not, or are of other models or distances.
-fn report_agreement(first: &[Panel], second: &[Panel], folder: &Path, is_json: bool) -> Outcome {
+fn report_agreement(
+    first: &[SummaryPanel],
+    second: &[SummaryPanel],
+    folder: &Path,
+    is_json: bool,
+) -> Outcome {
     let Some(all) = agreement(first, second) else {
         return Err(usage(format!(
             "--against {}: it has no model and distance in common with this chart",
@@ -359,7 +366,7 @@ fn report_agreement(first: &[Panel], second: &[Panel], folder: &Path, is_json: b
     } else {
         print(&text)?;
     }
-    if all.iter().all(Agreement::is_kept) {
+    if all.iter().all(ReferenceAgreement::is_kept) {
         return Ok(());
     }
     Err(Failure::Run(anyhow::anyhow!(
@@ -370,7 +377,7 @@ fn report_agreement(first: &[Panel], second: &[Panel], folder: &Path, is_json: b
 }
 
 /// What two charts say of each other, for people.
-fn agreement_text(all: &[Agreement]) -> String {
+fn agreement_text(all: &[ReferenceAgreement]) -> String {
     let mut out = String::new();
     for panel in all {
         let ratios = panel.compared - panel.off.len();
@@ -452,7 +459,7 @@ fn heading(run: &Run<'_>) -> (String, String) {
 }
 
 /// The frontier of every panel for people.
-fn table(panels: &[Panel], folder: &Path) -> String {
+fn table(panels: &[SummaryPanel], folder: &Path) -> String {
     let mut out = String::new();
     for panel in panels {
         // Writing to a string does not fail.

@@ -9,7 +9,8 @@ use surfel::image::{
     Difference, FloatImage, Image, Picture, compare, contact_sheet, difference_picture,
 };
 use surfel::measure::{
-    self, Coverage, PIXELS_PER_DEGREE, Spread, Tile, crop, flip, ssim, worst_tile,
+    self, CoverageErrors, PIXELS_PER_DEGREE, PictureTile, SampleSpread, crop, flip, ssim,
+    worst_tile,
 };
 
 /// Compare two pictures.
@@ -96,10 +97,10 @@ struct Report {
     flip: f64,
     ssim: f64,
     difference: Difference,
-    worst: Tile,
+    worst: PictureTile,
     /// Coverage and silhouette, where pixels are told covered or not.
-    shape: Option<(Coverage, Spread)>,
-    normals: Option<Spread>,
+    shape: Option<(CoverageErrors, SampleSpread)>,
+    normals: Option<SampleSpread>,
 }
 
 /// A difference up to this many levels is no difference to count.
@@ -406,7 +407,7 @@ fn flip_picture([width, height]: [u32; 2], map: &[f32]) -> Image {
 fn worst_sheet(
     reference: &FloatImage,
     picture: &FloatImage,
-    tile: &Tile,
+    tile: &PictureTile,
 ) -> Result<Image, surfel::image::Error> {
     let enlarge = (256 / tile.width.max(tile.height).max(1)).max(1);
     let difference = difference_picture(reference, picture, 1.0)?;

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::path::PathBuf;
 use surfel::image::contact_sheet;
-use surfel::measure::Distribution;
+use surfel::measure::ValueDistribution;
 use surfel::pack::ColorBy;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
@@ -197,7 +197,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         let image = engine.read(&view)?;
         let path = args.output.join(format!("{}.png", shot.file));
         image.save_png(&path)?;
-        let ms = Distribution::of(&frames).median;
+        let ms = ValueDistribution::of(&frames).median;
         if shot.method == Method::Triangles {
             reference_ms = ms;
         }

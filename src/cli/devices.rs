@@ -2,7 +2,7 @@
 
 use super::{Failure, Outcome, bytes, print, say};
 use std::fmt::Write;
-use surfel::bench::calibrate::{Calibration, Found, Part};
+use surfel::bench::calibrate::{CalibrationPart, DeviceCalibration, FoundCalibration};
 use surfel::bench::rates;
 use surfel::gpu::{self, DeviceOptions, Gpu, device, profile};
 use surfel::measure::store;
@@ -26,7 +26,7 @@ pub(crate) struct Args {
 }
 
 /// The costs of a device for people.
-fn costs_text(found: &Found) -> String {
+fn costs_text(found: &FoundCalibration) -> String {
     let mut out = String::new();
     let calibration = &found.calibration;
     let costs: &DrawCosts = &calibration.costs;
@@ -112,7 +112,12 @@ pub(crate) fn run(args: Args) -> Outcome {
             None
         };
         let costs = if args.calibrate {
-            let found = Calibration::kept(&gpu, store::folder().as_deref(), &Part::ALL, true)?;
+            let found = DeviceCalibration::kept(
+                &gpu,
+                store::folder().as_deref(),
+                &CalibrationPart::ALL,
+                true,
+            )?;
             if let Some(error) = &found.not_kept {
                 say(&format!("surfel: warning: the costs are not kept: {error}"));
             }

@@ -3,7 +3,7 @@
 use super::progress::Bar;
 use super::{Outcome, count, say, usage};
 use std::path::PathBuf;
-use surfel::generate::{self, Shape, Spec};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 
 /// Write a generated model as binary PLY.
 #[derive(Debug, clap::Args)]
@@ -12,7 +12,7 @@ use surfel::generate::{self, Shape, Spec};
 )]
 pub(crate) struct Args {
     /// square, sphere, torus or statue
-    shape: Shape,
+    shape: GeneratedShape,
     /// Number of triangles wanted; the nearest grid is taken
     #[arg(
         long,
@@ -31,7 +31,7 @@ pub(crate) struct Args {
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let spec = match &args.grid {
-        None => Spec::with_triangles(args.shape, args.triangles)?,
+        None => ShapeSpec::with_triangles(args.shape, args.triangles)?,
         Some(text) => {
             let (a, b) = text.split_once('x').unwrap_or((text, text));
             let cells = |t: &str| {
@@ -41,7 +41,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
                     ))
                 })
             };
-            Spec::with_grid(args.shape, cells(a)?, cells(b)?)?
+            ShapeSpec::with_grid(args.shape, cells(a)?, cells(b)?)?
         }
     };
     super::require_folder(&args.output)?;

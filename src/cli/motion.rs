@@ -10,8 +10,8 @@ use clap::ValueEnum;
 use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use surfel::measure::motion::{self, Plan, Steps, Subject, Target};
-use surfel::measure::temporal::{Rules, Sequence, TILE};
+use surfel::measure::motion::{self, MotionSteps, MotionSubject, MotionTarget, Plan};
+use surfel::measure::temporal::{PictureSequence, TILE, TemporalRules};
 use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
 use surfel::render::{Method, Settings};
@@ -37,7 +37,7 @@ enum PathName {
     Refine,
 }
 
-impl From<PathName> for motion::Path {
+impl From<PathName> for motion::CameraPath {
     fn from(name: PathName) -> Self {
         match name {
             PathName::Orbit => Self::Orbit,
@@ -72,10 +72,10 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = 16)]
     samples: u32,
     /// Frames a second, for popping
-    #[arg(long, value_name = "RATE", default_value_t = Rules::default().frames_per_second)]
+    #[arg(long, value_name = "RATE", default_value_t = TemporalRules::default().frames_per_second)]
     fps: f64,
     /// A tile of 8 x 8 pixels pops when it changes by more than this besides the reference, levels of 255
-    #[arg(long, value_name = "LEVELS", default_value_t = Rules::default().pop_level)]
+    #[arg(long, value_name = "LEVELS", default_value_t = TemporalRules::default().pop_level)]
     pop_level: f64,
     /// Folder to write a picture of each look's worst step to; made if it is not there
     #[arg(short, long, value_name = "DIR")]
@@ -148,9 +148,9 @@ impl Args {
     }
 
     /// The yardstick, the look of the command line, and those beside it.
-    fn subjects(&self) -> Result<Vec<Subject>, Failure> {
+    fn subjects(&self) -> Result<Vec<MotionSubject>, Failure> {
         let base = self.look.settings()?;
-        let mut subjects = vec![Subject {
+        let mut subjects = vec![MotionSubject {
             label: "one exact sample".into(),
             settings: Settings {
                 method: Method::Triangles,
@@ -158,14 +158,14 @@ impl Args {
             },
         }];
         if base.method != Method::Triangles {
-            subjects.push(Subject {
+            subjects.push(MotionSubject {
                 label: name(&base),
                 settings: base,
             });
         }
         for text in &self.with {
             let look = self.look.varied(text)?;
-            subjects.push(Subject {
+            subjects.push(MotionSubject {
                 label: text.split_whitespace().collect::<Vec<_>>().join(" "),
                 settings: look.settings()?,
             });
@@ -207,13 +207,13 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         Some(camera) => camera,
         None => orbit_cameras(&ready, args.camera.size(), args.orbit, 1).remove(0),
     };
-    let steps = Steps {
+    let steps = MotionSteps {
         path: args.along.into(),
         count: args.steps,
         angle: args.degrees_per_step.to_radians(),
         coarsest: args.coarsest,
     };
-    let frames = motion::frames(&start, &Target::of(model), &steps, fits_planes)?;
+    let frames = motion::frames(&start, &MotionTarget::of(model), &steps, fits_planes)?;
     let size = (start.width, start.height);
     let backend = args.device.open()?;
     let mut engine = Engine::new(&backend, model, size, PictureOutputs::default())?;
@@ -221,7 +221,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         frames: &frames,
         subjects: &subjects,
         samples_side: args.side(),
-        rules: Rules {
+        rules: TemporalRules {
             pop_level: args.pop_level,
             frames_per_second: args.fps,
         },
@@ -233,7 +233,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         write_pictures(folder, &found)?;
     }
     if let Some(path) = &args.json {
-        let about = |(subject, sequence): (&Subject, &Sequence)| {
+        let about = |(subject, sequence): (&MotionSubject, &PictureSequence)| {
             json!({
                 "label": subject.label,
                 "settings": settings_of(&ready, &subject.settings, size),
@@ -276,7 +276,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
 }
 
 /// `worst-0.png` is of the first row of the table.
-fn write_pictures(folder: &Path, found: &[Sequence]) -> Outcome {
+fn write_pictures(folder: &Path, found: &[PictureSequence]) -> Outcome {
     for (i, sequence) in found.iter().enumerate() {
         if let Some(picture) = sequence.worst_picture(2.0) {
             picture.save_png(&folder.join(format!("worst-{i}.png")))?;
@@ -286,7 +286,7 @@ fn write_pictures(folder: &Path, found: &[Sequence]) -> Outcome {
 }
 
 /// Figures in columns, one row a look.
-fn table(subjects: &[Subject], found: &[Sequence], rules: &Rules) -> String {
+fn table(subjects: &[MotionSubject], found: &[PictureSequence], rules: &TemporalRules) -> String {
     let width = subjects.iter().map(|s| s.label.chars().count()).max();
     let width = width.unwrap_or(0).max(16);
     let mut text = format!(
@@ -328,7 +328,7 @@ fn table(subjects: &[Subject], found: &[Sequence], rules: &Rules) -> String {
 }
 
 /// One row a look and step.
-fn rows(subjects: &[Subject], found: &[Sequence]) -> String {
+fn rows(subjects: &[MotionSubject], found: &[PictureSequence]) -> String {
     let mut text = String::from(
         "label,frame,object_pixels,mean_level,max_level,max_x,max_y,reference_level,pops,worst_tile_x,worst_tile_y,worst_tile_level,churn\n",
     );

@@ -10,9 +10,9 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
-use surfel::measure::Distribution;
-use surfel::measure::profile::{Plan, Profile, Proof};
-use surfel::measure::report::Report;
+use surfel::measure::ValueDistribution;
+use surfel::measure::profile::{FrameProfile, Plan, ProfileProof};
+use surfel::measure::report::ProfileReport;
 use surfel::progress::Progress;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::Engine;
@@ -112,8 +112,8 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     };
     let bar = Bar::new(quiet);
     bar.stage("self-test", 0);
-    let proof = Proof::of(&backend)?;
-    let profile = Profile::run(&backend, &mut engine, &plan, proof, &bar)?;
+    let proof = ProfileProof::of(&backend)?;
+    let profile = FrameProfile::run(&backend, &mut engine, &plan, proof, &bar)?;
     drop(bar);
     let report = profile.report();
     for warning in &report.warnings {
@@ -173,7 +173,7 @@ fn word(value: &impl serde::Serialize) -> String {
 }
 
 /// What the model and the device's allocations take, bytes.
-fn memory(ready: &OpenedModel, profile: &Profile) -> serde_json::Value {
+fn memory(ready: &OpenedModel, profile: &FrameProfile) -> serde_json::Value {
     let resources: Vec<_> = profile
         .memory
         .iter()
@@ -201,7 +201,7 @@ impl Table {
     fn row(
         &mut self,
         name: &str,
-        d: &Distribution,
+        d: &ValueDistribution,
         show: &dyn Fn(f64) -> String,
         share: Option<f64>,
     ) {
@@ -216,15 +216,15 @@ impl Table {
         ]);
     }
 
-    fn ms(&mut self, name: &str, d: &Distribution, share: Option<f64>) {
+    fn ms(&mut self, name: &str, d: &ValueDistribution, share: Option<f64>) {
         self.row(name, d, &|v| format!("{v:.3}"), share);
     }
 
-    fn count(&mut self, name: &str, d: &Distribution) {
+    fn count(&mut self, name: &str, d: &ValueDistribution) {
         self.row(name, d, &|v| count(v.round() as u64), None);
     }
 
-    fn bytes(&mut self, name: &str, d: &Distribution) {
+    fn bytes(&mut self, name: &str, d: &ValueDistribution) {
         self.row(name, d, &|v| bytes(v.round() as u64), None);
     }
 
@@ -241,7 +241,7 @@ impl Table {
 
 const UNKNOWN: &str = "not known on this device";
 
-fn table(ready: &OpenedModel, profile: &Profile, report: &Report) -> String {
+fn table(ready: &OpenedModel, profile: &FrameProfile, report: &ProfileReport) -> String {
     let mut t = Table::default();
     match &profile.device {
         Some(info) if info.is_cpu() => t.text(&format!(
@@ -352,7 +352,7 @@ fn table(ready: &OpenedModel, profile: &Profile, report: &Report) -> String {
 }
 
 /// Whether it can be believed.
-fn proof(t: &mut Table, report: &Report) {
+fn proof(t: &mut Table, report: &ProfileReport) {
     let proof = &report.profiling;
     t.text("\ncan it be believed?");
     if let Some(test) = &proof.self_test {

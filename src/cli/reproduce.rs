@@ -7,7 +7,7 @@ use super::{Failure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
 use std::path::{Path, PathBuf};
-use surfel::chart::published::{Subject, Table, benda, dietz, qsplat};
+use surfel::chart::published::{PublishedSubject, Table, benda, dietz, qsplat};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -101,7 +101,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
                 ready.name
             )));
         }
-        let subject = Subject {
+        let subject = PublishedSubject {
             name: &ready.name,
             model: &ready.model,
             build_s: ready.build_ms / 1e3,

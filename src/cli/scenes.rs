@@ -3,7 +3,7 @@
 use super::{Failure, Outcome, print};
 use serde_json::json;
 use std::fmt::Write;
-use surfel::scenes::{self, Entry};
+use surfel::scenes::{self, SceneEntry};
 
 /// List the built-in scenes that methods fail at.
 #[derive(Debug, clap::Args)]
@@ -19,7 +19,7 @@ pub(crate) struct Args {
 /// The list for people.
 pub(crate) fn print_list() -> Outcome {
     let mut text = String::new();
-    for Entry {
+    for SceneEntry {
         name, shows, fails, ..
     } in scenes::ALL
     {
@@ -29,7 +29,7 @@ pub(crate) fn print_list() -> Outcome {
     print(&text)
 }
 
-fn facts(entry: &Entry) -> serde_json::Value {
+fn facts(entry: &SceneEntry) -> serde_json::Value {
     let scene = entry.make();
     json!({
         "name": entry.name,

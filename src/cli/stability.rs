@@ -6,9 +6,9 @@ use super::render::{DeviceArgs, validated};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::failures::page::{SceneRow, Shot, Table, thumb};
-use surfel::failures::{self, Figure, Look, Verdict};
+use surfel::failures::{self, FailureFigure, FailureLook, FailureVerdict};
 use surfel::render::{Method, SplatKind};
-use surfel::scenes::{self, Entry};
+use surfel::scenes::{self, SceneEntry};
 
 /// Draw every scene that methods fail at by every method, and hold what is measured to the stated bounds.
 #[derive(Debug, clap::Args)]
@@ -54,10 +54,10 @@ const QUICK: [&str; 14] = [
 ];
 
 impl Args {
-    fn looks(&self) -> Result<Vec<Look>, Failure> {
+    fn looks(&self) -> Result<Vec<FailureLook>, Failure> {
         let methods: Vec<Method> = self.method.iter().map(|m| (*m).into()).collect();
         let splats: Vec<SplatKind> = self.splat.iter().map(|s| (*s).into()).collect();
-        let is_wanted = |look: &Look| {
+        let is_wanted = |look: &FailureLook| {
             let s = &look.settings;
             let has_method = methods.is_empty() || methods.contains(&s.method);
             let has_splat = !s.draws_splats() || splats.is_empty() || splats.contains(&s.splat);
@@ -65,7 +65,7 @@ impl Args {
                 look.only.is_empty() && matches!(s.method, Method::Triangles | Method::Pop);
             has_method && has_splat && (!self.quick || is_quick)
         };
-        let looks: Vec<Look> = failures::looks().into_iter().filter(is_wanted).collect();
+        let looks: Vec<FailureLook> = failures::looks().into_iter().filter(is_wanted).collect();
         if looks.is_empty() {
             return Err(usage(
                 "no way of drawing is left: points are drawn as squares, and --quick knows triangles and pop",
@@ -74,9 +74,9 @@ impl Args {
         Ok(looks)
     }
 
-    fn entries(&self) -> Result<Vec<&'static Entry>, Failure> {
+    fn entries(&self) -> Result<Vec<&'static SceneEntry>, Failure> {
         if self.quick {
-            let is_quick = |e: &&Entry| QUICK.contains(&e.name);
+            let is_quick = |e: &&SceneEntry| QUICK.contains(&e.name);
             return Ok(scenes::ALL.iter().filter(is_quick).collect());
         }
         if let Some(name) = self.scene.iter().find(|n| scenes::find(n).is_none()) {
@@ -85,7 +85,7 @@ impl Args {
             )));
         }
         let is_wanted =
-            |e: &&Entry| self.scene.is_empty() || self.scene.iter().any(|n| n == e.name);
+            |e: &&SceneEntry| self.scene.is_empty() || self.scene.iter().any(|n| n == e.name);
         Ok(scenes::ALL.iter().filter(is_wanted).collect())
     }
 }
@@ -143,7 +143,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
                 });
             }
             if let Some(flip) = case.flip(&picture)? {
-                cell.figures.push((Figure::Flip, flip));
+                cell.figures.push((FailureFigure::Flip, flip));
             }
             picture.save_png(&pictures.join(file_name(cell.scene, look.name)))?;
             if let Some(row) = table.scenes.last_mut() {
@@ -174,7 +174,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     write_text(&page, &table.html()?)?;
     print(&format!("{}all of it: {}\n", table.text(), page.display()))?;
     validated(&backend)?;
-    match table.count(Verdict::Fail) {
+    match table.count(FailureVerdict::Fail) {
         0 => Ok(()),
         n => Err(Failure::Run(anyhow::anyhow!(
             "{n} cells are out of their bounds; see {}",

@@ -2,7 +2,7 @@
 
 use serde_json::json;
 use surfel::OpenedModel;
-use surfel::measure::Distribution;
+use surfel::measure::ValueDistribution;
 use surfel::render::Settings;
 use surfel::render::engine::Backend;
 use surfel::render::stats::{FrameStage, FrameTimes};
@@ -48,7 +48,7 @@ pub(crate) fn of(
     times: &[FrameTimes],
 ) -> serde_json::Value {
     let spread = |of: &dyn Fn(&FrameTimes) -> f64| {
-        Distribution::of(&times.iter().map(of).collect::<Vec<_>>())
+        ValueDistribution::of(&times.iter().map(of).collect::<Vec<_>>())
     };
     let mut names: Vec<&'static str> = Vec::new();
     for pass in times.iter().flat_map(|t| &t.passes) {
@@ -63,7 +63,7 @@ pub(crate) fn of(
                 .iter()
                 .flat_map(|t| t.passes.iter().filter(|p| p.name == *name).map(|p| p.ms))
                 .collect();
-            json!({ "name": name, "gpu_ms": Distribution::of(&values) })
+            json!({ "name": name, "gpu_ms": ValueDistribution::of(&values) })
         })
         .collect();
     let memory: Vec<_> = match backend.device() {
@@ -76,7 +76,7 @@ pub(crate) fn of(
     };
     let model = &ready.model;
     let count = |of: fn(&FrameTimes) -> u64| {
-        Distribution::of(&times.iter().map(|t| of(t) as f64).collect::<Vec<_>>())
+        ValueDistribution::of(&times.iter().map(|t| of(t) as f64).collect::<Vec<_>>())
     };
     json!({
         "model": super::info::facts(ready),

@@ -7,7 +7,7 @@ use super::source::open_options;
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
-use surfel::viewer::{self, Faults, Options, store};
+use surfel::viewer::{self, InjectedFaults, ViewerOptions, store};
 
 /// Mouse and keys, for `surfel --help`.
 pub(crate) use surfel::viewer::input::help;
@@ -148,14 +148,14 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         && args.exit_after_frames.is_none();
     let settings_file = store::place().filter(|_| is_attended);
     let mut warning = None;
-    let mut window = store::Window {
+    let mut window = store::StoredWindow {
         panel: is_attended,
-        ..store::Window::default()
+        ..store::StoredWindow::default()
     };
     let mut left_size = None;
     match settings_file.as_deref().map(store::load) {
         Some(Ok((stored, look))) => {
-            if stored.window != store::Window::default() {
+            if stored.window != store::StoredWindow::default() {
                 left_size = Some((stored.window.width, stored.window.height));
             }
             window = stored.window;
@@ -172,7 +172,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);
-    let options = Options {
+    let options = ViewerOptions {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         opening: open_options(args.weld),
@@ -199,7 +199,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         headless: args.headless,
         pictures: args.pictures,
         exit_after_frames: args.exit_after_frames,
-        faults: Faults {
+        faults: InjectedFaults {
             surface: args.lose_surface_every,
             device: args.lose_device_every,
             memory: args.exhaust_memory_every,

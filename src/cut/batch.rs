@@ -12,21 +12,21 @@ mod occlusion;
 
 pub(super) use lanes::{LANES, Mask};
 
-use crate::cut::frustum_and_size::{Tester, inherit};
-use crate::cut::occlusion::{Chunk, Hiding, Marks};
+use crate::cut::frustum_and_size::{NodeTester, inherit};
+use crate::cut::occlusion::{Chunk, DepthMarks, OcclusionTest};
 use crate::cut::siblings;
 use crate::cut::{Cut, StripRun};
-use crate::simd::Wide;
+use crate::simd::WideLanes;
 use crate::tree::{Leaf, Model, Node};
-use ahead::Ahead;
+use ahead::PrefetchAhead;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
-use lanes::Siblings;
+use lanes::SiblingLanes;
 use prefetch_index::prefetch_index;
 
 /// Siblings that are to be looked at: the first one, how many they are (1 to 4) and what they inherit.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub(super) struct Group {
+pub(super) struct SiblingGroup {
     first: u32,
     /// The count; above its 8 bits what is inherited.
     word: u32,
@@ -36,7 +36,7 @@ const INHERITED: u32 = 8;
 const INSIDE: u32 = (inherit::INSIDE as u32) << INHERITED;
 const FRONT: u32 = (inherit::FRONT as u32) << INHERITED;
 
-impl Group {
+impl SiblingGroup {
     pub(super) fn new(first: u32, count: u32, inherited: u8) -> Self {
         Self {
             first,
@@ -66,7 +66,7 @@ pub(super) const SIZE: usize = 64;
 
 /// The four records from a group's first on, and how many of them are its own. Where links of a tree are wrong, none.
 #[inline(always)]
-fn four<T: Copy + bytemuck::Zeroable>(records: &[T], group: Group) -> ([T; 4], u32) {
+fn four<T: Copy + bytemuck::Zeroable>(records: &[T], group: SiblingGroup) -> ([T; 4], u32) {
     let rest = records.get(group.first as usize..).unwrap_or_default();
     if let Some(&four) = rest.first_chunk::<4>() {
         return (four, group.count());
@@ -79,7 +79,7 @@ fn four<T: Copy + bytemuck::Zeroable>(records: &[T], group: Group) -> ([T; 4], u
 
 /// Which siblings of a batch are what, a bit a lane.
 #[derive(Debug, Clone, Copy, Default)]
-struct Verdicts {
+struct BatchVerdicts {
     /// Not dropped so far.
     kept: Mask,
     /// Not outside of the view volume.
@@ -117,30 +117,30 @@ impl Counts {
 
 /// The working memory of the stages, 40 KiB.
 #[derive(Debug)]
-pub(super) struct Batch {
+pub(super) struct NodeBatch {
     level: Level,
-    siblings: Siblings,
-    verdicts: Verdicts,
+    siblings: SiblingLanes,
+    verdicts: BatchVerdicts,
     /// Of how many splats rows are.
     counts: [u32; LANES],
     /// Leaves whose side is asked for, and the lane of each.
     faces: Vec<(u32, u32)>,
     corners: Vec<[u32; 3]>,
-    split: occlusion::Rows,
+    split: occlusion::OcclusionRows,
     chunk: Chunk,
 }
 
-impl Batch {
+impl NodeBatch {
     /// For vectors of a level.
     pub(super) fn new(level: Level) -> Self {
         Self {
             level,
-            siblings: Siblings::default(),
-            verdicts: Verdicts::default(),
+            siblings: SiblingLanes::default(),
+            verdicts: BatchVerdicts::default(),
             counts: [0; LANES],
             faces: Vec::with_capacity(LANES),
             corners: Vec::with_capacity(LANES),
-            split: occlusion::Rows::default(),
+            split: occlusion::OcclusionRows::default(),
             chunk: Chunk::default(),
         }
     }
@@ -150,11 +150,11 @@ impl Batch {
     pub(super) fn nodes(
         &mut self,
         model: &Model,
-        tester: &Tester,
-        groups: (&[Group], &[Group]),
-        hiding: Option<&Hiding<'_>>,
-        (cut, marks): (&mut Cut, &mut Marks),
-        open: &mut Vec<Group>,
+        tester: &NodeTester,
+        groups: (&[SiblingGroup], &[SiblingGroup]),
+        hiding: Option<&OcclusionTest<'_>>,
+        (cut, marks): (&mut Cut, &mut DepthMarks),
+        open: &mut Vec<SiblingGroup>,
     ) {
         let nodes: &[Node] = &model.tree.nodes;
         dispatch!(self.level, simd => {
@@ -166,13 +166,13 @@ impl Batch {
     fn look_at_nodes<S: Simd>(
         &mut self,
         simd: S,
-        (nodes, tester): (&[Node], &Tester),
-        (groups, ahead): (&[Group], &[Group]),
-        hiding: Option<&Hiding<'_>>,
-        (cut, marks): (&mut Cut, &mut Marks),
-        open: &mut Vec<Group>,
+        (nodes, tester): (&[Node], &NodeTester),
+        (groups, ahead): (&[SiblingGroup], &[SiblingGroup]),
+        hiding: Option<&OcclusionTest<'_>>,
+        (cut, marks): (&mut Cut, &mut DepthMarks),
+        open: &mut Vec<SiblingGroup>,
     ) {
-        let ahead = &mut Ahead::new(nodes, ahead);
+        let ahead = &mut PrefetchAhead::new(nodes, ahead);
         let hides = hiding.filter(|hiding| hiding.asks_splats());
         let exact = hiding.filter(|hiding| hiding.is_exact());
         // What hides is half of the work.
@@ -202,11 +202,11 @@ impl Batch {
     fn load_nodes(
         &mut self,
         nodes: &[Node],
-        groups: &[Group],
-        (ahead, each): (&mut Ahead<'_>, usize),
+        groups: &[SiblingGroup],
+        (ahead, each): (&mut PrefetchAhead<'_>, usize),
     ) {
         let siblings = &mut self.siblings;
-        self.verdicts = Verdicts::begin(groups, |index, group| {
+        self.verdicts = BatchVerdicts::begin(groups, |index, group| {
             if index % 8 == 0 {
                 ahead.ask(each);
             }
@@ -228,17 +228,17 @@ impl Batch {
     fn test_nodes<S: Simd>(
         &mut self,
         simd: S,
-        tester: &Tester,
-        groups: &[Group],
-        exact: Option<&Hiding<'_>>,
-        (ahead, each): (&mut Ahead<'_>, usize),
+        tester: &NodeTester,
+        groups: &[SiblingGroup],
+        exact: Option<&OcclusionTest<'_>>,
+        (ahead, each): (&mut PrefetchAhead<'_>, usize),
     ) -> Counts {
         let mut verdicts = self.verdicts;
         let mut counts = Counts {
             visited: verdicts.kept.count(),
             ..Counts::default()
         };
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
             ahead.ask_each(at, each);
             let balls = tester.balls(self.siblings.spheres(simd, at));
@@ -301,8 +301,8 @@ impl Batch {
     }
 
     #[inline(always)]
-    fn emit_nodes<S: Simd>(&mut self, simd: S, cut: &mut Cut, open: &mut Vec<Group>) {
-        let Verdicts {
+    fn emit_nodes<S: Simd>(&mut self, simd: S, cut: &mut Cut, open: &mut Vec<SiblingGroup>) {
+        let BatchVerdicts {
             kept,
             small,
             inside,
@@ -319,10 +319,10 @@ impl Batch {
     pub(super) fn leaves(
         &mut self,
         model: &Model,
-        tester: &Tester,
-        groups: (&[Group], &[Group]),
-        hiding: Option<&Hiding<'_>>,
-        found: (&mut Cut, &mut Marks),
+        tester: &NodeTester,
+        groups: (&[SiblingGroup], &[SiblingGroup]),
+        hiding: Option<&OcclusionTest<'_>>,
+        found: (&mut Cut, &mut DepthMarks),
     ) {
         dispatch!(self.level, simd => {
             self.look_at_leaves(simd, (model, tester), groups, hiding, found);
@@ -333,10 +333,10 @@ impl Batch {
     fn look_at_leaves<S: Simd>(
         &mut self,
         simd: S,
-        (model, tester): (&Model, &Tester),
-        (groups, ahead): (&[Group], &[Group]),
-        hiding: Option<&Hiding<'_>>,
-        (cut, marks): (&mut Cut, &mut Marks),
+        (model, tester): (&Model, &NodeTester),
+        (groups, ahead): (&[SiblingGroup], &[SiblingGroup]),
+        hiding: Option<&OcclusionTest<'_>>,
+        (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
         self.load_leaves(&model.tree.leaves, groups, ahead);
         self.test_leaves(simd, tester, groups).add_to(cut);
@@ -358,9 +358,9 @@ impl Batch {
         &mut self,
         simd: S,
         model: &Model,
-        (between, hiding): (Option<&Hiding<'_>>, Option<&Hiding<'_>>),
-        groups: &[Group],
-        (cut, marks): (&mut Cut, &mut Marks),
+        (between, hiding): (Option<&OcclusionTest<'_>>, Option<&OcclusionTest<'_>>),
+        groups: &[SiblingGroup],
+        (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
         if let Some(hiding) = between {
             self.drop_between(simd, hiding, groups.len(), cut);
@@ -370,7 +370,7 @@ impl Batch {
         if let Some(hiding) = hiding {
             self.hide_leaves(simd, hiding, groups, always, (cut, marks));
         }
-        let Verdicts { kept, small, .. } = self.verdicts;
+        let BatchVerdicts { kept, small, .. } = self.verdicts;
         let (splats, triangles) = (kept & (small | always), kept & !(small | always));
         self.siblings.push(simd, &mut cut.leaves, splats);
         self.siblings.push(simd, &mut cut.triangles, triangles);
@@ -378,10 +378,10 @@ impl Batch {
 
     /// Leaves become lanes; those of `ahead` are asked for.
     #[inline(always)]
-    fn load_leaves(&mut self, leaves: &[Leaf], groups: &[Group], ahead: &[Group]) {
+    fn load_leaves(&mut self, leaves: &[Leaf], groups: &[SiblingGroup], ahead: &[SiblingGroup]) {
         let mut ahead = ahead.iter();
         let siblings = &mut self.siblings;
-        self.verdicts = Verdicts::begin(groups, |index, group| {
+        self.verdicts = BatchVerdicts::begin(groups, |index, group| {
             if let Some(group) = ahead.next() {
                 prefetch_index(leaves, group.first as usize);
                 prefetch_index(leaves, group.first as usize + 3);
@@ -395,13 +395,18 @@ impl Batch {
 
     /// The tests of the leaves that were loaded that need no more of them.
     #[inline(always)]
-    fn test_leaves<S: Simd>(&mut self, simd: S, tester: &Tester, groups: &[Group]) -> Counts {
+    fn test_leaves<S: Simd>(
+        &mut self,
+        simd: S,
+        tester: &NodeTester,
+        groups: &[SiblingGroup],
+    ) -> Counts {
         let mut verdicts = self.verdicts;
         let mut counts = Counts {
             visited: verdicts.kept.count(),
             ..Counts::default()
         };
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..4 * groups.len().min(SIZE)).step_by(width) {
             let balls = tester.balls(self.siblings.spheres(simd, at));
             self.siblings.put_balls(at, &balls);
@@ -420,7 +425,7 @@ impl Batch {
 
     /// Drops the leaves that face away.
     #[inline(always)]
-    fn drop_away(&mut self, model: &Model, tester: &Tester) -> Counts {
+    fn drop_away(&mut self, model: &Model, tester: &NodeTester) -> Counts {
         let asked = self.verdicts.kept & !self.verdicts.faces;
         self.faces.clear();
         for lane in asked.lanes() {
@@ -450,7 +455,7 @@ impl Batch {
             self.corners.resize(rest, [u32::MAX; 3]);
             let fours = self.faces.chunks(4).zip(self.corners.as_chunks::<4>().0);
             for (leaves, &corners) in fours {
-                let corners = Tester::corners(&model.vertices, corners);
+                let corners = NodeTester::corners(&model.vertices, corners);
                 let (is_away, unsure) = tester.triangles_face_away(&corners);
                 for (&(leaf, lane), bit) in leaves.iter().zip(0..) {
                     let is_away = match unsure >> bit & 1 {
@@ -469,10 +474,10 @@ impl Batch {
     }
 }
 
-impl Verdicts {
+impl BatchVerdicts {
     /// The siblings of groups are there, as many as `load` says of each, and have what they inherit.
     #[inline(always)]
-    fn begin(groups: &[Group], mut load: impl FnMut(usize, Group) -> u32) -> Self {
+    fn begin(groups: &[SiblingGroup], mut load: impl FnMut(usize, SiblingGroup) -> u32) -> Self {
         let mut verdicts = Self::default();
         let chunks = groups.chunks(GROUPS_OF_WORD).take(SIZE / GROUPS_OF_WORD);
         for (chunk, word) in chunks.zip(0..) {

@@ -24,20 +24,20 @@
 //! pixels and what is hidden is left out, which hidden triangles remain depends on the order of the work, as it does on threads.
 //!
 //! Cost: one to four tests for each group of the front, and as many for some groups of children of an eighth of them, on one
-//! thread. Memory: 20 bytes a group of the front, and 8 more in the [`Selector`](crate::cut::Selector).
+//! thread. Memory: 20 bytes a group of the front, and 8 more in the [`Selector`](crate::cut::CutSelector).
 
-use crate::cut::batch::Group;
-use crate::cut::frustum_and_size::{Tester, inherit};
-use crate::cut::normal_cone::Facing;
-use crate::cut::occlusion::Hiding;
-use crate::cut::select::Tests;
-use crate::cut::siblings::Balls;
+use crate::cut::batch::SiblingGroup;
+use crate::cut::frustum_and_size::{NodeTester, inherit};
+use crate::cut::normal_cone::FacingTest;
+use crate::cut::occlusion::OcclusionTest;
+use crate::cut::select::NodeTests;
+use crate::cut::siblings::SphereLanes;
 use crate::cut::strip::{MAX_COUNT, MAX_WIDTH};
-use crate::tree::{Cone, Model, Node};
+use crate::tree::{Model, Node, NormalCone};
 use glam::DVec3;
 use std::ops::Range;
 
-/// Distance by which a clearly visible ball reaches into the view volume, in units of [`Tester::plane_error`], which is 1e-6 of
+/// Distance by which a clearly visible ball reaches into the view volume, in units of [`NodeTester::plane_error`], which is 1e-6 of
 /// the model's reach. Spheres may stick out of those above them by 1e-5 of their radius.
 const PLANE_MARGIN: f32 = 32.0;
 /// Size of a node that is clearly too large, over the threshold.
@@ -178,8 +178,8 @@ impl CoherentFront {
     pub(super) fn advance(
         &mut self,
         model: &Model,
-        Tests { tester, hiding }: Tests<'_>,
-        starts: &mut Vec<Vec<Group>>,
+        NodeTests { tester, hiding }: NodeTests<'_>,
+        starts: &mut Vec<Vec<SiblingGroup>>,
     ) -> Option<u64> {
         let is_sound = !tester.is_perspective || tester.ratio >= LEAST_RATIO;
         if !is_sound || model.tree.nodes.is_empty() {
@@ -206,7 +206,7 @@ impl CoherentFront {
             starts.clear();
             starts.extend(groups.iter().map(|group| {
                 let inherited = tester.start() | judge.inherited(group);
-                Group::new(group.first, group.count, inherited)
+                SiblingGroup::new(group.first, group.count, inherited)
             }));
         }
         Some(judge.tests)
@@ -299,9 +299,9 @@ pub(super) fn children_of(model: &Model, level: usize, ids: &Range<u32>) -> Rang
 /// Judge of where the front may be in a frame.
 struct FrontJudge<'a> {
     model: &'a Model,
-    tester: &'a Tester,
+    tester: &'a NodeTester,
     /// Search for what covers no pixel, where splats are pixels.
-    exact: Option<&'a Hiding<'a>>,
+    exact: Option<&'a OcclusionTest<'a>>,
     /// Nodes that were tested.
     tests: u64,
 }
@@ -334,7 +334,7 @@ impl FrontJudge<'_> {
             rows.per_length / tester.unit
         };
         let is_no_row = nearest < 0.99 * tester.ratio;
-        let within = |hiding: &Hiding<'_>| hiding.centers.are_within(&ball, LEAST_RADIUS_PX);
+        let within = |hiding: &OcclusionTest<'_>| hiding.centers.are_within(&ball, LEAST_RADIUS_PX);
         let is_wide = || self.exact.is_none_or(|exact| within(exact) & 1 == 0);
         if !(is_inside && is_no_row && is_wide() && (skips(inherit::FRONT) || is_turned())) {
             return false;
@@ -350,8 +350,8 @@ impl FrontJudge<'_> {
 
     /// Excess of the cosine of the largest angle between a normal of a cone and the way from the viewer over what lets
     /// all of a ball face away, and the same for facing the viewer. At least 0: it does.
-    fn clearances(&self, ball: &Balls, cone: Cone) -> [f64; 2] {
-        if cone.sin_half_angle == Cone::NEVER {
+    fn clearances(&self, ball: &SphereLanes, cone: NormalCone) -> [f64; 2] {
+        if cone.sin_half_angle == NormalCone::NEVER {
             return [f64::NEG_INFINITY; 2];
         }
         let (way, radius) = if self.tester.is_perspective {
@@ -382,7 +382,7 @@ impl FrontJudge<'_> {
         {
             self.tests += 1;
             let ball = self.tester.ball(node.center, node.radius);
-            if self.tester.facing(node.center, node.radius, node.cone) == Facing::Front {
+            if self.tester.facing(node.center, node.radius, node.cone) == FacingTest::Front {
                 return inherit::FRONT;
             }
             // Nor do those above it.

@@ -1,9 +1,9 @@
 //! What the passes of a device need to choose the same cut.
 
 use crate::abi::CutConstants;
-use crate::cut::frustum_and_size::{Tester, low_levels};
+use crate::cut::frustum_and_size::{NodeTester, low_levels};
 use crate::cut::occlusion::SUBPIXEL_BITS;
-use crate::cut::occlusion::pixel_centers::Centers;
+use crate::cut::occlusion::pixel_centers::PixelCenters;
 use crate::cut::strip::{LOW, MAX_COUNT, MAX_WIDTH};
 use crate::math::camera::View;
 use crate::tree::{Model, Node};
@@ -16,7 +16,7 @@ pub fn most_splats(model: &Model) -> u64 {
         return model.tree.leaves.len() as u64;
     }
     let [low, lowest, low_leaves] = low_levels(&model.tree);
-    // As `Tester::most_in_row` has it.
+    // As `NodeTester::most_in_row` has it.
     let row = |id: u32, children: u32| match id {
         _ if id >= lowest => children.saturating_sub(1),
         _ if id >= low => low_leaves.saturating_sub(1).min(MAX_COUNT),
@@ -42,11 +42,11 @@ pub fn most_splats(model: &Model) -> u64 {
     u64::from(most[0])
 }
 
-impl Tester {
+impl NodeTester {
     /// Those of the tester's view on a device whose window positions have so many binary places
-    /// ([`Selector::with_subpixel_bits`](crate::cut::Selector::with_subpixel_bits)), for lists with room for so many splats and
+    /// ([`Selector::with_subpixel_bits`](crate::cut::CutSelector::with_subpixel_bits)), for lists with room for so many splats and
     /// triangles. The passes know [`SizeMetric::Exact`](crate::cut::SizeMetric::Exact) alone, and thresholds from a pixel on, at
-    /// which they choose what [`Selector::select_seen`](crate::cut::Selector::select_seen) does, hidden splats with it.
+    /// which they choose what [`Selector::select_seen`](crate::cut::CutSelector::select_seen) does, hidden splats with it.
     pub fn constants(
         &self,
         (view, subpixel_bits): (&View, u32),
@@ -54,7 +54,7 @@ impl Tester {
         most_triangles: u32,
     ) -> CutConstants {
         let bits = subpixel_bits.clamp(*SUBPIXEL_BITS.start(), *SUBPIXEL_BITS.end());
-        let centers = Centers::new(self, view, self.threshold_px, bits);
+        let centers = PixelCenters::new(self, view, self.threshold_px, bits);
         let [right, up] = centers.axes();
         let kappa = self.threshold_px / self.twice_focal_px;
         let low = kappa * (1.0 - kappa * kappa).max(0.0);

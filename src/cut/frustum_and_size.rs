@@ -12,11 +12,11 @@
 
 use crate::cut::normal_cone::is_rough;
 use crate::cut::siblings;
-use crate::cut::siblings::Balls;
-use crate::cut::{Settings, SizeMetric};
+use crate::cut::siblings::SphereLanes;
+use crate::cut::{CutSettings, SizeMetric};
 use crate::math::camera::View;
 use crate::math::frustum::{Frustum, Plane};
-use crate::simd::Vector;
+use crate::simd::FloatLanes;
 use crate::tree::{Model, Tree};
 use glam::Vec3;
 
@@ -33,11 +33,11 @@ const PLANE_ERROR: f64 = 1e-6;
 
 /// A plane: its inward unit normal, and what is added.
 #[derive(Debug, Clone, Copy)]
-struct Distances([f32; 4]);
+struct PlaneDistances([f32; 4]);
 
-impl Distances {
+impl PlaneDistances {
     #[inline(always)]
-    fn of<V: Vector>(&self, [x, y, z]: [V; 3]) -> V {
+    fn of<V: FloatLanes>(&self, [x, y, z]: [V; 3]) -> V {
         let Self([a, b, c, offset]) = *self;
         x * a + y * b + z * c + offset
     }
@@ -49,7 +49,7 @@ impl Distances {
 /// 2¹⁰ from the eye: the squares and fourth powers below then neither overflow nor vanish, whatever unit the
 /// model is in, and powers of two scale without rounding.
 #[derive(Debug, Clone)]
-pub struct Tester {
+pub struct NodeTester {
     /// Where lengths start: the eye, or for an orthographic view the center of the root.
     pub(super) reference: Vec3,
     /// Tester units in a model unit.
@@ -57,8 +57,8 @@ pub struct Tester {
     /// From the scene to the viewer (orthographic: everywhere the same).
     pub(super) backward: Vec3,
     pub(super) is_perspective: bool,
-    sides: [Distances; 4],
-    forward: Distances,
+    sides: [PlaneDistances; 4],
+    forward: PlaneDistances,
     pub(super) near: f32,
     pub(super) far: f32,
     /// Absolute error of a distance to a plane.
@@ -95,13 +95,13 @@ pub(super) fn low_levels(tree: &Tree) -> [u32; 3] {
     [low, lowest, leaves]
 }
 
-impl Tester {
+impl NodeTester {
     /// Prepares the tests of `model` seen in `view`.
     ///
     /// The view matrix must be a similarity (rotation, translation, uniform scale), else sizes are those of
     /// the scale of its first axis. A threshold below 0 or NaN counts as 0. Side planes are moved outward by half a splat, so that
     /// culling does not cut splats off at the edge of the picture.
-    pub fn new(model: &Model, view: &View, settings: &Settings) -> Self {
+    pub fn new(model: &Model, view: &View, settings: &CutSettings) -> Self {
         let threshold_px = settings.threshold_px.max(0.0);
         let frustum = Frustum::new(view, threshold_px.clamp(1.0, 16_384.0) / 2.0 + 0.5);
         let (root_center, root_radius) = match (model.tree.nodes.first(), model.tree.leaves.first())
@@ -128,7 +128,7 @@ impl Tester {
             .exp2();
         let distances = |plane: &Plane, more: f64| {
             let offset = (plane.distance(reference.as_dvec3()) + more) * unit;
-            Distances(plane.normal.as_vec3().extend(offset as f32).to_array())
+            PlaneDistances(plane.normal.as_vec3().extend(offset as f32).to_array())
         };
         let near = f64::from(view.near) / scale;
         let twice_focal = 2.0
@@ -189,13 +189,13 @@ impl Tester {
 
     /// Spheres (columns of centers and radii, model units) become balls.
     #[inline(always)]
-    pub(super) fn balls<V: Vector>(&self, [x, y, z, radius]: [V; 4]) -> Balls<V> {
+    pub(super) fn balls<V: FloatLanes>(&self, [x, y, z, radius]: [V; 4]) -> SphereLanes<V> {
         let center = [
             (x - self.reference.x) * self.unit,
             (y - self.reference.y) * self.unit,
             (z - self.reference.z) * self.unit,
         ];
-        Balls {
+        SphereLanes {
             center,
             radius: radius * self.unit,
             depth: self.forward.of(center),
@@ -204,14 +204,14 @@ impl Tester {
 
     /// How far ways go along the view direction.
     #[inline(always)]
-    pub(super) fn way_forward<V: Vector>(&self, [x, y, z]: [V; 3]) -> V {
-        let Distances([a, b, c, _]) = self.forward;
+    pub(super) fn way_forward<V: FloatLanes>(&self, [x, y, z]: [V; 3]) -> V {
+        let PlaneDistances([a, b, c, _]) = self.forward;
         x * a + y * b + z * c
     }
 
     /// One ball in all lanes.
     #[inline]
-    pub(super) fn ball(&self, center: Vec3, radius: f32) -> Balls {
+    pub(super) fn ball(&self, center: Vec3, radius: f32) -> SphereLanes {
         self.balls(siblings::columns([center.extend(radius); 4]))
     }
 
@@ -219,7 +219,7 @@ impl Tester {
     ///
     /// Both err to "no" by the rounding, so a ball is never inside whose sub-ball is found outside.
     #[inline(always)]
-    pub(super) fn volume<V: Vector>(&self, balls: &Balls<V>) -> (u32, u32) {
+    pub(super) fn volume<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> (u32, u32) {
         let r = balls.radius;
         let nearest = self.nearest_plane(balls);
         // The smallest of six distances tells both: outside if it is below -r, inside if at least r.
@@ -231,7 +231,7 @@ impl Tester {
 
     /// The least distance of the centers from the six planes.
     #[inline(always)]
-    pub(super) fn nearest_plane<V: Vector>(&self, balls: &Balls<V>) -> V {
+    pub(super) fn nearest_plane<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> V {
         let depth = balls.depth;
         let mut nearest = (depth - self.near).min(depth.all(self.far) - depth);
         for side in &self.sides {
@@ -242,7 +242,7 @@ impl Tester {
 
     /// Which balls are at most the threshold wide on the screen and in front of the near plane.
     #[inline(always)]
-    pub(super) fn small<V: Vector>(&self, balls: &Balls<V>) -> u32 {
+    pub(super) fn small<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> u32 {
         let (r, z) = (balls.radius, balls.depth);
         let one = z.all(1.0);
         let is_in_front = (z - r).gt(z.all(self.near));

@@ -1,7 +1,7 @@
 //! The cut: which nodes of the tree the current view needs, and as what.
 //!
-//! [`select`] (or a [`Selector`], which keeps its memory) traverses from the root and tests every node on its way. A selector may also
-//! start where its last cut went ([`Selector::set_coherent`]); the lists are the same. Both ask one [`Tester`].
+//! [`select`] (or a [`CutSelector`], which keeps its memory) traverses from the root and tests every node on its way. A selector may also
+//! start where its last cut went ([`CutSelector::set_coherent`]); the lists are the same. Both ask one [`NodeTester`].
 
 mod batch;
 mod coherent;
@@ -14,10 +14,10 @@ mod siblings;
 mod strip;
 
 pub use crate::cut::device_constants::most_splats;
-pub use crate::cut::frustum_and_size::Tester;
-pub use crate::cut::normal_cone::Facing;
-pub use crate::cut::occlusion::footprints::{Footprints, Undrawn};
-pub use select::{Selector, select};
+pub use crate::cut::frustum_and_size::NodeTester;
+pub use crate::cut::normal_cone::FacingTest;
+pub use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
+pub use select::{CutSelector, select};
 pub use strip::{
     MAX_COUNT as MAX_STRIP_COUNT, strip_ball_radius, strip_center, strip_center_of, strip_centers,
     strip_steps,
@@ -27,7 +27,7 @@ use fearless_simd::{Level, Simd, dispatch};
 
 /// What the cut may drop and how small a node must be to be drawn whole.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Settings {
+pub struct CutSettings {
     /// A node whose projected diameter is at most this many pixels is drawn as a splat. At least 0; 0 draws
     /// every triangle.
     pub threshold_px: f32,
@@ -39,7 +39,7 @@ pub struct Settings {
     pub size: SizeMetric,
 }
 
-impl Default for Settings {
+impl Default for CutSettings {
     fn default() -> Self {
         Self {
             threshold_px: 1.0,
@@ -81,7 +81,7 @@ pub struct Cut {
     /// Leaves drawn as their triangle.
     pub triangles: Vec<u32>,
     /// How much work it was.
-    pub stats: Stats,
+    pub stats: CutStats,
 }
 
 /// A node drawn as `count` splats spread evenly along its strip, less those that are hidden.
@@ -132,7 +132,7 @@ impl StripRun {
 
 /// Counts of one cut.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Stats {
+pub struct CutStats {
     /// Nodes and leaves whose size or visibility was looked at.
     pub visited: u64,
     /// Of those, dropped because outside of the view volume.
@@ -140,7 +140,7 @@ pub struct Stats {
     /// Of those, dropped because facing away.
     pub facing_away: u64,
     /// Splats that were left out because nearer ones cover all of their pixels, or because they are a pixel at most and
-    /// contain no center ([`Selector::select_seen`]); where splats are pixels, triangles that are hidden too.
+    /// contain no center ([`CutSelector::select_seen`]); where splats are pixels, triangles that are hidden too.
     pub hidden: u64,
     /// Triangles that were left out because they lie between the centers of pixels (there).
     pub between: u64,
@@ -150,7 +150,7 @@ pub struct Stats {
     pub behind: u64,
 }
 
-impl Stats {
+impl CutStats {
     /// Adds those of another part of the tree.
     fn add(&mut self, more: &Self) {
         self.visited += more.visited;
@@ -169,6 +169,6 @@ impl Cut {
         self.strips.clear();
         self.leaves.clear();
         self.triangles.clear();
-        self.stats = Stats::default();
+        self.stats = CutStats::default();
     }
 }

@@ -1,17 +1,17 @@
 //! What faces away: the normal cones of nodes, the normals of leaves.
 
 use crate::abi::Vertex;
-use crate::cut::frustum_and_size::Tester;
+use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::siblings;
-use crate::cut::siblings::Balls;
+use crate::cut::siblings::SphereLanes;
 use crate::math::octahedral;
-use crate::simd::Vector;
-use crate::tree::{Cone, Model, Tree};
+use crate::simd::FloatLanes;
+use crate::tree::{Model, NormalCone, Tree};
 use glam::{DVec3, Vec3, Vec4};
 
 /// Which way the normals below a node face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Facing {
+pub enum FacingTest {
     /// Every normal faces the viewer from every point of the ball.
     Front,
     /// Some may face the viewer and some may not.
@@ -43,7 +43,7 @@ pub(super) fn is_rough(tree: &Tree) -> bool {
     sines > LEAST_ROUGH * count as f32
 }
 
-impl Tester {
+impl NodeTester {
     /// Which balls face away everywhere, and which face the viewer everywhere, by packed cones: the coordinates
     /// of the axes and the sines, as `Words::axis` and `Words::sine` have them.
     ///
@@ -55,15 +55,15 @@ impl Tester {
     /// most 4 · 2⁻²⁴ √k and the difference k - (d·v)² by 1e-6 k, which loses culling only within 1e-4 rad of
     /// the limit.
     #[inline(always)]
-    pub(super) fn cones<V: Vector>(
+    pub(super) fn cones<V: FloatLanes>(
         &self,
-        balls: &Balls<V>,
+        balls: &SphereLanes<V>,
         axes: (V, V),
         packed_sin: V,
     ) -> (u32, u32) {
         let [x, y, z] = Self::cone_axes(axes);
         let (zero, one) = (x.all(0.0), x.all(1.0));
-        let may_cull = packed_sin.lt(x.all(f32::from(Cone::NEVER)));
+        let may_cull = packed_sin.lt(x.all(f32::from(NormalCone::NEVER)));
         let sin = packed_sin * (1.0 / 65535.0);
         let sin_squared = sin * sin;
         let cos = (one - sin_squared).max(zero).sqrt();
@@ -91,13 +91,13 @@ impl Tester {
 
     /// Which nodes have cones that can decide anything, by their packed sines.
     #[inline(always)]
-    pub(super) fn may_cull<V: Vector>(&self, packed_sin: V) -> u32 {
-        V::bits(packed_sin.lt(packed_sin.all(f32::from(Cone::NEVER))))
+    pub(super) fn may_cull<V: FloatLanes>(&self, packed_sin: V) -> u32 {
+        V::bits(packed_sin.lt(packed_sin.all(f32::from(NormalCone::NEVER))))
     }
 
     /// Directions of the packed axes of cones: the octahedral code unpacked by its definition, times 32767.
     #[inline(always)]
-    pub(super) fn cone_axes<V: Vector>((x, y): (V, V)) -> [V; 3] {
+    pub(super) fn cone_axes<V: FloatLanes>((x, y): (V, V)) -> [V; 3] {
         let least = x.all(-32767.0);
         let (x, y) = (x.max(least), y.max(least));
         let z = x.all(32767.0) - x.abs() - y.abs();
@@ -149,7 +149,7 @@ impl Tester {
     }
 
     /// Which of four triangles, given by the columns of their corners (model space), face away by
-    /// [`Tester::leaf_faces_away`], and which of them are so close to edge-on (or so small, or no numbers) that
+    /// [`NodeTester::leaf_faces_away`], and which of them are so close to edge-on (or so small, or no numbers) that
     /// single precision cannot tell.
     ///
     /// With u = 2⁻²⁴ each coordinate of an edge e or of the way w to the viewer is off by u of itself, so each
@@ -195,14 +195,14 @@ impl Tester {
     }
 
     /// Which way everything in a ball (model space) faces whose normals lie in `cone`. Errs to
-    /// [`Facing::Mixed`].
-    pub fn facing(&self, center: Vec3, radius: f32, cone: Cone) -> Facing {
+    /// [`FacingTest::Mixed`].
+    pub fn facing(&self, center: Vec3, radius: f32, cone: NormalCone) -> FacingTest {
         let axis = cone.axis.map(|c| Vec4::splat(f32::from(c)));
         let sine = Vec4::splat(f32::from(cone.sin_half_angle));
         match self.cones(&self.ball(center, radius), (axis[0], axis[1]), sine) {
-            (away, _) if away & 1 != 0 => Facing::Away,
-            (_, front) if front & 1 != 0 => Facing::Front,
-            _ => Facing::Mixed,
+            (away, _) if away & 1 != 0 => FacingTest::Away,
+            (_, front) if front & 1 != 0 => FacingTest::Front,
+            _ => FacingTest::Mixed,
         }
     }
 }
@@ -210,8 +210,8 @@ impl Tester {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cut::Settings;
-    use crate::generate::{self, Shape, Spec};
+    use crate::cut::CutSettings;
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::math::camera::Camera;
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
@@ -221,12 +221,12 @@ mod tests {
     #[test]
     fn bumps_are_rough_and_needles_are_not() {
         for (shape, triangles, expected) in [
-            (Shape::Statue, 30_000, true),
-            (Shape::Statue, 400_000, true),
-            (Shape::Torus, 400_000, false),
-            (Shape::Sphere, 30_000, false),
+            (GeneratedShape::Statue, 30_000, true),
+            (GeneratedShape::Statue, 400_000, true),
+            (GeneratedShape::Torus, 400_000, false),
+            (GeneratedShape::Sphere, 30_000, false),
         ] {
-            let spec = Spec::with_triangles(shape, triangles).expect("a valid size");
+            let spec = ShapeSpec::with_triangles(shape, triangles).expect("a valid size");
             let mesh = generate::mesh(&spec);
             let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree");
             assert_eq!(is_rough(&model.tree), expected, "{shape:?}, {triangles}");
@@ -277,10 +277,10 @@ mod tests {
                 ],
                 ..Model::default()
             };
-            let tester = Tester::new(&model, &view, &Settings::default());
+            let tester = NodeTester::new(&model, &view, &CutSettings::default());
             let four = [0, 1, 2, 3].map(|i| model.triangles[i]);
             let (is_away, is_unsure) =
-                tester.triangles_face_away(&Tester::corners(&model.vertices, four));
+                tester.triangles_face_away(&NodeTester::corners(&model.vertices, four));
             // A corner that does not exist is never decided here.
             assert_eq!(round & 1 != 0, is_unsure & 8 != 0 && four[3][2] == 12);
             for lane in 0..4 {

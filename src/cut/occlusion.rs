@@ -20,11 +20,11 @@ mod splat_batch;
 
 pub(super) use crate::cut::occlusion::splat_batch::{CHUNK, Chunk};
 
-use crate::cut::frustum_and_size::Tester;
-use crate::cut::occlusion::footprints::{Footprints, Undrawn};
-use crate::cut::occlusion::pixel_centers::{Centers, POSITION_ERROR};
+use crate::cut::frustum_and_size::NodeTester;
+use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
+use crate::cut::occlusion::pixel_centers::{POSITION_ERROR, PixelCenters};
 use crate::math::camera::View;
-use crate::simd::Vector;
+use crate::simd::FloatLanes;
 use glam::Vec4;
 use std::ops::{Range, RangeInclusive};
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -38,13 +38,13 @@ const NOTHING: u32 = f32::INFINITY.to_bits();
 /// The nearest splat of every pixel: its distance along the view direction from the near plane, as bits (floats that are
 /// not negative order like integers).
 #[derive(Debug, Default)]
-pub(super) struct Nearest {
+pub(super) struct SoftwareDepthBuffer {
     width: u32,
     height: u32,
     pixels: Vec<AtomicU32>,
 }
 
-impl Nearest {
+impl SoftwareDepthBuffer {
     /// Empties it for a picture, and tells whether it can: sides must fit 16 bits. Keeps its memory.
     pub(super) fn clear(&mut self, width: u32, height: u32) -> bool {
         if width >= 1 << 16 || height >= 1 << 16 {
@@ -61,18 +61,18 @@ impl Nearest {
     }
 }
 
-/// What is asked of [`Nearest`] for a node or leaf: whether these pixels all have something nearer than this.
+/// What is asked of [`SoftwareDepthBuffer`] for a node or leaf: whether these pixels all have something nearer than this.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Mark {
+pub(super) struct DepthMark {
     first: u32,
-    /// The splat's, as [`Nearest`] has it, less the error of both sides.
+    /// The splat's, as [`SoftwareDepthBuffer`] has it, less the error of both sides.
     asked: u32,
-    /// Of one pixel the splat's, where it may have been stored over by another thread ([`Hiding::repair`]), else [`NOTHING`]. Of
-    /// others, which cover none surely, how many there are: see [`Mark::of`].
+    /// Of one pixel the splat's, where it may have been stored over by another thread ([`OcclusionTest::repair`]), else [`NOTHING`]. Of
+    /// others, which cover none surely, how many there are: see [`DepthMark::of`].
     distance: u32,
 }
 
-impl Mark {
+impl DepthMark {
     /// No distance has it: they are not negative.
     const IS_COUNT: u32 = 1 << 31;
     /// Hidden for good: it has no pixels.
@@ -113,15 +113,15 @@ const _: () = assert!(MOST_PIXELS < 1 << 15);
 
 /// Marks beside the lists of a cut.
 #[derive(Debug, Default)]
-pub(super) struct Marks {
-    pub(super) nodes: Vec<Mark>,
+pub(super) struct DepthMarks {
+    pub(super) nodes: Vec<DepthMark>,
     /// One for each splat of each row that is seen so far.
-    pub(super) strips: Vec<Mark>,
-    pub(super) leaves: Vec<Mark>,
-    pub(super) triangles: Vec<Mark>,
+    pub(super) strips: Vec<DepthMark>,
+    pub(super) leaves: Vec<DepthMark>,
+    pub(super) triangles: Vec<DepthMark>,
 }
 
-impl Marks {
+impl DepthMarks {
     pub(super) fn clear(&mut self) {
         self.nodes.clear();
         self.strips.clear();
@@ -132,11 +132,11 @@ impl Marks {
 
 /// The questions of one frame.
 #[derive(Debug)]
-pub(super) struct Hiding<'a> {
-    nearest: &'a Nearest,
-    footprints: Footprints,
-    undrawn: &'a Undrawn,
-    pub(super) centers: Centers,
+pub(super) struct OcclusionTest<'a> {
+    nearest: &'a SoftwareDepthBuffer,
+    footprints: SplatFootprints,
+    undrawn: &'a ZeroAreaSet,
+    pub(super) centers: PixelCenters,
     /// Width and height of the picture.
     size: [f32; 2],
     near: f32,
@@ -157,7 +157,7 @@ pub(super) struct Hiding<'a> {
 
 /// Splats in the picture.
 #[derive(Clone, Copy)]
-struct Placed<V: Vector> {
+struct PlacedFootprint<V: FloatLanes> {
     /// Pixels.
     x: V,
     y: V,
@@ -173,12 +173,12 @@ struct Placed<V: Vector> {
     asked: V,
 }
 
-impl<'a> Hiding<'a> {
+impl<'a> OcclusionTest<'a> {
     pub(super) fn new(
-        nearest: &'a Nearest,
-        tester: &Tester,
+        nearest: &'a SoftwareDepthBuffer,
+        tester: &NodeTester,
         view: &View,
-        (footprints, undrawn): (Footprints, &'a Undrawn),
+        (footprints, undrawn): (SplatFootprints, &'a ZeroAreaSet),
         subpixel_bits: u32,
     ) -> Self {
         let (near, far) = (tester.near, tester.far);
@@ -206,7 +206,7 @@ impl<'a> Hiding<'a> {
         } else {
             (side.floor() / 2.0, side.ceil() / 2.0)
         };
-        let centers = Centers::new(tester, view, side, subpixel_bits);
+        let centers = PixelCenters::new(tester, view, side, subpixel_bits);
         let position_error = POSITION_ERROR * tester.extent;
         Self {
             nearest,
@@ -241,13 +241,13 @@ impl<'a> Hiding<'a> {
     /// Which of the four nodes from `first` on are not drawn.
     #[inline]
     pub(super) fn undrawn_nodes(&self, first: u32) -> u8 {
-        Undrawn::four(&self.undrawn.nodes, first)
+        ZeroAreaSet::four(&self.undrawn.nodes, first)
     }
 
     /// The same for leaves.
     #[inline]
     pub(super) fn undrawn_leaves(&self, first: u32) -> u8 {
-        Undrawn::four(&self.undrawn.leaves, first)
+        ZeroAreaSet::four(&self.undrawn.leaves, first)
     }
 
     /// Whether small leaves have sizes of their own, as points do, and whether large ones are splats.
@@ -258,7 +258,7 @@ impl<'a> Hiding<'a> {
     /// Of splats: how far they are along the axes of the picture and the view direction, and their own radii; of samples
     /// those of their balls.
     #[inline(always)]
-    fn placed<V: Vector>(&self, [x, y, z, radius]: [V; 4]) -> Placed<V> {
+    fn placed<V: FloatLanes>(&self, [x, y, z, radius]: [V; 4]) -> PlacedFootprint<V> {
         let ([x, y], inverse, off, error) = if self.is_perspective {
             let inverse = x.all(1.0) / z;
             (
@@ -292,7 +292,7 @@ impl<'a> Hiding<'a> {
             (rounded.max(least), x.all(f32::INFINITY))
         };
         let distance = z - self.near;
-        Placed {
+        PlacedFootprint {
             x: x * self.centers.focal[0] + self.centers.middle[0],
             y: y * self.centers.focal[1] + self.centers.middle[1],
             outer: outer + off,
@@ -335,9 +335,14 @@ impl<'a> Hiding<'a> {
 
     /// The marks of squares of any size and place. What is not hidden so far leaves its depth in what it surely covers, but
     /// for those in `undrawn`.
-    fn ask_squares(&self, placed: &Placed<Vec4>, lanes: u8, undrawn: u8) -> [Mark; 4] {
-        let mut marks = [Mark::HIDDEN; 4];
-        let Placed {
+    fn ask_squares(
+        &self,
+        placed: &PlacedFootprint<Vec4>,
+        lanes: u8,
+        undrawn: u8,
+    ) -> [DepthMark; 4] {
+        let mut marks = [DepthMark::HIDDEN; 4];
+        let PlacedFootprint {
             x, y, outer, inner, ..
         } = *placed;
         // Pixel i has its center at i + 1/2: those of an interval begin and end at its rounded ends. Clamped to the
@@ -359,14 +364,14 @@ impl<'a> Hiding<'a> {
                 continue;
             }
             if known >> lane & 1 == 0 {
-                marks[lane] = Mark::SEEN;
+                marks[lane] = DepthMark::SEEN;
                 continue;
             }
             let columns = right[lane].saturating_sub(left[lane]);
             let rows = bottom[lane].saturating_sub(top[lane]);
             // Beside the picture, it has no pixels and is hidden.
             let first = top[lane] * self.nearest.width + left[lane];
-            let mark = Mark::of(first, [columns, rows], asked[lane]);
+            let mark = DepthMark::of(first, [columns, rows], asked[lane]);
             if self.is_hidden(mark) {
                 continue;
             }
@@ -382,8 +387,8 @@ impl<'a> Hiding<'a> {
 
     /// Whether all pixels of a mark have something nearer.
     #[inline(always)]
-    fn is_hidden(&self, mark: Mark) -> bool {
-        if mark.distance & Mark::IS_COUNT != 0 {
+    fn is_hidden(&self, mark: DepthMark) -> bool {
+        if mark.distance & DepthMark::IS_COUNT != 0 {
             return self.are_all_nearer(mark);
         }
         let pixel = self.nearest.pixels.get(mark.first as usize);
@@ -392,7 +397,7 @@ impl<'a> Hiding<'a> {
 
     /// The same of any number of pixels.
     #[inline(never)]
-    fn are_all_nearer(&self, mark: Mark) -> bool {
+    fn are_all_nearer(&self, mark: DepthMark) -> bool {
         let is_nearer = |pixel: &AtomicU32| pixel.load(Ordering::Relaxed) < mark.asked;
         let [columns, rows] = mark.size().map(|count| count as usize);
         let mut first = mark.first as usize;

@@ -11,12 +11,12 @@
 //! in ascending order.
 
 use crate::cut::batch;
-use crate::cut::batch::{Batch, Group};
+use crate::cut::batch::{NodeBatch, SiblingGroup};
 use crate::cut::coherent::{CoherentFront, children_of};
-use crate::cut::frustum_and_size::Tester;
-use crate::cut::occlusion::footprints::{Footprints, Undrawn};
-use crate::cut::occlusion::{Hiding, Marks, Nearest, SUBPIXEL_BITS};
-use crate::cut::{Cut, Settings};
+use crate::cut::frustum_and_size::NodeTester;
+use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};
+use crate::cut::occlusion::{DepthMarks, OcclusionTest, SUBPIXEL_BITS, SoftwareDepthBuffer};
+use crate::cut::{Cut, CutSettings};
 use crate::math::camera::View;
 use crate::threads::{self, share};
 use crate::tree::Model;
@@ -36,26 +36,26 @@ const PARTS_IN_ORDER: usize = 64;
 
 /// Sibling groups of one level, and the next one's.
 #[derive(Debug, Default)]
-struct Front {
-    groups: Vec<Group>,
-    open: Vec<Group>,
+struct NodeFront {
+    groups: Vec<SiblingGroup>,
+    open: Vec<SiblingGroup>,
 }
 
 /// What decides about nodes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Tests<'a> {
-    pub(super) tester: &'a Tester,
-    pub(super) hiding: Option<&'a Hiding<'a>>,
+pub(super) struct NodeTests<'a> {
+    pub(super) tester: &'a NodeTester,
+    pub(super) hiding: Option<&'a OcclusionTest<'a>>,
 }
 
-impl Front {
+impl NodeFront {
     /// Looks at a level of nodes; the groups become those of the next level.
     fn descend(
         &mut self,
         model: &Model,
-        Tests { tester, hiding }: Tests<'_>,
-        batch: &mut Batch,
-        (cut, marks): (&mut Cut, &mut Marks),
+        NodeTests { tester, hiding }: NodeTests<'_>,
+        batch: &mut NodeBatch,
+        (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
         self.open.clear();
         for pair in batches(&self.groups) {
@@ -65,7 +65,7 @@ impl Front {
     }
 
     /// Adds groups of the same level at which the traversal starts.
-    fn join(&mut self, starts: &[Group]) {
+    fn join(&mut self, starts: &[SiblingGroup]) {
         if !starts.is_empty() {
             self.groups.extend_from_slice(starts);
             self.groups.sort_by_key(|group| group.first());
@@ -75,9 +75,9 @@ impl Front {
     fn finish(
         &self,
         model: &Model,
-        Tests { tester, hiding }: Tests<'_>,
-        batch: &mut Batch,
-        (cut, marks): (&mut Cut, &mut Marks),
+        NodeTests { tester, hiding }: NodeTests<'_>,
+        batch: &mut NodeBatch,
+        (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
         for pair in batches(&self.groups) {
             batch.leaves(model, tester, pair, hiding, (cut, marks));
@@ -94,13 +94,13 @@ fn batches<T>(groups: &[T]) -> impl Iterator<Item = (&[T], &[T])> {
 
 /// What was found below some consecutive groups of a level: a cut of its own, and where each level ends in its lists.
 #[derive(Debug, Default)]
-struct Found {
+struct FoundNodes {
     cut: Cut,
-    marks: Marks,
+    marks: DepthMarks,
     ends: Vec<(usize, usize)>,
 }
 
-impl Found {
+impl FoundNodes {
     fn clear(&mut self) {
         self.cut.clear();
         self.marks.clear();
@@ -126,11 +126,11 @@ impl Found {
 
 /// Joins what was found in parts to what was found above them, level by level, less what is hidden: `levels` of nodes.
 fn join(
-    parts: &mut [Below],
-    batches: &mut [Batch],
-    hiding: Option<&Hiding<'_>>,
+    parts: &mut [ChildrenBelow],
+    batches: &mut [NodeBatch],
+    hiding: Option<&OcclusionTest<'_>>,
     levels: usize,
-    (cut, marks): (&mut Cut, &Marks),
+    (cut, marks): (&mut Cut, &DepthMarks),
 ) {
     if let Some(hiding) = hiding {
         hiding.repair(marks);
@@ -139,7 +139,7 @@ fn join(
         });
         hiding.finish(cut, marks, &mut []);
         share(batches, parts.iter_mut(), |_, part| {
-            let Found { cut, marks, ends } = &mut part.found;
+            let FoundNodes { cut, marks, ends } = &mut part.found;
             hiding.finish(cut, marks, ends);
         });
     }
@@ -160,21 +160,21 @@ fn join(
 
 /// What is below some consecutive groups of a level.
 #[derive(Debug, Default)]
-struct Below {
-    front: Front,
-    found: Found,
+struct ChildrenBelow {
+    front: NodeFront,
+    found: FoundNodes,
 }
 
-impl Below {
+impl ChildrenBelow {
     /// Goes down through `levels` of nodes from its groups, which are among the nodes `ids`, and from the groups in `starts` below
     /// these nodes, a list for each level from the second one on.
     fn run(
         &mut self,
         model: &Model,
-        tests: Tests<'_>,
-        batch: &mut Batch,
+        tests: NodeTests<'_>,
+        batch: &mut NodeBatch,
         levels: Range<usize>,
-        (mut ids, starts): (Range<u32>, &[Vec<Group>]),
+        (mut ids, starts): (Range<u32>, &[Vec<SiblingGroup>]),
     ) {
         self.found.clear();
         let mut starts = starts.iter();
@@ -202,43 +202,43 @@ impl Below {
 /// Memory: about 8 bytes for each node that is opened on a level and 40 KiB a thread; with several threads the
 /// lists of the cut once more.
 #[derive(Debug)]
-pub struct Selector {
+pub struct CutSelector {
     threads: usize,
     /// Of the processor's vectors.
     level: Level,
     /// Groups from which on a cut is divided.
     large: usize,
-    front: Front,
-    batches: Vec<Batch>,
-    parts: Vec<Below>,
-    marks: Marks,
-    nearest: Nearest,
+    front: NodeFront,
+    batches: Vec<NodeBatch>,
+    parts: Vec<ChildrenBelow>,
+    marks: DepthMarks,
+    nearest: SoftwareDepthBuffer,
     subpixel_bits: u32,
     /// The front of the last cut, where cuts start at it.
     coherent: Option<CoherentFront>,
     /// Groups at which a cut starts, a list for each level.
-    starts: Vec<Vec<Group>>,
+    starts: Vec<Vec<SiblingGroup>>,
 }
 
-impl Default for Selector {
+impl Default for CutSelector {
     /// As many threads as the machine runs at once, at most 16.
     fn default() -> Self {
         Self::with_threads(threads::count())
     }
 }
 
-impl Selector {
+impl CutSelector {
     /// Uses up to `threads` threads, the calling one included; 0 counts as 1.
     pub fn with_threads(threads: usize) -> Self {
         Self {
             threads: threads.max(1),
             level: Level::new(),
             large: LARGE,
-            front: Front::default(),
+            front: NodeFront::default(),
             batches: Vec::new(),
             parts: Vec::new(),
-            marks: Marks::default(),
-            nearest: Nearest::default(),
+            marks: DepthMarks::default(),
+            nearest: SoftwareDepthBuffer::default(),
             subpixel_bits: *SUBPIXEL_BITS.start(),
             coherent: None,
             starts: Vec::new(),
@@ -255,7 +255,7 @@ impl Selector {
     }
 
     /// Starts cuts at the front of the last one where that is known to give the same lists (`src/cut/coherent.rs`), or at the root, as
-    /// at first. [`Stats`](crate::cut::Stats) may differ.
+    /// at first. [`CutStats`](crate::cut::CutStats) may differ.
     pub fn set_coherent(&mut self, is_coherent: bool) {
         if is_coherent != self.coherent.is_some() {
             self.coherent = is_coherent.then(CoherentFront::default);
@@ -271,9 +271,9 @@ impl Selector {
     }
 
     /// As [`select`], without allocating once `cut` and `self` have grown (but for dividing work).
-    pub fn select(&mut self, model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
-        let tester = &Tester::new(model, view, settings);
-        let tests = Tests {
+    pub fn select(&mut self, model: &Model, view: &View, settings: &CutSettings, cut: &mut Cut) {
+        let tester = &NodeTester::new(model, view, settings);
+        let tests = NodeTests {
             tester,
             hiding: None,
         };
@@ -281,11 +281,11 @@ impl Selector {
     }
 
     /// As [`select`](Self::select), less what covers no pixel: triangles between the centers of pixels; of splats of a pixel
-    /// at most, those whose ball contains no center, with all that is below such nodes; and, where [`Footprints::hides`] says so,
+    /// at most, those whose ball contains no center, with all that is below such nodes; and, where [`SplatFootprints::hides`] says so,
     /// splats of which each pixel is covered by a nearer one of the same cut. Of triangles and of splats of more than a
     /// pixel, what is dropped would show in no pixel, however the device rounds. With splats of exactly a pixel a larger node
     /// whose ball surely contains one center alone is one splat as well: its radius is less than a pixel. Which splats
-    /// are left does not depend on threads; with splats of a pixel, which hidden triangles are and [`Stats`](crate::cut::Stats) may.
+    /// are left does not depend on threads; with splats of a pixel, which hidden triangles are and [`CutStats`](crate::cut::CutStats) may.
     ///
     /// For opaque squares and discs and one sample a pixel, with the threshold as their size, where the size metric is
     /// [`Exact`](crate::cut::SizeMetric::Exact); `undrawn` is that of the model. In a picture of 65,536 pixels or more to a side nothing is dropped.
@@ -295,23 +295,23 @@ impl Selector {
         &mut self,
         model: &Model,
         view: &View,
-        settings: &Settings,
-        (footprints, undrawn): (Footprints, &Undrawn),
+        settings: &CutSettings,
+        (footprints, undrawn): (SplatFootprints, &ZeroAreaSet),
         cut: &mut Cut,
     ) {
-        let tester = &Tester::new(model, view, settings);
+        let tester = &NodeTester::new(model, view, settings);
         let mut nearest = std::mem::take(&mut self.nearest);
         if !nearest.clear(view.width, view.height) {
             return self.select(model, view, settings, cut);
         }
-        let hiding = &Hiding::new(
+        let hiding = &OcclusionTest::new(
             &nearest,
             tester,
             view,
             (footprints, undrawn),
             self.subpixel_bits,
         );
-        let tests = Tests {
+        let tests = NodeTests {
             tester,
             hiding: Some(hiding),
         };
@@ -319,12 +319,13 @@ impl Selector {
         self.nearest = nearest;
     }
 
-    fn run(&mut self, model: &Model, tests: Tests<'_>, cut: &mut Cut) {
+    fn run(&mut self, model: &Model, tests: NodeTests<'_>, cut: &mut Cut) {
         let tree = &model.tree;
         cut.clear();
         self.marks.clear();
         let level = self.level;
-        self.batches.resize_with(self.threads, || Batch::new(level));
+        self.batches
+            .resize_with(self.threads, || NodeBatch::new(level));
         let mut starts = std::mem::take(&mut self.starts);
         let front = self.coherent.as_mut();
         match front.and_then(|front| front.advance(model, tests, &mut starts)) {
@@ -333,7 +334,7 @@ impl Selector {
                 // A tree over one leaf has no interior node, and one over nothing no leaf: then nothing is found.
                 starts.resize_with(1, Vec::new);
                 starts.iter_mut().for_each(Vec::clear);
-                let root = Group::new(0, 1, tests.tester.start());
+                let root = SiblingGroup::new(0, 1, tests.tester.start());
                 starts.iter_mut().for_each(|starts| starts.push(root));
             }
         }
@@ -350,8 +351,8 @@ impl Selector {
     fn descend(
         &mut self,
         model: &Model,
-        tests: Tests<'_>,
-        (starts, levels): (&[Vec<Group>], usize),
+        tests: NodeTests<'_>,
+        (starts, levels): (&[Vec<SiblingGroup>], usize),
         cut: &mut Cut,
     ) {
         let Some(batch) = self.batches.first_mut() else {
@@ -361,7 +362,7 @@ impl Selector {
         self.front.groups.clear();
         self.front.join(starts_of(0));
         let mut level = 0;
-        let is_ordered = tests.hiding.is_some_and(Hiding::drops_nodes);
+        let is_ordered = tests.hiding.is_some_and(OcclusionTest::drops_nodes);
         let is_divided = self.threads > 1 || is_ordered;
         while level < levels && !(is_divided && self.front.groups.len() >= self.large) {
             let found = (&mut *cut, &mut self.marks);
@@ -386,17 +387,17 @@ impl Selector {
     fn divide(
         &mut self,
         model: &Model,
-        tests: Tests<'_>,
-        (starts, levels): (&[Vec<Group>], Range<usize>),
+        tests: NodeTests<'_>,
+        (starts, levels): (&[Vec<SiblingGroup>], Range<usize>),
         cut: &mut Cut,
     ) {
         let groups = &self.front.groups;
-        let is_ordered = tests.hiding.is_some_and(Hiding::drops_nodes);
+        let is_ordered = tests.hiding.is_some_and(OcclusionTest::drops_nodes);
         let least = if is_ordered { PARTS_IN_ORDER } else { 0 };
         let each = groups.len().div_ceil((PARTS * self.threads).max(least));
         let count = groups.len().div_ceil(each);
         if self.parts.len() < count {
-            self.parts.resize_with(count, Below::default);
+            self.parts.resize_with(count, ChildrenBelow::default);
         }
         let Some(parts) = self.parts.get_mut(..count) else {
             return;
@@ -429,7 +430,7 @@ impl Selector {
 }
 
 /// How near some groups of nodes are, as bits, which order like distances: by every fourth, as they lie together.
-fn nearest(model: &Model, tester: &Tester, groups: &[Group]) -> u32 {
+fn nearest(model: &Model, tester: &NodeTester, groups: &[SiblingGroup]) -> u32 {
     let firsts = groups.iter().step_by(4).map(|group| group.first());
     let nodes = firsts.filter_map(|first| model.tree.nodes.get(first as usize));
     let distances = nodes.map(|node| tester.ball(node.center, node.radius).depth.x);
@@ -444,14 +445,14 @@ fn nearest(model: &Model, tester: &Tester, groups: &[Group]) -> u32 {
 /// covers nothing) but faces away when `cull_back` is on. An empty model gives an empty cut.
 ///
 /// Cost: proportional to the nodes visited, that is to what is drawn, not to the size of the model.
-pub fn select(model: &Model, view: &View, settings: &Settings, cut: &mut Cut) {
-    Selector::default().select(model, view, settings, cut);
+pub fn select(model: &Model, view: &View, settings: &CutSettings, cut: &mut Cut) {
+    CutSelector::default().select(model, view, settings, cut);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generate::{self, Shape, Spec};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::pack::for_tests::levels;
     use crate::progress::Silent;
     use crate::tree::{self, BuildOptions};
@@ -460,21 +461,21 @@ mod tests {
     #[test]
     fn the_cut_does_not_depend_on_threads() {
         let mut lists = [0; 4];
-        for shape in [Shape::Torus, Shape::Statue] {
-            let spec = Spec::with_triangles(shape, 30_000).expect("a valid size");
+        for shape in [GeneratedShape::Torus, GeneratedShape::Statue] {
+            let spec = ShapeSpec::with_triangles(shape, 30_000).expect("a valid size");
             let mesh = generate::mesh(&spec);
             let model = tree::build(mesh, &BuildOptions::default(), &Silent).expect("a tree");
             for (k, fill) in [(0, 0.1), (1, 0.5), (2, 2.0)] {
                 let camera = model.orbit_step((300, 300), fill, k, 3);
                 let view = camera.view(model.origin).expect("a usable camera");
                 for threshold_px in [0.0, 3.0, 12.0] {
-                    let settings = Settings {
+                    let settings = CutSettings {
                         threshold_px,
                         cull_back: model.is_closed,
-                        ..Settings::default()
+                        ..CutSettings::default()
                     };
                     let (mut expected, mut cut) = (Cut::default(), Cut::default());
-                    Selector::with_threads(1).select(&model, &view, &settings, &mut expected);
+                    CutSelector::with_threads(1).select(&model, &view, &settings, &mut expected);
                     for (list, len) in lists.iter_mut().zip([
                         expected.nodes.len(),
                         expected.strips.len(),
@@ -484,7 +485,7 @@ mod tests {
                         *list += len;
                     }
                     for (threads, large) in [(2, 1), (3, 20), (5, 300), (2, 3000)] {
-                        let mut selector = Selector::with_threads(threads);
+                        let mut selector = CutSelector::with_threads(threads);
                         selector.large = large;
                         for _ in 0..2 {
                             selector.select(&model, &view, &settings, &mut cut);
@@ -501,12 +502,12 @@ mod tests {
     #[test]
     fn the_cut_does_not_depend_on_the_width_of_vectors() {
         let models = [
-            (Shape::Torus, false),
-            (Shape::Statue, false),
-            (Shape::Statue, true),
+            (GeneratedShape::Torus, false),
+            (GeneratedShape::Statue, false),
+            (GeneratedShape::Statue, true),
         ];
         let models = models.map(|(shape, is_cloud)| {
-            let spec = Spec::with_triangles(shape, 30_000).expect("a valid size");
+            let spec = ShapeSpec::with_triangles(shape, 30_000).expect("a valid size");
             let mut mesh = generate::mesh(&spec);
             if is_cloud {
                 mesh.triangles.clear();
@@ -521,18 +522,18 @@ mod tests {
         });
         let mut counts = [0; 6];
         for model in &models {
-            let undrawn = Undrawn::new(model);
+            let undrawn = ZeroAreaSet::new(model);
             let is_cloud = model.kind().is_points();
             for (fill, threshold_px) in [(0.3, 1.0), (1.0, 0.5), (1.0, 1.0), (2.0, 2.0), (1.0, 6.0)]
             {
                 let camera = model.orbit_step((300, 200), fill, 1, 3);
                 let view = camera.view(model.origin).expect("a usable camera");
-                let settings = Settings {
+                let settings = CutSettings {
                     threshold_px,
                     cull_back: model.is_closed,
-                    ..Settings::default()
+                    ..CutSettings::default()
                 };
-                let footprints = Footprints {
+                let footprints = SplatFootprints {
                     side_px: threshold_px,
                     hides: true,
                     are_discs: false,
@@ -540,7 +541,7 @@ mod tests {
                     is_cloud,
                 };
                 let chosen = |level: Level, hides: bool| {
-                    let mut selector = Selector::with_threads(1).with_subpixel_bits(8);
+                    let mut selector = CutSelector::with_threads(1).with_subpixel_bits(8);
                     selector.level = level;
                     let mut cut = Cut::default();
                     if hides {

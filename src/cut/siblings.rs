@@ -1,19 +1,19 @@
 //! Balls and words of siblings, a lane each.
 
-use crate::simd::Vector;
+use crate::simd::FloatLanes;
 use crate::tree::{Leaf, Node};
 use glam::{Mat4, Vec4};
 
 /// Balls: centers relative to the tester's reference point, in its unit.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Balls<V = Vec4> {
+pub(super) struct SphereLanes<V = Vec4> {
     pub(super) center: [V; 3],
     pub(super) radius: V,
     /// Distance of the centers along the view direction.
     pub(super) depth: V,
 }
 
-impl<V: Vector> Balls<V> {
+impl<V: FloatLanes> SphereLanes<V> {
     #[inline(always)]
     pub(super) fn distance_squared(&self) -> V {
         let [x, y, z] = self.center;
@@ -23,7 +23,7 @@ impl<V: Vector> Balls<V> {
 
 /// What nodes have besides their spheres and first children: words of [`Node`] as they lie in memory.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Words<V: Vector = Vec4> {
+pub(super) struct PackedNodeLanes<V: FloatLanes = Vec4> {
     /// Both halves of the cone's axis.
     pub(super) axis: V::Words,
     /// Sine of the cone's half angle; above it the strip's direction.
@@ -32,7 +32,7 @@ pub(super) struct Words<V: Vector = Vec4> {
     pub(super) shape: V::Words,
 }
 
-impl<V: Vector> Words<V> {
+impl<V: FloatLanes> PackedNodeLanes<V> {
     /// The coordinates of the packed axes, whole numbers.
     #[inline(always)]
     pub(super) fn axis(&self) -> (V, V) {
@@ -93,7 +93,7 @@ pub(super) fn columns([a, b, c, d]: [Vec4; 4]) -> [Vec4; 4] {
     [lanes.x_axis, lanes.y_axis, lanes.z_axis, lanes.w_axis]
 }
 
-/// Columns of the spheres of four nodes (centers and radii), and of the other words: first children, and what [`Words`] has.
+/// Columns of the spheres of four nodes (centers and radii), and of the other words: first children, and what [`PackedNodeLanes`] has.
 #[inline(always)]
 pub(super) fn of_nodes(nodes: &[Node; 4]) -> ([Vec4; 4], [[u32; 4]; 4]) {
     // The words travel as floats, whose bits nothing changes on the way.

@@ -19,10 +19,10 @@
 //! metrics center, angle and area; for `Nearest`, 2 f g / (z - g) <= t is g <= t z / (2 f + t).
 
 use crate::cut::SizeMetric;
-use crate::cut::frustum_and_size::Tester;
+use crate::cut::frustum_and_size::NodeTester;
 use crate::cut::siblings;
-use crate::cut::siblings::Words;
-use crate::simd::Vector;
+use crate::cut::siblings::PackedNodeLanes;
+use crate::simd::FloatLanes;
 use crate::tree::Node;
 use glam::Vec3;
 
@@ -37,7 +37,7 @@ pub(super) const MAX_WIDTH: f32 = 0.95;
 pub(super) const LOW: f32 = 0.999_8;
 
 /// What the count needs to know of the frame; lengths in the tester's unit.
-struct Frame {
+struct StripFrame {
     is_perspective: bool,
     is_nearest: bool,
     twice_focal_px: f32,
@@ -58,7 +58,7 @@ fn relative_size(node: &Node) -> (f32, f32) {
 
 /// The same of nodes, from the bytes of half length and width.
 #[inline(always)]
-pub(super) fn relative_sizes<V: Vector>((half, width): (V, V)) -> (V, V) {
+pub(super) fn relative_sizes<V: FloatLanes>((half, width): (V, V)) -> (V, V) {
     (
         (half + width).min(half.all(255.0)) * (1.0 / 255.0),
         width * (1.0 / 255.0),
@@ -72,7 +72,12 @@ pub(super) fn relative_sizes<V: Vector>((half, width): (V, V)) -> (V, V) {
 /// distance, so G >= κ' Z² (1 - κ'²) / S with Z the least depth and S the greatest distance, and
 /// n² = H² S² / (K Z⁴ - ω² S²), K = (κ' (1 - κ'²))².
 #[inline(always)]
-fn counts<V: Vector>(half: V, width: V, balls: &siblings::Balls<V>, frame: &Frame) -> (V, V::Mask) {
+fn counts<V: FloatLanes>(
+    half: V,
+    width: V,
+    balls: &siblings::SphereLanes<V>,
+    frame: &StripFrame,
+) -> (V, V::Mask) {
     let (half, width) = (half * balls.radius, width * balls.radius);
     let nearest = balls.depth - half;
     let (t, f) = (frame.threshold_px, frame.twice_focal_px);
@@ -109,9 +114,12 @@ fn counts<V: Vector>(half: V, width: V, balls: &siblings::Balls<V>, frame: &Fram
 
 /// The ways from the centers of nodes to the ends of their rows, in the tester's unit.
 #[inline(always)]
-pub(super) fn half_rows<V: Vector>(balls: &siblings::Balls<V>, words: &Words<V>) -> [V; 3] {
+pub(super) fn half_rows<V: FloatLanes>(
+    balls: &siblings::SphereLanes<V>,
+    words: &PackedNodeLanes<V>,
+) -> [V; 3] {
     let (half, _) = relative_sizes(words.strip());
-    // As `octahedral::decode` unpacks what `Strip::direction` gives it.
+    // As `octahedral::decode` unpacks what `NodeStrip::direction` gives it.
     let (x, y) = words.direction();
     let (x, y) = (x * (258.0 / 32767.0), y * (258.0 / 32767.0));
     let z = x.all(1.0) - x.abs() - y.abs();
@@ -121,14 +129,14 @@ pub(super) fn half_rows<V: Vector>(balls: &siblings::Balls<V>, words: &Words<V>)
     [x * scale, y * scale, z * scale]
 }
 
-impl Tester {
+impl NodeTester {
     /// Most splats in a row for each of the nodes from `first` on: fewer than there are leaves below, else
     /// the leaves are the better picture.
     ///
     /// Known without a look at them: the levels are complete and split evenly, so two levels up a node has
     /// about the average number of leaves, and three levels up at least as many as a row has splats.
     #[inline(always)]
-    pub(super) fn most_in_row<V: Vector>(&self, first: u32, words: &Words<V>) -> V {
+    pub(super) fn most_in_row<V: FloatLanes>(&self, first: u32, words: &PackedNodeLanes<V>) -> V {
         let counts = words.child_counts();
         if first >= self.lowest_nodes {
             counts - 1.0
@@ -143,10 +151,10 @@ impl Tester {
     /// threshold allows is wider than t z / 2 f, so the strip must be thinner than that, and short enough
     /// for a row of such balls.
     #[inline(always)]
-    pub(super) fn may_be_rows<V: Vector>(
+    pub(super) fn may_be_rows<V: FloatLanes>(
         &self,
-        balls: &siblings::Balls<V>,
-        words: &Words<V>,
+        balls: &siblings::SphereLanes<V>,
+        words: &PackedNodeLanes<V>,
         most: V,
     ) -> u32 {
         let one = most.all(1.0);
@@ -167,13 +175,13 @@ impl Tester {
     /// How many splats along their strips stand for the nodes, whole numbers, and for which nodes such a row will do (the
     /// numbers of others mean nothing).
     #[inline(always)]
-    pub(super) fn rows<V: Vector>(
+    pub(super) fn rows<V: FloatLanes>(
         &self,
-        balls: &siblings::Balls<V>,
-        words: &Words<V>,
+        balls: &siblings::SphereLanes<V>,
+        words: &PackedNodeLanes<V>,
         most: V,
     ) -> (V, u32) {
-        let frame = Frame {
+        let frame = StripFrame {
             is_perspective: self.is_perspective,
             is_nearest: self.size == SizeMetric::Nearest,
             twice_focal_px: self.twice_focal_px,
@@ -229,9 +237,9 @@ pub fn strip_ball_radius(node: &Node, count: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cut::{Settings, StripRun};
+    use crate::cut::{CutSettings, StripRun};
     use crate::math::camera::Camera;
-    use crate::tree::{Cone, Model, Strip};
+    use crate::tree::{Model, NodeStrip, NormalCone};
     use glam::DVec3;
 
     /// However the processor counts bits.
@@ -254,14 +262,14 @@ mod tests {
         let model = Model::default();
         let camera = Camera::orbit((40, 30), DVec3::ZERO, 1.0, 0.7, 0.3, 1.0);
         let view = camera.view(DVec3::ZERO).expect("a usable camera");
-        let tester = Tester::new(&model, &view, &Settings::default());
+        let tester = NodeTester::new(&model, &view, &CutSettings::default());
         for code in (-128i8..=127).step_by(3) {
             let nodes = [-128i8, -40, 3, 127].map(|other| Node {
                 center: Vec3::new(0.3, -0.2, 0.1),
                 radius: 0.01 * f32::from(code.unsigned_abs()),
                 first_child: 0,
-                cone: Cone::ALL,
-                strip: Strip {
+                cone: NormalCone::ALL,
+                strip: NodeStrip {
                     direction: [code, other],
                     half_length: code as u8,
                     width: other as u8,
@@ -270,7 +278,7 @@ mod tests {
                 flags: 0,
             });
             let (spheres, [_, axis, sine, shape]) = siblings::of_nodes(&nodes);
-            let words = Words { axis, sine, shape };
+            let words = PackedNodeLanes { axis, sine, shape };
             let [x, y, z] = half_rows(&tester.balls(spheres), &words).map(|v| v.to_array());
             for (lane, node) in nodes.iter().enumerate() {
                 let (first, step) = strip_steps(node, 2);

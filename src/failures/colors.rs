@@ -4,15 +4,15 @@ use crate::image::{FloatImage, Image};
 
 /// Least and largest red, green and blue of the surface alone, without the background; the least is larger where there
 /// is no surface.
-pub(super) type Range = [[f32; 3]; 2];
+pub(super) type ColorRange = [[f32; 3]; 2];
 
-const NOTHING: Range = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
+const NOTHING: ColorRange = [[f32::INFINITY; 3], [f32::NEG_INFINITY; 3]];
 /// A color this far outside of its range is astray, levels.
 const ASTRAY: f64 = 32.0;
 /// Colors are looked for no farther, pixels.
 pub(super) const FARTHEST_PX: f64 = 64.0;
 
-fn extend(range: &mut Range, [least, most]: Range) {
+fn extend(range: &mut ColorRange, [least, most]: ColorRange) {
     for c in 0..3 {
         range[0][c] = range[0][c].min(least[c]);
         range[1][c] = range[1][c].max(most[c]);
@@ -20,14 +20,14 @@ fn extend(range: &mut Range, [least, most]: Range) {
 }
 
 /// The colors of a picture of one sample a pixel.
-pub(super) fn ranges(picture: &Image) -> Vec<Range> {
+pub(super) fn ranges(picture: &Image) -> Vec<ColorRange> {
     let mut ranges = vec![NOTHING; picture.color.len()];
     widen(&mut ranges, picture);
     ranges
 }
 
 /// Adds the colors of another such picture of the same size.
-pub(super) fn widen(ranges: &mut [Range], picture: &Image) {
+pub(super) fn widen(ranges: &mut [ColorRange], picture: &Image) {
     for (range, &[r, g, b, a]) in ranges.iter_mut().zip(&picture.color) {
         if a > 0 {
             let alpha = f32::from(a);
@@ -36,8 +36,8 @@ pub(super) fn widen(ranges: &mut [Range], picture: &Image) {
     }
 }
 
-/// [`super::Figure::Stray`] and [`super::Figure::Astray`]; zeros where nothing is covered or no surface is near.
-pub(super) fn strays(ranges: &[Range], picture: &Image, reach_px: f64) -> (f64, f64) {
+/// [`super::FailureFigure::Stray`] and [`super::FailureFigure::Astray`]; zeros where nothing is covered or no surface is near.
+pub(super) fn strays(ranges: &[ColorRange], picture: &Image, reach_px: f64) -> (f64, f64) {
     let (width, height) = (picture.width as usize, picture.height as usize);
     let reach = reach_px.min(FARTHEST_PX).ceil() as usize;
     let mut ranges = ranges.to_vec();
@@ -74,7 +74,7 @@ pub(super) fn strays(ranges: &[Range], picture: &Image, reach_px: f64) -> (f64, 
     (sum / count, 100.0 * astray as f64 / count)
 }
 
-/// [`super::Figure::Moire`] with windows of 2 `reach` + 1 pixels a side, over the pixels that both cover by half; 0 where
+/// [`super::FailureFigure::Moire`] with windows of 2 `reach` + 1 pixels a side, over the pixels that both cover by half; 0 where
 /// there are none, and where the picture is nearer to the truth as it is.
 pub(super) fn moire(truth: &FloatImage, picture: &Image, reach: usize) -> f64 {
     let (width, height) = (truth.width as usize, truth.height as usize);

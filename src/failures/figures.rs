@@ -1,8 +1,8 @@
 //! A scene made ready, and what is measured of its pictures.
 
 use super::Error;
-use super::colors::{self, Range, moire, strays};
-use crate::cut::{Cut, Selector};
+use super::colors::{self, ColorRange, moire, strays};
+use crate::cut::{Cut, CutSelector};
 use crate::image::{Accumulator, FloatImage, Image, compare, jittered};
 use crate::math::camera::View;
 use crate::measure::{self, squared_distances};
@@ -12,12 +12,12 @@ use crate::render::cut_key::cut_settings;
 use crate::render::engine::{Backend, Engine};
 use crate::render::frame_plan::resolve_settings;
 use crate::render::{Culling, Method, Settings};
-use crate::scenes::{Entry, Expected, Scene};
+use crate::scenes::{BuiltScene, ExpectedFigures, SceneEntry};
 use crate::tree::{self, BuildOptions, Model};
 
 /// A figure of a picture. Colors are in levels of 255; a pixel is covered that is so at least by half.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Figure {
+pub enum FailureFigure {
     /// Covered pixels.
     Covered,
     /// Sum of the covered fractions, pixels.
@@ -49,13 +49,13 @@ pub enum Figure {
     Rmse,
     /// Mean distance of the outlines of picture and truth, pixels.
     Silhouette,
-    /// Mean FLIP difference, 0 to 1; measured on request ([`Case::flip`]).
+    /// Mean FLIP difference, 0 to 1; measured on request ([`FailureCase::flip`]).
     Flip,
     /// Red, green or blue of the surface (without the black background) right of and above the center.
     Center(usize),
 }
 
-impl Figure {
+impl FailureFigure {
     /// The figures of tables, in their order.
     pub const ALL: [Self; 18] = [
         Self::Covered,
@@ -105,9 +105,9 @@ impl Figure {
 
 /// A scene made ready, with the truth.
 #[derive(Debug)]
-pub struct Case {
+pub struct FailureCase {
     /// The scene.
-    pub entry: &'static Entry,
+    pub entry: &'static SceneEntry,
     /// Its threshold, pixels.
     pub threshold_px: f32,
     /// Its tree.
@@ -115,7 +115,7 @@ pub struct Case {
     /// Its camera.
     pub view: View,
     /// Its closed forms.
-    pub expected: Expected,
+    pub expected: ExpectedFigures,
     /// The truth: triangles, nothing culled, 16 samples a pixel; none for clouds.
     pub truth: Option<FloatImage>,
     /// Pixels that an outline of the truth cuts.
@@ -133,7 +133,7 @@ pub struct Case {
     /// Distance of each pixel from the nearest that the surface touches, pixels.
     distance_px: Vec<f64>,
     /// What colors the surface has in each pixel, and whether it leaves the center open.
-    ranges: Vec<Range>,
+    ranges: Vec<ColorRange>,
     is_center_open: Vec<bool>,
 }
 
@@ -142,13 +142,13 @@ const GRID: u32 = 4;
 /// Around the picture, pixels: how far outside of it a surface is looked for.
 const MARGIN: usize = 96;
 
-impl Case {
+impl FailureCase {
     /// Builds the scene's tree and draws its truth on `backend`.
     ///
     /// # Errors
     /// When the device cannot draw.
-    pub fn new(entry: &'static Entry, backend: &Backend) -> Result<Self, Error> {
-        let Scene {
+    pub fn new(entry: &'static SceneEntry, backend: &Backend) -> Result<Self, Error> {
+        let BuiltScene {
             mesh,
             camera,
             threshold_px,
@@ -189,7 +189,7 @@ impl Case {
             cut_px: truth.as_ref().map_or(0.0, cut),
             covered_px: truth
                 .as_ref()
-                .map_or(0.0, |t| measure::Mask::of(t).count() as f64),
+                .map_or(0.0, |t| measure::CoverageMask::of(t).count() as f64),
             outline_px: truth.as_ref().map_or(0.0, outline_px),
             has_center: truth
                 .as_ref()
@@ -210,7 +210,7 @@ impl Case {
         &self,
         picture: &Image,
         reach_px: f64,
-    ) -> Result<Vec<(Figure, f64)>, Error> {
+    ) -> Result<Vec<(FailureFigure, f64)>, Error> {
         let center = picture.color[center_of(&self.view)];
         let alpha = f64::from(center[3].max(1)) / 255.0;
         let area: f64 = picture.color.iter().map(|c| f64::from(c[3]) / 255.0).sum();
@@ -223,32 +223,32 @@ impl Case {
             .map(|(_, d)| *d)
             .fold(0.0, f64::max);
         let mut found = vec![
-            (Figure::Covered, covered as f64),
-            (Figure::Area, area),
-            (Figure::Reach, reach),
+            (FailureFigure::Covered, covered as f64),
+            (FailureFigure::Area, area),
+            (FailureFigure::Reach, reach),
         ];
-        found.extend((0..3).map(|c| (Figure::Center(c), f64::from(center[c]) / alpha)));
+        found.extend((0..3).map(|c| (FailureFigure::Center(c), f64::from(center[c]) / alpha)));
         if let Some(truth) = &self.truth {
             let shape = measure::coverage(truth, picture)?;
             let difference = compare(truth, picture, 8.0)?;
             let (stray, astray) = strays(&self.ranges, picture, reach_px);
             let holes = whole_holes(truth, &self.is_center_open, picture);
             found.extend([
-                (Figure::Missing, shape.missing as f64),
-                (Figure::Extra, shape.extra as f64),
-                (Figure::Holes, holes as f64),
-                (Figure::HolePixels, shape.hole_pixels as f64),
-                (Figure::Lost, lost(truth, picture) as f64),
-                (Figure::Stray, stray),
-                (Figure::Astray, astray),
+                (FailureFigure::Missing, shape.missing as f64),
+                (FailureFigure::Extra, shape.extra as f64),
+                (FailureFigure::Holes, holes as f64),
+                (FailureFigure::HolePixels, shape.hole_pixels as f64),
+                (FailureFigure::Lost, lost(truth, picture) as f64),
+                (FailureFigure::Stray, stray),
+                (FailureFigure::Astray, astray),
                 (
-                    Figure::Moire,
+                    FailureFigure::Moire,
                     moire(truth, picture, node_reach_px(self.threshold_px)),
                 ),
-                (Figure::Level, 255.0 * difference.object.mean_abs),
-                (Figure::Rmse, 255.0 * difference.object.rmse),
+                (FailureFigure::Level, 255.0 * difference.object.mean_abs),
+                (FailureFigure::Rmse, 255.0 * difference.object.rmse),
                 (
-                    Figure::Silhouette,
+                    FailureFigure::Silhouette,
                     measure::silhouette(truth, picture)?.mean,
                 ),
             ]);
@@ -294,7 +294,7 @@ fn has_large_leaves(model: &Model, view: &View, threshold_px: f32) -> bool {
     };
     let settings = cut_settings(&resolve_settings(&settings, model, view), model);
     let mut cut = Cut::default();
-    Selector::default().select(model, view, &settings, &mut cut);
+    CutSelector::default().select(model, view, &settings, &mut cut);
     !cut.triangles.is_empty()
 }
 
@@ -362,9 +362,12 @@ fn distances(model: &Model, view: &View, truth: Option<&FloatImage>) -> Vec<f64>
         .collect()
 }
 
-/// [`Figure::Holes`].
+/// [`FailureFigure::Holes`].
 fn whole_holes(truth: &FloatImage, is_center_open: &[bool], picture: &Image) -> usize {
-    let (right, shown) = (measure::Mask::of(truth), measure::Mask::of(picture));
+    let (right, shown) = (
+        measure::CoverageMask::of(truth),
+        measure::CoverageMask::of(picture),
+    );
     let (width, count) = (right.width, right.is_covered.len());
     let mut is_missing: Vec<bool> = (right.is_covered.iter().zip(&shown.is_covered))
         .map(|(right, shown)| *right && !*shown)
@@ -397,7 +400,7 @@ fn whole_holes(truth: &FloatImage, is_center_open: &[bool], picture: &Image) -> 
     holes
 }
 
-/// Half the side of the windows of [`Figure::Moire`], pixels: the reach of squares of the threshold's size.
+/// Half the side of the windows of [`FailureFigure::Moire`], pixels: the reach of squares of the threshold's size.
 fn node_reach_px(threshold_px: f32) -> usize {
     let t = f64::from(threshold_px.max(1.0));
     (t * (0.5 + 0.5f64.sqrt()) + 1.0).ceil() as usize

@@ -1,7 +1,7 @@
 //! Where the methods fail: every scene of [`crate::scenes`] by every way of drawing, measured and held to stated bounds.
 //!
-//! [`looks`] are the ways of drawing, [`Case`] is a scene made ready with its truth (16 samples of triangles a pixel),
-//! [`Case::judge`] measures a picture and gives the verdict. The same bounds are behind `surfel stability` and behind
+//! [`looks`] are the ways of drawing, [`FailureCase`] is a scene made ready with its truth (16 samples of triangles a pixel),
+//! [`FailureCase::judge`] measures a picture and gives the verdict. The same bounds are behind `surfel stability` and behind
 //! the tests. A picture is right by the rules of [`rules`], which are the same for all scenes and follow from what a
 //! method promises:
 //!
@@ -20,15 +20,15 @@ pub mod page;
 pub mod rows;
 mod rules;
 
-pub use figures::{Case, Figure};
-pub use rules::{Bound, Cell, Verdict, reach_px, rules};
+pub use figures::{FailureCase, FailureFigure};
+pub use rules::{FailureBound, FailureCell, FailureVerdict, reach_px, rules};
 
 use crate::image::Image;
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
 use crate::render::engine::{Backend, Engine};
 use crate::render::{Culling, Method, Settings, SplatKind};
-use crate::scenes::Entry;
+use crate::scenes::SceneEntry;
 
 /// Why the failures could not be measured.
 #[derive(Debug, thiserror::Error)]
@@ -53,7 +53,7 @@ pub enum Error {
 
 /// A way of drawing; the threshold is the scene's.
 #[derive(Debug, Clone, Copy)]
-pub struct Look {
+pub struct FailureLook {
     /// Name, as rows and tables have it.
     pub name: &'static str,
     /// Everything but the threshold.
@@ -62,10 +62,10 @@ pub struct Look {
     pub only: &'static [&'static str],
 }
 
-impl Look {
+impl FailureLook {
     /// Whether a scene is drawn so. `splats` is `pop` where no leaf is larger than the threshold, and drawn only where
     /// one is; points of clouds have sizes of their own in both.
-    pub fn is_for(&self, case: &Case) -> bool {
+    pub fn is_for(&self, case: &FailureCase) -> bool {
         let is_own_picture = match (self.settings.method, self.settings.splat) {
             (Method::Splats, SplatKind::Filtered) if case.model.kind().is_points() => true,
             (Method::Splats, _) => case.has_large_leaves,
@@ -87,9 +87,9 @@ const KINDS: [(SplatKind, &str, &str); 6] = [
 
 /// Every way of drawing: `triangles`, `points`, `pop` with each kind of splat (named after the kind; `pop` is the default
 /// of the program), `splats` with each; then some of these with an option changed, for the scenes where it matters.
-pub fn looks() -> Vec<Look> {
+pub fn looks() -> Vec<FailureLook> {
     let usual = Settings::default();
-    let look = |name, settings| Look {
+    let look = |name, settings| FailureLook {
         name,
         settings,
         only: &[],
@@ -110,29 +110,29 @@ pub fn looks() -> Vec<Look> {
     looks.extend(KINDS.map(|(kind, name, _)| look(name, with(Method::Pop, kind))));
     looks.extend(KINDS.map(|(kind, _, name)| look(name, with(Method::Splats, kind))));
     looks.extend([
-        Look {
+        FailureLook {
             only: &["open-behind", "inside"],
             ..look("pop, culling on", culling(Culling::On, SplatKind::Square))
         },
-        Look {
+        FailureLook {
             only: &["thin-plate", "inside", "sheets-1"],
             ..look("pop, culling off", culling(Culling::Off, SplatKind::Square))
         },
-        Look {
+        FailureLook {
             only: &["thin-plate", "inside"],
             ..look(
                 "filtered, culling off",
                 culling(Culling::Off, SplatKind::Filtered),
             )
         },
-        Look {
+        FailureLook {
             only: &["thin-plate"],
             ..look(
                 "gauss, culling off",
                 culling(Culling::Off, SplatKind::Gauss),
             )
         },
-        Look {
+        FailureLook {
             only: &["sheets-0.5", "sheets-2", "sheets-4", "sheets-tilted"],
             ..look(
                 "filtered, offset 1",
@@ -221,7 +221,8 @@ pub static GROUPS: &[(&str, &str, &[&str])] = &[
 ];
 
 /// What is heard of every cell: the case, the way of drawing, the verdict, the picture.
-pub type Sink<'a> = dyn FnMut(&Case, &Look, Cell, Image) -> Result<(), Error> + 'a;
+pub type Sink<'a> =
+    dyn FnMut(&FailureCase, &FailureLook, FailureCell, Image) -> Result<(), Error> + 'a;
 
 /// Draws scenes by looks on `backend`, scene by scene, and judges each picture. The truth is drawn there too.
 ///
@@ -229,14 +230,14 @@ pub type Sink<'a> = dyn FnMut(&Case, &Look, Cell, Image) -> Result<(), Error> + 
 /// When the device cannot draw, `sink` fails, or `progress` cancels.
 pub fn run(
     backend: &Backend,
-    entries: &[&'static Entry],
-    looks: &[Look],
+    entries: &[&'static SceneEntry],
+    looks: &[FailureLook],
     progress: &dyn Progress,
     sink: &mut Sink<'_>,
 ) -> Result<(), Error> {
     progress.stage("draw", entries.len() as u64);
     for entry in entries {
-        let case = Case::new(entry, backend)?;
+        let case = FailureCase::new(entry, backend)?;
         for look in looks.iter().filter(|look| look.is_for(&case)) {
             if progress.is_cancelled() {
                 return Err(Error::Cancelled);
@@ -250,12 +251,12 @@ pub fn run(
     Ok(())
 }
 
-impl Case {
+impl FailureCase {
     /// The picture of a look, with the scene's threshold.
     ///
     /// # Errors
     /// When the device cannot draw.
-    pub fn draw(&self, backend: &Backend, look: &Look) -> Result<Image, Error> {
+    pub fn draw(&self, backend: &Backend, look: &FailureLook) -> Result<Image, Error> {
         let settings = Settings {
             threshold_px: self.threshold_px,
             ..look.settings

@@ -1,8 +1,8 @@
 //! The table of failures for people and programs: text, CSV, one HTML file that needs no other.
 
-use super::{Cell, Error, Figure, GROUPS, Verdict};
+use super::{Error, FailureCell, FailureFigure, FailureVerdict, GROUPS};
 use crate::image::{Image, contact_sheet};
-use crate::scenes::Entry;
+use crate::scenes::SceneEntry;
 use ::image::ImageEncoder;
 use std::fmt::Write;
 
@@ -10,7 +10,7 @@ use std::fmt::Write;
 #[derive(Debug, Clone)]
 pub struct Shot {
     /// What was measured and said.
-    pub cell: Cell,
+    pub cell: FailureCell,
     /// The picture, at most [`THUMB_PX`] wide.
     pub thumb: Image,
 }
@@ -19,7 +19,7 @@ pub struct Shot {
 #[derive(Debug)]
 pub struct SceneRow {
     /// The scene.
-    pub entry: &'static Entry,
+    pub entry: &'static SceneEntry,
     /// Its threshold, pixels.
     pub threshold_px: f32,
     /// The truth, made small; none for clouds.
@@ -48,31 +48,35 @@ pub fn thumb(picture: &Image) -> Image {
 }
 
 /// The figures that a cell of the page shows, with words for them.
-const SHOWN: [(Figure, &str); 6] = [
-    (Figure::Missing, "missing"),
-    (Figure::Extra, "extra"),
-    (Figure::Holes, "holes"),
-    (Figure::Silhouette, "outline off, px"),
-    (Figure::Rmse, "RMSE, levels"),
-    (Figure::Flip, "FLIP"),
+const SHOWN: [(FailureFigure, &str); 6] = [
+    (FailureFigure::Missing, "missing"),
+    (FailureFigure::Extra, "extra"),
+    (FailureFigure::Holes, "holes"),
+    (FailureFigure::Silhouette, "outline off, px"),
+    (FailureFigure::Rmse, "RMSE, levels"),
+    (FailureFigure::Flip, "FLIP"),
 ];
 
 impl Table {
-    fn cells(&self) -> impl Iterator<Item = &Cell> {
+    fn cells(&self) -> impl Iterator<Item = &FailureCell> {
         let shots = self.scenes.iter().flat_map(|row| &row.shots);
         shots.map(|shot| &shot.cell)
     }
 
     /// How many cells have a verdict.
-    pub fn count(&self, verdict: Verdict) -> usize {
+    pub fn count(&self, verdict: FailureVerdict) -> usize {
         self.cells().filter(|c| c.verdict == verdict).count()
     }
 
     /// One line: the counts of verdicts, and those of the default look.
     pub fn summary(&self) -> String {
         let all = self.cells().count();
-        let [passes, limits, fails] =
-            [Verdict::Pass, Verdict::Limit, Verdict::Fail].map(|v| self.count(v));
+        let [passes, limits, fails] = [
+            FailureVerdict::Pass,
+            FailureVerdict::Limit,
+            FailureVerdict::Fail,
+        ]
+        .map(|v| self.count(v));
         let of_default = |v| {
             let cells = self.cells().filter(|c| c.look == "pop");
             cells.filter(|c| c.verdict == v).count()
@@ -80,8 +84,8 @@ impl Table {
         format!(
             "{all} cells: {passes} pass, {limits} known limits ({:.1} %), {fails} fail; of the default look (pop, squares): {} known limits, {} fail",
             100.0 * limits as f64 / all.max(1) as f64,
-            of_default(Verdict::Limit),
-            of_default(Verdict::Fail)
+            of_default(FailureVerdict::Limit),
+            of_default(FailureVerdict::Fail)
         )
     }
 
@@ -104,16 +108,16 @@ impl Table {
                     let shot = row.shots.iter().find(|s| s.cell.look == *look);
                     match shot.map(|s| s.cell.verdict) {
                         None => "  ",
-                        Some(Verdict::Pass) => " .",
-                        Some(Verdict::Limit) => " L",
-                        Some(Verdict::Fail) => " F",
+                        Some(FailureVerdict::Pass) => " .",
+                        Some(FailureVerdict::Limit) => " L",
+                        Some(FailureVerdict::Fail) => " F",
                     }
                 })
                 .collect();
             let _ = writeln!(text, "{:<20}{marks}", row.entry.name);
         }
-        for verdict in [Verdict::Limit, Verdict::Fail] {
-            let cells: Vec<&Cell> = self.cells().filter(|c| c.verdict == verdict).collect();
+        for verdict in [FailureVerdict::Limit, FailureVerdict::Fail] {
+            let cells: Vec<&FailureCell> = self.cells().filter(|c| c.verdict == verdict).collect();
             if !cells.is_empty() {
                 let _ = writeln!(text, "\n{}", verdict.name());
             }
@@ -134,7 +138,7 @@ impl Table {
     /// A line a cell: names, verdict, every figure, every bound, the cause. RFC 4180.
     pub fn csv(&self) -> String {
         let mut csv = String::from("scene,look,threshold_px,verdict");
-        for figure in Figure::ALL {
+        for figure in FailureFigure::ALL {
             csv.push(',');
             csv.push_str(figure.name());
         }
@@ -149,7 +153,7 @@ impl Table {
                     row.threshold_px,
                     cell.verdict.name()
                 );
-                for figure in Figure::ALL {
+                for figure in FailureFigure::ALL {
                     csv.push(',');
                     if let Some(value) = cell.figure(figure) {
                         let _ = write!(csv, "{value:.4}");
@@ -224,9 +228,9 @@ impl Table {
                         None => (String::new(), empty.clone()),
                         Some(shot) => {
                             let mark = match shot.cell.verdict {
-                                Verdict::Pass => "",
-                                Verdict::Limit => "*",
-                                Verdict::Fail => "!",
+                                FailureVerdict::Pass => "",
+                                FailureVerdict::Limit => "*",
+                                FailureVerdict::Fail => "!",
                             };
                             (format!("{look}{mark}"), shot.thumb.clone())
                         }
@@ -253,9 +257,9 @@ p{margin:2px 0}img{display:block;background:#000;image-rendering:pixelated}</sty
 fn cell_html(page: &mut String, shot: &Shot) -> Result<(), Error> {
     let cell = &shot.cell;
     let class = match cell.verdict {
-        Verdict::Pass => "pass",
-        Verdict::Limit => "limit",
-        Verdict::Fail => "fail",
+        FailureVerdict::Pass => "pass",
+        FailureVerdict::Limit => "limit",
+        FailureVerdict::Fail => "fail",
     };
     let _ = write!(
         page,
@@ -263,15 +267,15 @@ fn cell_html(page: &mut String, shot: &Shot) -> Result<(), Error> {
         escaped(&bounds_of(cell, "\n"))
     );
     image_tag(page, &shot.thumb, &format!("{}, {}", cell.scene, cell.look))?;
-    if cell.verdict != Verdict::Pass {
+    if cell.verdict != FailureVerdict::Pass {
         let cause = escaped(&cell.cause()).replace('\n', "<br>");
         let _ = write!(page, "<p><b>{}</b>: {cause}</p>", cell.verdict.name());
     }
     for (figure, words) in SHOWN {
         if let Some(value) = cell.figure(figure) {
             let digits = match figure {
-                Figure::Missing | Figure::Extra | Figure::Holes => 0,
-                Figure::Flip => 4,
+                FailureFigure::Missing | FailureFigure::Extra | FailureFigure::Holes => 0,
+                FailureFigure::Flip => 4,
                 _ => 2,
             };
             let _ = write!(page, "<p>{words} {value:.digits$}</p>");
@@ -282,7 +286,7 @@ fn cell_html(page: &mut String, shot: &Shot) -> Result<(), Error> {
 }
 
 /// What is stated, with what was measured and the reasons.
-fn bounds_of(cell: &Cell, between: &str) -> String {
+fn bounds_of(cell: &FailureCell, between: &str) -> String {
     let lines: Vec<String> = cell
         .bounds
         .iter()
@@ -372,7 +376,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::failures::Bound;
+    use crate::failures::FailureBound;
     use crate::scenes;
 
     #[test]
@@ -391,17 +395,17 @@ mod tests {
     }
 
     fn table() -> Table {
-        let bound = Bound {
-            figure: Figure::Holes,
+        let bound = FailureBound {
+            figure: FailureFigure::Holes,
             value: 3.0,
             range: [1.0, 5.0],
             why: "gaps, \"wide\" <ones>",
-            verdict: Verdict::Limit,
+            verdict: FailureVerdict::Limit,
         };
-        let cell = |look, verdict, bounds: Vec<Bound>| Cell {
+        let cell = |look, verdict, bounds: Vec<FailureBound>| FailureCell {
             scene: "fence",
             look,
-            figures: vec![(Figure::Holes, 3.0), (Figure::Flip, 0.25)],
+            figures: vec![(FailureFigure::Holes, 3.0), (FailureFigure::Flip, 0.25)],
             bounds,
             verdict,
         };
@@ -417,8 +421,8 @@ mod tests {
                 threshold_px: 1.0,
                 truth: Some(Image::filled(4, 4, [9; 4])),
                 shots: vec![
-                    shot(cell("pop", Verdict::Limit, vec![bound.clone()])),
-                    shot(cell("pop, culling off", Verdict::Fail, Vec::new())),
+                    shot(cell("pop", FailureVerdict::Limit, vec![bound.clone()])),
+                    shot(cell("pop, culling off", FailureVerdict::Fail, Vec::new())),
                 ],
             }],
         }

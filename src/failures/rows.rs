@@ -1,19 +1,19 @@
 //! What single scenes have to come to, with the reasons.
 
-use super::Figure;
-use Figure::{
+use super::FailureFigure;
+use FailureFigure::{
     Area, Astray, Center, Covered, Extra, Holes, Level, Lost, Missing, Moire, Reach, Stray,
 };
 
 /// What a scene and its looks have to come to, where the rules say nothing, too little, or what a method cannot keep.
 #[derive(Debug, Clone, Copy)]
-pub struct Row {
+pub struct FailureRow {
     /// Names of scenes, separated by blanks.
     pub scenes: &'static str,
     /// Names of looks, separated by `|`.
     pub looks: &'static str,
     /// What is bounded.
-    pub figure: Figure,
+    pub figure: FailureFigure,
     /// At least and at most.
     pub range: [f64; 2],
     /// The reason.
@@ -23,7 +23,7 @@ pub struct Row {
     pub is_bound: bool,
 }
 
-impl Row {
+impl FailureRow {
     /// Whether it is about a picture.
     pub fn is_of(&self, scene: &str, look: &str) -> bool {
         self.scenes.split(' ').any(|s| s == scene) && self.looks.split('|').any(|l| l == look)
@@ -31,7 +31,11 @@ impl Row {
 }
 
 /// The rows about a figure of a picture.
-pub fn of(scene: &str, look: &str, figure: Figure) -> impl Iterator<Item = &'static Row> {
+pub fn of(
+    scene: &str,
+    look: &str,
+    figure: FailureFigure,
+) -> impl Iterator<Item = &'static FailureRow> {
     ROWS.iter()
         .filter(move |row| row.figure == figure && row.is_of(scene, look))
 }
@@ -39,11 +43,11 @@ pub fn of(scene: &str, look: &str, figure: Figure) -> impl Iterator<Item = &'sta
 const fn row(
     scenes: &'static str,
     looks: &'static str,
-    figure: Figure,
+    figure: FailureFigure,
     range: [f64; 2],
     why: &'static str,
-) -> Row {
-    Row {
+) -> FailureRow {
+    FailureRow {
         scenes,
         looks,
         figure,
@@ -57,11 +61,11 @@ const fn row(
 const fn bound(
     scenes: &'static str,
     looks: &'static str,
-    figure: Figure,
+    figure: FailureFigure,
     range: [f64; 2],
     why: &'static str,
-) -> Row {
-    Row {
+) -> FailureRow {
+    FailureRow {
         is_bound: true,
         ..row(scenes, looks, figure, range, why)
     }
@@ -90,7 +94,7 @@ const FACETS: &str = "a splat is lit by its facet alone, and of several in a pix
 
 /// Every row, scene by scene.
 #[rustfmt::skip]
-pub static ROWS: &[Row] = &[
+pub static ROWS: &[FailureRow] = &[
     // 962 pixels of outline; the support of a square of 8 pixels is 5.1 on average over the directions.
     row("silhouette", "triangles", Covered, [73_150.0, 74_112.0], "the circle's area and half its outline"),
     row("silhouette", "pop", Extra, [2000.0, 5460.0], "a rim of squares, and half the outline"),

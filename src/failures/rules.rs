@@ -1,15 +1,15 @@
 //! The rules that hold for every scene, and the verdict on a picture.
 
 use super::colors::FARTHEST_PX;
-use super::figures::{Case, Figure};
-use super::{Error, Look, rows};
+use super::figures::{FailureCase, FailureFigure};
+use super::{Error, FailureLook, rows};
 use crate::image::Image;
 use crate::render::{Method, SplatKind};
 
 /// What is said of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum FailureVerdict {
     /// Within the rules and the rows.
     Pass,
     /// Against a rule, within a row that says how far and why.
@@ -18,7 +18,7 @@ pub enum Verdict {
     Fail,
 }
 
-impl Verdict {
+impl FailureVerdict {
     /// As tables have it.
     pub fn name(self) -> &'static str {
         match self {
@@ -31,9 +31,9 @@ impl Verdict {
 
 /// A figure, the range that is stated for it, and the reason.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Bound {
+pub struct FailureBound {
     /// What is bounded.
-    pub figure: Figure,
+    pub figure: FailureFigure,
     /// What was measured.
     pub value: f64,
     /// At least and at most.
@@ -41,27 +41,27 @@ pub struct Bound {
     /// The reason.
     pub why: &'static str,
     /// What the value says.
-    pub verdict: Verdict,
+    pub verdict: FailureVerdict,
 }
 
 /// The verdict on one picture.
 #[derive(Debug, Clone)]
-pub struct Cell {
+pub struct FailureCell {
     /// The scene.
     pub scene: &'static str,
     /// The way of drawing.
     pub look: &'static str,
     /// Everything measured.
-    pub figures: Vec<(Figure, f64)>,
+    pub figures: Vec<(FailureFigure, f64)>,
     /// Everything stated.
-    pub bounds: Vec<Bound>,
-    /// The worst of them; [`Verdict::Fail`] where nothing is stated.
-    pub verdict: Verdict,
+    pub bounds: Vec<FailureBound>,
+    /// The worst of them; [`FailureVerdict::Fail`] where nothing is stated.
+    pub verdict: FailureVerdict,
 }
 
-impl Cell {
+impl FailureCell {
     /// A figure, where it was measured.
-    pub fn figure(&self, figure: Figure) -> Option<f64> {
+    pub fn figure(&self, figure: FailureFigure) -> Option<f64> {
         let found = self.figures.iter().find(|(f, _)| *f == figure);
         found.map(|(_, value)| *value)
     }
@@ -73,9 +73,9 @@ impl Cell {
             let [least, most] = bound.range;
             let name = bound.figure.name();
             let line = match bound.verdict {
-                Verdict::Pass => continue,
-                Verdict::Limit => bound.why.to_owned(),
-                Verdict::Fail => format!(
+                FailureVerdict::Pass => continue,
+                FailureVerdict::Limit => bound.why.to_owned(),
+                FailureVerdict::Fail => format!(
                     "{name} is {:.4}, not {least} to {most}: {}",
                     bound.value, bound.why
                 ),
@@ -106,7 +106,7 @@ const MOIRE: f64 = 6.0;
 /// footprint's largest diameter: a square's diagonal, a disc's diameter. Discs in the plane of the surface hold all of
 /// their node around its center: t/2 and t/2 again. A pixel more is the rounding to centers. In `splats`, and in clouds,
 /// t is the largest leaf where that is larger.
-pub fn reach_px(case: &Case, look: &Look) -> f64 {
+pub fn reach_px(case: &FailureCase, look: &FailureLook) -> f64 {
     let has_own_size = look.settings.method == Method::Splats
         || (look.settings.method == Method::Pop && case.model.kind().is_points());
     let mut t = f64::from(case.threshold_px.max(1.0));
@@ -124,12 +124,15 @@ pub fn reach_px(case: &Case, look: &Look) -> f64 {
 }
 
 /// The ranges that hold where no row says otherwise, with the reasons.
-pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> {
+pub fn rules(
+    case: &FailureCase,
+    look: &FailureLook,
+) -> Vec<(FailureFigure, [f64; 2], &'static str)> {
     let mut rules = Vec::new();
     let reach = reach_px(case, look);
     if reach < FARTHEST_PX {
         rules.push((
-            Figure::Reach,
+            FailureFigure::Reach,
             [0.0, reach],
             "half a node and half a footprint from the surface, and a pixel",
         ));
@@ -140,24 +143,24 @@ pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> 
         rules.extend([
             if has_estimate {
                 (
-                    Figure::Missing,
+                    FailureFigure::Missing,
                     [0.0, case.cut_px.max(case.outline_px)],
                     "coverage is an estimate: pixels of the outline may fall short of half",
                 )
             } else {
                 (
-                    Figure::Missing,
+                    FailureFigure::Missing,
                     [0.0, case.cut_px],
                     "only pixels that an outline cuts may be missing",
                 )
             },
             (
-                Figure::Holes,
+                FailureFigure::Holes,
                 [0.0; 2],
                 "a surface without gaps is drawn without gaps",
             ),
             (
-                Figure::Lost,
+                FailureFigure::Lost,
                 [0.0, (case.covered_px / 1000.0).floor()],
                 "what covers a quarter of a pixel shows within a pixel, but for one in a thousand",
             ),
@@ -166,17 +169,17 @@ pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> 
         if case.expected.gap != Some(0.0) {
             rules.extend([
                 (
-                    Figure::Stray,
+                    FailureFigure::Stray,
                     [0.0, STRAY],
                     "colors are those of the surface near by",
                 ),
                 (
-                    Figure::Astray,
+                    FailureFigure::Astray,
                     [0.0, ASTRAY],
                     "colors are those of the surface near by",
                 ),
                 (
-                    Figure::Moire,
+                    FailureFigure::Moire,
                     [0.0, MOIRE],
                     "no pattern that is not there: blurred over a node it is not much nearer to the truth",
                 ),
@@ -187,19 +190,19 @@ pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> 
         && look.settings.draws_splats()
     {
         rules.push((
-            Figure::Covered,
+            FailureFigure::Covered,
             [0.75 * squares, squares],
             "a square, or the disc in it, for every point",
         ));
     }
     if look.settings.method == Method::Triangles && case.model.kind().is_points() {
-        rules.push((Figure::Covered, [0.0; 2], "a cloud has no triangles"));
+        rules.push((FailureFigure::Covered, [0.0; 2], "a cloud has no triangles"));
     } else if let (Some(color), true) = (case.expected.color, case.has_center) {
         // Rounding in several places, and the light of a splat some pixels away.
         rules.extend((0..3).map(|c| {
             let value = f64::from(color[c]);
             (
-                Figure::Center(c),
+                FailureFigure::Center(c),
                 [value - 6.0, value + 6.0],
                 "the closed form of the center's color",
             )
@@ -208,12 +211,12 @@ pub fn rules(case: &Case, look: &Look) -> Vec<(Figure, [f64; 2], &'static str)> 
     rules
 }
 
-impl Case {
+impl FailureCase {
     /// Measures a picture of `look` and holds it to the rules and the rows.
     ///
     /// # Errors
     /// When the picture has another size than the scene.
-    pub fn judge(&self, look: &Look, picture: &Image) -> Result<Cell, Error> {
+    pub fn judge(&self, look: &FailureLook, picture: &Image) -> Result<FailureCell, Error> {
         let figures = self.measure(picture, reach_px(self, look))?;
         let rules = rules(self, look);
         let mut bounds = Vec::new();
@@ -225,26 +228,26 @@ impl Case {
             if stated.is_empty()
                 && let Some(&(_, range, why)) = rule
             {
-                bounds.push(Bound {
+                bounds.push(FailureBound {
                     figure,
                     value,
                     range,
                     why,
                     verdict: if is_right {
-                        Verdict::Pass
+                        FailureVerdict::Pass
                     } else {
-                        Verdict::Fail
+                        FailureVerdict::Fail
                     },
                 });
             }
             bounds.extend(stated.into_iter().map(|row| {
                 let [least, most] = row.range;
                 let verdict = match ((least..=most).contains(&value), is_right || row.is_bound) {
-                    (false, _) => Verdict::Fail,
-                    (true, true) => Verdict::Pass,
-                    (true, false) => Verdict::Limit,
+                    (false, _) => FailureVerdict::Fail,
+                    (true, true) => FailureVerdict::Pass,
+                    (true, false) => FailureVerdict::Limit,
                 };
-                Bound {
+                FailureBound {
                     figure,
                     value,
                     range: row.range,
@@ -253,15 +256,15 @@ impl Case {
                 }
             }));
         }
-        let has = |v: Verdict| bounds.iter().any(|b| b.verdict == v);
-        let verdict = if bounds.is_empty() || has(Verdict::Fail) {
-            Verdict::Fail
-        } else if has(Verdict::Limit) {
-            Verdict::Limit
+        let has = |v: FailureVerdict| bounds.iter().any(|b| b.verdict == v);
+        let verdict = if bounds.is_empty() || has(FailureVerdict::Fail) {
+            FailureVerdict::Fail
+        } else if has(FailureVerdict::Limit) {
+            FailureVerdict::Limit
         } else {
-            Verdict::Pass
+            FailureVerdict::Pass
         };
-        Ok(Cell {
+        Ok(FailureCell {
             scene: self.entry.name,
             look: look.name,
             figures,

@@ -1,6 +1,6 @@
 //! Square, sphere and torus: one rectangular grid of vertices, seams doubled.
 
-use super::{Shape, Spec, Surface, trig::turn};
+use super::{GeneratedShape, ShapeSpec, ShapeSurface, trig::turn};
 use glam::Vec3;
 use std::ops::Range;
 
@@ -13,13 +13,13 @@ const BLOCK: usize = 1 << 16;
 
 /// The grid of a shape other than the statue. Vertex (i, j) has index `j (columns + 1) + i`.
 pub(super) struct Grid {
-    shape: Shape,
+    shape: GeneratedShape,
     columns: u64,
     rows: u64,
 }
 
 impl Grid {
-    pub(super) fn new(spec: &Spec) -> Grid {
+    pub(super) fn new(spec: &ShapeSpec) -> Grid {
         let (columns, rows) = spec.grid();
         Grid {
             shape: spec.shape(),
@@ -34,16 +34,18 @@ impl Grid {
     fn row(&self, j: u64) -> (f64, f64) {
         match self.shape {
             // w = -pi/2 + pi j/rows = (2 j - rows)/(4 rows) of a turn
-            Shape::Sphere => turn((2 * j + 3 * self.rows) % (4 * self.rows), 4 * self.rows),
+            GeneratedShape::Sphere => {
+                turn((2 * j + 3 * self.rows) % (4 * self.rows), 4 * self.rows)
+            }
             // w = -pi + 2 pi j/rows = (2 j - rows)/(2 rows) of a turn
-            Shape::Torus => turn((2 * j + self.rows) % (2 * self.rows), 2 * self.rows),
+            GeneratedShape::Torus => turn((2 * j + self.rows) % (2 * self.rows), 2 * self.rows),
             _ => (0.0, 1.0),
         }
     }
 
     /// Position and normal of vertex (i, j), given `row(j)`.
     fn vertex(&self, i: u64, j: u64, (sin_w, cos_w): (f64, f64)) -> (Vec3, Vec3) {
-        if self.shape == Shape::Square {
+        if self.shape == GeneratedShape::Square {
             return (
                 single(centered(i, self.columns), centered(j, self.rows), 0.0),
                 Vec3::Z,
@@ -52,7 +54,7 @@ impl Grid {
         // The last column repeats the first to the bit, so the seam closes.
         let (sin_u, cos_u) = turn(i % self.columns, self.columns);
         let normal = single(cos_w * sin_u, sin_w, cos_w * cos_u);
-        if self.shape == Shape::Sphere {
+        if self.shape == GeneratedShape::Sphere {
             return (normal, normal);
         }
         let ring = TORUS_MAJOR + TORUS_MINOR * cos_w;
@@ -79,7 +81,7 @@ fn single(x: f64, y: f64, z: f64) -> Vec3 {
     )
 }
 
-impl Surface for Grid {
+impl ShapeSurface for Grid {
     fn vertex_blocks(&self) -> Vec<Range<usize>> {
         super::blocks(((self.columns + 1) * (self.rows + 1)) as usize, BLOCK)
     }

@@ -26,7 +26,7 @@ mod spec;
 mod statue;
 mod trig;
 
-pub use spec::{Shape, Spec};
+pub use spec::{GeneratedShape, ShapeSpec};
 
 use crate::{mesh::Mesh, progress::Progress};
 use glam::Vec3;
@@ -50,7 +50,7 @@ pub enum Error {
     #[error("a {shape} cannot have a grid of {columns}x{rows} cells; it needs {wanted}")]
     BadGrid {
         /// The shape.
-        shape: Shape,
+        shape: GeneratedShape,
         /// Cells in the first direction.
         columns: u32,
         /// Cells in the second direction.
@@ -62,7 +62,7 @@ pub enum Error {
     #[error("this {shape} would have more than {limit} vertices (32-bit indices)")]
     TooLarge {
         /// The shape.
-        shape: Shape,
+        shape: GeneratedShape,
         /// How many vertices there may be.
         limit: u64,
     },
@@ -93,21 +93,21 @@ pub enum Error {
 }
 
 /// A surface made of independent blocks of vertices and of triangles.
-trait Surface: Sync {
+trait ShapeSurface: Sync {
     /// Consecutive ranges of vertex indices, from 0 to the vertex count.
     fn vertex_blocks(&self) -> Vec<Range<usize>>;
-    /// Fills positions and normals of one of [`vertex_blocks`](Surface::vertex_blocks).
+    /// Fills positions and normals of one of [`vertex_blocks`](ShapeSurface::vertex_blocks).
     fn vertices(&self, block: Range<usize>, positions: &mut [Vec3], normals: &mut [Vec3]);
     /// Consecutive ranges of triangle indices, from 0 to the triangle count.
     fn triangle_blocks(&self) -> Vec<Range<usize>>;
-    /// Fills one of [`triangle_blocks`](Surface::triangle_blocks).
+    /// Fills one of [`triangle_blocks`](ShapeSurface::triangle_blocks).
     fn triangles(&self, block: Range<usize>, triangles: &mut [[u32; 3]]);
 }
 
 /// The surface of a specification.
-fn surface(spec: &Spec) -> Box<dyn Surface> {
+fn surface(spec: &ShapeSpec) -> Box<dyn ShapeSurface> {
     match spec.shape() {
-        Shape::Statue => Box::new(statue::Statue::new(spec.grid().0)),
+        GeneratedShape::Statue => Box::new(statue::StatueShape::new(spec.grid().0)),
         _ => Box::new(grid::Grid::new(spec)),
     }
 }
@@ -134,8 +134,8 @@ fn split<'a, T>(mut all: &'a mut [T], blocks: &[Range<usize>]) -> Vec<&'a mut [T
 /// The whole model in memory: 24 bytes a vertex, 12 bytes a triangle, no colors, origin zero.
 ///
 /// Runs on the current rayon pool; the result does not depend on its size. Takes time and memory in
-/// proportion to [`Spec::counts`]; for more than fits memory use [`write_ply`].
-pub fn mesh(spec: &Spec) -> Mesh {
+/// proportion to [`ShapeSpec::counts`]; for more than fits memory use [`write_ply`].
+pub fn mesh(spec: &ShapeSpec) -> Mesh {
     let surface = surface(spec);
     let (vertices, triangles) = spec.counts();
     let mut mesh = Mesh {
@@ -178,13 +178,13 @@ const MOST_BLOCKS: usize = 16;
 ///
 /// [`Error::Stream`] when `out` fails, [`Error::Cancelled`] when `progress` says so; `out` then holds a part.
 pub fn write_ply(
-    spec: &Spec,
+    spec: &ShapeSpec,
     out: &mut (impl Write + ?Sized),
     progress: &dyn Progress,
 ) -> Result<(), Error> {
     let surface = surface(spec);
     let (vertices, triangles) = spec.counts();
-    let layout = ply::Layout {
+    let layout = ply::PlyLayout {
         vertices,
         triangles,
         is_cloud: false,
@@ -235,6 +235,6 @@ fn in_order(
 /// # Errors
 ///
 /// [`Error::Write`] when the file cannot be written, [`Error::Cancelled`] when `progress` says so.
-pub fn write_ply_file(spec: &Spec, path: &Path, progress: &dyn Progress) -> Result<(), Error> {
+pub fn write_ply_file(spec: &ShapeSpec, path: &Path, progress: &dyn Progress) -> Result<(), Error> {
     atomic::write(path, |out| write_ply(spec, out, progress))
 }

@@ -13,7 +13,7 @@ use std::{fmt::Write as _, io::Write, path::Path};
 const BLOCK: usize = 1 << 16;
 
 /// What a file holds, and so the size of its records.
-pub(super) struct Layout {
+pub(super) struct PlyLayout {
     pub(super) vertices: u64,
     pub(super) triangles: u64,
     pub(super) is_cloud: bool,
@@ -22,8 +22,8 @@ pub(super) struct Layout {
     pub(super) has_origin: bool,
 }
 
-impl Layout {
-    fn of(mesh: &Mesh) -> Result<Layout, Error> {
+impl PlyLayout {
+    fn of(mesh: &Mesh) -> Result<PlyLayout, Error> {
         let positions = mesh.positions.len();
         for (what, found) in [
             ("normals", mesh.normals.len()),
@@ -37,7 +37,7 @@ impl Layout {
                 });
             }
         }
-        Ok(Layout {
+        Ok(PlyLayout {
             vertices: positions as u64,
             triangles: mesh.triangles.len() as u64,
             is_cloud: mesh.is_cloud(),
@@ -149,7 +149,7 @@ pub fn write_to(
     out: &mut (impl Write + ?Sized),
     progress: &dyn Progress,
 ) -> Result<(), Error> {
-    let layout = Layout::of(mesh)?;
+    let layout = PlyLayout::of(mesh)?;
     let header = layout.header();
     progress.stage("write", header.len() as u64 + layout.body_bytes());
     out.write_all(header.as_bytes())?;
@@ -274,7 +274,7 @@ mod tests {
 
     #[test]
     fn indices_are_unsigned_only_where_they_must_be() {
-        let mut layout = Layout {
+        let mut layout = PlyLayout {
             vertices: 1 << 31,
             triangles: 1,
             is_cloud: false,

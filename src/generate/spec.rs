@@ -5,7 +5,7 @@ use std::{fmt, str::FromStr};
 
 /// A generated surface. All are in single precision, counter-clockwise from outside, y up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Shape {
+pub enum GeneratedShape {
     /// The unit square in z = 0, centered, normals +z.
     Square,
     /// The unit sphere on a longitude-latitude grid.
@@ -16,32 +16,37 @@ pub enum Shape {
     Statue,
 }
 
-impl Shape {
+impl GeneratedShape {
     /// Every shape.
-    pub const ALL: [Shape; 4] = [Shape::Square, Shape::Sphere, Shape::Torus, Shape::Statue];
+    pub const ALL: [GeneratedShape; 4] = [
+        GeneratedShape::Square,
+        GeneratedShape::Sphere,
+        GeneratedShape::Torus,
+        GeneratedShape::Statue,
+    ];
 
     /// The name in lower case, as [`FromStr`] reads it.
     pub fn name(self) -> &'static str {
         match self {
-            Shape::Square => "square",
-            Shape::Sphere => "sphere",
-            Shape::Torus => "torus",
-            Shape::Statue => "statue",
+            GeneratedShape::Square => "square",
+            GeneratedShape::Sphere => "sphere",
+            GeneratedShape::Torus => "torus",
+            GeneratedShape::Statue => "statue",
         }
     }
 }
 
-impl fmt::Display for Shape {
+impl fmt::Display for GeneratedShape {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for Shape {
+impl FromStr for GeneratedShape {
     type Err = Error;
 
-    fn from_str(name: &str) -> Result<Shape, Error> {
-        Shape::ALL
+    fn from_str(name: &str) -> Result<GeneratedShape, Error> {
+        GeneratedShape::ALL
             .into_iter()
             .find(|shape| shape.name() == name)
             .ok_or_else(|| Error::UnknownShape(name.to_owned()))
@@ -58,36 +63,36 @@ impl FromStr for Shape {
 /// # Ok::<(), surfel::generate::Error>(())
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Spec {
-    shape: Shape,
+pub struct ShapeSpec {
+    shape: GeneratedShape,
     columns: u32,
     rows: u32,
 }
 
-impl FromStr for Spec {
+impl FromStr for ShapeSpec {
     type Err = Error;
 
     /// `SHAPE[:TRIANGLES]`, a million triangles without a number; `_` may part its digits.
-    fn from_str(text: &str) -> Result<Spec, Error> {
+    fn from_str(text: &str) -> Result<ShapeSpec, Error> {
         let (shape, triangles) = match text.split_once(':') {
             Some((shape, triangles)) => (shape, Some(triangles)),
             None => (text, None),
         };
-        let shape: Shape = shape.parse()?;
+        let shape: GeneratedShape = shape.parse()?;
         let triangles = triangles.map_or(Ok(1_000_000), |text| {
             let digits = text.replace('_', "");
             digits.parse().map_err(|_| Error::BadCount(text.to_owned()))
         })?;
-        Spec::with_triangles(shape, triangles)
+        ShapeSpec::with_triangles(shape, triangles)
     }
 }
 
 /// Vertices have 32-bit indices; one value stays free, so that the number of vertices fits as well.
 const MOST_VERTICES: u64 = u32::MAX as u64;
 
-impl Spec {
+impl ShapeSpec {
     /// The model whose triangle count is nearest to `triangles` under the rule of its shape; never fewer
-    /// than the smallest grid of [`Spec::with_grid`] has. [`Spec::counts`] tells what came out.
+    /// than the smallest grid of [`ShapeSpec::with_grid`] has. [`ShapeSpec::counts`] tells what came out.
     ///
     /// * Square: half of `triangles` cells (rounded down), on the most nearly square grid of exactly that
     ///   many: `b` rows with `b` the largest divisor not above the square root. A prime gives one row.
@@ -100,7 +105,7 @@ impl Spec {
     /// # Errors
     ///
     /// [`Error::TooFewTriangles`] for 0, [`Error::TooLarge`] above what 32-bit indices can name.
-    pub fn with_triangles(shape: Shape, triangles: u64) -> Result<Spec, Error> {
+    pub fn with_triangles(shape: GeneratedShape, triangles: u64) -> Result<ShapeSpec, Error> {
         if triangles == 0 {
             return Err(Error::TooFewTriangles);
         }
@@ -113,7 +118,7 @@ impl Spec {
             });
         }
         let (columns, rows) = match shape {
-            Shape::Square => {
+            GeneratedShape::Square => {
                 let cells = (triangles / 2).max(1);
                 let rows = (1..=cells.isqrt())
                     .rev()
@@ -121,21 +126,21 @@ impl Spec {
                     .unwrap_or(1);
                 (cells / rows, rows)
             }
-            Shape::Sphere => {
+            GeneratedShape::Sphere => {
                 let rows = nearest_root(triangles, 4).max(2);
                 (2 * rows, rows)
             }
-            Shape::Torus => {
+            GeneratedShape::Torus => {
                 let rows = nearest_root(triangles, 400).max(3);
                 let columns = (triangles + rows) / (2 * rows);
                 (columns.max(3), rows)
             }
-            Shape::Statue => {
+            GeneratedShape::Statue => {
                 let n = nearest_root(triangles, 12).max(1);
                 (n, n)
             }
         };
-        Spec::checked(shape, columns, rows)
+        ShapeSpec::checked(shape, columns, rows)
     }
 
     /// The model on a grid of `columns` x `rows` cells.
@@ -147,12 +152,12 @@ impl Spec {
     /// # Errors
     ///
     /// [`Error::BadGrid`] below these limits, [`Error::TooLarge`] above what 32-bit indices can name.
-    pub fn with_grid(shape: Shape, columns: u32, rows: u32) -> Result<Spec, Error> {
+    pub fn with_grid(shape: GeneratedShape, columns: u32, rows: u32) -> Result<ShapeSpec, Error> {
         let (fits, wanted) = match shape {
-            Shape::Square => (columns >= 1 && rows >= 1, "at least 1x1"),
-            Shape::Sphere => (columns >= 3 && rows >= 2, "at least 3x2"),
-            Shape::Torus => (columns >= 3 && rows >= 3, "at least 3x3"),
-            Shape::Statue => (columns >= 1 && columns == rows, "NxN with N at least 1"),
+            GeneratedShape::Square => (columns >= 1 && rows >= 1, "at least 1x1"),
+            GeneratedShape::Sphere => (columns >= 3 && rows >= 2, "at least 3x2"),
+            GeneratedShape::Torus => (columns >= 3 && rows >= 3, "at least 3x3"),
+            GeneratedShape::Statue => (columns >= 1 && columns == rows, "NxN with N at least 1"),
         };
         if !fits {
             return Err(Error::BadGrid {
@@ -162,17 +167,17 @@ impl Spec {
                 wanted,
             });
         }
-        Spec::checked(shape, u64::from(columns), u64::from(rows))
+        ShapeSpec::checked(shape, u64::from(columns), u64::from(rows))
     }
 
-    fn checked(shape: Shape, columns: u64, rows: u64) -> Result<Spec, Error> {
+    fn checked(shape: GeneratedShape, columns: u64, rows: u64) -> Result<ShapeSpec, Error> {
         let too_large = Error::TooLarge {
             shape,
             limit: MOST_VERTICES,
         };
         match (u32::try_from(columns), u32::try_from(rows)) {
             (Ok(columns), Ok(rows)) if vertices(shape, columns, rows) <= MOST_VERTICES.into() => {
-                Ok(Spec {
+                Ok(ShapeSpec {
                     shape,
                     columns,
                     rows,
@@ -183,7 +188,7 @@ impl Spec {
     }
 
     /// The shape.
-    pub fn shape(&self) -> Shape {
+    pub fn shape(&self) -> GeneratedShape {
         self.shape
     }
 
@@ -196,7 +201,7 @@ impl Spec {
     pub fn counts(&self) -> (u64, u64) {
         let cells = u64::from(self.columns) * u64::from(self.rows);
         let triangles = match self.shape {
-            Shape::Statue => 12 * cells,
+            GeneratedShape::Statue => 12 * cells,
             _ => 2 * cells,
         };
         // `checked` has made sure that the vertices fit.
@@ -208,10 +213,10 @@ impl Spec {
 }
 
 /// Vertices of a grid: seams are doubled, but the statue shares all.
-fn vertices(shape: Shape, columns: u32, rows: u32) -> u128 {
+fn vertices(shape: GeneratedShape, columns: u32, rows: u32) -> u128 {
     let (columns, rows) = (u128::from(columns), u128::from(rows));
     match shape {
-        Shape::Statue => 6 * columns * columns + 2,
+        GeneratedShape::Statue => 6 * columns * columns + 2,
         _ => (columns + 1) * (rows + 1),
     }
 }
@@ -248,44 +253,44 @@ mod tests {
     #[test]
     fn limits_are_errors() {
         assert!(matches!(
-            Spec::with_triangles(Shape::Sphere, 0),
+            ShapeSpec::with_triangles(GeneratedShape::Sphere, 0),
             Err(Error::TooFewTriangles)
         ));
-        for shape in Shape::ALL {
+        for shape in GeneratedShape::ALL {
             for triangles in [u64::MAX, 8_700_000_000, 17_179_869_184] {
                 assert!(
                     matches!(
-                        Spec::with_triangles(shape, triangles),
+                        ShapeSpec::with_triangles(shape, triangles),
                         Err(Error::TooLarge { .. })
                     ),
                     "{shape} {triangles}"
                 );
             }
             // The largest models have indices that just fit.
-            let (vertices, _) = Spec::with_triangles(shape, 8_000_000_000)
+            let (vertices, _) = ShapeSpec::with_triangles(shape, 8_000_000_000)
                 .expect("fits")
                 .counts();
             assert!(vertices > 3_900_000_000 && vertices <= u64::from(u32::MAX));
         }
         assert!(matches!(
-            Spec::with_grid(Shape::Square, u32::MAX, 1),
+            ShapeSpec::with_grid(GeneratedShape::Square, u32::MAX, 1),
             Err(Error::TooLarge { .. })
         ));
         for (shape, columns, rows) in [
-            (Shape::Square, 0, 1),
-            (Shape::Sphere, 2, 9),
-            (Shape::Sphere, 3, 1),
-            (Shape::Torus, 3, 2),
-            (Shape::Statue, 3, 4),
-            (Shape::Statue, 0, 0),
+            (GeneratedShape::Square, 0, 1),
+            (GeneratedShape::Sphere, 2, 9),
+            (GeneratedShape::Sphere, 3, 1),
+            (GeneratedShape::Torus, 3, 2),
+            (GeneratedShape::Statue, 3, 4),
+            (GeneratedShape::Statue, 0, 0),
         ] {
             assert!(matches!(
-                Spec::with_grid(shape, columns, rows),
+                ShapeSpec::with_grid(shape, columns, rows),
                 Err(Error::BadGrid { .. })
             ));
         }
         assert!(matches!(
-            "cube".parse::<Shape>(),
+            "cube".parse::<GeneratedShape>(),
             Err(Error::UnknownShape(_))
         ));
     }

@@ -2,7 +2,7 @@
 //!
 //! The vertices are the integer points (x, y, z) on the surface of the cube `0..=n` cubed, in layers of z:
 //! the bottom face row by row, then the rings of layers 1 to n - 1, then the top face. Every point has one
-//! row and one column in that order ([`Lattice::locate`]), so an index is found from the coordinates by a
+//! row and one column in that order ([`StatueLattice::locate`]), so an index is found from the coordinates by a
 //! few comparisons, and vertices are shared across cube edges without a table.
 //!
 //! A normal needs the positions around its vertex. A block of rows therefore computes one more row at both
@@ -11,7 +11,7 @@
 //! bit-identical wherever it is computed, and a block needs nothing from other blocks: that is what makes
 //! the model streamable and independent of the number of threads.
 
-use super::{Surface, trig::sin};
+use super::{ShapeSurface, trig::sin};
 use glam::{DVec3, Vec3};
 use std::{f64::consts::FRAC_PI_4, ops::Range, sync::LazyLock};
 
@@ -27,7 +27,7 @@ const SCALE: [f64; 3] = [0.8, 1.35, 0.7];
 const BLOCK: usize = 1 << 16;
 
 /// The waves as columns, so that the compiler can take several at a time.
-struct Waves {
+struct SurfaceWaves {
     qx: [f64; WAVES],
     qy: [f64; WAVES],
     qz: [f64; WAVES],
@@ -39,8 +39,8 @@ struct Waves {
 }
 
 #[derive(serde::Deserialize)]
-struct Row {
-    kind: Kind,
+struct LatticeRow {
+    kind: StatuePart,
     q: [f64; 3],
     phase: f64,
     amplitude: f64,
@@ -48,15 +48,15 @@ struct Row {
 
 #[derive(serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
-enum Kind {
+enum StatuePart {
     Wave,
     Crease,
 }
 
-static TABLE_WAVES: LazyLock<Waves> = LazyLock::new(|| {
-    let rows: [Row; WAVES] =
+static TABLE_WAVES: LazyLock<SurfaceWaves> = LazyLock::new(|| {
+    let rows: [LatticeRow; WAVES] =
         serde_json::from_str(TABLE).expect("the table in assets has 24 well-formed rows");
-    let mut waves = Waves {
+    let mut waves = SurfaceWaves {
         qx: [0.0; WAVES],
         qy: [0.0; WAVES],
         qz: [0.0; WAVES],
@@ -69,8 +69,8 @@ static TABLE_WAVES: LazyLock<Waves> = LazyLock::new(|| {
         [waves.qx[k], waves.qy[k], waves.qz[k]] = row.q;
         waves.phase[k] = row.phase;
         match row.kind {
-            Kind::Wave => waves.linear[k] = row.amplitude,
-            Kind::Crease => {
+            StatuePart::Wave => waves.linear[k] = row.amplitude,
+            StatuePart::Crease => {
                 waves.constant[k] = 0.6 * row.amplitude;
                 waves.crease[k] = -1.6 * row.amplitude;
             }
@@ -79,7 +79,7 @@ static TABLE_WAVES: LazyLock<Waves> = LazyLock::new(|| {
     waves
 });
 
-impl Waves {
+impl SurfaceWaves {
     /// The displacement d at the unit vector `p`.
     #[inline]
     fn displacement(&self, p: DVec3) -> f64 {
@@ -96,11 +96,11 @@ impl Waves {
 }
 
 /// An integer point on the surface of the cube.
-type Point = [u32; 3];
+type LatticePoint = [u32; 3];
 
 /// One side of the cube, seen from outside: `right` x `up` is the outward direction. Steps go along the
 /// axis of that number, up (+1) or down (-1).
-struct Face {
+struct StatueFace {
     /// The axis that the face is perpendicular to, and whether it is the far one (coordinate n).
     axis: usize,
     far: bool,
@@ -109,7 +109,7 @@ struct Face {
 }
 
 /// Bottom, the four sides (rows along the rings), top.
-const FACES: [Face; 6] = [
+const FACES: [StatueFace; 6] = [
     face(2, false, (0, -1), (1, 1)),
     face(1, false, (0, 1), (2, 1)),
     face(0, true, (1, 1), (2, 1)),
@@ -118,8 +118,8 @@ const FACES: [Face; 6] = [
     face(2, true, (0, 1), (1, 1)),
 ];
 
-const fn face(axis: usize, far: bool, right: (usize, i32), up: (usize, i32)) -> Face {
-    Face {
+const fn face(axis: usize, far: bool, right: (usize, i32), up: (usize, i32)) -> StatueFace {
+    StatueFace {
         axis,
         far,
         right,
@@ -133,12 +133,12 @@ const FAN: [(i32, i32); 6] = [(1, 0), (1, 1), (0, 1), (-1, 0), (-1, -1), (0, -1)
 
 /// The order of the surface points of the cube.
 #[derive(Clone, Copy)]
-struct Lattice {
+struct StatueLattice {
     /// Cells along an edge.
     n: u32,
 }
 
-impl Lattice {
+impl StatueLattice {
     /// Rows: n + 1 of the bottom, n - 1 rings, n + 1 of the top.
     fn rows(self) -> usize {
         3 * self.n as usize + 1
@@ -159,7 +159,7 @@ impl Lattice {
 
     /// Row and column of a surface point.
     #[inline]
-    fn locate(self, [x, y, z]: Point) -> (usize, usize) {
+    fn locate(self, [x, y, z]: LatticePoint) -> (usize, usize) {
         let n = self.n;
         let (row, column) = if z == 0 {
             (y, x)
@@ -179,13 +179,13 @@ impl Lattice {
 
     /// Index of a surface point.
     #[inline]
-    fn index(self, point: Point) -> u32 {
+    fn index(self, point: LatticePoint) -> u32 {
         let (row, column) = self.locate(point);
         (self.row_start(row) + column) as u32
     }
 
-    /// The point in a row and column; the inverse of [`Lattice::locate`].
-    fn point(self, row: usize, column: usize) -> Point {
+    /// The point in a row and column; the inverse of [`StatueLattice::locate`].
+    fn point(self, row: usize, column: usize) -> LatticePoint {
         let n = self.n;
         let (row, column) = (row as u32, column as u32);
         if row <= n {
@@ -211,25 +211,25 @@ impl Lattice {
 }
 
 /// The statue with `n` cells along each cube edge.
-pub(super) struct Statue {
-    lattice: Lattice,
+pub(super) struct StatueShape {
+    lattice: StatueLattice,
     /// tan((2 k/n - 1) pi/4) for k from 0 to n; exactly symmetric, with exact ends.
     tangents: Vec<f64>,
-    waves: &'static Waves,
+    waves: &'static SurfaceWaves,
 }
 
-impl Statue {
-    pub(super) fn new(n: u32) -> Statue {
+impl StatueShape {
+    pub(super) fn new(n: u32) -> StatueShape {
         let tangents = (0..=n).map(|k| tangent(k, n)).collect();
-        Statue {
-            lattice: Lattice { n },
+        StatueShape {
+            lattice: StatueLattice { n },
             tangents,
             waves: &TABLE_WAVES,
         }
     }
 
     /// The position of a surface point of the cube; a function of the point alone.
-    fn position(&self, [x, y, z]: Point) -> Vec3 {
+    fn position(&self, [x, y, z]: LatticePoint) -> Vec3 {
         let cube = DVec3::new(
             self.tangents[x as usize],
             self.tangents[y as usize],
@@ -244,7 +244,12 @@ impl Statue {
 
     /// The area-weighted normal at `point`: the unit vector of the sum of the cross products of the final,
     /// rounded triangles around it. Zero should all of them have no area.
-    fn normal(&self, point: Point, center: Vec3, position: &impl Fn(Point) -> Vec3) -> Vec3 {
+    fn normal(
+        &self,
+        point: LatticePoint,
+        center: Vec3,
+        position: &impl Fn(LatticePoint) -> Vec3,
+    ) -> Vec3 {
         let n = self.lattice.n;
         let center = center.as_dvec3();
         let mut sum = DVec3::ZERO;
@@ -270,7 +275,13 @@ impl Statue {
 
 /// `point` moved by some cells to the right and up on a face, or `None` past its border.
 #[inline]
-fn step(mut point: Point, face: &Face, right: i32, up: i32, n: u32) -> Option<Point> {
+fn step(
+    mut point: LatticePoint,
+    face: &StatueFace,
+    right: i32,
+    up: i32,
+    n: u32,
+) -> Option<LatticePoint> {
     for ((axis, sign), steps) in [(face.right, right), (face.up, up)] {
         let moved = point[axis].wrapping_add_signed(sign * steps);
         if moved > n {
@@ -293,7 +304,7 @@ fn tangent(k: u32, n: u32) -> f64 {
     sin(angle) / (1.0 - 2.0 * half * half)
 }
 
-impl Surface for Statue {
+impl ShapeSurface for StatueShape {
     fn vertex_blocks(&self) -> Vec<Range<usize>> {
         let mut blocks = Vec::new();
         let mut start = 0;
@@ -331,7 +342,7 @@ impl Surface for Statue {
                 (0..lattice.row_len(row)).map(|column| self.position(lattice.point(row, column))),
             );
         }
-        let position = |point: Point| {
+        let position = |point: LatticePoint| {
             let (row, column) = lattice.locate(point);
             if with_rim.contains(&row) {
                 known[lattice.row_start(row) - first + column]
@@ -363,7 +374,7 @@ impl Surface for Statue {
     fn triangles(&self, block: Range<usize>, triangles: &mut [[u32; 3]]) {
         let n = self.lattice.n;
         let cells = n as usize;
-        let corner = |face: &Face, i: u32, j: u32| {
+        let corner = |face: &StatueFace, i: u32, j: u32| {
             let mut point = [0; 3];
             point[face.axis] = if face.far { n } else { 0 };
             for ((axis, sign), steps) in [(face.right, i), (face.up, j)] {
@@ -398,7 +409,7 @@ mod tests {
     #[test]
     fn every_index_has_one_point_and_back() {
         for n in [1, 2, 3, 7] {
-            let lattice = Lattice { n };
+            let lattice = StatueLattice { n };
             let mut index = 0;
             for row in 0..lattice.rows() {
                 for column in 0..lattice.row_len(row) {
@@ -431,8 +442,9 @@ mod tests {
     #[test]
     fn normals_are_those_of_the_triangles() {
         for n in [1, 2, 5] {
-            let spec = super::super::Spec::with_grid(super::super::Shape::Statue, n, n)
-                .expect("a valid grid");
+            let spec =
+                super::super::ShapeSpec::with_grid(super::super::GeneratedShape::Statue, n, n)
+                    .expect("a valid grid");
             let mesh = super::super::mesh(&spec);
             let mut sums = vec![DVec3::ZERO; mesh.positions.len()];
             for corners in &mesh.triangles {

@@ -216,8 +216,8 @@ impl DeviceBuffer {
 
 /// Host-visible memory that the host writes and the device reads, mapped for its whole life.
 ///
-/// Bytes written through [`bytes_mut`](Upload::bytes_mut) reach the device only after
-/// [`flush`](Upload::flush), and must not change while a submission reads them: keep one upload buffer per
+/// Bytes written through [`bytes_mut`](UploadBuffer::bytes_mut) reach the device only after
+/// [`flush`](UploadBuffer::flush), and must not change while a submission reads them: keep one upload buffer per
 /// frame in flight.
 #[derive(Debug)]
 pub struct UploadBuffer {

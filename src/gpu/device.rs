@@ -201,7 +201,7 @@ fn text(chars: Result<&CStr, std::ffi::FromBytesUntilNulError>) -> String {
         .unwrap_or_default()
 }
 
-/// The largest side of an image as [`Image::mapped`](super::image::Image::mapped) makes it.
+/// The largest side of an image as [`Image::mapped`](super::image::DeviceImage::mapped) makes it.
 fn max_mapped_side(instance: &ash::Instance, physical: vk::PhysicalDevice) -> u32 {
     use super::image::{MAPPED_FORMAT, MAPPED_USAGE};
     use vk::FormatFeatureFlags as F;

@@ -178,7 +178,7 @@ impl FrameRing {
         self.slots.len()
     }
 
-    /// The slot that the next [`begin`](Frames::begin) will use.
+    /// The slot that the next [`begin`](FrameRing::begin) will use.
     pub fn next_slot(&self) -> usize {
         self.next
     }
@@ -343,7 +343,7 @@ impl FrameRecorder<'_> {
         self.read_back_part(name, image, [0, 0, image.width, image.height], into);
     }
 
-    /// As [`read_back`](Frame::read_back), for the rectangle `[x, y, width, height]` of the image.
+    /// As [`read_back`](FrameRecorder::read_back), for the rectangle `[x, y, width, height]` of the image.
     ///
     /// # Panics
     /// When the rectangle reaches out of the image, or the buffer is smaller than the rectangle.
@@ -443,7 +443,7 @@ impl FrameRecorder<'_> {
     }
 
     /// Puts `image` onto an image acquired from a window, scaled if the sizes differ, and hands that to the
-    /// presentation engine, as the pass `present`. The frame must end with [`submit_onto`](Frame::submit_onto).
+    /// presentation engine, as the pass `present`. The frame must end with [`submit_onto`](FrameRecorder::submit_onto).
     #[cfg(feature = "viewer")]
     pub fn present(&mut self, image: &DeviceImage, onto: &AcquiredImage) {
         let mut state = ResourceState::acquired(AcquiredImage::FIRST_ACCESS);
@@ -504,7 +504,7 @@ impl FrameRecorder<'_> {
         barriers.record(&gpu, commands);
     }
 
-    /// Ends the recording of a frame with a [`present`](Frame::present) pass and submits it: the pass waits
+    /// Ends the recording of a frame with a [`present`](FrameRecorder::present) pass and submits it: the pass waits
     /// until the window's image is free, and the image is shown only after the frame has finished.
     ///
     /// # Errors

@@ -120,7 +120,7 @@ impl DeviceImage {
         )
     }
 
-    /// As [`new`](Image::new), and can be copied to.
+    /// As [`new`](DeviceImage::new), and can be copied to.
     ///
     /// # Errors
     /// As there.
@@ -144,7 +144,7 @@ impl DeviceImage {
     /// Makes a picture of eight bits a channel that the host writes, in memory that is mapped for its whole life; it can be sampled
     /// and copied from. Black, and empty, at first. `None` where the device has no such images of this size.
     ///
-    /// Words written through [`words_mut`](Image::words_mut) reach the device only after [`flush`](Image::flush), and must not
+    /// Words written through [`words_mut`](DeviceImage::words_mut) reach the device only after [`flush`](DeviceImage::flush), and must not
     /// change while a submission reads them.
     ///
     /// # Errors

@@ -61,7 +61,7 @@ impl DrawRecorder<'_> {
     /// added to each, first instance.
     ///
     /// # Panics
-    /// As [`draw_from`](Draw::draw_from).
+    /// As [`draw_from`](DrawRecorder::draw_from).
     pub fn draw_indexed_from(&mut self, buffer: &dyn AnyBuffer, offset: u64) {
         check(
             self.site.name,
@@ -84,7 +84,7 @@ impl DrawRecorder<'_> {
 
 impl ComputeRecorder<'_> {
     /// Runs as many workgroups as the three words at `offset` (a multiple of 4) of a buffer say that a dispatch before it in
-    /// this pass wrote, and [`after`](Compute::after) it. Each must be below what every device takes.
+    /// this pass wrote, and [`after`](ComputeRecorder::after) it. Each must be below what every device takes.
     ///
     /// # Panics
     /// When the words lie outside of the buffer, or the pass did not declare it.

@@ -306,7 +306,7 @@ impl WindowOverlay {
     /// Records what was prepared over `picture`, and gives the image that is to be shown.
     ///
     /// # Panics
-    /// When `picture` has not the size that [`prepare`](Overlay::prepare) was told, less the inset.
+    /// When `picture` has not the size that [`prepare`](WindowOverlay::prepare) was told, less the inset.
     pub fn record(&mut self, frame: &mut FrameRecorder<'_>, picture: &DeviceImage) -> &DeviceImage {
         let slot = frame.slot() % self.slots.len();
         let lists = &self.slots[slot];

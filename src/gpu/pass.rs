@@ -27,7 +27,7 @@ pub(super) struct PendingBarriers {
     images: Vec<vk::ImageMemoryBarrier2<'static>>,
     /// Vertex, index, storage and argument buffers that the pass being described declared; kept for their memory.
     pub(super) declared: [Vec<vk::Buffer>; 4],
-    /// Record none: a planted fault, see [`omit_barriers`](super::frame::Frames::omit_barriers).
+    /// Record none: a planted fault, see [`omit_barriers`](super::frame::FrameRing::omit_barriers).
     pub(super) omitted: bool,
 }
 
@@ -60,7 +60,7 @@ impl PendingBarriers {
         );
     }
 
-    /// As [`image`](Barriers::image), for an image that another owns.
+    /// As [`image`](PendingBarriers::image), for an image that another owns.
     pub(super) fn handle(
         &mut self,
         image: vk::Image,
@@ -107,7 +107,7 @@ impl PendingBarriers {
     }
 }
 
-/// A pass being described: its targets and what it reads. [`draw`](Pass::draw) records it.
+/// A pass being described: its targets and what it reads. [`draw`](PassBuilder::draw) records it.
 pub struct PassBuilder<'f> {
     pub(super) gpu: Arc<Gpu>,
     pub(super) slot: &'f mut FrameSlot,
@@ -335,7 +335,7 @@ impl<'f> PassBuilder<'f> {
         self.barriers.declared = declared;
     }
 
-    /// As [`draw`](Pass::draw), with a viewport that is the whole of the targets.
+    /// As [`draw`](PassBuilder::draw), with a viewport that is the whole of the targets.
     ///
     /// # Panics
     /// As there.
@@ -412,7 +412,7 @@ impl DrawRecorder<'_> {
         self.bind_storage(pipeline, uniforms, images, &[]);
     }
 
-    /// As [`bind`](Draw::bind), with the storage buffers that the shaders read.
+    /// As [`bind`](DrawRecorder::bind), with the storage buffers that the shaders read.
     ///
     /// # Panics
     /// As there.
@@ -538,7 +538,7 @@ impl DrawRecorder<'_> {
     }
 
     /// Draws `count` records from `first` on as quads
-    /// ([`Topology::Quads`](super::pipeline::Topology::Quads)).
+    /// ([`Topology::Quads`](super::pipeline::PrimitiveTopology::Quads)).
     pub fn draw_quads(&mut self, first: u32, count: u32) {
         // SAFETY: as in `draw`; the records are bound per instance.
         unsafe {

@@ -130,11 +130,11 @@ impl ShaderPipeline {
         Self::with(gpu, description, 0, false)
     }
 
-    /// As [`new`](Pipeline::new), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone: shaders then
+    /// As [`new`](ShaderPipeline::new), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone: shaders then
     /// neither look at the flags of the frame nor branch on them.
     ///
     /// # Errors
-    /// As [`new`](Pipeline::new).
+    /// As [`new`](ShaderPipeline::new).
     pub fn for_flags(
         gpu: &Arc<Gpu>,
         description: &PipelineDescription<'_>,
@@ -143,7 +143,7 @@ impl ShaderPipeline {
         Self::with(gpu, description, flags | constants::FLAGS_ARE_KNOWN, false)
     }
 
-    /// As [`new`](Pipeline::new), drawing over what is there by premultiplied alpha.
+    /// As [`new`](ShaderPipeline::new), drawing over what is there by premultiplied alpha.
     #[cfg(feature = "viewer")]
     pub(super) fn over(
         gpu: &Arc<Gpu>,
@@ -188,10 +188,10 @@ impl ShaderPipeline {
         Self::compute_with(gpu, name, shader, (constants, 0))
     }
 
-    /// As [`compute`](Pipeline::compute), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone.
+    /// As [`compute`](ShaderPipeline::compute), for frames whose [flags](crate::abi::FrameConstants::flags) are these alone.
     ///
     /// # Errors
-    /// As [`compute`](Pipeline::compute).
+    /// As [`compute`](ShaderPipeline::compute).
     pub fn compute_for_flags(
         gpu: &Arc<Gpu>,
         name: &str,

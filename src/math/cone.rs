@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 
 /// A circular cone of directions with half angle below a quarter turn.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Cap {
+pub struct DirectionCap {
     /// Unit axis.
     pub axis: DVec3,
     /// Sine of the half angle.
@@ -20,7 +20,7 @@ pub struct Cap {
     pub cos: f64,
 }
 
-impl Cap {
+impl DirectionCap {
     /// A single direction; `axis` must have unit length.
     #[inline]
     pub fn point(axis: DVec3) -> Self {
@@ -48,7 +48,7 @@ pub const LEAST_COS: f64 = 1e-3;
 /// Axis of a nearly smallest cone around up to four cones, not normalized: its length is the cosine of the half
 /// angle for points. Near zero where the cones point everywhere. No cones give zero.
 #[inline]
-pub fn common_axis(caps: &[Cap]) -> DVec3 {
+pub fn common_axis(caps: &[DirectionCap]) -> DVec3 {
     let mut balls = [Sphere::default(); 4];
     match caps {
         [] => DVec3::ZERO,
@@ -69,7 +69,7 @@ pub fn common_axis(caps: &[Cap]) -> DVec3 {
 /// Sine of the smallest half angle around the unit `axis` that contains all `caps`, or `None` when it comes within
 /// 0.001 of a quarter turn. Exact up to rounding.
 #[inline]
-pub fn sin_around(axis: DVec3, caps: &[Cap]) -> Option<f64> {
+pub fn sin_around(axis: DVec3, caps: &[DirectionCap]) -> Option<f64> {
     let mut widest = 0.0f64;
     for cap in caps {
         let cos = axis.dot(cap.axis);
@@ -130,19 +130,22 @@ mod tests {
         for beta_degrees in [1.0f64, 10.0, 44.0, 60.0, 85.0] {
             let beta = beta_degrees.to_radians();
             let axis = DVec3::new(0.3, -0.5, 0.8).normalize();
-            let caps: Vec<Cap> = cap_directions(axis, beta)
+            let caps: Vec<DirectionCap> = cap_directions(axis, beta)
                 .into_iter()
-                .map(Cap::point)
+                .map(DirectionCap::point)
                 .collect();
             let sin = sin_around(axis, &caps).unwrap();
             assert!((sin - beta.sin()).abs() < 1e-12);
         }
-        let wide: Vec<Cap> = cap_directions(DVec3::Z, 89.99f64.to_radians())
+        let wide: Vec<DirectionCap> = cap_directions(DVec3::Z, 89.99f64.to_radians())
             .into_iter()
-            .map(Cap::point)
+            .map(DirectionCap::point)
             .collect();
         assert_eq!(sin_around(DVec3::Z, &wide), None);
-        assert_eq!(sin_around(DVec3::Z, &[Cap::point(-DVec3::Z)]), None);
+        assert_eq!(
+            sin_around(DVec3::Z, &[DirectionCap::point(-DVec3::Z)]),
+            None
+        );
     }
 
     #[test]
@@ -187,16 +190,16 @@ mod tests {
             DVec3::new(-0.6, 0.0, 0.8),
             DVec3::new(0.0, 0.1, 1.0).normalize(),
         ];
-        let axis = common_axis(&points.map(Cap::point)).normalize();
+        let axis = common_axis(&points.map(DirectionCap::point)).normalize();
         assert!(axis.distance(DVec3::Z) < 1e-9);
-        assert!((sin_around(axis, &points.map(Cap::point)).unwrap() - 0.6).abs() < 1e-9);
+        assert!((sin_around(axis, &points.map(DirectionCap::point)).unwrap() - 0.6).abs() < 1e-9);
     }
 
     #[test]
     fn merged_caps_are_contained() {
-        let narrow = Cap::from_sin(DVec3::new(0.5, 0.0, 1.0).normalize(), 0.1);
-        let wide = Cap::from_sin(DVec3::new(-0.3, 0.4, 1.0).normalize(), 0.4);
-        let caps = [narrow, wide, Cap::point(DVec3::Z)];
+        let narrow = DirectionCap::from_sin(DVec3::new(0.5, 0.0, 1.0).normalize(), 0.1);
+        let wide = DirectionCap::from_sin(DVec3::new(-0.3, 0.4, 1.0).normalize(), 0.4);
+        let caps = [narrow, wide, DirectionCap::point(DVec3::Z)];
         let axis = common_axis(&caps).normalize();
         let half_angle = sin_around(axis, &caps).unwrap().asin();
         for cap in caps {

@@ -4,7 +4,7 @@ use crate::image::{Error, Picture};
 
 /// The covered pixels of a picture: those of which at least half is covered.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Mask {
+pub struct CoverageMask {
     /// Width in pixels.
     pub width: usize,
     /// Height in pixels.
@@ -13,7 +13,7 @@ pub struct Mask {
     pub is_covered: Vec<bool>,
 }
 
-impl Mask {
+impl CoverageMask {
     /// Of a picture's alpha.
     pub fn of(picture: &impl Picture) -> Self {
         let [width, height] = picture.size().map(|side| side as usize);
@@ -50,17 +50,20 @@ impl Mask {
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
-pub(super) fn masks(reference: &impl Picture, other: &impl Picture) -> Result<(Mask, Mask), Error> {
+pub(super) fn masks(
+    reference: &impl Picture,
+    other: &impl Picture,
+) -> Result<(CoverageMask, CoverageMask), Error> {
     let (first, second) = (reference.size(), other.size());
     if first != second {
         return Err(Error::Size { first, second });
     }
-    Ok((Mask::of(reference), Mask::of(other)))
+    Ok((CoverageMask::of(reference), CoverageMask::of(other)))
 }
 
 /// How the covered pixels of a picture differ from those of its reference.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize)]
-pub struct Coverage {
+pub struct CoverageErrors {
     /// Covered pixels of the reference.
     pub covered: u64,
     /// Pixels covered in the reference only.
@@ -82,15 +85,15 @@ pub struct Coverage {
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
-pub fn coverage(reference: &impl Picture, other: &impl Picture) -> Result<Coverage, Error> {
+pub fn coverage(reference: &impl Picture, other: &impl Picture) -> Result<CoverageErrors, Error> {
     let (reference, other) = masks(reference, other)?;
     Ok(of_masks(&reference, &other))
 }
 
-fn of_masks(reference: &Mask, other: &Mask) -> Coverage {
-    let mut found = Coverage {
+fn of_masks(reference: &CoverageMask, other: &CoverageMask) -> CoverageErrors {
+    let mut found = CoverageErrors {
         covered: reference.count(),
-        ..Coverage::default()
+        ..CoverageErrors::default()
     };
     let mut is_missing: Vec<bool> = Vec::with_capacity(reference.is_covered.len());
     for (r, o) in reference.is_covered.iter().zip(&other.is_covered) {
@@ -161,7 +164,7 @@ mod tests {
         ]);
         assert_eq!(
             coverage(&reference, &other).unwrap(),
-            Coverage {
+            CoverageErrors {
                 covered: 32,
                 missing: 5,
                 extra: 1,
@@ -193,6 +196,6 @@ mod tests {
     fn half_a_pixel_counts_as_covered() {
         let mut image = Image::filled(2, 1, [0, 0, 0, 127]);
         image.color[1][3] = 128;
-        assert_eq!(Mask::of(&image).is_covered, [false, true]);
+        assert_eq!(CoverageMask::of(&image).is_covered, [false, true]);
     }
 }

@@ -1,17 +1,17 @@
 //! Many frames together: the last of a window, or all of a run.
 
-use super::Distribution;
+use super::ValueDistribution;
 use crate::render::stats::{FrameStage, FrameTimes};
 use std::collections::VecDeque;
 
 /// The last frames, oldest first; what comes in above its capacity pushes the oldest out.
 #[derive(Debug, Clone, Default)]
-pub struct Ring {
+pub struct FrameWindow {
     frames: VecDeque<FrameTimes>,
     capacity: usize,
 }
 
-impl Ring {
+impl FrameWindow {
     /// An empty ring of `capacity` frames; of 0 it stays empty.
     pub fn new(capacity: usize) -> Self {
         Self {
@@ -47,7 +47,7 @@ pub struct PassSummary {
     /// Name of the pass.
     pub name: &'static str,
     /// Milliseconds of the frames that had it. A pass that runs several times in a frame counts with its sum.
-    pub ms: Distribution,
+    pub ms: ValueDistribution,
     /// Its part of the time of all passes of all frames, 0 to 1.
     pub share: f64,
     /// Frames that had it.
@@ -55,16 +55,16 @@ pub struct PassSummary {
 }
 
 /// Time of the frames, milliseconds.
-pub fn frame_ms<'a>(frames: impl IntoIterator<Item = &'a FrameTimes>) -> Distribution {
-    Distribution::of(&frames.into_iter().map(|t| t.frame_ms).collect::<Vec<_>>())
+pub fn frame_ms<'a>(frames: impl IntoIterator<Item = &'a FrameTimes>) -> ValueDistribution {
+    ValueDistribution::of(&frames.into_iter().map(|t| t.frame_ms).collect::<Vec<_>>())
 }
 
 /// Time of a stage on the CPU, milliseconds.
 pub fn stage_ms<'a>(
     frames: impl IntoIterator<Item = &'a FrameTimes>,
     stage: FrameStage,
-) -> Distribution {
-    Distribution::of(&frames.into_iter().map(|t| t.of(stage)).collect::<Vec<_>>())
+) -> ValueDistribution {
+    ValueDistribution::of(&frames.into_iter().map(|t| t.of(stage)).collect::<Vec<_>>())
 }
 
 /// Time of the pass `name` in one frame, milliseconds; `None` when the frame did not have it.
@@ -101,7 +101,7 @@ pub fn passes<'a>(
             let sum: f64 = values.iter().sum();
             PassSummary {
                 name,
-                ms: Distribution::of(&values),
+                ms: ValueDistribution::of(&values),
                 share: if all > 0.0 { sum / all } else { 0.0 },
                 frames: values.len(),
             }
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_ring_keeps_the_last_frames_in_order() {
-        let mut ring = Ring::new(3);
+        let mut ring = FrameWindow::new(3);
         for ms in 1..=5 {
             ring.push(frame(f64::from(ms), &[]));
         }
@@ -135,7 +135,7 @@ mod tests {
         assert_eq!(frame_ms(ring.iter()).median, 4.0);
         ring.clear();
         assert_eq!(ring.iter().len(), 0);
-        let mut none = Ring::new(0);
+        let mut none = FrameWindow::new(0);
         none.push(frame(1.0, &[]));
         assert_eq!(none.iter().len(), 0);
     }

@@ -19,13 +19,13 @@ pub mod temporal;
 mod tile;
 pub mod trace;
 
-pub use coverage::{Coverage, Mask, coverage};
-pub use perceived::{Flip, PIXELS_PER_DEGREE, flip, ssim};
+pub use coverage::{CoverageErrors, CoverageMask, coverage};
+pub use perceived::{FlipErrors, PIXELS_PER_DEGREE, flip, ssim};
 pub use silhouette::silhouette;
 pub(crate) use silhouette::squared_distances;
-pub use spread::Spread;
+pub use spread::SampleSpread;
 pub use surface::{depth_error, normal_error};
-pub use tile::{Tile, crop, worst_tile};
+pub use tile::{PictureTile, crop, worst_tile};
 
 /// The commit that this program was built from, as files of figures name it: 12 hexadecimal digits, or what
 /// `SURFEL_COMMIT` was set to at build time. Empty in builds for
@@ -34,7 +34,7 @@ pub const COMMIT: &str = env!("SURFEL_COMMIT");
 
 /// Median and spread of a sample.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
-pub struct Distribution {
+pub struct ValueDistribution {
     /// Middle value (mean of the two middle ones for an even count).
     pub median: f64,
     /// 5th percentile (nearest rank).
@@ -43,7 +43,7 @@ pub struct Distribution {
     pub p95: f64,
 }
 
-impl Distribution {
+impl ValueDistribution {
     /// Of the finite values of a sample; zeros for none.
     pub fn of(values: &[f64]) -> Self {
         let mut sorted: Vec<f64> = values.iter().copied().filter(|v| v.is_finite()).collect();
@@ -79,10 +79,13 @@ mod tests {
     #[test]
     fn percentiles_are_nearest_ranks() {
         let values: Vec<f64> = (1..=100).map(f64::from).collect();
-        let d = Distribution::of(&values);
+        let d = ValueDistribution::of(&values);
         assert_eq!((d.median, d.p5, d.p95), (50.5, 5.0, 95.0));
-        assert_eq!(Distribution::of(&[3.0]).median, 3.0);
-        assert_eq!(Distribution::of(&[f64::NAN]), Distribution::default());
+        assert_eq!(ValueDistribution::of(&[3.0]).median, 3.0);
+        assert_eq!(
+            ValueDistribution::of(&[f64::NAN]),
+            ValueDistribution::default()
+        );
     }
 
     #[test]

@@ -1,8 +1,8 @@
 //! Drives a model along a path of the camera or of the threshold, and measures how steady each way to draw it is.
 
 use super::profile::Error;
-use super::temporal::{Rules, Sequence, churn};
-use crate::cut::{Cut, Selector};
+use super::temporal::{PictureSequence, TemporalRules, churn};
+use crate::cut::{Cut, CutSelector};
 use crate::image::FloatImage;
 use crate::math::camera::{self, Camera, View};
 use crate::progress::Progress;
@@ -15,7 +15,7 @@ use std::sync::Arc;
 /// How things move from frame to frame.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Path {
+pub enum CameraPath {
     /// The camera turns about the vertical axis through the model's middle.
     Orbit,
     /// The camera goes straight ahead.
@@ -26,16 +26,16 @@ pub enum Path {
 
 /// One frame of a path.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
+pub struct MotionFrame {
     /// What is seen.
     pub view: View,
-    /// The threshold over the one asked for: 1 but for [`Path::Refine`].
+    /// The threshold over the one asked for: 1 but for [`CameraPath::Refine`].
     pub threshold_factor: f32,
 }
 
 /// What is looked at.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Target {
+pub struct MotionTarget {
     /// World position of the model-space zero.
     pub origin: DVec3,
     /// Middle, world space.
@@ -46,9 +46,9 @@ pub struct Target {
 
 /// A path in even steps.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Steps {
+pub struct MotionSteps {
     /// Which.
-    pub path: Path,
+    pub path: CameraPath,
     /// Number of steps; frames are one more.
     pub count: u32,
     /// Orbit: radians a step. Dolly: the share of its distance from the target that the camera advances, so that it
@@ -58,7 +58,7 @@ pub struct Steps {
     pub coarsest: f32,
 }
 
-impl Target {
+impl MotionTarget {
     /// The model's middle and radius, those of the standard orbit.
     pub fn of(model: &Model) -> Self {
         let OrbitSphere { center, radius } = model.orbit_sphere();
@@ -80,24 +80,24 @@ impl Target {
 /// As [`Camera::view`].
 pub fn frames(
     start: &Camera,
-    target: &Target,
-    steps: &Steps,
+    target: &MotionTarget,
+    steps: &MotionSteps,
     fits_planes: bool,
-) -> Result<Vec<Frame>, camera::Error> {
-    let Target { center, radius, .. } = *target;
+) -> Result<Vec<MotionFrame>, camera::Error> {
+    let MotionTarget { center, radius, .. } = *target;
     let mut distance = -start.view.transform_point3(center).z;
     let mut camera = start.clone();
     let mut frames = Vec::with_capacity(steps.count as usize + 1);
     for step in 0..=steps.count {
         let mut threshold_factor = 1.0;
         match steps.path {
-            Path::Orbit => {
+            CameraPath::Orbit => {
                 let turn = DMat4::from_translation(center)
                     * DMat4::from_rotation_y(-f64::from(step) * steps.angle)
                     * DMat4::from_translation(-center);
                 camera.view = start.view * turn;
             }
-            Path::Dolly if step > 0 => {
+            CameraPath::Dolly if step > 0 => {
                 let ahead = distance * steps.angle;
                 distance -= ahead;
                 camera.view = DMat4::from_translation(DVec3::Z * ahead) * camera.view;
@@ -108,13 +108,13 @@ pub fn frames(
                     camera.proj.w_axis.z = near * far / (near - far);
                 }
             }
-            Path::Dolly => {}
-            Path::Refine => {
+            CameraPath::Dolly => {}
+            CameraPath::Refine => {
                 let left = 1.0 - step as f32 / steps.count.max(1) as f32;
                 threshold_factor = steps.coarsest.powf(left);
             }
         }
-        frames.push(Frame {
+        frames.push(MotionFrame {
             view: camera.view(target.origin)?,
             threshold_factor,
         });
@@ -124,7 +124,7 @@ pub fn frames(
 
 /// One way to draw.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Subject {
+pub struct MotionSubject {
     /// Name for people.
     pub label: String,
     /// How it is drawn; on a path that refines the threshold is the last one.
@@ -135,13 +135,13 @@ pub struct Subject {
 #[derive(Debug, Clone, Copy)]
 pub struct Plan<'a> {
     /// The frames in order, all of the size that the engine was made for.
-    pub frames: &'a [Frame],
+    pub frames: &'a [MotionFrame],
     /// What is compared.
-    pub subjects: &'a [Subject],
+    pub subjects: &'a [MotionSubject],
     /// The reference has this many samples a pixel, squared; 0 counts as 1.
     pub samples_side: u32,
     /// What counts as a pop.
-    pub rules: Rules,
+    pub rules: TemporalRules,
 }
 
 /// What stands for the truth where a model is drawn with `settings`: its triangles in the same light, or of a point cloud
@@ -165,15 +165,15 @@ pub fn reference_settings(model: &Model, settings: &Settings) -> Settings {
 }
 
 /// One way to draw while it is measured.
-struct Run {
+struct MotionRun {
     settings: Settings,
     reference: Settings,
-    sequence: Sequence,
+    sequence: PictureSequence,
     cut: Cut,
 }
 
 /// The references of one frame, those of equal settings once.
-type References = Vec<(Settings, Arc<FloatImage>)>;
+type MotionReferences = Vec<(Settings, Arc<FloatImage>)>;
 
 /// Draws the frames with every subject and measures each; the sequences are in the order of the subjects. `engine` draws
 /// `model`.
@@ -185,20 +185,20 @@ pub fn measure(
     model: &Model,
     plan: &Plan<'_>,
     progress: &dyn Progress,
-) -> Result<Vec<Sequence>, Error> {
+) -> Result<Vec<PictureSequence>, Error> {
     let side = plan.samples_side.max(1);
-    let mut runs: Vec<Run> = plan
+    let mut runs: Vec<MotionRun> = plan
         .subjects
         .iter()
-        .map(|subject| Run {
+        .map(|subject| MotionRun {
             settings: subject.settings,
             reference: reference_settings(model, &subject.settings),
-            sequence: Sequence::new(plan.rules),
+            sequence: PictureSequence::new(plan.rules),
             cut: Cut::default(),
         })
         .collect();
-    let (mut selector, mut spare) = (Selector::default(), Cut::default());
-    let mut references: References = Vec::new();
+    let (mut selector, mut spare) = (CutSelector::default(), Cut::default());
+    let mut references: MotionReferences = Vec::new();
     let mut last: Option<View> = None;
     progress.stage("draw", plan.frames.len() as u64);
     for (index, frame) in plan.frames.iter().enumerate() {
@@ -258,7 +258,7 @@ mod tests {
     use super::*;
     use glam::Vec3;
 
-    const TARGET: Target = Target {
+    const TARGET: MotionTarget = MotionTarget {
         origin: DVec3::new(100.0, 0.0, 0.0),
         center: DVec3::new(101.0, 2.0, 3.0),
         radius: 2.0,
@@ -268,8 +268,8 @@ mod tests {
         Camera::orbit((200, 100), TARGET.center, TARGET.radius, 0.4, 0.3, 0.8)
     }
 
-    fn path(path: Path, fits_planes: bool) -> Vec<Frame> {
-        let steps = Steps {
+    fn path(path: CameraPath, fits_planes: bool) -> Vec<MotionFrame> {
+        let steps = MotionSteps {
             path,
             count: 8,
             angle: 0.01,
@@ -280,7 +280,7 @@ mod tests {
 
     #[test]
     fn an_orbit_is_the_standard_one() {
-        for (i, frame) in path(Path::Orbit, true).iter().enumerate() {
+        for (i, frame) in path(CameraPath::Orbit, true).iter().enumerate() {
             let azimuth = 0.4 + 0.01 * i as f64;
             let camera = Camera::orbit((200, 100), TARGET.center, TARGET.radius, azimuth, 0.3, 0.8);
             let expected = camera.view(TARGET.origin).unwrap();
@@ -296,8 +296,8 @@ mod tests {
     #[test]
     fn going_ahead_shortens_the_distance_by_a_share() {
         let center = (TARGET.center - TARGET.origin).as_vec3();
-        let far = path(Path::Dolly, true)[0].view.distance(center);
-        for (i, frame) in path(Path::Dolly, true).iter().enumerate() {
+        let far = path(CameraPath::Dolly, true)[0].view.distance(center);
+        for (i, frame) in path(CameraPath::Dolly, true).iter().enumerate() {
             let distance = frame.view.distance(center);
             assert!((distance - far * 0.99f32.powi(i as i32)).abs() < 1e-4 * far);
             assert!((frame.view.near - (distance - 2.1)).abs() < 1e-4);
@@ -306,13 +306,13 @@ mod tests {
             let (x, y, _) = frame.view.project(center);
             assert!((x - 100.0).abs() < 1e-2 && (y - 50.0).abs() < 1e-2);
         }
-        let fixed = path(Path::Dolly, false);
+        let fixed = path(CameraPath::Dolly, false);
         assert_eq!(fixed[0].view.near, fixed[8].view.near);
     }
 
     #[test]
     fn refining_ends_at_the_threshold_asked_for() {
-        let frames = path(Path::Refine, true);
+        let frames = path(CameraPath::Refine, true);
         assert!(frames.iter().all(|f| f.view == frames[0].view));
         let factors: Vec<f32> = frames.iter().map(|f| f.threshold_factor).collect();
         assert_eq!((factors[0], factors[4], factors[8]), (16.0, 4.0, 1.0));
@@ -333,16 +333,16 @@ mod tests {
         };
         let model =
             crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
-        let target = Target::of(&model);
+        let target = MotionTarget::of(&model);
         let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
-        let steps = Steps {
-            path: Path::Orbit,
+        let steps = MotionSteps {
+            path: CameraPath::Orbit,
             count: 3,
             angle: 0.05,
             coarsest: 1.0,
         };
         let frames = frames(&camera, &target, &steps, true).unwrap();
-        let subjects = [Method::Triangles, Method::Pop].map(|method| Subject {
+        let subjects = [Method::Triangles, Method::Pop].map(|method| MotionSubject {
             label: String::new(),
             settings: Settings {
                 method,
@@ -360,7 +360,7 @@ mod tests {
             frames: &frames,
             subjects: &subjects,
             samples_side: 1,
-            rules: Rules::default(),
+            rules: TemporalRules::default(),
         };
         let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
         for sequence in &found {
@@ -379,23 +379,24 @@ mod tests {
     /// A threshold of little more than a pixel is drawn as a pixel, and the change of its cuts is of those that are drawn.
     #[test]
     fn cuts_are_those_that_views_draw() {
-        use crate::generate::{self, Shape, Spec};
+        use crate::generate::{self, GeneratedShape, ShapeSpec};
         use crate::progress::Silent;
         use crate::render::PictureOutputs;
         use crate::render::engine::Backend;
-        let mesh = generate::mesh(&Spec::with_triangles(Shape::Statue, 60_000).unwrap());
+        let mesh =
+            generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 60_000).unwrap());
         let model =
             crate::tree::build(mesh, &crate::tree::BuildOptions::default(), &Silent).unwrap();
-        let target = Target::of(&model);
+        let target = MotionTarget::of(&model);
         let camera = Camera::orbit((40, 40), target.center, target.radius, 0.2, 0.1, 1.0);
-        let steps = Steps {
-            path: Path::Orbit,
+        let steps = MotionSteps {
+            path: CameraPath::Orbit,
             count: 2,
             angle: 0.05,
             coarsest: 1.0,
         };
         let frames = frames(&camera, &target, &steps, true).unwrap();
-        let subjects = [1.0, 1.4, 1.6].map(|threshold_px| Subject {
+        let subjects = [1.0, 1.4, 1.6].map(|threshold_px| MotionSubject {
             label: String::new(),
             settings: Settings {
                 threshold_px,
@@ -413,7 +414,7 @@ mod tests {
             frames: &frames,
             subjects: &subjects,
             samples_side: 1,
-            rules: Rules::default(),
+            rules: TemporalRules::default(),
         };
         let found = measure(&mut engine, &model, &plan, &Silent).unwrap();
         let [one, near, larger] = [0, 1, 2].map(|i| found[i].figures().mean_churn.unwrap());

@@ -40,7 +40,7 @@ fn same_size(reference: &impl Picture, other: &impl Picture) -> Result<[usize; 2
 
 /// The FLIP difference of two pictures.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Flip {
+pub struct FlipErrors {
     /// Mean over the picture, 0 (no visible difference) to 1; 0 of no pixels.
     pub mean: f64,
     /// The difference of each pixel, row by row from the top left, 0 to 1.
@@ -60,10 +60,10 @@ pub fn flip(
     reference: &(impl Picture + Sync),
     other: &(impl Picture + Sync),
     pixels_per_degree: f32,
-) -> Result<Flip, Error> {
+) -> Result<FlipErrors, Error> {
     let [width, height] = same_size(reference, other)?;
     if width == 0 || height == 0 {
-        return Ok(Flip::default());
+        return Ok(FlipErrors::default());
     }
     let ppd = pixels_per_degree.clamp(1.0, 1000.0);
     // The filters reach 3 standard deviations of the widest Gaussian (blue to yellow), and the feature filter works on
@@ -94,7 +94,7 @@ pub fn flip(
         .collect();
     let map = parts.concat();
     let mean = map.iter().map(|v| f64::from(*v)).sum::<f64>() / map.len() as f64;
-    Ok(Flip { mean, map })
+    Ok(FlipErrors { mean, map })
 }
 
 /// Half the window of SSIM, pixels.

@@ -5,7 +5,7 @@
 //! that becomes slower meanwhile does so for both. Counters come last, in frames of their own that nobody times.
 
 use super::frames::pass_names;
-use super::report::Report;
+use super::report::ProfileReport;
 use crate::gpu::Gpu;
 use crate::gpu::clock::ClockAnchor;
 use crate::gpu::device::DeviceInfo;
@@ -43,7 +43,7 @@ pub struct Plan<'a> {
 
 /// One view, measured.
 #[derive(Debug, Clone)]
-pub struct Sample {
+pub struct ProfileSample {
     /// The frame with timestamps.
     pub times: FrameTimes,
     /// The same frame without any, milliseconds; `None` where there are none to leave out.
@@ -58,7 +58,7 @@ pub struct Sample {
 
 /// What of a device's figures can be believed.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Proof {
+pub struct ProfileProof {
     /// Whether pass times can be; `None` without timestamps.
     pub self_test: Option<SelfTest>,
     /// Which counters can be; `None` for the mirror.
@@ -68,7 +68,7 @@ pub struct Proof {
 /// Times that the self-test is run until it agrees: other work on the machine can make it fail.
 const SELF_TESTS: usize = 3;
 
-impl Proof {
+impl ProfileProof {
     /// Tests what draws on `backend`. Takes a second or a few on a software device.
     ///
     /// # Errors
@@ -97,20 +97,20 @@ impl Proof {
 
 /// A run of the profiler.
 #[derive(Debug, Clone)]
-pub struct Profile {
+pub struct FrameProfile {
     /// The views, in order.
-    pub samples: Vec<Sample>,
+    pub samples: Vec<ProfileSample>,
     /// The device; `None` for the mirror.
     pub device: Option<DeviceInfo>,
     /// What of it can be believed.
-    pub proof: Proof,
+    pub proof: ProfileProof,
     /// Live allocations of the device while it drew, largest first: name and bytes.
     pub memory: Vec<(String, u64)>,
     /// Pixels of the picture.
     pub picture_pixels: u64,
 }
 
-impl Profile {
+impl FrameProfile {
     /// Draws the views and measures them. `engine` draws on `backend`, of which `proof` says what can be believed;
     /// counters without proof are not reported.
     ///
@@ -120,7 +120,7 @@ impl Profile {
         backend: &Backend,
         engine: &mut Engine<'_>,
         plan: &Plan<'_>,
-        proof: Proof,
+        proof: ProfileProof,
         progress: &dyn Progress,
     ) -> Result<Self, Error> {
         let gpu = backend.device();
@@ -179,7 +179,7 @@ impl Profile {
             if progress.is_cancelled() {
                 return Err(Error::Cancelled(index));
             }
-            let mut sample = Sample {
+            let mut sample = ProfileSample {
                 times: FrameTimes::default(),
                 plain_ms: None,
                 anchor: None,
@@ -249,7 +249,7 @@ impl Profile {
 
     /// Samples that passed the depth test in a view, in all passes or in those of one name; `None` where the device
     /// does not count them exactly.
-    pub fn samples_of(&self, sample: &Sample, pass: Option<&str>) -> Option<u64> {
+    pub fn samples_of(&self, sample: &ProfileSample, pass: Option<&str>) -> Option<u64> {
         if !self.counts("samples") {
             return None;
         }
@@ -261,7 +261,7 @@ impl Profile {
     }
 
     /// Samples drawn a covered pixel; `None` where the device does not count them, or nothing is covered.
-    pub fn overdraw_of(&self, sample: &Sample) -> Option<f64> {
+    pub fn overdraw_of(&self, sample: &ProfileSample) -> Option<f64> {
         let samples = self.samples_of(sample, None)?;
         (sample.covered_pixels > 0).then(|| samples as f64 / sample.covered_pixels as f64)
     }
@@ -276,8 +276,8 @@ impl Profile {
     }
 
     /// The figures of all views together.
-    pub fn report(&self) -> Report {
-        Report::of(self)
+    pub fn report(&self) -> ProfileReport {
+        ProfileReport::of(self)
     }
 
     /// One row a view, with a row of names first: comma-separated, empty where nothing is known.

@@ -1,7 +1,7 @@
 //! The figures of a profile, all views together, as `surfel profile --json` writes them.
 
-use super::profile::{Profile, Sample};
-use super::{Distribution, frames};
+use super::profile::{FrameProfile, ProfileSample};
+use super::{ValueDistribution, frames};
 use crate::gpu::frame::{PassCounters, PipelineStatistics};
 use crate::gpu::profile::{CounterTest, SelfTest};
 use crate::render::stats::{FrameStage, FrameTimes};
@@ -16,11 +16,11 @@ pub const COST_TOLERANCE: f64 = 0.05;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct FrameReport {
     /// From setting the camera to the finished picture, milliseconds, with timestamps.
-    pub wall_ms: Distribution,
+    pub wall_ms: ValueDistribution,
     /// The same without timestamps; `None` where there are none.
-    pub wall_without_timestamps_ms: Option<Distribution>,
+    pub wall_without_timestamps_ms: Option<ValueDistribution>,
     /// From the first command on the device to the end of the last; `None` without timestamps.
-    pub device_ms: Option<Distribution>,
+    pub device_ms: Option<ValueDistribution>,
 }
 
 /// One pass.
@@ -29,19 +29,19 @@ pub struct PassReport {
     /// Its name.
     pub name: &'static str,
     /// Its time on the device in the frames that had it, milliseconds; `None` without timestamps.
-    pub gpu_ms: Option<Distribution>,
+    pub gpu_ms: Option<ValueDistribution>,
     /// Its part of the time of all passes, 0 to 1.
     pub share: f64,
     /// Frames that had it.
     pub frames: usize,
     /// Samples that passed the depth test; `None` where the device does not count them exactly.
-    pub samples: Option<Distribution>,
+    pub samples: Option<ValueDistribution>,
     /// The same a covered pixel of the picture.
-    pub overdraw: Option<Distribution>,
+    pub overdraw: Option<ValueDistribution>,
     /// Bytes of targets loaded, from the description of the pass.
-    pub loaded_bytes: Distribution,
+    pub loaded_bytes: ValueDistribution,
     /// Bytes of targets stored, from the description of the pass.
-    pub stored_bytes: Distribution,
+    pub stored_bytes: ValueDistribution,
     /// The counters of the pipeline that the device counts exactly.
     pub pipeline: Vec<CounterReport>,
 }
@@ -52,7 +52,7 @@ pub struct CounterReport {
     /// Its name, one of [`PipelineStatistics::named`].
     pub name: &'static str,
     /// What it counted.
-    pub count: Distribution,
+    pub count: ValueDistribution,
 }
 
 /// One stage on the CPU.
@@ -61,7 +61,7 @@ pub struct StageReport {
     /// Its name.
     pub name: &'static str,
     /// Its time, milliseconds.
-    pub ms: Distribution,
+    pub ms: ValueDistribution,
     /// Its part of the time of all frames, 0 to 1.
     pub share: f64,
 }
@@ -70,34 +70,34 @@ pub struct StageReport {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CountReport {
     /// Nodes and leaves looked at.
-    pub nodes_visited: Distribution,
+    pub nodes_visited: ValueDistribution,
     /// Splats drawn.
-    pub splats: Distribution,
+    pub splats: ValueDistribution,
     /// Triangles drawn.
-    pub triangles: Distribution,
+    pub triangles: ValueDistribution,
     /// Vertices drawn as points.
-    pub points: Distribution,
+    pub points: ValueDistribution,
     /// Pixels of the picture.
     pub pixels: u64,
     /// Pixels that something was drawn to.
-    pub covered_pixels: Distribution,
+    pub covered_pixels: ValueDistribution,
     /// Samples that passed the depth test, in all passes; `None` where the device does not count them exactly.
-    pub samples: Option<Distribution>,
+    pub samples: Option<ValueDistribution>,
     /// Samples a covered pixel.
-    pub overdraw: Option<Distribution>,
+    pub overdraw: Option<ValueDistribution>,
 }
 
 /// What was moved.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct ByteReport {
     /// Draw lists.
-    pub draw_lists: Distribution,
+    pub draw_lists: ValueDistribution,
     /// Draw lists and uniform blocks: all that the host writes for a frame.
-    pub uploaded: Distribution,
+    pub uploaded: ValueDistribution,
     /// Targets that passes load, from their descriptions.
-    pub loaded: Distribution,
+    pub loaded: ValueDistribution,
     /// Targets that passes store, from their descriptions.
-    pub stored: Distribution,
+    pub stored: ValueDistribution,
 }
 
 /// Whether all this can be believed, and what it cost.
@@ -113,7 +113,7 @@ pub struct ProofReport {
     pub device_of_host: Option<f64>,
     /// What timestamps cost a frame, milliseconds: the frame with them less the same without, median and spread
     /// over the views. Below 0 it is noise.
-    pub cost_ms: Option<Distribution>,
+    pub cost_ms: Option<ValueDistribution>,
     /// Between which bounds its median lies, with a probability of 95 percent.
     pub cost_bounds_ms: Option<[f64; 2]>,
     /// The median of that over the median frame without timestamps.
@@ -127,7 +127,7 @@ pub struct ProofReport {
 
 /// The figures of a profile.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Report {
+pub struct ProfileReport {
     /// Views measured.
     pub frames: usize,
     /// The whole frame.
@@ -153,14 +153,14 @@ impl ProofReport {
     }
 }
 
-fn over<T>(items: &[T], of: impl Fn(&T) -> f64) -> Distribution {
-    Distribution::of(&items.iter().map(of).collect::<Vec<_>>())
+fn over<T>(items: &[T], of: impl Fn(&T) -> f64) -> ValueDistribution {
+    ValueDistribution::of(&items.iter().map(of).collect::<Vec<_>>())
 }
 
 /// Of the items that have it; `None` when none has.
-fn known<T>(items: &[T], of: impl Fn(&T) -> Option<f64>) -> Option<Distribution> {
+fn known<T>(items: &[T], of: impl Fn(&T) -> Option<f64>) -> Option<ValueDistribution> {
     let values: Vec<f64> = items.iter().filter_map(of).collect();
-    (!values.is_empty()).then(|| Distribution::of(&values))
+    (!values.is_empty()).then(|| ValueDistribution::of(&values))
 }
 
 /// From the submission until the host saw the end, milliseconds.
@@ -169,8 +169,8 @@ fn host_ms(times: &FrameTimes) -> Option<f64> {
     Some(times.frame_ms - before.as_secs_f64() * 1e3)
 }
 
-impl Report {
-    pub(super) fn of(profile: &Profile) -> Self {
+impl ProfileReport {
+    pub(super) fn of(profile: &FrameProfile) -> Self {
         let samples = &profile.samples;
         let wall: f64 = profile.frames().map(|t| t.frame_ms).sum();
         let cpu = FrameStage::ALL
@@ -270,7 +270,7 @@ impl Report {
     }
 }
 
-fn passes(profile: &Profile) -> Vec<PassReport> {
+fn passes(profile: &FrameProfile) -> Vec<PassReport> {
     let mut rows: Vec<PassReport> = frames::passes(profile.frames())
         .into_iter()
         .map(|p| row(p.name, Some(p.ms), p.share, p.frames))
@@ -279,7 +279,7 @@ fn passes(profile: &Profile) -> Vec<PassReport> {
     for sample in &profile.samples {
         for counters in &sample.counters {
             if rows.iter().all(|r| r.name != counters.name) {
-                let had = |s: &&Sample| s.counters.iter().any(|c| c.name == counters.name);
+                let had = |s: &&ProfileSample| s.counters.iter().any(|c| c.name == counters.name);
                 let frames = profile.samples.iter().filter(had).count();
                 rows.push(row(counters.name, None, 0.0, frames));
             }
@@ -287,7 +287,7 @@ fn passes(profile: &Profile) -> Vec<PassReport> {
     }
     for row in &mut rows {
         let name = row.name;
-        let of = |sample: &Sample, value: &dyn Fn(&PassCounters) -> Option<u64>| {
+        let of = |sample: &ProfileSample, value: &dyn Fn(&PassCounters) -> Option<u64>| {
             let mut passes = sample.counters.iter().filter(|c| c.name == name).peekable();
             passes.peek()?;
             passes.map(value).sum::<Option<u64>>().map(|v| v as f64)
@@ -319,7 +319,12 @@ fn passes(profile: &Profile) -> Vec<PassReport> {
     rows
 }
 
-fn row(name: &'static str, gpu_ms: Option<Distribution>, share: f64, frames: usize) -> PassReport {
+fn row(
+    name: &'static str,
+    gpu_ms: Option<ValueDistribution>,
+    share: f64,
+    frames: usize,
+) -> PassReport {
     PassReport {
         name,
         gpu_ms,
@@ -327,15 +332,15 @@ fn row(name: &'static str, gpu_ms: Option<Distribution>, share: f64, frames: usi
         frames,
         samples: None,
         overdraw: None,
-        loaded_bytes: Distribution::default(),
-        stored_bytes: Distribution::default(),
+        loaded_bytes: ValueDistribution::default(),
+        stored_bytes: ValueDistribution::default(),
         pipeline: Vec::new(),
     }
 }
 
-fn proof(profile: &Profile) -> ProofReport {
+fn proof(profile: &FrameProfile) -> ProofReport {
     let samples = &profile.samples;
-    let cost = |s: &Sample| Some(s.times.frame_ms - s.plain_ms?);
+    let cost = |s: &ProfileSample| Some(s.times.frame_ms - s.plain_ms?);
     let costs: Vec<f64> = samples.iter().filter_map(cost).collect();
     let cost_ms = known(samples, cost);
     let plain = known(samples, |s| s.plain_ms);

@@ -4,8 +4,8 @@
 //! Sampled Functions* (Theory of Computing 8, 2012): one pass of lower envelopes of parabolas a row and a column. The
 //! crates that offer it bring a linear algebra library with them or round to integers.
 
-use super::Spread;
-use super::coverage::{Mask, masks};
+use super::SampleSpread;
+use super::coverage::{CoverageMask, masks};
 use crate::image::{Error, Picture};
 
 /// Distance between the silhouettes of two pictures in pixels, symmetric: from every pixel on the outline of one to the
@@ -17,7 +17,7 @@ use crate::image::{Error, Picture};
 ///
 /// # Errors
 /// [`Error::Size`] when the pictures differ in size.
-pub fn silhouette(reference: &impl Picture, other: &impl Picture) -> Result<Spread, Error> {
+pub fn silhouette(reference: &impl Picture, other: &impl Picture) -> Result<SampleSpread, Error> {
     let (reference, other) = masks(reference, other)?;
     let outlines = [outline(&reference), outline(&other)];
     let fields = outlines
@@ -33,10 +33,10 @@ pub fn silhouette(reference: &impl Picture, other: &impl Picture) -> Result<Spre
                 .map(|(_, squared)| squared.sqrt()),
         );
     }
-    Ok(Spread::of(distances))
+    Ok(SampleSpread::of(distances))
 }
 
-fn outline(mask: &Mask) -> Vec<bool> {
+fn outline(mask: &CoverageMask) -> Vec<bool> {
     (0..mask.is_covered.len())
         .map(|i| mask.is_covered[i] && mask.neighbors(i).any(|n| !mask.is_covered[n]))
         .collect()
@@ -48,7 +48,7 @@ pub(crate) fn squared_distances(is_marked: &[bool], width: usize, height: usize)
         .iter()
         .map(|marked| if *marked { 0.0 } else { f64::INFINITY })
         .collect();
-    let mut envelope = Envelope::default();
+    let mut envelope = SilhouetteEnvelope::default();
     let mut line = Vec::new();
     for x in 0..width {
         line.clear();
@@ -65,14 +65,14 @@ pub(crate) fn squared_distances(is_marked: &[bool], width: usize, height: usize)
 
 /// The lower envelope of parabolas (x - v)² + f(v).
 #[derive(Default)]
-struct Envelope {
+struct SilhouetteEnvelope {
     /// Where the parabolas of the envelope have their vertices, left to right.
     vertices: Vec<usize>,
     /// From where on each is the lowest.
     starts: Vec<f64>,
 }
 
-impl Envelope {
+impl SilhouetteEnvelope {
     fn transform(&mut self, line: &[f64], mut write: impl FnMut(usize, f64)) {
         self.vertices.clear();
         self.starts.clear();

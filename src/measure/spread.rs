@@ -2,7 +2,7 @@
 
 /// An error over the pixels where it is defined; all zero for none.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
-pub struct Spread {
+pub struct SampleSpread {
     /// How many values there were.
     pub count: u64,
     /// Mean.
@@ -13,7 +13,7 @@ pub struct Spread {
     pub max: f64,
 }
 
-impl Spread {
+impl SampleSpread {
     /// Of values that are not NaN; infinite ones make the mean infinite.
     pub fn of(mut values: Vec<f64>) -> Self {
         values.retain(|v| !v.is_nan());
@@ -37,9 +37,12 @@ mod tests {
 
     #[test]
     fn one_percent_of_the_values_is_above_the_percentile() {
-        let d = Spread::of((1..=200).rev().map(f64::from).chain([f64::NAN]).collect());
+        let d = SampleSpread::of((1..=200).rev().map(f64::from).chain([f64::NAN]).collect());
         assert_eq!((d.count, d.mean, d.p99, d.max), (200, 100.5, 198.0, 200.0));
-        assert_eq!(Spread::of(Vec::new()), Spread::default());
-        assert_eq!(Spread::of(vec![1.0, f64::INFINITY]).mean, f64::INFINITY);
+        assert_eq!(SampleSpread::of(Vec::new()), SampleSpread::default());
+        assert_eq!(
+            SampleSpread::of(vec![1.0, f64::INFINITY]).mean,
+            f64::INFINITY
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! Errors of depth and normal, over the pixels that both pictures cover.
 
-use super::Spread;
+use super::SampleSpread;
 use crate::math::camera::View;
 use glam::DVec3;
 
@@ -10,7 +10,7 @@ use glam::DVec3;
 ///
 /// `reference` and `other` are [`crate::image::Image::depth`] of one size; pixels that are not finite in both do not
 /// count. Surplus values of the longer one are left out.
-pub fn depth_error(reference: &[f32], other: &[f32], view: &View) -> Spread {
+pub fn depth_error(reference: &[f32], other: &[f32], view: &View) -> SampleSpread {
     let focal = f64::from(view.focal_px());
     let errors = reference.iter().zip(other).filter_map(|(r, o)| {
         if !(r.is_finite() && o.is_finite()) {
@@ -20,20 +20,20 @@ pub fn depth_error(reference: &[f32], other: &[f32], view: &View) -> Spread {
         let footprint = if view.is_perspective { z } else { 1.0 } / focal;
         Some((f64::from(*o) - z).abs() / footprint)
     });
-    Spread::of(errors.collect())
+    SampleSpread::of(errors.collect())
 }
 
 /// Angle between normals in degrees, 0 to 180, where both pictures have one (zero is none).
 ///
 /// `reference` and `other` are [`crate::image::Image::normal`] of one size; lengths do not matter.
-pub fn normal_error(reference: &[[f32; 3]], other: &[[f32; 3]]) -> Spread {
+pub fn normal_error(reference: &[[f32; 3]], other: &[[f32; 3]]) -> SampleSpread {
     let errors = reference.iter().zip(other).filter_map(|(r, o)| {
         let [r, o] = [r, o].map(|n| DVec3::from(n.map(f64::from)).try_normalize());
         let (r, o) = (r?, o?);
         // Exact for small angles too, where the arc cosine is not.
         Some(r.cross(o).length().atan2(r.dot(o)).to_degrees())
     });
-    Spread::of(errors.collect())
+    SampleSpread::of(errors.collect())
 }
 
 #[cfg(test)]
@@ -68,7 +68,7 @@ mod tests {
         view.is_perspective = false;
         // And 1/400 everywhere without perspective.
         assert!((depth_error(&reference, &other, &view).max - 8.0).abs() < 1e-3);
-        assert_eq!(depth_error(&[inf], &[1.0], &view), Spread::default());
+        assert_eq!(depth_error(&[inf], &[1.0], &view), SampleSpread::default());
     }
 
     #[test]

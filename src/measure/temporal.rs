@@ -10,11 +10,11 @@
 //! does not flicker. Pixels that count are object pixels, covered at all in one of the four pictures.
 //!
 //! A *pop* is a tile of [`TILE`] x [`TILE`] pixels (on a grid from the top left, smaller at the right and lower border)
-//! in which the root of the mean of e² over its pixels and channels is above [`Rules::pop_level`]: a patch of the
+//! in which the root of the mean of e² over its pixels and channels is above [`TemporalRules::pop_level`]: a patch of the
 //! picture that jumps, not a lone pixel. What appears and stays pops once, what flashes up pops twice. The rate in
-//! seconds is that of [`Rules::frames_per_second`]: a path in half as large steps at twice the rate is the same motion.
+//! seconds is that of [`TemporalRules::frames_per_second`]: a path in half as large steps at twice the rate is the same motion.
 
-use super::Tile;
+use super::PictureTile;
 use crate::image::{Error, FloatImage, Image, Picture, contact_sheet, unorm8};
 use std::sync::Arc;
 
@@ -24,14 +24,14 @@ pub const TILE: u32 = 8;
 
 /// What counts as a pop.
 #[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Rules {
+pub struct TemporalRules {
     /// A tile pops above this, levels of 255.
     pub pop_level: f64,
     /// Frames shown a second.
     pub frames_per_second: f64,
 }
 
-impl Default for Rules {
+impl Default for TemporalRules {
     /// 16 levels (a sixteenth of black to white) and 60 frames a second.
     fn default() -> Self {
         Self {
@@ -43,7 +43,7 @@ impl Default for Rules {
 
 /// One frame and the one before it. Levels are of 255.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
-pub struct Step {
+pub struct TemporalStep {
     /// Index of the later frame.
     pub frame: usize,
     /// Pixels that count.
@@ -59,7 +59,7 @@ pub struct Step {
     /// Tiles that pop.
     pub pops: u64,
     /// The tile with the largest root of the mean of e², values of 0..=1; the first of equals.
-    pub worst_tile: Tile,
+    pub worst_tile: PictureTile,
     /// How much of the cut is not in both frames, see [`churn`]; `None` where there is no cut.
     pub churn: Option<f64>,
 }
@@ -91,14 +91,14 @@ pub struct Figures {
 }
 
 /// Reference and picture of one frame.
-type Shown = [Arc<FloatImage>; 2];
+type ShownDifference = [Arc<FloatImage>; 2];
 
 /// The step with the largest mean flicker, to look at.
 #[derive(Debug, Clone)]
-struct Worst {
-    step: Step,
-    before: Shown,
-    after: Shown,
+struct WorstStep {
+    step: TemporalStep,
+    before: ShownDifference,
+    after: ShownDifference,
 }
 
 /// Bins of a level in the histogram of [`Figures::p99_level`].
@@ -106,19 +106,19 @@ const BINS: f64 = 16.0;
 
 /// Frames of one way to draw, as they come. Keeps the last frame and the worst step, not all of them.
 #[derive(Debug, Clone)]
-pub struct Sequence {
-    rules: Rules,
+pub struct PictureSequence {
+    rules: TemporalRules,
     frames: usize,
-    last: Option<Shown>,
-    steps: Vec<Step>,
+    last: Option<ShownDifference>,
+    steps: Vec<TemporalStep>,
     /// Object pixels by |e| of the channel that changes most, which is at most 2 x 255 levels.
     histogram: Vec<u64>,
-    worst: Option<Worst>,
+    worst: Option<WorstStep>,
 }
 
-impl Sequence {
+impl PictureSequence {
     /// A sequence without frames.
-    pub fn new(rules: Rules) -> Self {
+    pub fn new(rules: TemporalRules) -> Self {
         Self {
             rules,
             frames: 0,
@@ -151,9 +151,9 @@ impl Sequence {
             let mut step = compare(&before, &shown, &self.rules, &mut self.histogram);
             step.frame = self.frames;
             step.churn = churn;
-            let is_worst = |worst: &Worst| step.mean_level > worst.step.mean_level;
+            let is_worst = |worst: &WorstStep| step.mean_level > worst.step.mean_level;
             if self.worst.as_ref().is_none_or(is_worst) {
-                self.worst = Some(Worst {
+                self.worst = Some(WorstStep {
                     step: step.clone(),
                     before,
                     after: shown.clone(),
@@ -167,7 +167,7 @@ impl Sequence {
     }
 
     /// The steps so far, in order.
-    pub fn steps(&self) -> &[Step] {
+    pub fn steps(&self) -> &[TemporalStep] {
         &self.steps
     }
 
@@ -175,7 +175,7 @@ impl Sequence {
     pub fn figures(&self) -> Figures {
         let steps = &self.steps;
         let pixels: u64 = steps.iter().map(|s| s.object_pixels).sum();
-        let mean = |of: fn(&Step) -> f64| {
+        let mean = |of: fn(&TemporalStep) -> f64| {
             let sum: f64 = steps.iter().map(|s| of(s) * s.object_pixels as f64).sum();
             sum / pixels.max(1) as f64
         };
@@ -214,7 +214,7 @@ impl Sequence {
     /// excess) and in the reference (`gain` times, against gray), and the worst tile with what is around it, enlarged.
     /// `None` before there are two frames.
     pub fn worst_picture(&self, gain: f64) -> Option<Image> {
-        let Worst {
+        let WorstStep {
             step,
             before,
             after,
@@ -235,7 +235,7 @@ impl Sequence {
         });
         // A tile alone is too small to know where one is.
         let tile = &step.worst_tile;
-        let around = Tile {
+        let around = PictureTile {
             x: tile.x.saturating_sub(2 * TILE),
             y: tile.y.saturating_sub(2 * TILE),
             width: 5 * TILE,
@@ -268,7 +268,7 @@ impl Sequence {
 }
 
 /// The excess of one pixel; what is not finite counts as 0.
-fn excess_of(before: &Shown, after: &Shown, pixel: usize) -> [f64; 3] {
+fn excess_of(before: &ShownDifference, after: &ShownDifference, pixel: usize) -> [f64; 3] {
     let [r, p] = [0, 1].map(|at| (before[at].value(pixel), after[at].value(pixel)));
     [0, 1, 2].map(|c| {
         let e = (p.1[c] - p.0[c]) - (r.1[c] - r.0[c]);
@@ -277,7 +277,12 @@ fn excess_of(before: &Shown, after: &Shown, pixel: usize) -> [f64; 3] {
 }
 
 /// One step, and its object pixels into the histogram. `frame` and `churn` are left open.
-fn compare(before: &Shown, after: &Shown, rules: &Rules, histogram: &mut [u64]) -> Step {
+fn compare(
+    before: &ShownDifference,
+    after: &ShownDifference,
+    rules: &TemporalRules,
+    histogram: &mut [u64],
+) -> TemporalStep {
     let [width, height] = before[0].size();
     let columns = width.div_ceil(TILE) as usize;
     let mut tiles = vec![0.0f64; columns * height.div_ceil(TILE) as usize];
@@ -306,9 +311,9 @@ fn compare(before: &Shown, after: &Shown, rules: &Rules, histogram: &mut [u64]) 
         let bin = (255.0 * largest * BINS - 1e-3).ceil().max(0.0) as usize;
         histogram[bin.min(histogram.len() - 1)] += 1;
     }
-    let mut worst = Tile {
+    let mut worst = PictureTile {
         rmse: -1.0,
-        ..Tile::default()
+        ..PictureTile::default()
     };
     let mut pops = 0;
     for (i, sum) in tiles.iter().enumerate() {
@@ -317,7 +322,7 @@ fn compare(before: &Shown, after: &Shown, rules: &Rules, histogram: &mut [u64]) 
         let rmse = (sum / (3.0 * f64::from(w) * f64::from(h))).sqrt();
         pops += u64::from(255.0 * rmse > rules.pop_level);
         if rmse > worst.rmse {
-            worst = Tile {
+            worst = PictureTile {
                 x,
                 y,
                 width: w,
@@ -327,7 +332,7 @@ fn compare(before: &Shown, after: &Shown, rules: &Rules, histogram: &mut [u64]) 
         }
     }
     let channels = 3.0 * object.max(1) as f64;
-    Step {
+    TemporalStep {
         frame: 0,
         object_pixels: object,
         mean_level: 255.0 * sum / channels,
@@ -335,7 +340,7 @@ fn compare(before: &Shown, after: &Shown, rules: &Rules, histogram: &mut [u64]) 
         max_at,
         reference_level: 255.0 * change / channels,
         pops,
-        worst_tile: Tile {
+        worst_tile: PictureTile {
             rmse: worst.rmse.max(0.0),
             ..worst
         },
@@ -388,8 +393,8 @@ mod tests {
         }
     }
 
-    fn sequence(frames: &[(&FloatImage, &FloatImage)]) -> Sequence {
-        let mut sequence = Sequence::new(Rules::default());
+    fn sequence(frames: &[(&FloatImage, &FloatImage)]) -> PictureSequence {
+        let mut sequence = PictureSequence::new(TemporalRules::default());
         for (reference, picture) in frames {
             let [r, p] = [*reference, *picture].map(|p| Arc::new(p.clone()));
             sequence.push(r, p, None).unwrap();
@@ -543,7 +548,7 @@ mod tests {
 
     #[test]
     fn no_frames_have_no_figures() {
-        let sequence = Sequence::new(Rules::default());
+        let sequence = PictureSequence::new(TemporalRules::default());
         assert_eq!(sequence.figures(), Figures::default());
         assert!(sequence.worst_picture(1.0).is_none());
         let nothing = Arc::new(FloatImage::default());

@@ -4,7 +4,7 @@ use crate::image::{Error, Image, Picture, unorm8};
 
 /// A rectangle of a picture, and how much it differs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
-pub struct Tile {
+pub struct PictureTile {
     /// First column.
     pub x: u32,
     /// First row.
@@ -27,7 +27,7 @@ pub fn worst_tile(
     reference: &impl Picture,
     other: &impl Picture,
     side: u32,
-) -> Result<Tile, Error> {
+) -> Result<PictureTile, Error> {
     let (first, second) = (reference.size(), other.size());
     if first != second {
         return Err(Error::Size { first, second });
@@ -50,11 +50,11 @@ pub fn worst_tile(
     }
     let side = side.max(1);
     let (w, h) = (side.min(width), side.min(height));
-    let mut worst = Tile {
+    let mut worst = PictureTile {
         width: w,
         height: h,
         rmse: -1.0,
-        ..Tile::default()
+        ..PictureTile::default()
     };
     for y in starts(height, h) {
         for x in starts(width, w) {
@@ -63,7 +63,7 @@ pub fn worst_tile(
             // Rounding of the table may leave a little below zero.
             let rmse = (sum.max(0.0) / (3.0 * f64::from(w) * f64::from(h))).sqrt();
             if rmse > worst.rmse {
-                worst = Tile {
+                worst = PictureTile {
                     x,
                     y,
                     rmse,
@@ -95,7 +95,7 @@ fn starts(length: u32, side: u32) -> Vec<u32> {
 
 /// The part of a picture under a tile, every pixel as a square of `enlarge` x `enlarge` (0 counts as 1), in eight bits.
 /// What lies beyond the picture is left out.
-pub fn crop(picture: &impl Picture, tile: &Tile, enlarge: u32) -> Image {
+pub fn crop(picture: &impl Picture, tile: &PictureTile, enlarge: u32) -> Image {
     let [width, height] = picture.size();
     let columns = tile.x.min(width)..(tile.x.saturating_add(tile.width)).min(width);
     let rows = tile.y.min(height)..(tile.y.saturating_add(tile.height)).min(height);
@@ -151,12 +151,15 @@ mod tests {
         assert_eq!((tile.x, tile.y, tile.width, tile.height), (0, 0, 5, 3));
         assert_eq!(tile.rmse, 0.0);
         let nothing = Image::filled(0, 0, [0; 4]);
-        assert_eq!(worst_tile(&nothing, &nothing, 8).unwrap(), Tile::default());
+        assert_eq!(
+            worst_tile(&nothing, &nothing, 8).unwrap(),
+            PictureTile::default()
+        );
         assert!(worst_tile(&small, &nothing, 8).is_err());
         assert_eq!(
             crop(
                 &small,
-                &Tile {
+                &PictureTile {
                     x: 4,
                     y: 9,
                     width: 9,

@@ -4,7 +4,7 @@
 //! the host's after each frame; elsewhere the first timestamp of a frame is put at its submission, the earliest
 //! moment at which it can have been taken, and the trace says so.
 
-use super::profile::{Profile, Sample};
+use super::profile::{FrameProfile, ProfileSample};
 use crate::render::stats::FrameStage;
 use serde_json::{Value, json};
 use std::time::Instant;
@@ -56,10 +56,10 @@ fn named(what: &str, track: u32, name: &str) -> Value {
     })
 }
 
-impl Profile {
-    /// How [`trace`](Profile::trace) puts the device on the host's clock, in a sentence.
+impl FrameProfile {
+    /// How [`trace`](FrameProfile::trace) puts the device on the host's clock, in a sentence.
     pub fn clock(&self) -> &'static str {
-        let is_timed = |s: &Sample| s.times.device.frame_ms.is_some();
+        let is_timed = |s: &ProfileSample| s.times.device.frame_ms.is_some();
         if !self.samples.iter().any(is_timed) {
             NO_CLOCK
         } else if self
@@ -141,7 +141,7 @@ impl Profile {
 
     fn trace_device(
         &self,
-        sample: &Sample,
+        sample: &ProfileSample,
         name: &str,
         since: &dyn Fn(Instant) -> i64,
         events: &mut Vec<Value>,

@@ -133,7 +133,7 @@ fn names_mean_sources_without_a_file_being_touched() {
     };
     assert_eq!(
         spec,
-        Spec::with_triangles(generate::Shape::Square, 1_000_000).unwrap()
+        ShapeSpec::with_triangles(generate::GeneratedShape::Square, 1_000_000).unwrap()
     );
     for name in [
         "a.ply",

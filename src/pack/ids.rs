@@ -2,7 +2,7 @@
 //! records that [`splats::pack`] writes.
 
 use crate::abi::SplatId;
-use crate::cut::{Cut, SizeMetric, Undrawn};
+use crate::cut::{Cut, SizeMetric, ZeroAreaSet};
 use crate::math::camera::View;
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
@@ -27,7 +27,7 @@ pub fn why_not(plan: &Plan) -> Option<&'static str> {
 /// When `out` is shorter.
 pub fn pack(
     model: &Model,
-    undrawn: &Undrawn,
+    undrawn: &ZeroAreaSet,
     (cut, view, plan): (&Cut, &View, &Plan),
     out: &mut [SplatId],
 ) -> Packed {
@@ -41,7 +41,7 @@ pub fn pack(
     })
 }
 
-fn plain(undrawn: &Undrawn, part: Part<'_>, sink: &mut Sink<'_, SplatId>) {
+fn plain(undrawn: &ZeroAreaSet, part: Part<'_>, sink: &mut Sink<'_, SplatId>) {
     match part {
         Part::Nodes(ids) => {
             let drawn = ids.iter().filter(|&&id| !undrawn.has_node(id));

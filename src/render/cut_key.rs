@@ -21,8 +21,8 @@ pub(crate) fn knows_footprints(settings: &Settings) -> bool {
 }
 
 /// The cut settings of a frame.
-pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
-    cut::Settings {
+pub fn cut_settings(settings: &Settings, model: &Model) -> cut::CutSettings {
+    cut::CutSettings {
         threshold_px: settings.threshold_px,
         cull_back: settings.culls_back(model.is_closed) && model.kind().is_surface(),
         cull_frustum: true,
@@ -37,7 +37,7 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::Settings {
 /// however fine they are. Points of a cloud are no surface that others would close: none is left out.
 ///
 /// `Auto` leaves large ones alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
-fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
+fn footprints(settings: &Settings, model: &Model) -> Option<cut::SplatFootprints> {
     let is_wanted = match settings.occlusion {
         Occlusion::Auto => {
             let is_costly = settings.splat == SplatKind::Square
@@ -50,7 +50,7 @@ fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
     let is_cloud = !model.kind().is_surface();
     // A disc of this diameter contains a pixel's center wherever it lies.
     let may_miss = settings.threshold_px < std::f32::consts::SQRT_2 && !is_cloud;
-    (knows_footprints(settings) && (is_wanted || may_miss)).then(|| cut::Footprints {
+    (knows_footprints(settings) && (is_wanted || may_miss)).then(|| cut::SplatFootprints {
         side_px: settings.threshold_px,
         hides: is_wanted,
         are_discs: settings.footprint() == Footprint::Circle,
@@ -63,15 +63,15 @@ fn footprints(settings: &Settings, model: &Model) -> Option<cut::Footprints> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CutKey {
     view: View,
-    settings: cut::Settings,
+    settings: cut::CutSettings,
     /// What splats are taken for, where those that are hidden are left out.
-    seen: Option<cut::Footprints>,
+    seen: Option<cut::SplatFootprints>,
     /// Where the traversal starts; the lists are the same.
     traversal: Traversal,
 }
 
 impl CutKey {
-    /// That of a frame; of settings that [`resolve_settings`] gave.
+    /// That of a frame; of settings that [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
     pub(crate) fn of(settings: &Settings, model: &Model, view: &View) -> Self {
         Self {
             view: *settings.view_of_cut(view),
@@ -95,9 +95,9 @@ impl CutKey {
     /// Chooses the cut.
     pub(crate) fn select<'a>(
         &self,
-        selector: &mut cut::Selector,
+        selector: &mut cut::CutSelector,
         model: &Model,
-        undrawn: impl FnOnce() -> &'a cut::Undrawn,
+        undrawn: impl FnOnce() -> &'a cut::ZeroAreaSet,
         into: &mut cut::Cut,
     ) {
         let (view, settings) = (&self.view, &self.settings);

@@ -1,6 +1,6 @@
 //! Facts of a model that frames ask for again and again, found once.
 
-use crate::cut::Undrawn;
+use crate::cut::ZeroAreaSet;
 use crate::tree::Model;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,7 +13,7 @@ static MODELS: AtomicU64 = AtomicU64::new(0);
 pub struct ModelFacts {
     id: u64,
     has_colors: bool,
-    undrawn: OnceLock<Undrawn>,
+    undrawn: OnceLock<ZeroAreaSet>,
 }
 
 /// A model to be drawn, with the facts that were found of it.
@@ -46,7 +46,7 @@ impl ModelFacts {
     }
 
     /// Nodes and leaves without area; found at the first call.
-    pub(crate) fn undrawn(&self, model: &Model) -> &Undrawn {
-        self.undrawn.get_or_init(|| Undrawn::new(model))
+    pub(crate) fn undrawn(&self, model: &Model) -> &ZeroAreaSet {
+        self.undrawn.get_or_init(|| ZeroAreaSet::new(model))
     }
 }

@@ -130,7 +130,7 @@ pub enum Traversal {
     /// At the root.
     Root,
     /// Where the last cut went, as far as that is known to give the same lists, else at the root
-    /// ([`cut::Selector::set_coherent`](crate::cut::Selector::set_coherent)).
+    /// ([`cut::Selector::set_coherent`](crate::cut::CutSelector::set_coherent)).
     Coherent,
 }
 

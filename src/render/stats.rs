@@ -113,7 +113,7 @@ pub struct FrameTimes {
     pub uploaded_bytes: u64,
 }
 
-/// What a frame has from one before it, see [`Renderer::keep_lists`](crate::render::vulkan::renderer::Renderer::keep_lists).
+/// What a frame has from one before it, see [`Renderer::keep_lists`](crate::render::vulkan::renderer::VulkanRenderer::keep_lists).
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum KeptWork {
     /// Nothing, or it has no lists.

@@ -28,7 +28,7 @@ use crate::mesh::Mesh;
 
 /// A model, how it is looked at, and what is known about its picture.
 #[derive(Debug, Clone)]
-pub struct Scene {
+pub struct BuiltScene {
     /// The model; its leaves are points where it has no triangles.
     pub mesh: Mesh,
     /// The camera with the size of the picture.
@@ -36,12 +36,12 @@ pub struct Scene {
     /// Threshold at which the failure shows, pixels.
     pub threshold_px: f32,
     /// What a right picture shows, where that has a closed form.
-    pub expected: Expected,
+    pub expected: ExpectedFigures,
 }
 
 /// Closed forms of a scene's picture; `None` where there is none.
 #[derive(Debug, Clone, Copy, Default, PartialEq, serde::Serialize)]
-pub struct Expected {
+pub struct ExpectedFigures {
     /// Area that the surface covers in the picture, square pixels. Pictures with one sample a pixel may differ by half
     /// of the outline's length.
     pub covered_px: Option<f64>,
@@ -57,19 +57,19 @@ pub struct Expected {
 
 /// A scene by name.
 #[derive(Debug, Clone, Copy)]
-pub struct Entry {
+pub struct SceneEntry {
     /// Name on the command line.
     pub name: &'static str,
     /// What it shows, in one line.
     pub shows: &'static str,
     /// Which method fails there and how, in one line.
     pub fails: &'static str,
-    make: fn() -> Scene,
+    make: fn() -> BuiltScene,
 }
 
-impl Entry {
+impl SceneEntry {
     /// Generates the scene; takes milliseconds.
-    pub fn make(&self) -> Scene {
+    pub fn make(&self) -> BuiltScene {
         (self.make)()
     }
 }
@@ -91,242 +91,242 @@ pub fn depth_offset(
 }
 
 /// Every scene, in the order of the documents.
-pub static ALL: &[Entry] = &[
-    Entry {
+pub static ALL: &[SceneEntry] = &[
+    SceneEntry {
         name: "silhouette",
         shows: "the unit sphere from distance 3, a closed form in every pixel",
         fails: "squares reach beyond the rim by up to half their diagonal",
         make: outline::silhouette,
     },
-    Entry {
+    SceneEntry {
         name: "horizon",
         shows: "a checkered plane up to the horizon",
         fails: "opaque squares show one cell of many near the horizon; depth offsets are clamped at flat angles",
         make: outline::horizon,
     },
-    Entry {
+    SceneEntry {
         name: "cube-edge",
         shows: "a finely cut cube of three colors, edge on",
         fails: "squares of one face stick out beyond the edges and over the next face",
         make: outline::cube_edge,
     },
-    Entry {
+    SceneEntry {
         name: "cube-corner",
         shows: "eight vertices with averaged normals, seen so that a vertex normal faces away from a visible face",
         fails: "culling by vertex normals loses the face; cones of geometric normals keep it",
         make: outline::cube_corner,
     },
-    Entry {
+    SceneEntry {
         name: "pedestal",
         shows: "a cube of 12 triangles on a finely cut pedestal",
         fails: "squares of the pedestal cover the foot of the cube",
         make: outline::pedestal,
     },
-    Entry {
+    SceneEntry {
         name: "open-behind",
         shows: "an open sheet from behind",
         fails: "with --culling on it disappears; with --one-sided it is black",
         make: outline::open_behind,
     },
-    Entry {
+    SceneEntry {
         name: "edge-on",
         shows: "a sheet seen exactly along its plane: it covers nothing",
         fails: "squares draw a bar of the threshold's height",
         make: outline::edge_on,
     },
-    Entry {
+    SceneEntry {
         name: "thin-plate",
         shows: "a closed plate, red in front and green behind, one depth offset thick",
         fails: "blended splats mix in the back where culling is off",
         make: layers::thin_plate,
     },
-    Entry {
+    SceneEntry {
         name: "sheets-0.5",
         shows: "a red sheet half a depth offset in front of a green one",
         fails: "blended splats mix the two",
         make: layers::sheets_half,
     },
-    Entry {
+    SceneEntry {
         name: "sheets-1",
         shows: "a red sheet one depth offset in front of a green one",
         fails: "the border case of blended splats with factor 1",
         make: layers::sheets_one,
     },
-    Entry {
+    SceneEntry {
         name: "sheets-2",
         shows: "a red sheet two depth offsets in front of a green one",
         fails: "blended splats with a factor above 2 mix the two (--depth-offset)",
         make: layers::sheets_two,
     },
-    Entry {
+    SceneEntry {
         name: "sheets-4",
         shows: "a red sheet four depth offsets in front of a green one",
         fails: "no method: beyond every default offset",
         make: layers::sheets_four,
     },
-    Entry {
+    SceneEntry {
         name: "sheets-fine",
         shows: "sheets half a depth offset apart, cut so finely that a node of the threshold's size holds parts of both",
         fails: "every splat of a node: its color is the mean of both sheets",
         make: layers::sheets_fine,
     },
-    Entry {
+    SceneEntry {
         name: "sheets-tilted",
         shows: "sheets two depth offsets apart, tilted by 60 degrees",
         fails: "filtered splats mix the two; at a rim squares of the green sheet stick out",
         make: layers::sheets_tilted,
     },
-    Entry {
+    SceneEntry {
         name: "overlap",
         shows: "a red sheet and a green copy in the same place",
         fails: "every method: which of the two wins depends on the order, and blending mixes them",
         make: layers::overlap,
     },
-    Entry {
+    SceneEntry {
         name: "stack",
         shows: "500 tiny triangles of one color over one pixel",
         fails: "sums in 16-bit floats drift; in 32 bits the color stays",
         make: layers::stack,
     },
-    Entry {
+    SceneEntry {
         name: "opposite-normals",
         shows: "a sheet tilted by 60 degrees whose cells have normals of alternating sign",
         fails: "means of normals vanish; the tree keeps one of them, blended normals have none",
         make: color::opposite_normals,
     },
-    Entry {
+    SceneEntry {
         name: "zero-normals",
         shows: "a cloud whose normals are all zero",
         fails: "nothing to light by: every splat is as bright as a facing one",
         make: color::zero_normals,
     },
-    Entry {
+    SceneEntry {
         name: "checkerboard",
         shows: "black and white cells of less than half a pixel: their mean is gray",
         fails: "one sample a pixel shows a coarse board that is not there",
         make: color::checkerboard,
     },
-    Entry {
+    SceneEntry {
         name: "noise",
         shows: "a sheet of random heights below the size of a pixel",
         fails: "one sample a pixel, and opaque squares, show one facet of many",
         make: detail::noise,
     },
-    Entry {
+    SceneEntry {
         name: "foliage",
         shows: "5000 leaves of three pixels, turned at random",
         fails: "opaque squares make leaves too large; filtered splats mix what is close behind",
         make: detail::foliage,
     },
-    Entry {
+    SceneEntry {
         name: "fence",
         shows: "wires of 0.4 pixels",
         fails: "triangles lose most of the wires, squares make them a pixel wide",
         make: detail::fence,
     },
-    Entry {
+    SceneEntry {
         name: "under-pixel",
         shows: "a ball of 0.28 square pixels that no pixel center meets",
         fails: "triangles lose it, a square makes it a whole pixel; its mean normal is zero",
         make: detail::under_pixel,
     },
-    Entry {
+    SceneEntry {
         name: "needles",
         shows: "a torus of needles",
         fails: "spheres around needles are large; a row of splats has one normal for all of a needle's length",
         make: triangles::needles,
     },
-    Entry {
+    SceneEntry {
         name: "obtuse",
         shows: "a torus of obtuse triangles",
         fails: "as needles: spheres far larger than the triangles in them",
         make: triangles::obtuse,
     },
-    Entry {
+    SceneEntry {
         name: "huge-triangle",
         shows: "a triangle of 120 pixels beside twelve thousand of one",
         fails: "squares of the small ones cover the edge of the large one",
         make: triangles::huge_triangle,
     },
-    Entry {
+    SceneEntry {
         name: "spikes",
         shows: "a closed surface of spikes: normals in all directions in every node",
         fails: "cones wider than a half circle cull nothing: slow, not wrong; squares hide the valleys",
         make: triangles::spikes,
     },
-    Entry {
+    SceneEntry {
         name: "degenerate",
         shows: "a square whose triangles are there three times, with slivers of no area beside it",
         fails: "small slivers become squares, although they have no area",
         make: triangles::degenerate,
     },
-    Entry {
+    SceneEntry {
         name: "coincident-vertices",
         shows: "a square among 2000 triangles whose corners coincide",
         fails: "each such triangle becomes a square, although it has no area",
         make: triangles::coincident_vertices,
     },
-    Entry {
+    SceneEntry {
         name: "coincident-points",
         shows: "a cloud of 1000 points in one place",
         fails: "nothing: no spacing, so one square of the threshold's size",
         make: limits::coincident_points,
     },
-    Entry {
+    SceneEntry {
         name: "duplicate-points",
         shows: "a lattice of points, each there three times, one 100 times",
         fails: "with a spacing of zero between copies there would be holes; copies do not count",
         make: limits::duplicate_points,
     },
-    Entry {
+    SceneEntry {
         name: "near-points",
         shows: "nine points from very near: squares of 283 pixels, above the largest point of some devices",
         fails: "the points method leaves holes; squares above the limit are drawn as several",
         make: limits::near_points,
     },
-    Entry {
+    SceneEntry {
         name: "beside-view",
         shows: "a splat of 40 pixels whose center is 5 pixels left of the picture",
         fails: "devices drop points whose center is outside (the guard band keeps them); filtered splats cover it whole",
         make: limits::beside_view,
     },
-    Entry {
+    SceneEntry {
         name: "near-plane",
         shows: "a tilted plane through the near plane and past the eye",
         fails: "points whose center is before the near plane are dropped whole; pop has triangles there",
         make: limits::near_plane,
     },
-    Entry {
+    SceneEntry {
         name: "inside",
         shows: "the inside of a closed sphere",
         fails: "closed surfaces are culled from inside: an empty picture unless --culling off",
         make: limits::inside,
     },
-    Entry {
+    SceneEntry {
         name: "georeferenced",
         shows: "a statue five million meters from the origin",
         fails: "single precision without an origin of its own has steps of half a meter there",
         make: limits::georeferenced,
     },
-    Entry {
+    SceneEntry {
         name: "microscopic",
         shows: "a statue of two micrometers",
         fails: "absolute tolerances take it for a point",
         make: limits::microscopic,
     },
-    Entry {
+    SceneEntry {
         name: "one-triangle",
         shows: "a single triangle: a tree without nodes",
         fails: "nothing",
         make: limits::one_triangle,
     },
-    Entry {
+    SceneEntry {
         name: "one-point",
         shows: "a single point: no neighbor, no spacing",
         fails: "nothing",
         make: limits::one_point,
     },
-    Entry {
+    SceneEntry {
         name: "empty",
         shows: "nothing at all",
         fails: "nothing",
@@ -335,7 +335,7 @@ pub static ALL: &[Entry] = &[
 ];
 
 /// The scene of that name.
-pub fn find(name: &str) -> Option<&'static Entry> {
+pub fn find(name: &str) -> Option<&'static SceneEntry> {
     ALL.iter().find(|entry| entry.name == name)
 }
 
@@ -360,7 +360,7 @@ mod tests {
             for line in [entry.shows, entry.fails] {
                 assert!(line.len() < 120 && !line.contains('\n'), "{name}: {line}");
             }
-            let Scene {
+            let BuiltScene {
                 mesh,
                 camera,
                 threshold_px,

@@ -54,11 +54,11 @@ pub(super) fn px(x: f64, y: f64) -> DVec3 {
 
 /// A mesh in the making.
 #[derive(Debug, Default)]
-pub(super) struct Shape {
+pub(super) struct SceneShape {
     pub(super) mesh: Mesh,
 }
 
-impl Shape {
+impl SceneShape {
     /// Adds a vertex; `normal` need not be a unit vector, zero is none.
     pub(super) fn vertex(&mut self, position: DVec3, normal: DVec3, [r, g, b]: [u8; 3]) -> u32 {
         let index = self.mesh.positions.len() as u32;
@@ -123,7 +123,7 @@ impl Shape {
         self.mesh.triangles.extend([[a, b, c], [a, c, d]]);
     }
 
-    /// As [`Shape::sheet`], but every cell has four vertices of its own, with what `look(i, j)` gives: the color, and
+    /// As [`SceneShape::sheet`], but every cell has four vertices of its own, with what `look(i, j)` gives: the color, and
     /// the factor of the normal (1, -1 or 0).
     pub(super) fn tiles(
         &mut self,
@@ -233,9 +233,9 @@ pub(super) fn corners_of(min: DVec3, max: DVec3) -> [DVec3; 8] {
 }
 
 /// Numbers that look random and are the same everywhere (SplitMix64; Steele, Lea and Flood, 2014).
-pub(super) struct Random(u64);
+pub(super) struct RandomNumbers(u64);
 
-impl Random {
+impl RandomNumbers {
     pub(super) fn new(seed: u64) -> Self {
         Self(seed)
     }
@@ -287,7 +287,7 @@ mod tests {
 
     #[test]
     fn blocks_face_outward() {
-        let mut shape = Shape::default();
+        let mut shape = SceneShape::default();
         shape.block(
             DVec3::ZERO,
             DVec3::new(1.0, 2.0, 3.0),

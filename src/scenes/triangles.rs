@@ -1,9 +1,9 @@
 //! Triangles that trees and splats do not like.
 
 use super::outline::generated;
-use super::shape::{GREEN, PX, RED, Random, Shape, WHITE, camera, front, px};
-use super::{Expected, Scene};
-use crate::generate::Shape as Generated;
+use super::shape::{GREEN, PX, RED, RandomNumbers, SceneShape, WHITE, camera, front, px};
+use super::{BuiltScene, ExpectedFigures};
+use crate::generate::GeneratedShape as Generated;
 use crate::math::camera::Camera;
 use crate::mesh::Mesh;
 use glam::DVec3;
@@ -14,18 +14,18 @@ fn torus_camera() -> Camera {
 }
 
 /// The torus of 2000 x 10 cells: each is 80 times as long as wide.
-pub(super) fn needles() -> Scene {
-    Scene {
+pub(super) fn needles() -> BuiltScene {
+    BuiltScene {
         mesh: generated(Generated::Torus, 2000, 10),
         camera: torus_camera(),
         threshold_px: 3.0,
-        expected: Expected::default(),
+        expected: ExpectedFigures::default(),
     }
 }
 
 /// The torus of 240 x 80 cells, each row joined to the next with a shift of four columns: angles of about 165 degrees.
 /// It is closed, since every row is shifted alike.
-pub(super) fn obtuse() -> Scene {
+pub(super) fn obtuse() -> BuiltScene {
     const COLUMNS: u32 = 240;
     const ROWS: u32 = 80;
     const SHIFT: u32 = 4;
@@ -40,17 +40,17 @@ pub(super) fn obtuse() -> Scene {
             mesh.triangles.extend([[a, b, c], [a, c, d]]);
         }
     }
-    Scene {
+    BuiltScene {
         mesh,
         camera: torus_camera(),
         threshold_px: 8.0,
-        expected: Expected::default(),
+        expected: ExpectedFigures::default(),
     }
 }
 
 /// A red triangle with legs of 120 pixels, and along one of them a green sheet in cells of 1.25 pixels.
-pub(super) fn huge_triangle() -> Scene {
-    let mut shape = Shape::default();
+pub(super) fn huge_triangle() -> BuiltScene {
+    let mut shape = SceneShape::default();
     shape.triangle([px(-100.0, -60.0), px(20.0, -60.0), px(20.0, 60.0)], RED);
     shape.sheet(
         px(20.0, -60.0),
@@ -59,20 +59,20 @@ pub(super) fn huge_triangle() -> Scene {
         [64, 96],
         GREEN,
     );
-    Scene {
+    BuiltScene {
         mesh: shape.mesh,
         camera: front(),
         threshold_px: 4.0,
-        expected: Expected {
+        expected: ExpectedFigures {
             covered_px: Some(7200.0 + 9600.0),
-            ..Expected::default()
+            ..ExpectedFigures::default()
         },
     }
 }
 
 /// The sphere of 120 x 60 cells, every other vertex of every other row moved out by 0.08: the tip of a
 /// spike as wide as high.
-pub(super) fn spikes() -> Scene {
+pub(super) fn spikes() -> BuiltScene {
     const COLUMNS: usize = 120;
     const ROWS: usize = 60;
     let mut mesh = generated(Generated::Sphere, COLUMNS as u32, ROWS as u32);
@@ -90,19 +90,19 @@ pub(super) fn spikes() -> Scene {
             *corner -= COLUMNS as u32;
         }
     }
-    Scene {
+    BuiltScene {
         mesh,
         camera: camera(DVec3::new(1.0, 1.5, 3.6), DVec3::ZERO, (1.0, 8.0)),
         threshold_px: 10.0,
-        expected: Expected::default(),
+        expected: ExpectedFigures::default(),
     }
 }
 
 /// A square of 120 pixels, all of its triangles three times; right of it 100 triangles of 50 pixels and 100 of 3 pixels
 /// length whose corners lie on a line.
-pub(super) fn degenerate() -> Scene {
+pub(super) fn degenerate() -> BuiltScene {
     let side = 120.0 * PX;
-    let mut shape = Shape::default();
+    let mut shape = SceneShape::default();
     shape.sheet(
         px(-100.0, -60.0),
         DVec3::X * side,
@@ -121,21 +121,21 @@ pub(super) fn degenerate() -> Scene {
             shape.mesh.triangles.push(indices);
         }
     }
-    Scene {
+    BuiltScene {
         mesh: shape.mesh,
         camera: front(),
         threshold_px: 4.0,
-        expected: Expected {
+        expected: ExpectedFigures {
             covered_px: Some(14_400.0),
             color: Some([204; 3]),
-            ..Expected::default()
+            ..ExpectedFigures::default()
         },
     }
 }
 
 /// A square of 120 pixels of two triangles, and 2000 triangles in and around it whose three corners are one point.
-pub(super) fn coincident_vertices() -> Scene {
-    let mut shape = Shape::default();
+pub(super) fn coincident_vertices() -> BuiltScene {
+    let mut shape = SceneShape::default();
     let half = 60.0;
     shape.quad(
         [
@@ -147,19 +147,19 @@ pub(super) fn coincident_vertices() -> Scene {
         DVec3::Z,
         WHITE,
     );
-    let mut random = Random::new(3);
+    let mut random = RandomNumbers::new(3);
     for _ in 0..2000 {
         let at = px(110.0 * random.signed(), 110.0 * random.signed());
         let index = shape.vertex(at, DVec3::Z, RED);
         shape.mesh.triangles.push([index; 3]);
     }
-    Scene {
+    BuiltScene {
         mesh: shape.mesh,
         camera: front(),
         threshold_px: 2.0,
-        expected: Expected {
+        expected: ExpectedFigures {
             covered_px: Some(4.0 * half * half),
-            ..Expected::default()
+            ..ExpectedFigures::default()
         },
     }
 }

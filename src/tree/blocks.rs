@@ -4,28 +4,29 @@
 //! cache, so that capsules are taken from the corners themselves. Blocks are independent and go to the threads in
 //! contiguous runs. The levels above (one node in 64) are made from their children.
 
-use super::closed::Evidence;
-use super::shape::Shape;
-use super::strip::{self, Corners};
+use super::block_part::BlockPart;
+use super::closed::ClosedEvidence;
+use super::shape::TreeShape;
+use super::strip::{self, StripCorners};
 use super::summary::{self, Sums};
-use super::{Leaf, Node, NodeAttributes, Strip, thickness};
+use super::{Leaf, Node, NodeAttributes, NodeStrip, thickness};
 use crate::abi::Vertex;
-use crate::math::cone::Cap;
+use crate::math::cone::DirectionCap;
 use crate::math::sphere::{self, Sphere};
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Levels of a block.
-const HEIGHT: usize = 4;
+pub(super) const HEIGHT: usize = 4;
 /// Least number of blocks that one task does.
 const GRAIN: u32 = 32;
 /// Most tasks, so that progress is told a few thousand times at most.
 const TASKS: u32 = 2048;
 
 /// What the nodes are made from.
-pub(super) struct Source<'a> {
-    pub(super) shape: &'a Shape,
+pub(super) struct LeafSource<'a> {
+    pub(super) shape: &'a TreeShape,
     /// Index of the first node of each level.
     pub(super) level_starts: &'a [u32],
     /// In order of use.
@@ -41,23 +42,15 @@ pub(super) struct Source<'a> {
     pub(super) done: &'a (dyn Fn(u64) + Sync),
 }
 
-/// The nodes and leaves of a run of blocks, by height above the leaves.
-struct Part<'a> {
-    nodes: [&'a mut [Node]; HEIGHT],
-    attributes: [&'a mut [NodeAttributes]; HEIGHT],
-    leaves: &'a mut [Leaf],
-    sums: &'a mut [Sums],
-}
-
 /// What is learned on the way.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Findings {
-    pub(super) evidence: Evidence,
+pub(super) struct BlockFindings {
+    pub(super) evidence: ClosedEvidence,
     /// Some node has only triangles without a normal.
     pub(super) any_flat: bool,
 }
 
-impl Findings {
+impl BlockFindings {
     fn join(self, other: Self) -> Self {
         Self {
             evidence: self.evidence.join(other.evidence),
@@ -68,8 +61,8 @@ impl Findings {
 
 /// Buffers of one task.
 #[derive(Default)]
-struct Scratch {
-    corners: Corners,
+struct BlockScratch {
+    corners: StripCorners,
     /// Unit normal of each leaf of the block, zero where it has none.
     normals: Vec<DVec3>,
     leaves: Vec<LeafSums>,
@@ -96,15 +89,15 @@ impl LeafSums {
 /// Fills the leaves' radii (of triangles: points bring theirs), all nodes and all attributes. On entry the leaves have
 /// their centers.
 pub(super) fn fill(
-    source: &Source,
+    source: &LeafSource,
     leaves: &mut [Leaf],
     nodes: &mut [Node],
     attributes: &mut [NodeAttributes],
-) -> Findings {
+) -> BlockFindings {
     let depth = source.shape.levels.len();
     if depth == 0 {
         // A leaf or none: no node.
-        return source.read_leaves(0, leaves, &mut Scratch::default());
+        return source.read_leaves(0, leaves, &mut BlockScratch::default());
     }
     // The level whose nodes are the blocks.
     let top = depth.saturating_sub(HEIGHT);
@@ -113,7 +106,7 @@ pub(super) fn fill(
     let mut findings = {
         let mut lower_nodes = &mut nodes[source.level_starts[top] as usize..];
         let mut lower_attributes = &mut attributes[source.level_starts[top] as usize..];
-        let mut part = Part {
+        let mut part = BlockPart {
             nodes: Default::default(),
             attributes: Default::default(),
             leaves,
@@ -137,7 +130,7 @@ pub(super) fn fill(
         );
         let (own_nodes, children) = nodes[start..].split_at_mut(end - start);
         let (own_attributes, child_attributes) = attributes[start..].split_at_mut(end - start);
-        let below = Below {
+        let below = SubtreeBelow {
             nodes: children,
             attributes: child_attributes,
             sums: &sums,
@@ -161,7 +154,7 @@ pub(super) fn fill(
 }
 
 /// A finished level, or the piece of it that a block has.
-struct Below<'a> {
+struct SubtreeBelow<'a> {
     nodes: &'a [Node],
     attributes: &'a [NodeAttributes],
     sums: &'a [Sums],
@@ -169,9 +162,9 @@ struct Below<'a> {
     first: usize,
 }
 
-impl Source<'_> {
+impl LeafSource<'_> {
     /// Does blocks `first..end` of level `top`, in parallel.
-    fn run(&self, top: usize, first: u32, end: u32, part: Part) -> Findings {
+    fn run(&self, top: usize, first: u32, end: u32, part: BlockPart) -> BlockFindings {
         let block_count = self.shape.levels[top].len() as u32;
         if end - first <= GRAIN.max(block_count / TASKS) {
             return self.run_serial(top, first, end, part);
@@ -185,64 +178,12 @@ impl Source<'_> {
         one.join(two)
     }
 
-    /// Divides what belongs to the blocks from `first` on before block `middle`.
-    fn split<'p>(
-        &self,
-        top: usize,
-        first: u32,
-        middle: u32,
-        part: Part<'p>,
-    ) -> (Part<'p>, Part<'p>) {
-        let depth = self.shape.levels.len();
-        let mut nodes: [(&mut [Node], &mut [Node]); HEIGHT] = Default::default();
-        let mut attributes: [(&mut [NodeAttributes], &mut [NodeAttributes]); HEIGHT] =
-            Default::default();
-        // From the blocks down: where the range begins and where it is cut, in each level.
-        let (mut start, mut cut) = (first as usize, middle as usize);
-        let (sums_one, sums_two) = part.sums.split_at_mut(cut - start);
-        let mut parts = part
-            .nodes
-            .into_iter()
-            .zip(part.attributes)
-            .rev()
-            .skip(HEIGHT - (depth - top));
-        for level in top..depth {
-            let height = depth - 1 - level;
-            if let Some((level_nodes, level_attributes)) = parts.next() {
-                nodes[height] = level_nodes.split_at_mut(cut - start);
-                attributes[height] = level_attributes.split_at_mut(cut - start);
-            }
-            let child_starts = &self.shape.levels[level].child_starts;
-            (start, cut) = (child_starts[start] as usize, child_starts[cut] as usize);
-        }
-        let (leaves_one, leaves_two) = part.leaves.split_at_mut(cut - start);
-        let (mut one, mut two) = (
-            Part {
-                nodes: Default::default(),
-                attributes: Default::default(),
-                leaves: leaves_one,
-                sums: sums_one,
-            },
-            Part {
-                nodes: Default::default(),
-                attributes: Default::default(),
-                leaves: leaves_two,
-                sums: sums_two,
-            },
-        );
-        for (height, (nodes, attributes)) in nodes.into_iter().zip(attributes).enumerate() {
-            (one.nodes[height], two.nodes[height]) = nodes;
-            (one.attributes[height], two.attributes[height]) = attributes;
-        }
-        (one, two)
-    }
-
-    fn run_serial(&self, top: usize, first: u32, end: u32, mut part: Part) -> Findings {
-        let mut findings = Findings::default();
+    fn run_serial(&self, top: usize, first: u32, end: u32, mut part: BlockPart) -> BlockFindings {
+        let mut findings = BlockFindings::default();
         if self.stop.load(Ordering::Relaxed) {
             return findings;
         }
-        let mut scratch = Scratch::default();
+        let mut scratch = BlockScratch::default();
         let leaf_count = part.leaves.len();
         for block in first..end {
             let rest = if block + 1 < end {
@@ -263,7 +204,13 @@ impl Source<'_> {
     }
 
     /// One block: its leaves, then its levels upward.
-    fn block(&self, top: usize, block: u32, part: &mut Part, scratch: &mut Scratch) -> Findings {
+    fn block(
+        &self,
+        top: usize,
+        block: u32,
+        part: &mut BlockPart,
+        scratch: &mut BlockScratch,
+    ) -> BlockFindings {
         let depth = self.shape.levels.len();
         let first_leaf = self.shape.leaf_start(top, block) as usize;
         let mut findings = self.read_leaves(first_leaf, part.leaves, scratch);
@@ -274,7 +221,7 @@ impl Source<'_> {
             firsts[depth - 1 - level] = first;
             first = self.shape.levels[level].child_starts[first] as usize;
         }
-        let Scratch {
+        let BlockScratch {
             corners,
             normals,
             leaves: leaf_sums,
@@ -296,14 +243,14 @@ impl Source<'_> {
                 let children = shape.child_starts[id] as usize..shape.child_starts[id + 1] as usize;
                 let result = if height == 0 {
                     let range = children.start - first_leaf..children.end - first_leaf;
-                    let low = Low {
+                    let low = LowLevels {
                         leaves: part.leaves,
                         normals,
                         sums: leaf_sums,
                     };
                     self.gather(range, children.start, &low, corners, node, attributes)
                 } else {
-                    let below = Below {
+                    let below = SubtreeBelow {
                         nodes: finished[height - 1],
                         attributes: finished_attributes[height - 1],
                         sums: &finished_sums[height - 1],
@@ -331,8 +278,13 @@ impl Source<'_> {
     }
 
     /// Reads the triangles (or points) from `first` on: radii, normals, areas, colors, corners, closedness.
-    fn read_leaves(&self, first: usize, leaves: &mut [Leaf], scratch: &mut Scratch) -> Findings {
-        let mut findings = Findings::default();
+    fn read_leaves(
+        &self,
+        first: usize,
+        leaves: &mut [Leaf],
+        scratch: &mut BlockScratch,
+    ) -> BlockFindings {
+        let mut findings = BlockFindings::default();
         scratch.corners.clear();
         scratch.normals.clear();
         scratch.leaves.clear();
@@ -390,8 +342,8 @@ impl Source<'_> {
         &self,
         range: std::ops::Range<usize>,
         first_child: usize,
-        low: &Low,
-        corners: &mut Corners,
+        low: &LowLevels,
+        corners: &mut StripCorners,
         node: &mut Node,
         attributes: &mut NodeAttributes,
     ) -> Sums {
@@ -411,11 +363,11 @@ impl Source<'_> {
         }
         let mut splat_radius = node.radius;
         if !self.triangles.is_empty() {
-            let mut caps = [Cap::point(DVec3::Z); 4];
+            let mut caps = [DirectionCap::point(DVec3::Z); 4];
             let mut usable = 0;
             for &normal in &low.normals[range.clone()] {
                 if normal != DVec3::ZERO {
-                    caps[usable] = Cap::point(normal);
+                    caps[usable] = DirectionCap::point(normal);
                     usable += 1;
                 }
             }
@@ -457,10 +409,10 @@ impl Source<'_> {
         &self,
         level: usize,
         children: std::ops::Range<usize>,
-        below: &Below,
+        below: &SubtreeBelow,
         node: &mut Node,
         attributes: &mut NodeAttributes,
-        mut corners: Option<(&mut Corners, std::ops::Range<usize>)>,
+        mut corners: Option<(&mut StripCorners, std::ops::Range<usize>)>,
     ) -> Sums {
         let local = children.start - below.first..children.end - below.first;
         let local_children = local.clone();
@@ -483,7 +435,7 @@ impl Source<'_> {
         }
         let mut splat_radius = node.radius;
         if !self.triangles.is_empty() {
-            let mut caps = [Cap::point(DVec3::Z); 4];
+            let mut caps = [DirectionCap::point(DVec3::Z); 4];
             let (mut usable, mut is_open) = (0, false);
             for child in nodes.iter().filter(|child| child.flags & Node::FLAT == 0) {
                 match summary::unpack_cone(&child.cone) {
@@ -504,7 +456,7 @@ impl Source<'_> {
                 (node.strip, splat_radius) =
                     corners.fit(leaves.start * 3, leaves.end * 3, node, direction);
             } else {
-                let descent = strip::Descent {
+                let descent = strip::StripDescent {
                     nodes: below.nodes,
                     base: self.level_starts[level + 1] as usize,
                 };
@@ -555,8 +507,8 @@ impl Source<'_> {
             center,
             radius: sphere::round_up(radius * (1.0 + 1e-15)),
             first_child,
-            cone: super::Cone::ALL,
-            strip: Strip::SPHERE,
+            cone: super::NormalCone::ALL,
+            strip: NodeStrip::SPHERE,
             child_count: balls.len() as u8,
             flags: 0,
         };
@@ -566,7 +518,7 @@ impl Source<'_> {
     fn close(&self, sums: &Sums, node: &mut Node) {
         let is_flat = node.flags & Node::FLAT != 0;
         if !self.triangles.is_empty() && !is_flat && sums.normals_cancel() {
-            node.cone = super::Cone::ALL;
+            node.cone = super::NormalCone::ALL;
             node.flags |= Node::UNCULLED;
         }
     }
@@ -585,7 +537,7 @@ impl Source<'_> {
 }
 
 /// The leaves of a block.
-struct Low<'a> {
+struct LowLevels<'a> {
     leaves: &'a [Leaf],
     normals: &'a [DVec3],
     sums: &'a [LeafSums],

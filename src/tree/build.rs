@@ -5,11 +5,12 @@
 //! The work, in order: centers of the leaves' spheres; the shape ([`super::shape`]); the leaves' places in it
 //! ([`super::partition`]); vertices in order of use ([`super::order`]); nodes upward ([`super::blocks`]).
 
-use super::blocks::{self, Source};
-use super::partition::{Item, Partition};
-use super::shape::Shape;
+use super::blocks::{self, LeafSource};
+use super::partition::{Item, TreePartition};
+use super::shape::TreeShape;
 use super::{
-    Cone, Error, Leaf, Model, Node, NodeAttributes, Records, Tree, moments, order, spacing,
+    AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, NormalCone, Tree, moments, order,
+    spacing,
 };
 use crate::math::sphere;
 use crate::mesh::normals::{self, Weighting};
@@ -89,16 +90,16 @@ pub fn build(
     // The leaves travel in the memory in which they will stay.
     progress.stage("bounding triangles", count as u64);
     mesh::recenter(&mut mesh);
-    let mut leaves = Records::<Leaf>::zeroed(count);
+    let mut leaves = AlignedRecords::<Leaf>::zeroed(count);
     leaf_centers(&mesh, bytemuck::cast_slice_mut(&mut leaves))?;
     progress.advance(count as u64);
     check_stop()?;
 
     progress.stage("ordering", count as u64);
-    let shape = Shape::new(count as u32);
+    let shape = TreeShape::new(count as u32);
     {
-        let mut spare = Records::<Item>::zeroed(count);
-        Partition {
+        let mut spare = AlignedRecords::<Item>::zeroed(count);
+        TreePartition {
             shape: &shape,
             stop: &stop,
             placed: &advance,
@@ -116,7 +117,7 @@ pub fn build(
     // Both go through long lists one by one for most of their time.
     let (arranged, (parents, first_leaf)) =
         rayon::join(|| arrange(mesh, &leaves), || links(&shape, &level_starts));
-    let Arranged { mut model, normals } = arranged?;
+    let ArrangedMesh { mut model, normals } = arranged?;
     progress.advance(count as u64);
     check_stop()?;
 
@@ -131,9 +132,9 @@ pub fn build(
     }
     progress.stage("building nodes", count as u64);
     let node_count = shape.node_count();
-    let mut nodes = Records::of_tree(node_count);
-    let mut attributes = Records::<NodeAttributes>::of_tree(node_count);
-    let source = Source {
+    let mut nodes = AlignedRecords::of_tree(node_count);
+    let mut attributes = AlignedRecords::<NodeAttributes>::of_tree(node_count);
+    let source = LeafSource {
         shape: &shape,
         level_starts: &level_starts,
         vertices: &model.vertices,
@@ -150,7 +151,7 @@ pub fn build(
         for index in 0..nodes.len() {
             if nodes[index].flags & Node::FLAT != 0 {
                 nodes[index].cone = if index == 0 {
-                    Cone::ALL
+                    NormalCone::ALL
                 } else {
                     nodes[parents[index] as usize].cone
                 };
@@ -166,7 +167,7 @@ pub fn build(
         first_leaf,
         level_starts,
         leaves,
-        moments: Records::default(),
+        moments: AlignedRecords::default(),
     };
     model.tree.moments = moments::compute(&model);
     Ok(model)
@@ -241,13 +242,13 @@ fn leaf_centers(mesh: &Mesh, items: &mut [Item]) -> Result<(), Error> {
 }
 
 /// A model without its tree, and the normals of its vertices in full.
-struct Arranged {
+struct ArrangedMesh {
     model: Model,
     normals: Vec<Vec3>,
 }
 
 /// Triangles in tree order, vertices in the order of their first use; frees the mesh.
-fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<Arranged, Error> {
+fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<ArrangedMesh, Error> {
     normals::complete(&mut mesh, Weighting::Area);
     let items: &[Item] = bytemuck::cast_slice(leaves);
     let (triangles, old_of_new, used) = if mesh.triangles.is_empty() {
@@ -318,11 +319,11 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<Arranged, Error> {
         has_colors,
         vertices,
     };
-    Ok(Arranged { model, normals })
+    Ok(ArrangedMesh { model, normals })
 }
 
 /// Parents and first leaves of all nodes.
-fn links(shape: &Shape, level_starts: &[u32]) -> (Vec<u32>, Vec<u32>) {
+fn links(shape: &TreeShape, level_starts: &[u32]) -> (Vec<u32>, Vec<u32>) {
     let mut parents = Vec::with_capacity(shape.node_count());
     let mut first_leaf = Vec::with_capacity(shape.node_count());
     if !shape.levels.is_empty() {

@@ -1,6 +1,6 @@
 //! Walks over a model and tests every promise that the cut and the renderer rely on.
 
-use super::{Cone, Model, Node, NodeAttributes, Strip, Tree, moments, summary};
+use super::{Model, Node, NodeAttributes, NodeStrip, NormalCone, Tree, moments, summary};
 use crate::math::octahedral;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -22,21 +22,21 @@ const LISTED: usize = 50;
 
 /// What is wrong with a model; nothing if `count` is 0.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Report {
+pub struct CheckReport {
     /// The first violations found (at most 50), each a sentence with the nodes' numbers, sorted.
     pub violations: Vec<String>,
     /// Number of all violations.
     pub count: u64,
 }
 
-impl Report {
+impl CheckReport {
     /// Whether every promise holds.
     pub fn is_clean(&self) -> bool {
         self.count == 0
     }
 }
 
-impl fmt::Display for Report {
+impl fmt::Display for CheckReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.is_clean() {
             return write!(f, "no violations");
@@ -72,10 +72,10 @@ impl Sink {
         }
     }
 
-    fn finish(self) -> Report {
+    fn finish(self) -> CheckReport {
         let mut violations = self.lines.into_inner().unwrap_or_default();
         violations.sort();
-        Report {
+        CheckReport {
             violations,
             count: self.count.into_inner(),
         }
@@ -92,7 +92,7 @@ impl Sink {
 /// * areas are the sums of the children's, moments those of the triangles below; box and orbit enclose the used vertices.
 ///
 /// The rest is only looked at when the links hold.
-pub fn check(model: &Model) -> Report {
+pub fn check(model: &Model) -> CheckReport {
     let sink = Sink::default();
     if let Err(what) = links(model) {
         sink.report(|| what);
@@ -389,7 +389,7 @@ fn contains_ball(node: &Node, center: Vec3, radius: f32) -> bool {
 }
 
 /// Half angle and unit axis.
-fn angles(cone: &Cone) -> (DVec3, f64) {
+fn angles(cone: &NormalCone) -> (DVec3, f64) {
     let sin = f64::from(cone.sin_half_angle) / 65535.0;
     (cone.axis().as_dvec3().normalize_or_zero(), sin.asin())
 }
@@ -398,19 +398,19 @@ fn angle(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b))
 }
 
-fn contains_cone(outer: &Cone, inner: &Cone) -> bool {
-    if outer.sin_half_angle == Cone::NEVER {
+fn contains_cone(outer: &NormalCone, inner: &NormalCone) -> bool {
+    if outer.sin_half_angle == NormalCone::NEVER {
         return true;
     }
-    if inner.sin_half_angle == Cone::NEVER {
+    if inner.sin_half_angle == NormalCone::NEVER {
         return false;
     }
     let ((outer_axis, outer_half), (inner_axis, inner_half)) = (angles(outer), angles(inner));
     outer == inner || angle(outer_axis, inner_axis) + inner_half <= outer_half + CONE_TOLERANCE
 }
 
-fn contains_normal(cone: &Cone, normal: DVec3) -> bool {
-    if cone.sin_half_angle == Cone::NEVER {
+fn contains_normal(cone: &NormalCone, normal: DVec3) -> bool {
+    if cone.sin_half_angle == NormalCone::NEVER {
         return true;
     }
     // Below a quarter turn the sine orders angles, and the cross product keeps small ones.
@@ -420,7 +420,7 @@ fn contains_normal(cone: &Cone, normal: DVec3) -> bool {
 }
 
 fn contains_point(node: &Node, point: Vec3) -> bool {
-    if node.strip == Strip::SPHERE {
+    if node.strip == NodeStrip::SPHERE {
         // The sphere is tested by itself.
         return true;
     }

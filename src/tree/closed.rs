@@ -9,16 +9,16 @@
 
 use glam::{DVec3, Vec3};
 
-/// Sums over triangles; add them up in any order ([`Evidence::volume`] in a fixed one).
+/// Sums over triangles; add them up in any order ([`ClosedEvidence::volume`] in a fixed one).
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Evidence {
+pub(super) struct ClosedEvidence {
     /// Signed sum of edge hashes.
     pub(super) boundary: u64,
     /// Six times the enclosed volume.
     pub(super) volume: f64,
 }
 
-impl Evidence {
+impl ClosedEvidence {
     pub(super) fn is_closed(&self) -> bool {
         self.boundary == 0 && self.volume > 0.0
     }

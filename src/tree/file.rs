@@ -5,7 +5,7 @@
 //! word changes for certain and any other damage with a probability of all but 2^-64. A reader believes nothing: lengths
 //! are compared with the file before memory is asked for, and all links are tested before the model is handed out.
 
-use super::{Error, Leaf, Model, Moments, NodeAttributes, Records, Tree, check};
+use super::{AlignedRecords, Error, Leaf, Model, Moments, NodeAttributes, Tree, check};
 use crate::abi::Vertex;
 use crate::progress::{Progress, Silent};
 use bytemuck::{Pod, Zeroable};
@@ -55,14 +55,14 @@ struct Header {
     orbit_radius: f32,
     used_vertices: u32,
     section_count: u32,
-    sections: [Section; SECTIONS],
+    sections: [FileSection; SECTIONS],
     /// Of all bytes before.
     checksum: u64,
 }
 
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Section {
+struct FileSection {
     /// Bytes from the beginning of the file.
     offset: u64,
     /// Number of elements.
@@ -106,7 +106,7 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
     };
     let mut end = HEADER as u64;
     for (section, (bytes, stride)) in header.sections.iter_mut().zip(arrays) {
-        *section = Section {
+        *section = FileSection {
             offset: end.next_multiple_of(ALIGNMENT),
             count: (bytes.len() / stride) as u64,
             stride: stride as u64,
@@ -222,7 +222,7 @@ pub fn read_from(
     if header.section_count as usize != SECTIONS || header.flags & !(CLOSED | COLORS) != 0 {
         return Err(damaged(12, "unknown flags or sections".to_owned()));
     }
-    let mut reader = Reader {
+    let mut reader = TreeReader {
         file,
         at: HEADER as u64,
         length,
@@ -235,13 +235,13 @@ pub fn read_from(
         vertices: reader.section::<Vertex>()?,
         triangles: reader.section::<[u32; 3]>()?,
         tree: Tree {
-            nodes: reader.section_in(Records::of_tree)?,
-            attributes: reader.section_in(Records::<NodeAttributes>::of_tree)?,
+            nodes: reader.section_in(AlignedRecords::of_tree)?,
+            attributes: reader.section_in(AlignedRecords::<NodeAttributes>::of_tree)?,
             parents: reader.section::<u32>()?,
             first_leaf: reader.section::<u32>()?,
             level_starts: reader.section::<u32>()?,
-            leaves: reader.section_in(Records::<Leaf>::zeroed)?,
-            moments: reader.section_in(Records::<Moments>::zeroed)?,
+            leaves: reader.section_in(AlignedRecords::<Leaf>::zeroed)?,
+            moments: reader.section_in(AlignedRecords::<Moments>::zeroed)?,
         },
         used_vertices: header.used_vertices,
         origin: DVec3::from_array(header.origin),
@@ -271,17 +271,17 @@ pub fn read_from(
 }
 
 /// Reads the sections one after the other.
-struct Reader<'a> {
+struct TreeReader<'a> {
     file: &'a mut dyn Read,
     at: u64,
     length: u64,
     next: usize,
-    sections: [Section; SECTIONS],
+    sections: [FileSection; SECTIONS],
     path: &'a Path,
     progress: &'a dyn Progress,
 }
 
-impl Reader<'_> {
+impl TreeReader<'_> {
     fn section<T: Pod>(&mut self) -> Result<Vec<T>, Error> {
         self.section_in(|count| vec![T::zeroed(); count])
     }

@@ -91,12 +91,12 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::generate::{self, Shape, Spec};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::progress::Silent;
     use crate::tree::{BuildOptions, build};
 
-    fn model(shape: Shape, triangles: u64) -> Model {
-        let spec = Spec::with_triangles(shape, triangles).unwrap();
+    fn model(shape: GeneratedShape, triangles: u64) -> Model {
+        let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
         build(generate::mesh(&spec), &BuildOptions::default(), &Silent).unwrap()
     }
 
@@ -111,7 +111,7 @@ mod tests {
     #[test]
     fn inside_of_a_sphere_is_nearer_than_its_radius() {
         // Between the polyhedron and the sphere there is no point of the lattice.
-        let sphere = model(Shape::Sphere, 20_000);
+        let sphere = model(GeneratedShape::Sphere, 20_000);
         let mut seen = [0; 2];
         for p in lattice() {
             let is_inside = p.length() < 1.0;
@@ -127,7 +127,7 @@ mod tests {
 
     #[test]
     fn the_hole_of_a_torus_is_outside() {
-        let torus = model(Shape::Torus, 20_000);
+        let torus = model(GeneratedShape::Torus, 20_000);
         let mut seen = [0; 2];
         for p in lattice() {
             // The generator's torus: around the axis of the rows, radii 1 and 0.4.
@@ -146,7 +146,8 @@ mod tests {
 
     #[test]
     fn nothing_surrounds_where_there_is_no_surface() {
-        let mut cloud = generate::mesh(&Spec::with_triangles(Shape::Sphere, 2000).unwrap());
+        let mut cloud =
+            generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 2000).unwrap());
         cloud.triangles.clear();
         let cloud = build(cloud, &BuildOptions::default(), &Silent).unwrap();
         assert!(!cloud.surrounds(Vec3::ZERO));

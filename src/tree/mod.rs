@@ -4,6 +4,7 @@
 //! (SIGGRAPH 2000), section 2. Differences are listed in `docs/ARCHITECTURE.md`.
 
 mod access;
+mod block_part;
 mod blocks;
 mod build;
 mod check;
@@ -25,11 +26,11 @@ mod thickness;
 
 pub use access::MemoryBytes;
 pub use build::{BuildOptions, build};
-pub use check::{Report, check};
+pub use check::{CheckReport, check};
 pub use kind::{ModelKind, OrbitSphere};
 pub use moments::area_of_point;
-pub use node::{Cone, Leaf, Node, NodeAttributes, Strip};
-pub use records::Records;
+pub use node::{Leaf, Node, NodeAttributes, NodeStrip, NormalCone};
+pub use records::AlignedRecords;
 
 use crate::abi::Vertex;
 use glam::{DVec3, Vec3};
@@ -73,9 +74,9 @@ pub struct Model {
 #[derive(Debug, Clone, Default)]
 pub struct Tree {
     /// What the cut tests, 32 bytes a node.
-    pub nodes: Records<Node>,
+    pub nodes: AlignedRecords<Node>,
     /// What only drawn nodes need; same order as `nodes`.
-    pub attributes: Records<NodeAttributes>,
+    pub attributes: AlignedRecords<NodeAttributes>,
     /// Parent of each node; the root is its own parent.
     pub parents: Vec<u32>,
     /// First leaf below each node, followed by nothing: the end is the start of the next node of the same
@@ -84,9 +85,9 @@ pub struct Tree {
     /// Index of the first node of each level, root level first, then `nodes.len()`.
     pub level_starts: Vec<u32>,
     /// Bounding spheres of the leaves.
-    pub leaves: Records<Leaf>,
+    pub leaves: AlignedRecords<Leaf>,
     /// Means for filtered splats; same order as `nodes`.
-    pub moments: Records<Moments>,
+    pub moments: AlignedRecords<Moments>,
 }
 
 /// Means over the triangles (or points) below a node, for splats that are filtered rather than sampled, 24 bytes. With A_t

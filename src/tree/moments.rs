@@ -1,6 +1,6 @@
 //! Means for filtered splats.
 
-use super::{Model, Moments, Node, Records, summary};
+use super::{AlignedRecords, Model, Moments, Node, summary};
 use crate::math::octahedral;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
@@ -13,9 +13,9 @@ pub fn area_of_point(spacing: f32) -> f32 {
 
 /// In double precision while adding up.
 #[derive(Clone, Copy, Default)]
-struct Exact([f64; 13]);
+struct ExactMoments([f64; 13]);
 
-impl Exact {
+impl ExactMoments {
     fn add(&mut self, other: &Self) {
         for (sum, value) in self.0.iter_mut().zip(other.0) {
             *sum += value;
@@ -102,9 +102,9 @@ impl Exact {
 }
 
 /// Means of all nodes, level by level upward; the sums are kept in full for one level at a time.
-pub(super) fn compute(model: &Model) -> Records<Moments> {
+pub(super) fn compute(model: &Model) -> AlignedRecords<Moments> {
     let tree = &model.tree;
-    let mut moments = Records::<Moments>::zeroed(tree.nodes.len());
+    let mut moments = AlignedRecords::<Moments>::zeroed(tree.nodes.len());
     // Six triangles share a vertex.
     let normals: Vec<Vec3> = model
         .vertices
@@ -115,15 +115,15 @@ pub(super) fn compute(model: &Model) -> Records<Moments> {
             _ => octahedral::decode(vertex.normal),
         })
         .collect();
-    let mut below: Vec<Exact> = Vec::new();
+    let mut below: Vec<ExactMoments> = Vec::new();
     for level in tree.level_starts.windows(2).rev() {
         let (start, end) = (level[0] as usize, level[1] as usize);
         let of_node = |(moments, node): (&mut Moments, &Node)| {
-            let mut sum = Exact::default();
+            let mut sum = ExactMoments::default();
             let first = node.first_child as usize;
             for child in first..first + usize::from(node.child_count) {
                 if node.has_leaves() {
-                    sum.add(&Exact::of_leaf(model, &normals, child));
+                    sum.add(&ExactMoments::of_leaf(model, &normals, child));
                 } else {
                     sum.add(&below[child - end]);
                 }

@@ -16,9 +16,9 @@ pub struct Node {
     /// Index of the first child: a node, or a leaf if [`Node::has_leaves`].
     pub first_child: u32,
     /// Cone of the geometric normals below.
-    pub cone: Cone,
+    pub cone: NormalCone,
     /// A capsule around everything below, much thinner than the sphere where triangles are needles.
-    pub strip: Strip,
+    pub strip: NodeStrip,
     /// Number of children, 2 to 4 (1 only in a tree of a single leaf, which has no nodes).
     pub child_count: u8,
     /// [`Node::LEAF_CHILDREN`], [`Node::UNCULLED`], [`Node::FLAT`].
@@ -28,7 +28,7 @@ pub struct Node {
 impl Node {
     /// Bit of `flags`: the children are leaves.
     pub const LEAF_CHILDREN: u8 = 1;
-    /// Bit of `flags`: draw without culling by normal; the normals below cancel. The cone is [`Cone::ALL`].
+    /// Bit of `flags`: draw without culling by normal; the normals below cancel. The cone is [`NormalCone::ALL`].
     pub const UNCULLED: u8 = 2;
     /// Bit of `flags`: every triangle below is degenerate and has no normal. Nothing below can be seen as a triangle;
     /// the cone is that of the parent, so that such a node goes where its parent goes.
@@ -46,15 +46,15 @@ impl Node {
 /// Errs to the safe side: `sin_half_angle` is rounded up and includes the error of the packed axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Cone {
+pub struct NormalCone {
     /// Axis, [`octahedral`] 2 x 16 bit.
     pub axis: [i16; 2],
-    /// Sine of the half angle in units of 1/65535, rounded up; [`Cone::NEVER`] when the half angle reaches a
+    /// Sine of the half angle in units of 1/65535, rounded up; [`NormalCone::NEVER`] when the half angle reaches a
     /// quarter turn or there is no normal: such a node is never culled by its normals.
     pub sin_half_angle: u16,
 }
 
-impl Cone {
+impl NormalCone {
     /// `sin_half_angle` of a cone that never culls.
     pub const NEVER: u16 = u16::MAX;
 
@@ -82,10 +82,10 @@ impl Cone {
 ///
 /// A needle's sphere is as wide as the needle is long; the capsule lets the cut draw a few splats along the
 /// long axis instead of descending to every needle. Errs to the safe side: both lengths are rounded up and
-/// include the error of the packed direction. Where the capsule gains nothing it is [`Strip::SPHERE`].
+/// include the error of the packed direction. Where the capsule gains nothing it is [`NodeStrip::SPHERE`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
-pub struct Strip {
+pub struct NodeStrip {
     /// Direction of the segment, octahedral 2 x 8 bit (units of 1/127).
     pub direction: [i8; 2],
     /// Half length of the segment over the sphere's radius, units of 1/255, rounded up.
@@ -94,7 +94,7 @@ pub struct Strip {
     pub width: u8,
 }
 
-impl Strip {
+impl NodeStrip {
     /// No gain over the sphere.
     pub const SPHERE: Self = Self {
         direction: [0, 0],

@@ -12,8 +12,8 @@
 //! splitting value comes from a sample (many leaves), from interpolated counting (fewer), or from ranks by comparison
 //! of all pairs (few, the bulk of the work: everything stays in registers and the first cache).
 
-use super::select::{self, Pivot, Scratch};
-use super::shape::Shape;
+use super::select::{self, SelectPivot, SelectScratch};
+use super::shape::TreeShape;
 use bytemuck::{Pod, Zeroable};
 use glam::{Vec3, Vec4};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -101,9 +101,9 @@ const LARGE: usize = 4096;
 const PARALLEL: usize = 1 << 15;
 
 /// What every step of the recursion needs.
-pub(super) struct Partition<'a> {
+pub(super) struct TreePartition<'a> {
     /// The shape to fill.
-    pub(super) shape: &'a Shape,
+    pub(super) shape: &'a TreeShape,
     /// Set by another thread to stop; the order is then unfinished.
     pub(super) stop: &'a AtomicBool,
     /// Called with a number of leaves that have found their place (about once per 32768).
@@ -112,34 +112,41 @@ pub(super) struct Partition<'a> {
 
 /// A run of siblings: nodes (or leaves) `first..end` of `level`.
 #[derive(Clone, Copy)]
-struct Run {
+struct PartitionRun {
     level: usize,
     first: u32,
     end: u32,
 }
 
-impl Partition<'_> {
+impl TreePartition<'_> {
     /// Orders `items` (in file order at first). `spare` has the same length; its content is lost.
     pub(super) fn run(&self, items: &mut [Item], spare: &mut [Item]) {
         assert_eq!(items.len(), spare.len(), "both buffers hold every leaf");
         if items.len() < 2 {
             return;
         }
-        let root = Run {
+        let root = PartitionRun {
             level: 0,
             first: 0,
             end: 1,
         };
         let bounds = Bounds::of(items);
-        self.divide(root, items, spare, true, bounds, &mut Scratch::default());
+        self.divide(
+            root,
+            items,
+            spare,
+            true,
+            bounds,
+            &mut SelectScratch::default(),
+        );
     }
 
     /// Descends to a run of several items, or `None` at a single leaf.
     #[inline]
-    fn descend(&self, mut run: Run) -> Option<Run> {
+    fn descend(&self, mut run: PartitionRun) -> Option<PartitionRun> {
         while run.end - run.first == 1 {
             let level = self.shape.levels.get(run.level)?;
-            run = Run {
+            run = PartitionRun {
                 level: run.level + 1,
                 first: level.child_starts[run.first as usize],
                 end: level.child_starts[run.first as usize + 1],
@@ -150,13 +157,13 @@ impl Partition<'_> {
 
     /// Both halves of a run and the number of leaves in the first.
     #[inline]
-    fn halves(&self, run: Run) -> (Run, Run, usize) {
+    fn halves(&self, run: PartitionRun) -> (PartitionRun, PartitionRun, usize) {
         let middle = run.first + (run.end - run.first) / 2;
         let count =
             self.shape.leaf_start(run.level, middle) - self.shape.leaf_start(run.level, run.first);
         (
-            Run { end: middle, ..run },
-            Run {
+            PartitionRun { end: middle, ..run },
+            PartitionRun {
                 first: middle,
                 ..run
             },
@@ -167,12 +174,12 @@ impl Partition<'_> {
     /// Orders the leaves of `run`, which lie in `from`; the result is in `from` if `stays`, else in `to`.
     fn divide(
         &self,
-        run: Run,
+        run: PartitionRun,
         from: &mut [Item],
         to: &mut [Item],
         stays: bool,
         bounds: Bounds,
-        scratch: &mut Scratch,
+        scratch: &mut SelectScratch,
     ) {
         let n = from.len();
         if n <= SMALL {
@@ -202,9 +209,9 @@ impl Partition<'_> {
             self.divide(two, to_two, from_two, !stays, bounds_two, scratch);
             return;
         }
-        *scratch = Scratch::default();
-        let task = |run: Run, from: &mut [Item], to: &mut [Item], bounds: Bounds| {
-            self.divide(run, from, to, !stays, bounds, &mut Scratch::default());
+        *scratch = SelectScratch::default();
+        let task = |run: PartitionRun, from: &mut [Item], to: &mut [Item], bounds: Bounds| {
+            self.divide(run, from, to, !stays, bounds, &mut SelectScratch::default());
             if from.len() <= PARALLEL {
                 (self.placed)(from.len() as u64);
             }
@@ -216,7 +223,7 @@ impl Partition<'_> {
     }
 
     /// Orders a small set where it lies.
-    fn finish(&self, run: Run, items: &mut [Item]) {
+    fn finish(&self, run: PartitionRun, items: &mut [Item]) {
         let Some(run) = self.descend(run) else { return };
         let (one, two, k) = self.halves(run);
         let axis = Bounds::of(items).axis();
@@ -288,7 +295,13 @@ fn split_small<const N: usize>(items: &mut [Item], k: usize, axis: usize) {
 }
 
 /// Partition of `from` into `to`, the first `k` before the pivot; returns the boxes of both parts.
-fn split(from: &[Item], to: &mut [Item], k: usize, axis: usize, pivot: Pivot) -> (Bounds, Bounds) {
+fn split(
+    from: &[Item],
+    to: &mut [Item],
+    k: usize,
+    axis: usize,
+    pivot: SelectPivot,
+) -> (Bounds, Bounds) {
     /// The boxes are taken from each piece while it is in the first cache.
     const PIECE: usize = 512;
     let (mut one, mut two) = (Bounds::EMPTY, Bounds::EMPTY);
@@ -329,14 +342,14 @@ mod tests {
     }
 
     /// The definition, by sorting: box, longest axis, stable order, halves of the run.
-    fn reference(shape: &Shape, run: Run, items: &mut [Item]) {
+    fn reference(shape: &TreeShape, run: PartitionRun, items: &mut [Item]) {
         let mut run = run;
         while run.end - run.first == 1 {
             let Some(level) = shape.levels.get(run.level) else {
                 return;
             };
             let range = &level.child_starts[run.first as usize..];
-            run = Run {
+            run = PartitionRun {
                 level: run.level + 1,
                 first: range[0],
                 end: range[1],
@@ -370,10 +383,10 @@ mod tests {
             *item = copy[i];
         }
         let (one, two) = items.split_at_mut(k);
-        reference(shape, Run { end: middle, ..run }, one);
+        reference(shape, PartitionRun { end: middle, ..run }, one);
         reference(
             shape,
-            Run {
+            PartitionRun {
                 first: middle,
                 ..run
             },
@@ -382,10 +395,10 @@ mod tests {
     }
 
     fn place(items: &[Item]) -> Vec<Item> {
-        let shape = Shape::new(items.len() as u32);
+        let shape = TreeShape::new(items.len() as u32);
         let mut items = items.to_vec();
         let mut spare = vec![Item::default(); items.len()];
-        Partition {
+        TreePartition {
             shape: &shape,
             stop: &AtomicBool::new(false),
             placed: &|_| {},
@@ -428,13 +441,13 @@ mod tests {
                     })
                     .collect();
                 let mut expected = items.clone();
-                let run = Run {
+                let run = PartitionRun {
                     level: 0,
                     first: 0,
                     end: 1,
                 };
                 if n > 1 {
-                    reference(&Shape::new(n as u32), run, &mut expected);
+                    reference(&TreeShape::new(n as u32), run, &mut expected);
                 }
                 assert!(place(&items) == expected, "{n} items of kind {kind}");
             }

@@ -9,15 +9,15 @@ use std::ops::{Deref, DerefMut};
 /// Two cache lines of 64 bytes.
 #[derive(Clone, Copy, Pod, Zeroable)]
 #[repr(C, align(128))]
-struct Lines([u8; 128]);
+struct CacheLines([u8; 128]);
 
-enum Memory {
-    Heap(Vec<Lines>),
+enum RecordMemory {
+    Heap(Vec<CacheLines>),
     /// Zeroed memory of the system, page by page at first use.
     Pages(MmapMut),
 }
 
-impl Memory {
+impl RecordMemory {
     /// Bytes from which on large pages are asked for.
     const MANY: usize = 4 << 20;
 
@@ -25,7 +25,12 @@ impl Memory {
     fn zeroed(bytes: usize) -> Self {
         let pages = (bytes >= Self::MANY).then(|| large_pages(bytes)).flatten();
         pages.map_or_else(
-            || Self::Heap(vec![Lines::zeroed(); bytes.div_ceil(size_of::<Lines>())]),
+            || {
+                Self::Heap(vec![
+                    CacheLines::zeroed();
+                    bytes.div_ceil(size_of::<CacheLines>())
+                ])
+            },
             Self::Pages,
         )
     }
@@ -44,15 +49,15 @@ fn large_pages(bytes: usize) -> Option<MmapMut> {
 ///
 /// Many records are in pages of 2 MiB where the system has them (Linux), which spares most of the searching for
 /// addresses: a cut of a million nodes takes a sixth less time.
-pub struct Records<T> {
-    memory: Memory,
+pub struct AlignedRecords<T> {
+    memory: RecordMemory,
     /// Bytes before the first record.
     skip: usize,
     len: usize,
     records: PhantomData<T>,
 }
 
-impl<T: Pod> Records<T> {
+impl<T: Pod> AlignedRecords<T> {
     /// As many records, all zero.
     pub fn zeroed(len: usize) -> Self {
         Self::after(0, len)
@@ -62,7 +67,7 @@ impl<T: Pod> Records<T> {
     fn after(skip: usize, len: usize) -> Self {
         let size = size_of::<T>();
         Self {
-            memory: Memory::zeroed((skip + len).saturating_mul(size)),
+            memory: RecordMemory::zeroed((skip + len).saturating_mul(size)),
             skip: skip * size,
             len,
             records: PhantomData,
@@ -86,13 +91,13 @@ impl<T: Pod> Records<T> {
     }
 }
 
-impl<T: Pod> Default for Records<T> {
+impl<T: Pod> Default for AlignedRecords<T> {
     fn default() -> Self {
         Self::zeroed(0)
     }
 }
 
-impl<T: Pod> Clone for Records<T> {
+impl<T: Pod> Clone for AlignedRecords<T> {
     fn clone(&self) -> Self {
         let mut copy = Self::after(self.skip / size_of::<T>(), self.len);
         copy.copy_from_slice(self);
@@ -100,7 +105,7 @@ impl<T: Pod> Clone for Records<T> {
     }
 }
 
-impl<T: Pod> From<&[T]> for Records<T> {
+impl<T: Pod> From<&[T]> for AlignedRecords<T> {
     fn from(records: &[T]) -> Self {
         let mut copy = Self::zeroed(records.len());
         copy.copy_from_slice(records);
@@ -108,38 +113,38 @@ impl<T: Pod> From<&[T]> for Records<T> {
     }
 }
 
-impl<T: Pod> FromIterator<T> for Records<T> {
+impl<T: Pod> FromIterator<T> for AlignedRecords<T> {
     fn from_iter<I: IntoIterator<Item = T>>(records: I) -> Self {
         Self::from(records.into_iter().collect::<Vec<_>>().as_slice())
     }
 }
 
-impl<T: Pod> Deref for Records<T> {
+impl<T: Pod> Deref for AlignedRecords<T> {
     type Target = [T];
 
     #[inline]
     fn deref(&self) -> &[T] {
         let all: &[u8] = match &self.memory {
-            Memory::Heap(lines) => bytemuck::cast_slice(lines),
-            Memory::Pages(pages) => pages,
+            RecordMemory::Heap(lines) => bytemuck::cast_slice(lines),
+            RecordMemory::Pages(pages) => pages,
         };
         bytemuck::cast_slice(&all[self.bytes()])
     }
 }
 
-impl<T: Pod> DerefMut for Records<T> {
+impl<T: Pod> DerefMut for AlignedRecords<T> {
     #[inline]
     fn deref_mut(&mut self) -> &mut [T] {
         let range = self.bytes();
         let all: &mut [u8] = match &mut self.memory {
-            Memory::Heap(lines) => bytemuck::cast_slice_mut(lines),
-            Memory::Pages(pages) => pages,
+            RecordMemory::Heap(lines) => bytemuck::cast_slice_mut(lines),
+            RecordMemory::Pages(pages) => pages,
         };
         bytemuck::cast_slice_mut(&mut all[range])
     }
 }
 
-impl<'a, T: Pod> IntoIterator for &'a Records<T> {
+impl<'a, T: Pod> IntoIterator for &'a AlignedRecords<T> {
     type Item = &'a T;
     type IntoIter = std::slice::Iter<'a, T>;
 
@@ -148,7 +153,7 @@ impl<'a, T: Pod> IntoIterator for &'a Records<T> {
     }
 }
 
-impl<'a, T: Pod> IntoIterator for &'a mut Records<T> {
+impl<'a, T: Pod> IntoIterator for &'a mut AlignedRecords<T> {
     type Item = &'a mut T;
     type IntoIter = std::slice::IterMut<'a, T>;
 
@@ -157,7 +162,7 @@ impl<'a, T: Pod> IntoIterator for &'a mut Records<T> {
     }
 }
 
-impl<T: Pod + fmt::Debug> fmt::Debug for Records<T> {
+impl<T: Pod + fmt::Debug> fmt::Debug for AlignedRecords<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_list().entries(self).finish()
     }
@@ -166,7 +171,7 @@ impl<T: Pod + fmt::Debug> fmt::Debug for Records<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tree::shape::Shape;
+    use crate::tree::shape::TreeShape;
     use crate::tree::{Node, NodeAttributes};
 
     /// Where levels are powers of two the groups below the root's children begin on a line, and none is on one more than it
@@ -178,15 +183,15 @@ mod tests {
     }
 
     fn lie_on_lines<T: Pod + PartialEq>() {
-        assert!(Records::<T>::of_tree(0).is_empty());
+        assert!(AlignedRecords::<T>::of_tree(0).is_empty());
         for leaves in [2, 4, 6, 12, 100, 1000, 96_966, 871_414] {
-            let shape = Shape::new(leaves);
-            let nodes = Records::<T>::of_tree(shape.node_count());
+            let shape = TreeShape::new(leaves);
+            let nodes = AlignedRecords::<T>::of_tree(shape.node_count());
             assert_eq!(nodes.len(), shape.node_count());
             assert!(nodes.iter().all(|node| *node == T::zeroed()));
             assert_eq!(
-                matches!(nodes.memory, Memory::Pages(_)),
-                size_of_val(&*nodes) >= Memory::MANY
+                matches!(nodes.memory, RecordMemory::Pages(_)),
+                size_of_val(&*nodes) >= RecordMemory::MANY
             );
             let copy = nodes.clone();
             let mut start = 1;
@@ -212,7 +217,7 @@ mod tests {
     #[test]
     fn records_are_kept() {
         for len in [0, 1, 5, 1_000_000] {
-            let mut numbers = Records::<[u32; 3]>::zeroed(len);
+            let mut numbers = AlignedRecords::<[u32; 3]>::zeroed(len);
             for (number, i) in numbers.iter_mut().zip(0..) {
                 *number = [i, !i, 7];
             }

@@ -4,14 +4,14 @@ use super::partition::Item;
 
 /// The item that is first on the right: everything before it, by coordinate and then by position, goes left.
 #[derive(Clone, Copy)]
-pub(super) struct Pivot {
+pub(super) struct SelectPivot {
     pub(super) key: f32,
     pub(super) position: u32,
 }
 
 /// Buffers of one task.
 #[derive(Default)]
-pub(super) struct Scratch {
+pub(super) struct SelectScratch {
     keys: Vec<f32>,
     candidates: Vec<u64>,
 }
@@ -56,9 +56,9 @@ fn collect(
 }
 
 /// The candidate of rank `rank`.
-fn select(candidates: &mut [u64], rank: usize) -> Pivot {
+fn select(candidates: &mut [u64], rank: usize) -> SelectPivot {
     let (_, &mut code, _) = candidates.select_nth_unstable(rank);
-    Pivot {
+    SelectPivot {
         key: unordered((code >> 32) as u32),
         position: code as u32,
     }
@@ -70,8 +70,8 @@ pub(super) fn pivot_by_sample(
     items: &[Item],
     k: usize,
     axis: usize,
-    scratch: &mut Scratch,
-) -> Pivot {
+    scratch: &mut SelectScratch,
+) -> SelectPivot {
     let n = items.len();
     let count = if n > 1 << 18 { 4096 } else { 512 };
     scratch.keys.clear();
@@ -118,8 +118,8 @@ pub(super) fn pivot_by_counting(
     k: usize,
     axis: usize,
     (low, high): (f32, f32),
-    scratch: &mut Scratch,
-) -> Pivot {
+    scratch: &mut SelectScratch,
+) -> SelectPivot {
     let n = items.len();
     scratch.keys.clear();
     scratch.keys.extend(items.iter().map(|item| item.key(axis)));

@@ -7,28 +7,28 @@
 
 /// Levels of a tree, root first; the leaves are not among them.
 #[derive(Debug, Default)]
-pub(super) struct Shape {
+pub(super) struct TreeShape {
     /// The interior levels; empty for fewer than two leaves.
-    pub(super) levels: Vec<Level>,
+    pub(super) levels: Vec<ShapeLevel>,
 }
 
 /// One level of interior nodes.
 #[derive(Debug, Default)]
-pub(super) struct Level {
+pub(super) struct ShapeLevel {
     /// Index, within the next level (or among the leaves), of each node's first child; then the end.
     pub(super) child_starts: Vec<u32>,
     /// Index of each node's first leaf; then the leaf count.
     pub(super) leaf_starts: Vec<u32>,
 }
 
-impl Level {
+impl ShapeLevel {
     /// Number of nodes.
     pub(super) fn len(&self) -> usize {
         self.child_starts.len() - 1
     }
 }
 
-impl Shape {
+impl TreeShape {
     /// The shape of the tree over `leaf_count` leaves.
     pub(super) fn new(leaf_count: u32) -> Self {
         let mut levels = Vec::new();
@@ -38,7 +38,7 @@ impl Shape {
             child_starts.push(0);
             push_groups(items, &mut child_starts);
             items = child_starts.len() as u32 - 1;
-            levels.push(Level {
+            levels.push(ShapeLevel {
                 child_starts,
                 leaf_starts: Vec::new(),
             });
@@ -64,7 +64,7 @@ impl Shape {
 
     /// Number of interior nodes.
     pub(super) fn node_count(&self) -> usize {
-        self.levels.iter().map(Level::len).sum()
+        self.levels.iter().map(ShapeLevel::len).sum()
     }
 
     /// First leaf of item `index` of `level`; a level past the last one is that of the leaves.
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     fn total(leaves: u32) -> usize {
-        Shape::new(leaves).node_count() + leaves as usize
+        TreeShape::new(leaves).node_count() + leaves as usize
     }
 
     #[test]
@@ -122,8 +122,8 @@ mod tests {
 
     #[test]
     fn levels_of_a_million() {
-        let shape = Shape::new(1_000_000);
-        let sizes: Vec<usize> = shape.levels.iter().map(Level::len).collect();
+        let shape = TreeShape::new(1_000_000);
+        let sizes: Vec<usize> = shape.levels.iter().map(ShapeLevel::len).collect();
         assert_eq!(
             sizes,
             [1, 4, 16, 64, 256, 1024, 4096, 16384, 65536, 262_144]
@@ -132,9 +132,9 @@ mod tests {
 
     #[test]
     fn groups_have_two_to_four_members_and_cover_the_leaves() {
-        assert!(Shape::new(0).levels.is_empty() && Shape::new(1).levels.is_empty());
+        assert!(TreeShape::new(0).levels.is_empty() && TreeShape::new(1).levels.is_empty());
         for leaves in 2..3000 {
-            let shape = Shape::new(leaves);
+            let shape = TreeShape::new(leaves);
             let mut below = leaves;
             for level in shape.levels.iter().rev() {
                 assert!(

@@ -1,6 +1,6 @@
 //! Distance of each point of a cloud to its neighbors, found through the tree's own order.
 
-use super::shape::Shape;
+use super::shape::TreeShape;
 use glam::Vec3;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -37,7 +37,7 @@ impl Bounds {
 }
 
 /// The nearest neighbors found so far, at different places: coincident points count once, and the point itself never.
-struct Nearest {
+struct NearestPoints {
     at: Vec3,
     found: [(f32, Vec3); NEIGHBORS],
     /// Which points they are, or one of those in the place.
@@ -45,7 +45,7 @@ struct Nearest {
     count: usize,
 }
 
-impl Nearest {
+impl NearestPoints {
     fn worst(&self) -> f32 {
         if self.count < NEIGHBORS {
             f32::INFINITY
@@ -82,13 +82,13 @@ impl Nearest {
 /// fewer places, 0 if there is none; less where a point stands apart ([`MOST_OF_NEIGHBORS`]). Deterministic. About O(n log n) also for coincident points. `stop` ends it early with
 /// zeros; `done` hears of numbers of finished points.
 pub(super) fn radii(
-    shape: &Shape,
+    shape: &TreeShape,
     points: &[Vec3],
     stop: &AtomicBool,
     done: &(dyn Fn(u64) + Sync),
 ) -> Vec<f32> {
     let boxes = boxes(shape, points);
-    let search = Search {
+    let search = SpacingSearch {
         shape,
         points,
         boxes: &boxes,
@@ -129,7 +129,7 @@ fn median(values: &mut [f32]) -> f32 {
 }
 
 /// Boxes of all nodes, by level.
-fn boxes(shape: &Shape, points: &[Vec3]) -> Vec<Vec<Bounds>> {
+fn boxes(shape: &TreeShape, points: &[Vec3]) -> Vec<Vec<Bounds>> {
     let mut levels: Vec<Vec<Bounds>> = Vec::new();
     for level in shape.levels.iter().rev() {
         let below = levels.last();
@@ -162,13 +162,13 @@ fn boxes(shape: &Shape, points: &[Vec3]) -> Vec<Vec<Bounds>> {
     levels
 }
 
-struct Search<'a> {
-    shape: &'a Shape,
+struct SpacingSearch<'a> {
+    shape: &'a TreeShape,
     points: &'a [Vec3],
     boxes: &'a [Vec<Bounds>],
 }
 
-impl Search<'_> {
+impl SpacingSearch<'_> {
     /// The points among `own`, the radii from point `first` on, that stand apart, with the radius that is left to them.
     fn limited(
         &self,
@@ -204,9 +204,9 @@ impl Search<'_> {
         }
     }
 
-    fn nearest(&self, index: u32) -> Nearest {
+    fn nearest(&self, index: u32) -> NearestPoints {
         let at = self.points[index as usize];
-        let mut nearest = Nearest {
+        let mut nearest = NearestPoints {
             at,
             found: [(0.0, Vec3::ZERO); NEIGHBORS],
             indices: [0; NEIGHBORS],
@@ -228,7 +228,7 @@ impl Search<'_> {
         nearest
     }
 
-    fn visit(&self, level: usize, index: u32, nearest: &mut Nearest) {
+    fn visit(&self, level: usize, index: u32, nearest: &mut NearestPoints) {
         let Some(boxes) = self.boxes.get(level) else {
             nearest.offer(self.points[index as usize], index);
             return;
@@ -314,7 +314,12 @@ mod tests {
         }
         let (points, least): (Vec<Vec3>, Vec<f32>) = points.into_iter().unzip();
         let never = AtomicBool::new(false);
-        let found = radii(&Shape::new(points.len() as u32), &points, &never, &|_| {});
+        let found = radii(
+            &TreeShape::new(points.len() as u32),
+            &points,
+            &never,
+            &|_| {},
+        );
         for (index, (radius, least)) in found.into_iter().zip(least).enumerate() {
             // In a corner of a lattice the sixth neighbor is two diagonals away.
             assert!(
@@ -340,7 +345,7 @@ mod tests {
                     .map(|_| (Vec3::new(random(), random(), random()) * cells).floor())
                     .collect();
                 let radii = radii(
-                    &Shape::new(n as u32),
+                    &TreeShape::new(n as u32),
                     &points,
                     &AtomicBool::new(false),
                     &|_| {},
@@ -367,7 +372,7 @@ mod tests {
         let n = 200_000;
         let points: Vec<Vec3> = (0..n).map(|i| Vec3::splat((i * 3 / n) as f32)).collect();
         let radii = radii(
-            &Shape::new(n as u32),
+            &TreeShape::new(n as u32),
             &points,
             &AtomicBool::new(false),
             &|_| {},

@@ -1,6 +1,6 @@
 //! Capsules around what lies below a node.
 
-use super::{Node, Strip};
+use super::{Node, NodeStrip};
 use crate::math::octahedral;
 use glam::{Vec3, Vec4};
 
@@ -15,7 +15,7 @@ const WIDEST_GAP: f32 = 0.125;
 const GAP_LEVELS: u32 = 4;
 
 /// Which of 64 equal parts of a capsule something lies in.
-struct Occupancy {
+struct StripOccupancy {
     bits: u64,
     /// Half the length of the capsule with its ends; parts of a unit.
     half_length: f32,
@@ -24,9 +24,9 @@ struct Occupancy {
     most: u32,
 }
 
-impl Occupancy {
+impl StripOccupancy {
     /// Of a capsule as the node has it, model units.
-    fn of(node: &Node, strip: Strip) -> Self {
+    fn of(node: &Node, strip: NodeStrip) -> Self {
         let unit = node.radius * (1.0 / 255.0);
         let sum = u16::from(strip.half_length) + u16::from(strip.width);
         let half_length = f32::from(sum.min(255)) * unit;
@@ -66,7 +66,7 @@ impl Occupancy {
 
 /// Corners of triangles as three lists of coordinates, so that four are worked on at once.
 #[derive(Default)]
-pub(super) struct Corners {
+pub(super) struct StripCorners {
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
@@ -75,7 +75,7 @@ pub(super) struct Corners {
     across: Vec<f32>,
 }
 
-impl Corners {
+impl StripCorners {
     pub(super) fn clear(&mut self) {
         self.x.clear();
         self.y.clear();
@@ -145,7 +145,7 @@ impl Corners {
         end: usize,
         node: &Node,
         direction: Vec3,
-    ) -> (Strip, f32) {
+    ) -> (NodeStrip, f32) {
         let code = encode(direction);
         let unit = decode(code);
         let (cx, cy, cz) = (
@@ -184,7 +184,7 @@ impl Corners {
         let farthest = farthest.max_element().sqrt() * (1.0 + 1e-6);
         let radius = node.radius;
         let Some(width) = width_code(widest.max_element().sqrt(), radius) else {
-            return (Strip::SPHERE, farthest);
+            return (NodeStrip::SPHERE, farthest);
         };
         // A corner is inside when |along| - half_length <= sqrt(width^2 - across^2). Tested without the root; few
         // corners fail once the first ones have set the length.
@@ -204,7 +204,7 @@ impl Corners {
             at += 4;
         }
         let strip = pack(code, half_length, width, radius);
-        let mut occupancy = Occupancy::of(node, strip);
+        let mut occupancy = StripOccupancy::of(node, strip);
         // Neighbors follow one another: where there is no gap, every eighth of many leaves none already.
         let stride = if self.along.len() > 3 * 16 { 3 * 8 } else { 3 };
         for first in (0..stride).step_by(3) {
@@ -216,20 +216,20 @@ impl Corners {
                 return (strip, farthest);
             }
         }
-        (Strip::SPHERE, farthest)
+        (NodeStrip::SPHERE, farthest)
     }
 }
 
 /// The nodes on the way down from a node.
 #[derive(Clone, Copy)]
-pub(super) struct Descent<'a> {
+pub(super) struct StripDescent<'a> {
     /// The levels below the node.
     pub(super) nodes: &'a [Node],
     /// Number of the first of them.
     pub(super) base: usize,
 }
 
-impl Descent<'_> {
+impl StripDescent<'_> {
     /// Visits the nodes `levels` below `nodes`, or the last above the leaves.
     fn visit(self, nodes: &[Node], levels: u32, visit: &mut impl FnMut(&Node)) {
         for node in nodes {
@@ -245,7 +245,12 @@ impl Descent<'_> {
 }
 
 /// The capsule along `direction` around nodes, for the sphere of their parent `node`.
-pub(super) fn around(children: &[Node], descent: Descent, node: &Node, direction: Vec3) -> Strip {
+pub(super) fn around(
+    children: &[Node],
+    descent: StripDescent,
+    node: &Node,
+    direction: Vec3,
+) -> NodeStrip {
     let code = encode(direction);
     let unit = decode(code);
     let split = |center: Vec3| {
@@ -258,7 +263,7 @@ pub(super) fn around(children: &[Node], descent: Descent, node: &Node, direction
         .map(|(center, radius)| split(center).1 + radius)
         .fold(0.0, f32::max);
     let Some(width) = width_code(widest, node.radius) else {
-        return Strip::SPHERE;
+        return NodeStrip::SPHERE;
     };
     let wide = room(width, node.radius).max(0.0).sqrt();
     let mut half_length = 0f32;
@@ -269,7 +274,7 @@ pub(super) fn around(children: &[Node], descent: Descent, node: &Node, direction
             half_length.max(along.abs() - (free * free - across * across).max(0.0).sqrt());
     }
     let strip = pack(code, half_length, width, node.radius);
-    let mut occupancy = Occupancy::of(node, strip);
+    let mut occupancy = StripOccupancy::of(node, strip);
     descent.visit(children, GAP_LEVELS - 1, &mut |part| {
         let [one, two] = ends(part).map(|(center, radius)| {
             let along = split(center).0;
@@ -278,7 +283,7 @@ pub(super) fn around(children: &[Node], descent: Descent, node: &Node, direction
         occupancy.add(one.0.min(two.0), one.1.max(two.1));
     });
     if occupancy.has_gap() {
-        Strip::SPHERE
+        NodeStrip::SPHERE
     } else {
         strip
     }
@@ -286,7 +291,7 @@ pub(super) fn around(children: &[Node], descent: Descent, node: &Node, direction
 
 /// The two balls at the ends of a node's capsule, whose hull it is; or its sphere.
 pub(super) fn ends(node: &Node) -> [(Vec3, f32); 2] {
-    if node.strip == Strip::SPHERE {
+    if node.strip == NodeStrip::SPHERE {
         return [(node.center, node.radius); 2];
     }
     let unit = node.radius * (1.0 / 255.0);
@@ -315,9 +320,9 @@ fn room(width: u8, radius: f32) -> f32 {
 }
 
 #[inline]
-fn pack(direction: [i8; 2], half_length: f32, width: u8, radius: f32) -> Strip {
+fn pack(direction: [i8; 2], half_length: f32, width: u8, radius: f32) -> NodeStrip {
     let length = half_length / radius * 255.0 + 3e-4;
-    Strip {
+    NodeStrip {
         direction,
         // Nothing lies beyond the sphere.
         half_length: ((length as u32) + 1).min(255) as u8,
@@ -335,9 +340,9 @@ fn encode(direction: Vec3) -> [i8; 2] {
 
 #[inline]
 fn decode(direction: [i8; 2]) -> Vec3 {
-    Strip {
+    NodeStrip {
         direction,
-        ..Strip::SPHERE
+        ..NodeStrip::SPHERE
     }
     .direction()
 }

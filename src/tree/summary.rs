@@ -1,7 +1,7 @@
 //! What a node knows about everything below it, as sums that add up, and the attributes made from them.
 
-use super::{Cone, NodeAttributes};
-use crate::math::cone::{self, Cap};
+use super::{NodeAttributes, NormalCone};
+use crate::math::cone::{self, DirectionCap};
 use crate::math::octahedral;
 use glam::{DVec3, Mat3, Vec3};
 
@@ -204,26 +204,26 @@ impl Sums {
     }
 }
 
-/// The packed cone around others, or [`Cone::ALL`]. Contains all of them, packed axis and rounding included.
+/// The packed cone around others, or [`NormalCone::ALL`]. Contains all of them, packed axis and rounding included.
 #[inline]
-pub(super) fn pack_cone(caps: &[Cap]) -> Cone {
+pub(super) fn pack_cone(caps: &[DirectionCap]) -> NormalCone {
     let axis = cone::common_axis(caps);
     // For points the length is the cosine of the half angle; for caps at least a bound of it. Nothing near zero is of use.
     if axis.length_squared() < 1e-8 {
-        return Cone::ALL;
+        return NormalCone::ALL;
     }
     let code = octahedral::encode(axis.as_vec3());
     // Measured around the axis as it will be unpacked, so the packing's error is in it.
     let unpacked = octahedral::decode(code).as_dvec3();
     let Some(sin) = cone::sin_around(unpacked, caps) else {
-        return Cone::ALL;
+        return NormalCone::ALL;
     };
     // A millionth for the rounding of whoever unpacks it; then up to the next unit.
     let sin_half_angle = ((sin + 1e-6) * 65535.0) as u32 + 1;
-    if sin_half_angle >= u32::from(Cone::NEVER) {
-        return Cone::ALL;
+    if sin_half_angle >= u32::from(NormalCone::NEVER) {
+        return NormalCone::ALL;
     }
-    Cone {
+    NormalCone {
         axis: code,
         sin_half_angle: sin_half_angle as u16,
     }
@@ -231,12 +231,12 @@ pub(super) fn pack_cone(caps: &[Cap]) -> Cone {
 
 /// A packed cone for merging; `None` for one that never culls.
 #[inline]
-pub(super) fn unpack_cone(cone: &Cone) -> Option<Cap> {
-    if cone.sin_half_angle == Cone::NEVER {
+pub(super) fn unpack_cone(cone: &NormalCone) -> Option<DirectionCap> {
+    if cone.sin_half_angle == NormalCone::NEVER {
         return None;
     }
     let axis: DVec3 = cone.axis().as_dvec3();
-    Some(Cap::from_sin(
+    Some(DirectionCap::from_sin(
         axis,
         f64::from(cone.sin_half_angle) / 65535.0,
     ))

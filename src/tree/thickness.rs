@@ -1,5 +1,5 @@
 //! How far what lies below a node reaches along its mean normal, where its corners are not at hand
-//! ([`super::strip::Corners::half_thickness`] has them).
+//! ([`super::strip::StripCorners::half_thickness`] has them).
 
 use super::{Leaf, Node, NodeAttributes};
 use crate::abi::Vertex;

@@ -21,7 +21,7 @@ const POLE: f64 = 1e-6;
 
 /// A turntable camera for a model inside of a bounding sphere; world space.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Orbit {
+pub struct OrbitCamera {
     model_center: DVec3,
     radius: f64,
     size: (u32, u32),
@@ -35,7 +35,7 @@ pub struct Orbit {
     framed: Option<f64>,
 }
 
-impl Orbit {
+impl OrbitCamera {
     /// A camera that frames a sphere: `center` and `radius` in world space (a radius of 0 or less, or one that
     /// is no number, counts as 1), `size` of the picture in pixels; `azimuth` and `elevation` in radians and
     /// `fill` as in [`Camera::orbit`], which gives the same camera.
@@ -139,7 +139,7 @@ impl Orbit {
         self.frame(1.0);
     }
 
-    /// Back to what [`new`](Orbit::new) made.
+    /// Back to what [`new`](OrbitCamera::new) made.
     pub fn reset(&mut self) {
         (self.azimuth, self.elevation) = (self.home.0, self.home.1.clamp(-FRAC_PI_2, FRAC_PI_2));
         self.frame(self.home.2);
@@ -324,12 +324,12 @@ mod tests {
     const SIZE: (u32, u32) = (640, 480);
     const HOME: (f64, f64) = (0.5, 0.3);
 
-    fn orbit() -> Orbit {
-        Orbit::new(CENTER, 2.0, SIZE, (HOME.0, HOME.1, 1.0))
+    fn orbit() -> OrbitCamera {
+        OrbitCamera::new(CENTER, 2.0, SIZE, (HOME.0, HOME.1, 1.0))
     }
 
     /// Pixel position of a world-space point.
-    fn pixel(orbit: &Orbit, point: DVec3) -> DVec2 {
+    fn pixel(orbit: &OrbitCamera, point: DVec3) -> DVec2 {
         let camera = orbit.camera();
         let clip = camera.proj * camera.view * point.extend(1.0);
         let ndc = clip.truncate() / clip.w;
@@ -340,7 +340,7 @@ mod tests {
     }
 
     /// World-space point seen at a pixel position.
-    fn point_at(orbit: &Orbit, at: DVec2, distance: f64) -> DVec3 {
+    fn point_at(orbit: &OrbitCamera, at: DVec2, distance: f64) -> DVec3 {
         orbit.eye() + orbit.world(orbit.seen_at(at, distance))
     }
 
@@ -350,7 +350,8 @@ mod tests {
             for (azimuth, elevation, fill) in
                 [(HOME.0, HOME.1, 1.0), (-1.0, -0.7, 0.5), (4.0, 0.0, 3.0)]
             {
-                let ours = Orbit::new(CENTER, radius, size, (azimuth, elevation, fill)).camera();
+                let ours =
+                    OrbitCamera::new(CENTER, radius, size, (azimuth, elevation, fill)).camera();
                 let standard = Camera::orbit(size, CENTER, radius, azimuth, elevation, fill);
                 assert_eq!(ours, standard);
             }
@@ -472,7 +473,7 @@ mod tests {
     #[test]
     fn degenerate_models_get_a_usable_camera() {
         for radius in [0.0, -1.0, f64::NAN] {
-            let mut o = Orbit::new(CENTER, radius, (1, 1), (0.0, 9.0, 1.0));
+            let mut o = OrbitCamera::new(CENTER, radius, (1, 1), (0.0, 9.0, 1.0));
             o.turn(DVec2::splat(1.0));
             o.zoom(f64::NAN, DVec2::ZERO, 0.0);
             assert!(o.camera().view(DVec3::ZERO).is_ok());

@@ -5,10 +5,10 @@ use crate::pack::ColorBy;
 use crate::render::{Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind};
 
 /// A value with its name and what it is, in a sentence.
-pub type Choice<T> = (T, &'static str, &'static str);
+pub type NamedChoice<T> = (T, &'static str, &'static str);
 
 /// The methods.
-pub const METHODS: &[Choice<Method>] = &[
+pub const METHODS: &[NamedChoice<Method>] = &[
     (
         Method::Triangles,
         "triangles",
@@ -32,7 +32,7 @@ pub const METHODS: &[Choice<Method>] = &[
 ];
 
 /// The kinds of splats.
-pub const SPLATS: &[Choice<SplatKind>] = &[
+pub const SPLATS: &[NamedChoice<SplatKind>] = &[
     (SplatKind::Square, "square", "Squares that face the viewer"),
     (SplatKind::Disc, "disc", "Discs that face the viewer"),
     (
@@ -58,7 +58,7 @@ pub const SPLATS: &[Choice<SplatKind>] = &[
 ];
 
 /// The ways of blending; none is the usual one of the kind of splat.
-pub const BLENDS: &[Choice<Option<Blend>>] = &[
+pub const BLENDS: &[NamedChoice<Option<Blend>>] = &[
     (None, "usual", "What the kind of splat asks for"),
     (Some(Blend::Opaque), "opaque", "The nearest splat wins"),
     (
@@ -79,7 +79,7 @@ pub const BLENDS: &[Choice<Option<Blend>>] = &[
 ];
 
 /// When splats are lit.
-pub const SHADINGS: &[Choice<Shading>] = &[
+pub const SHADINGS: &[NamedChoice<Shading>] = &[
     (Shading::PerSplat, "per-splat", "Lit once a splat"),
     (
         Shading::Deferred,
@@ -89,7 +89,7 @@ pub const SHADINGS: &[Choice<Shading>] = &[
 ];
 
 /// How visibility splats are filled in.
-pub const RECONSTRUCTIONS: &[Choice<Reconstruction>] = &[
+pub const RECONSTRUCTIONS: &[NamedChoice<Reconstruction>] = &[
     (
         Reconstruction::Gaussian,
         "gaussian",
@@ -108,7 +108,7 @@ pub const RECONSTRUCTIONS: &[Choice<Reconstruction>] = &[
 ];
 
 /// Size metrics.
-pub const METRICS: &[Choice<SizeMetric>] = &[
+pub const METRICS: &[NamedChoice<SizeMetric>] = &[
     (
         SizeMetric::Exact,
         "exact",
@@ -137,21 +137,21 @@ pub const METRICS: &[Choice<SizeMetric>] = &[
 ];
 
 /// When what faces away is dropped.
-pub const CULLINGS: &[Choice<Culling>] = &[
+pub const CULLINGS: &[NamedChoice<Culling>] = &[
     (Culling::Auto, "auto", "On closed surfaces"),
     (Culling::On, "on", "Always"),
     (Culling::Off, "off", "Never"),
 ];
 
 /// Which models are darkened where they lie behind their surroundings.
-pub const EYE_DOMES: &[Choice<EyeDome>] = &[
+pub const EYE_DOMES: &[NamedChoice<EyeDome>] = &[
     (EyeDome::Auto, "auto", "Points without normals"),
     (EyeDome::On, "on", "Everything"),
     (EyeDome::Off, "off", "Nothing"),
 ];
 
 /// What decides the color.
-pub const COLORS_BY: &[Choice<ColorBy>] = &[
+pub const COLORS_BY: &[NamedChoice<ColorBy>] = &[
     (ColorBy::Shading, "shading", "Light and vertex colors"),
     (
         ColorBy::Primitive,
@@ -186,14 +186,14 @@ pub const COLORS_BY: &[Choice<ColorBy>] = &[
 ];
 
 /// The backgrounds that a key goes through.
-pub const BACKGROUNDS: &[Choice<[f32; 3]>] = &[
+pub const BACKGROUNDS: &[NamedChoice<[f32; 3]>] = &[
     ([0.0; 3], "black", "Black"),
     ([128.0 / 255.0; 3], "gray", "Gray"),
     ([1.0; 3], "white", "White"),
 ];
 
 /// Times that frames are held to while the camera moves, milliseconds.
-pub const FRAME_TIMES: &[Choice<Option<f64>>] = &[
+pub const FRAME_TIMES: &[NamedChoice<Option<f64>>] = &[
     (None, "none", "Frames take the time that they take"),
     (Some(16.0), "16 ms", "60 frames a second"),
     (Some(33.0), "33 ms", "30 frames a second"),
@@ -202,19 +202,19 @@ pub const FRAME_TIMES: &[Choice<Option<f64>>] = &[
 ];
 
 /// Name of a value; "other" of one that is not listed.
-pub fn name_of<T: Copy + PartialEq>(list: &[Choice<T>], value: T) -> &'static str {
+pub fn name_of<T: Copy + PartialEq>(list: &[NamedChoice<T>], value: T) -> &'static str {
     list.iter()
         .find(|c| c.0 == value)
         .map_or("other", |choice| choice.1)
 }
 
 /// The value of a name.
-pub fn named<T: Copy>(list: &[Choice<T>], name: &str) -> Option<T> {
+pub fn named<T: Copy>(list: &[NamedChoice<T>], name: &str) -> Option<T> {
     list.iter().find(|c| c.1 == name).map(|choice| choice.0)
 }
 
 /// The values that follow `value`, once around, without itself; all of them for a value that is not listed.
-pub fn others<T: Copy + PartialEq>(list: &[Choice<T>], value: T, backward: bool) -> Vec<T> {
+pub fn others<T: Copy + PartialEq>(list: &[NamedChoice<T>], value: T, backward: bool) -> Vec<T> {
     let at = list.iter().position(|c| c.0 == value);
     let mut after: Vec<T> = match at {
         Some(at) => list[at + 1..]
@@ -234,7 +234,7 @@ pub fn others<T: Copy + PartialEq>(list: &[Choice<T>], value: T, backward: bool)
 mod tests {
     use super::*;
 
-    fn names<T: Copy + PartialEq + std::fmt::Debug>(list: &[Choice<T>]) {
+    fn names<T: Copy + PartialEq + std::fmt::Debug>(list: &[NamedChoice<T>]) {
         for (value, name, what) in list {
             assert_eq!(named(list, name), Some(*value));
             assert_eq!(name_of(list, *value), *name);

@@ -23,11 +23,11 @@
 mod model;
 mod plan;
 
-pub use model::{Place, Took, Work};
+pub use model::{EyePlace, FrameWork, TimeTaken};
 
 use crate::render::cost::model::{PerRasterizer, SplatCosts};
-use model::{Model, Numbers};
-use plan::{Seen, Tried};
+use model::{TimeModel, WorkNumbers};
+use plan::{Seen, TriedThreshold};
 use std::collections::VecDeque;
 
 /// Largest threshold that is chosen, pixels (theirs).
@@ -44,7 +44,7 @@ const HELD: f64 = 0.15;
 
 /// What is known about the wanted time.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Report {
+pub enum BudgetReport {
     /// Too few frames so far, or on the way.
     Adapting,
     /// The last frames kept it, or were faster at the wanted threshold.
@@ -55,7 +55,7 @@ pub enum Report {
 
 /// Chooses thresholds for a wanted time of a frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Control {
+pub struct FrameBudget {
     target_ms: f64,
     finest_px: f32,
     /// While the camera moves.
@@ -63,9 +63,9 @@ pub struct Control {
     /// What was drawn where, oldest first.
     seen: VecDeque<Seen>,
     /// The last planned frame.
-    last: Option<Tried>,
+    last: Option<TriedThreshold>,
     /// Where it was seen from.
-    place: Place,
+    place: EyePlace,
     /// Until which planned frame a finer and a coarser threshold are not tried, and how far off the time was then.
     blocked: [(u64, f64); 2],
     /// Planned frames so far.
@@ -75,7 +75,7 @@ pub struct Control {
     /// Now.
     shown_px: f32,
     is_moving: bool,
-    model: Model,
+    model: TimeModel,
     /// Work goes with the threshold to minus this power.
     power: f64,
     /// The way that was chosen last, where there was a choice.
@@ -89,7 +89,7 @@ pub struct Control {
     drift: f64,
     /// Nodes looked at to plan the present frame, by cuts that are not drawn.
     counted: u64,
-    report: Report,
+    report: BudgetReport,
 }
 
 fn median(mut values: Vec<f64>) -> f64 {
@@ -101,7 +101,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     }
 }
 
-impl Control {
+impl FrameBudget {
     /// For frames of `target_ms` milliseconds (at least 1), and never finer than `finest_px` pixels.
     pub fn new(target_ms: f64, finest_px: f32) -> Self {
         Self {
@@ -116,7 +116,7 @@ impl Control {
             past_edge: 0,
             shown_px: finest_px,
             is_moving: false,
-            model: Model::default(),
+            model: TimeModel::default(),
             power: 2.0,
             by_compute: true,
             has_choice: false,
@@ -124,7 +124,7 @@ impl Control {
             longer: VecDeque::new(),
             drift: 1.0,
             counted: 0,
-            report: Report::Adapting,
+            report: BudgetReport::Adapting,
         }
     }
 
@@ -151,7 +151,7 @@ impl Control {
         self.last_ms.clear();
         self.longer.clear();
         self.drift = 1.0;
-        self.report = Report::Adapting;
+        self.report = BudgetReport::Adapting;
     }
 
     /// What splats were measured to take on the device: by that the two ways to draw them are compared before both were
@@ -166,11 +166,11 @@ impl Control {
     }
 
     /// What is known.
-    pub fn report(&self) -> Report {
+    pub fn report(&self) -> BudgetReport {
         self.report
     }
 
-    /// Whether the picture is coarser than wanted, so that [`refine`](Control::refine) would change it.
+    /// Whether the picture is coarser than wanted, so that [`refine`](FrameBudget::refine) would change it.
     pub fn is_coarse(&self) -> bool {
         self.shown_px > self.finest_px
     }
@@ -193,17 +193,17 @@ impl Control {
         self.by_compute
     }
 
-    /// Nodes that the last [`plan`](Control::plan) had looked at in vain, by cuts for other thresholds than its result.
+    /// Nodes that the last [`plan`](FrameBudget::plan) had looked at in vain, by cuts for other thresholds than its result.
     pub fn counted(&self) -> u64 {
         self.counted
     }
 
     /// The device may be slower or faster for a while, whatever is drawn: how much longer than foreseen the last frames took.
-    fn note_drift(&mut self, px: f32, work: &Work, took: Took) {
+    fn note_drift(&mut self, px: f32, work: &FrameWork, took: TimeTaken) {
         let Some(rates) = self.model.rates(px, work, work.by_compute) else {
             return;
         };
-        let foreseen = rates.ms(&Numbers::of(work), px) + rates.cut_ms(work.counted);
+        let foreseen = rates.ms(&WorkNumbers::of(work), px) + rates.cut_ms(work.counted);
         let longer = (took.ms() / foreseen).ln();
         if !(longer.is_finite() && rates.is_known) {
             return;
@@ -218,7 +218,7 @@ impl Control {
     }
 
     /// A frame of `work`, drawn with `drawn_px`, took so long.
-    pub fn frame(&mut self, drawn_px: f32, work: &Work, took: impl Into<Took>) {
+    pub fn frame(&mut self, drawn_px: f32, work: &FrameWork, took: impl Into<TimeTaken>) {
         let took = took.into();
         self.note_drift(drawn_px, work, took);
         if !self.model.learn(drawn_px, work, took) {
@@ -235,13 +235,13 @@ impl Control {
         let is_enough = self.last_ms.len() == 3;
         let ratio = median(self.last_ms.iter().copied().collect()) / self.target_ms;
         self.report = if !is_enough {
-            Report::Adapting
+            BudgetReport::Adapting
         } else if ratio > 1.0 + HELD && drawn_px >= coarsest {
-            Report::Unreachable(ratio * self.target_ms)
+            BudgetReport::Unreachable(ratio * self.target_ms)
         } else if ratio <= 1.0 + HELD && (drawn_px <= self.finest_px || ratio >= 1.0 - HELD) {
-            Report::Held
+            BudgetReport::Held
         } else {
-            Report::Adapting
+            BudgetReport::Adapting
         };
     }
 }

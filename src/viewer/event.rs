@@ -1,7 +1,7 @@
 //! What happens to the window, in words of our own: the window system's events are translated once, and a recording
 //! is a list of these.
 
-use super::control::{Took, Work};
+use super::control::{FrameWork, TimeTaken};
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
@@ -9,7 +9,7 @@ use std::path::PathBuf;
 /// them; digits go by place, so that no shift is needed for them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Key {
+pub enum KeyboardKey {
     /// What the layout prints for it, in lower case.
     Char(char),
     /// A digit above the letters.
@@ -55,7 +55,7 @@ pub enum Key {
 /// A button of the mouse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Button {
+pub enum MouseButton {
     /// The main one.
     Left,
     /// The other one.
@@ -67,7 +67,7 @@ pub enum Button {
 /// Keys that change the meaning of others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Modifiers {
+pub struct KeyModifiers {
     /// Shift.
     #[serde(skip_serializing_if = "is_off")]
     pub shift: bool,
@@ -88,7 +88,7 @@ fn is_off(value: &bool) -> bool {
 /// Something that happened. Positions are pixels of the picture, y down.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Event {
+pub enum ViewerEvent {
     /// The picture has this many pixels, and so many pixels make one point of the panel.
     Size {
         /// Pixels.
@@ -109,19 +109,19 @@ pub enum Event {
     /// A button went down or up.
     Button {
         /// Which.
-        button: Button,
+        button: MouseButton,
         /// Down.
         pressed: bool,
         /// Held meanwhile.
         #[serde(default)]
-        modifiers: Modifiers,
+        modifiers: KeyModifiers,
     },
     /// The wheel turned: steps to the right and away from the user.
     Scroll([f64; 2]),
     /// A key went down, goes on being down, or went up.
     Key {
         /// Which.
-        key: Key,
+        key: KeyboardKey,
         /// Down.
         pressed: bool,
         /// Still down.
@@ -129,7 +129,7 @@ pub enum Event {
         repeat: bool,
         /// Held meanwhile.
         #[serde(default)]
-        modifiers: Modifiers,
+        modifiers: KeyModifiers,
     },
     /// A character was typed.
     Text(char),
@@ -151,10 +151,10 @@ pub enum Event {
         threshold_px: f32,
         /// What it drew.
         #[serde(default)]
-        drew: Work,
+        drew: FrameWork,
         /// Its work in parts; recordings of versions before 2026-11-22 have none.
         #[serde(default, skip_serializing_if = "Option::is_none")]
-        parts: Option<Took>,
+        parts: Option<TimeTaken>,
     },
 }
 
@@ -166,29 +166,32 @@ mod tests {
 
     #[test]
     fn events_survive_a_recording() {
-        let shift = Modifiers {
+        let shift = KeyModifiers {
             shift: true,
-            ..Modifiers::default()
+            ..KeyModifiers::default()
         };
         for (event, text) in [
-            (Event::Cursor([1.5, -2.0]), r#"{"cursor":[1.5,-2.0]}"#),
+            (ViewerEvent::Cursor([1.5, -2.0]), r#"{"cursor":[1.5,-2.0]}"#),
             (
-                Event::Key {
-                    key: Key::Char('ä'),
+                ViewerEvent::Key {
+                    key: KeyboardKey::Char('ä'),
                     pressed: true,
                     repeat: false,
                     modifiers: shift,
                 },
                 r#"{"key":{"key":{"char":"ä"},"pressed":true,"modifiers":{"shift":true}}}"#,
             ),
-            (Event::CursorGone, r#""cursor_gone""#),
-            (Event::Tick(0.1), r#"{"tick":0.1}"#),
-            (Event::Drop("a b.ply".into()), r#"{"drop":"a b.ply"}"#),
+            (ViewerEvent::CursorGone, r#""cursor_gone""#),
+            (ViewerEvent::Tick(0.1), r#"{"tick":0.1}"#),
+            (ViewerEvent::Drop("a b.ply".into()), r#"{"drop":"a b.ply"}"#),
         ] {
             assert_eq!(serde_json::to_string(&event).unwrap(), text);
-            assert_eq!(serde_json::from_str::<Event>(text).unwrap(), event);
+            assert_eq!(serde_json::from_str::<ViewerEvent>(text).unwrap(), event);
         }
         let short = r#"{"key":{"key":"escape","pressed":true}}"#;
-        assert!(serde_json::from_str::<Event>(short).is_ok(), "{short}");
+        assert!(
+            serde_json::from_str::<ViewerEvent>(short).is_ok(),
+            "{short}"
+        );
     }
 }

@@ -1,6 +1,6 @@
 //! What the last frames cost, part by part, and a picture of it.
 
-use super::control::Took;
+use super::control::TimeTaken;
 use crate::gpu::profile::PassTime;
 use crate::render::vulkan::renderer::FrameTimes;
 use egui::{Align2, Color32, FontId, Rect, Stroke, Ui, pos2, vec2};
@@ -14,11 +14,11 @@ const MOST_PARTS: usize = 12;
 const HELD: u64 = FRAMES as u64;
 
 /// A part of a frame: its name and milliseconds.
-pub type Part = (&'static str, f64);
+pub type GraphPart = (&'static str, f64);
 
 /// The parts of a frame in the order in which they happen: the cut, writing draw lists, recording, the passes on
 /// the device, and the rest of the waiting.
-pub fn parts(times: &FrameTimes) -> Vec<Part> {
+pub fn parts(times: &FrameTimes) -> Vec<GraphPart> {
     let mut parts = vec![
         ("cut", times.cut_ms),
         ("pack", times.pack_ms),
@@ -42,12 +42,12 @@ const DRAWING: [&str; 6] = ["depth", "centers", "blend", "draw", "splats", "tria
 
 /// Work of a frame: on the host before it was submitted, and on the device. Where it `overlaps` with that of the frames
 /// before and after, the longer of the two counts. What a device takes that does not time its passes is that of drawing.
-pub fn work(times: &FrameTimes, overlaps: bool) -> Took {
-    let mut took = Took {
+pub fn work(times: &FrameTimes, overlaps: bool) -> TimeTaken {
+    let mut took = TimeTaken {
         cut_ms: times.cut_ms,
         pack_ms: times.pack_ms + times.upload_ms + times.submit_ms,
         overlaps,
-        ..Took::default()
+        ..TimeTaken::default()
     };
     if times.passes.is_empty() {
         took.draw_ms = times.wait_ms;
@@ -65,8 +65,8 @@ pub fn work(times: &FrameTimes, overlaps: bool) -> Took {
 
 /// The last frames.
 #[derive(Debug, Clone, Default)]
-pub struct History {
-    frames: VecDeque<Vec<Part>>,
+pub struct TimeHistory {
+    frames: VecDeque<Vec<GraphPart>>,
     /// Names in the order in which they first came: each keeps its color.
     names: Vec<&'static str>,
     count: u64,
@@ -75,11 +75,11 @@ pub struct History {
     is_frozen: bool,
 }
 
-fn sum(parts: &[Part]) -> f64 {
+fn sum(parts: &[GraphPart]) -> f64 {
     parts.iter().map(|(_, ms)| ms).sum()
 }
 
-impl History {
+impl TimeHistory {
     /// Adds a frame, unless frozen.
     pub fn add(&mut self, times: &FrameTimes) {
         if self.is_frozen {
@@ -130,8 +130,8 @@ impl History {
     }
 
     /// Parts that were ever above zero, with the median over the frames, milliseconds.
-    pub fn medians(&self) -> Vec<Part> {
-        let of = |name: &str, frame: &Vec<Part>| {
+    pub fn medians(&self) -> Vec<GraphPart> {
+        let of = |name: &str, frame: &Vec<GraphPart>| {
             frame
                 .iter()
                 .find(|(n, _)| *n == name)
@@ -290,7 +290,7 @@ mod tests {
             ("overlay", 4.0),
         ];
         let took = work(&frame(2.0, &passes, 40.0), false);
-        let expected = Took {
+        let expected = TimeTaken {
             cut_ms: 2.0,
             pack_ms: 1.5,
             picture_ms: 7.0,
@@ -304,7 +304,7 @@ mod tests {
 
     #[test]
     fn the_highest_frame_is_held_and_then_let_go() {
-        let mut history = History::default();
+        let mut history = TimeHistory::default();
         history.add(&frame(100.0, &[], 0.0));
         for _ in 0..FRAMES - 1 {
             history.add(&frame(1.0, &[("a", 2.0)], 2.0));

@@ -1,7 +1,7 @@
 //! The list of keys and the messages, as egui shows them.
 
 use super::input::KEYS;
-use super::notice::{Notices, Weight};
+use super::notice::{NoticeList, NoticeWeight};
 use egui::{Align2, Area, Color32, Context, Frame, RichText, ScrollArea, vec2};
 
 /// Shows every key. Returns whether it is to be closed.
@@ -64,7 +64,7 @@ const WARNING: Color32 = Color32::from_rgb(255, 170, 90);
 /// Shows the messages at the lower edge, `left` and `right` points of which are taken. Returns which one was dismissed.
 pub fn notices(
     context: &Context,
-    notices: &Notices,
+    notices: &NoticeList,
     size: egui::Vec2,
     (left, right): (f32, f32),
 ) -> Option<usize> {
@@ -79,8 +79,12 @@ pub fn notices(
             let width = (size.x - left - right - 24.0).clamp(120.0, 560.0);
             for (index, notice) in notices.list().iter().enumerate() {
                 let (color, fill) = match notice.weight {
-                    Weight::Warning => (WARNING, Color32::from_rgba_unmultiplied(52, 28, 8, 240)),
-                    Weight::Info => (ACCENT, Color32::from_rgba_unmultiplied(14, 26, 42, 240)),
+                    NoticeWeight::Warning => {
+                        (WARNING, Color32::from_rgba_unmultiplied(52, 28, 8, 240))
+                    }
+                    NoticeWeight::Info => {
+                        (ACCENT, Color32::from_rgba_unmultiplied(14, 26, 42, 240))
+                    }
                 };
                 Frame::new()
                     .fill(fill)

@@ -1,7 +1,7 @@
 //! What keys and mouse mean. Pure logic.
 
-use super::event::{Button, Key, Modifiers};
-use super::lamp::Change;
+use super::event::{KeyModifiers, KeyboardKey, MouseButton};
+use super::lamp::LampChange;
 use crate::render::Method;
 use glam::DVec2;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -167,7 +167,7 @@ pub enum Command {
     /// The next light: in the eye, parallel, the lamp.
     Light,
     /// Change the lamp, and turn it on.
-    Lamp(Change),
+    Lamp(LampChange),
     /// The next (1) or previous (-1) wanted time of frames.
     FrameTime(i32),
     /// Light both sides, or fronts only.
@@ -236,39 +236,39 @@ const SHININESS_STEP: f32 = 1.25;
 const PART_STEP: f32 = 0.05;
 
 /// What a key does to the lamp.
-fn lamp_change(key: Key, modifiers: Modifiers) -> Option<Change> {
-    let Modifiers { shift, control, .. } = modifiers;
+fn lamp_change(key: KeyboardKey, modifiers: KeyModifiers) -> Option<LampChange> {
+    let KeyModifiers { shift, control, .. } = modifiers;
     let change = match key {
-        Key::Home | Key::End => {
-            let is_up = key == Key::Home;
+        KeyboardKey::Home | KeyboardKey::End => {
+            let is_up = key == KeyboardKey::Home;
             let part = if is_up { PART_STEP } else { -PART_STEP };
             return match (shift, control) {
-                (false, false) => Some(Change::Specular(part)),
-                (true, false) if is_up => Some(Change::Shininess(SHININESS_STEP)),
-                (true, false) => Some(Change::Shininess(1.0 / SHININESS_STEP)),
-                (false, true) => Some(Change::Ambient(part)),
+                (false, false) => Some(LampChange::Specular(part)),
+                (true, false) if is_up => Some(LampChange::Shininess(SHININESS_STEP)),
+                (true, false) => Some(LampChange::Shininess(1.0 / SHININESS_STEP)),
+                (false, true) => Some(LampChange::Ambient(part)),
                 (true, true) => None,
             };
         }
-        Key::Left => Change::Turn(-LAMP_STEP, 0.0),
-        Key::Right => Change::Turn(LAMP_STEP, 0.0),
-        Key::Up => Change::Turn(0.0, LAMP_STEP),
-        Key::Down => Change::Turn(0.0, -LAMP_STEP),
-        Key::PageUp => Change::Distance(DISTANCE_STEP),
-        Key::PageDown => Change::Distance(1.0 / DISTANCE_STEP),
+        KeyboardKey::Left => LampChange::Turn(-LAMP_STEP, 0.0),
+        KeyboardKey::Right => LampChange::Turn(LAMP_STEP, 0.0),
+        KeyboardKey::Up => LampChange::Turn(0.0, LAMP_STEP),
+        KeyboardKey::Down => LampChange::Turn(0.0, -LAMP_STEP),
+        KeyboardKey::PageUp => LampChange::Distance(DISTANCE_STEP),
+        KeyboardKey::PageDown => LampChange::Distance(1.0 / DISTANCE_STEP),
         _ => return None,
     };
     (!control).then_some(change)
 }
 
 /// The command of a pressed key; `None` for keys without one. The question mark is a typed character
-/// ([`super::event::Event::Text`]), because its place depends on the layout.
-pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
+/// ([`super::event::ViewerEvent::Text`]), because its place depends on the layout.
+pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
     let turn = if modifiers.control { PI } else { 0.0 };
     match key {
-        Key::Pad(1) => return Some(Command::LookFrom(turn, 0.0)),
-        Key::Pad(3) => return Some(Command::LookFrom(FRAC_PI_2 + turn, 0.0)),
-        Key::Pad(7) => {
+        KeyboardKey::Pad(1) => return Some(Command::LookFrom(turn, 0.0)),
+        KeyboardKey::Pad(3) => return Some(Command::LookFrom(FRAC_PI_2 + turn, 0.0)),
+        KeyboardKey::Pad(7) => {
             let elevation = if modifiers.control {
                 -FRAC_PI_2
             } else {
@@ -286,23 +286,23 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
     }
     if modifiers.control {
         return match key {
-            Key::Char('c') => Some(Command::CopyCamera),
-            Key::Char('v') => Some(Command::Paste),
+            KeyboardKey::Char('c') => Some(Command::CopyCamera),
+            KeyboardKey::Char('v') => Some(Command::Paste),
             _ => None,
         };
     }
     Some(match key {
-        Key::Escape => Command::Escape,
-        Key::Enter => Command::Print,
-        Key::Space => Command::Statistics,
-        Key::Tab => Command::Panel,
-        Key::Backspace => Command::Dismiss,
-        Key::F(1) => Command::Help,
-        Key::F(11) => Command::FullScreen,
-        Key::PadAdd => Command::ThresholdBy(STEP_PX),
-        Key::PadSubtract => Command::ThresholdBy(-STEP_PX),
-        Key::Digit(n @ 1..=9) => Command::Threshold(f32::from(n)),
-        Key::Char(c) => match c {
+        KeyboardKey::Escape => Command::Escape,
+        KeyboardKey::Enter => Command::Print,
+        KeyboardKey::Space => Command::Statistics,
+        KeyboardKey::Tab => Command::Panel,
+        KeyboardKey::Backspace => Command::Dismiss,
+        KeyboardKey::F(1) => Command::Help,
+        KeyboardKey::F(11) => Command::FullScreen,
+        KeyboardKey::PadAdd => Command::ThresholdBy(STEP_PX),
+        KeyboardKey::PadSubtract => Command::ThresholdBy(-STEP_PX),
+        KeyboardKey::Digit(n @ 1..=9) => Command::Threshold(f32::from(n)),
+        KeyboardKey::Char(c) => match c {
             'a' => Command::Method(Method::Triangles),
             's' => Command::Method(Method::Points),
             'd' => Command::Method(Method::Pop),
@@ -314,7 +314,7 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
             ',' => Command::DepthOffsetBy(1.0 / OFFSET_STEP),
             '.' => Command::DepthOffsetBy(OFFSET_STEP),
             'o' => Command::UsualDepthOffset,
-            'l' if modifiers.shift => Command::Lamp(Change::Anchor),
+            'l' if modifiers.shift => Command::Lamp(LampChange::Anchor),
             'l' => Command::Light,
             'w' => Command::FrameTime(if modifiers.shift { -1 } else { 1 }),
             'u' => Command::TwoSided,
@@ -345,7 +345,7 @@ pub fn command(key: Key, modifiers: Modifiers) -> Option<Command> {
 
 /// What a drag does.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Drag {
+pub enum DragAction {
     /// Turns the model.
     Turn,
     /// Moves it sideways.
@@ -358,11 +358,11 @@ pub enum Drag {
 
 /// What the mouse asks for; positions in pixels of the picture, y down.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Gesture {
+pub enum MouseGesture {
     /// A drag begins at a point.
-    Begin(Drag, DVec2),
+    Begin(DragAction, DVec2),
     /// The drag goes on: by how much.
-    Move(Drag, DVec2),
+    Move(DragAction, DVec2),
     /// A double click on a point.
     DoubleClick(DVec2),
 }
@@ -374,39 +374,39 @@ const CLICK_PX: f64 = 4.0;
 
 /// Turns the events of a mouse into gestures.
 #[derive(Debug, Default)]
-pub struct Mouse {
+pub struct MouseState {
     at: DVec2,
-    drag: Option<(Button, Drag, DVec2)>,
+    drag: Option<(MouseButton, DragAction, DVec2)>,
     last_click: Option<(f64, DVec2)>,
 }
 
-impl Mouse {
+impl MouseState {
     /// Where the cursor is.
     pub fn position(&self) -> DVec2 {
         self.at
     }
 
     /// The cursor has moved to `at`.
-    pub fn moved(&mut self, at: DVec2) -> Option<Gesture> {
+    pub fn moved(&mut self, at: DVec2) -> Option<MouseGesture> {
         let by = at - self.at;
         self.at = at;
         let (_, drag, _) = self.drag?;
-        (by != DVec2::ZERO).then_some(Gesture::Move(drag, by))
+        (by != DVec2::ZERO).then_some(MouseGesture::Move(drag, by))
     }
 
     /// A button was pressed or released at `time` seconds.
     pub fn button(
         &mut self,
-        button: Button,
+        button: MouseButton,
         pressed: bool,
-        modifiers: Modifiers,
+        modifiers: KeyModifiers,
         time: f64,
-    ) -> Option<Gesture> {
+    ) -> Option<MouseGesture> {
         if !pressed {
             let (held, _, from) = self.drag?;
             if held == button {
                 self.drag = None;
-                if button == Button::Left && from.distance(self.at) <= CLICK_PX {
+                if button == MouseButton::Left && from.distance(self.at) <= CLICK_PX {
                     self.last_click = Some((time, self.at));
                 }
             }
@@ -416,21 +416,21 @@ impl Mouse {
             return None;
         }
         let drag = match button {
-            Button::Left if modifiers.control => Drag::Lamp,
-            Button::Left if modifiers.shift => Drag::Pan,
-            Button::Left => Drag::Turn,
-            Button::Right => Drag::Zoom,
-            Button::Middle => Drag::Pan,
+            MouseButton::Left if modifiers.control => DragAction::Lamp,
+            MouseButton::Left if modifiers.shift => DragAction::Pan,
+            MouseButton::Left => DragAction::Turn,
+            MouseButton::Right => DragAction::Zoom,
+            MouseButton::Middle => DragAction::Pan,
         };
-        if drag == Drag::Turn
+        if drag == DragAction::Turn
             && let Some((before, place)) = self.last_click.take()
             && time - before <= DOUBLE_CLICK_S
             && place.distance(self.at) <= CLICK_PX
         {
-            return Some(Gesture::DoubleClick(self.at));
+            return Some(MouseGesture::DoubleClick(self.at));
         }
         self.drag = Some((button, drag, self.at));
-        Some(Gesture::Begin(drag, self.at))
+        Some(MouseGesture::Begin(drag, self.at))
     }
 
     /// The window lost its focus: no button counts as held.

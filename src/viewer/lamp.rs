@@ -10,7 +10,7 @@ use glam::{DMat4, DVec3};
 
 /// What lights the model.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum LightKind {
     /// A point light in the eye.
     Eye,
     /// Parallel light along the view direction.
@@ -20,21 +20,25 @@ pub enum Kind {
 }
 
 /// The kinds of light.
-pub const KINDS: &[super::choices::Choice<Kind>] = &[
-    (Kind::Eye, "in the eye", "A point light where the viewer is"),
+pub const KINDS: &[super::choices::NamedChoice<LightKind>] = &[
     (
-        Kind::Parallel,
+        LightKind::Eye,
+        "in the eye",
+        "A point light where the viewer is",
+    ),
+    (
+        LightKind::Parallel,
         "parallel",
         "Parallel light along the view direction",
     ),
     (
-        Kind::Lamp,
+        LightKind::Lamp,
         "lamp",
         "A lamp that can be moved, with highlights (Phong)",
     ),
 ];
 
-impl Kind {
+impl LightKind {
     /// What lights a model: the headlight of a camera, or the lamp that takes its place.
     pub fn of(headlight: Light, lighting: &Lighting) -> Self {
         match (lighting, headlight) {
@@ -47,7 +51,7 @@ impl Kind {
 
 /// What keys and mouse do to the lamp.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Change {
+pub enum LampChange {
     /// Turn it about the viewer, or about the model's center where it stays in the world: to the right and up as the
     /// camera sees it, degrees.
     Turn(f64, f64),
@@ -97,7 +101,7 @@ pub fn from_camera(azimuth: f64, elevation: f64) -> Lamp {
 
 /// What a lamp is moved about, in world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Around {
+pub struct AroundAngles {
     /// The model's center.
     pub center: DVec3,
     /// The model's radius.
@@ -106,7 +110,7 @@ pub struct Around {
     pub world_from_view: DMat4,
 }
 
-impl Around {
+impl AroundAngles {
     /// A model of this center and radius (0 counts as 1), as `camera` sees it.
     pub fn new(center: DVec3, radius: f64, camera: &Camera) -> Self {
         Self {
@@ -178,15 +182,17 @@ impl Around {
     }
 
     /// The lamp after a change; none where that changes nothing.
-    pub fn changed(&self, old: Phong, change: Change) -> Option<Phong> {
+    pub fn changed(&self, old: Phong, change: LampChange) -> Option<Phong> {
         let mut new = old;
         match change {
-            Change::Turn(right, up) => new.lamp = self.turned(old.lamp, right, up),
-            Change::Distance(factor) => new.lamp = self.moved_away(old.lamp, factor)?,
-            Change::Anchor => new.lamp = self.anchored_otherwise(old.lamp),
-            Change::Specular(by) => new.specular = hundredths(old.specular + by).clamp(0.0, 1.0),
-            Change::Ambient(by) => new.ambient = hundredths(old.ambient + by).clamp(0.0, 1.0),
-            Change::Shininess(factor) => {
+            LampChange::Turn(right, up) => new.lamp = self.turned(old.lamp, right, up),
+            LampChange::Distance(factor) => new.lamp = self.moved_away(old.lamp, factor)?,
+            LampChange::Anchor => new.lamp = self.anchored_otherwise(old.lamp),
+            LampChange::Specular(by) => {
+                new.specular = hundredths(old.specular + by).clamp(0.0, 1.0)
+            }
+            LampChange::Ambient(by) => new.ambient = hundredths(old.ambient + by).clamp(0.0, 1.0),
+            LampChange::Shininess(factor) => {
                 new.shininess =
                     hundredths(old.shininess * factor).clamp(*SHININESS.start(), *SHININESS.end());
             }
@@ -208,7 +214,7 @@ pub fn same_cost(settings: &Settings) -> Settings {
 
 /// The light in words.
 pub fn words(headlight: Light, lighting: &Lighting) -> String {
-    let kind = Kind::of(headlight, lighting);
+    let kind = LightKind::of(headlight, lighting);
     let Lighting::Phong(phong) = lighting else {
         return super::choices::name_of(KINDS, kind).to_owned();
     };
@@ -231,10 +237,10 @@ mod tests {
     use super::*;
     use crate::pack::Source;
 
-    fn around() -> (Around, Camera) {
+    fn around() -> (AroundAngles, Camera) {
         let center = DVec3::new(4.0, -2.0, 1.0);
         let camera = Camera::orbit((64, 48), center, 2.0, 0.7, 0.3, 1.0);
-        (Around::new(center, 2.0, &camera), camera)
+        (AroundAngles::new(center, 2.0, &camera), camera)
     }
 
     fn lamp_of(azimuth: f64, elevation: f64) -> Phong {
@@ -249,15 +255,15 @@ mod tests {
         let (around, _) = around();
         let mut phong = Phong::default();
         for _ in 0..7 {
-            phong = around.changed(phong, Change::Turn(5.0, 0.0)).unwrap();
+            phong = around.changed(phong, LampChange::Turn(5.0, 0.0)).unwrap();
         }
-        phong = around.changed(phong, Change::Turn(0.0, -5.0)).unwrap();
+        phong = around.changed(phong, LampChange::Turn(0.0, -5.0)).unwrap();
         assert_eq!(phong, lamp_of(5.0, 25.0));
         // Around the back, and no farther than straight up.
-        let back = around.changed(lamp_of(178.0, 88.0), Change::Turn(5.0, 5.0));
+        let back = around.changed(lamp_of(178.0, 88.0), LampChange::Turn(5.0, 5.0));
         assert_eq!(back.unwrap(), lamp_of(-177.0, 90.0));
         assert_eq!(
-            around.changed(lamp_of(0.0, 90.0), Change::Turn(0.0, 5.0)),
+            around.changed(lamp_of(0.0, 90.0), LampChange::Turn(0.0, 5.0)),
             None
         );
         assert_eq!(degrees((-30f64).to_radians()), -30.0);
@@ -282,22 +288,24 @@ mod tests {
         };
         for (azimuth, elevation) in [(0.0, 0.0), (-30.0, 30.0), (70.0, -20.0), (170.0, 5.0)] {
             let with_viewer = lamp_of(azimuth, elevation);
-            let in_world = around.changed(with_viewer, Change::Anchor).unwrap();
+            let in_world = around.changed(with_viewer, LampChange::Anchor).unwrap();
             let Lamp::At(position) = in_world.lamp else {
                 panic!("{in_world:?} goes with the viewer")
             };
             assert!((position.distance(around.center) - 6.0).abs() < 1e-9);
             assert!(seen(in_world).distance(seen(with_viewer)) < 1e-5);
-            let again = around.changed(in_world, Change::Anchor).unwrap();
+            let again = around.changed(in_world, LampChange::Anchor).unwrap();
             assert!(seen(again).distance(seen(with_viewer)) < 1e-6);
         }
         // Right is right and up is up for both, seen from the front.
         for lamp in [
             lamp_of(0.0, 0.0),
-            around.changed(lamp_of(0.0, 0.0), Change::Anchor).unwrap(),
+            around
+                .changed(lamp_of(0.0, 0.0), LampChange::Anchor)
+                .unwrap(),
         ] {
-            let right = seen(around.changed(lamp, Change::Turn(10.0, 0.0)).unwrap());
-            let up = seen(around.changed(lamp, Change::Turn(0.0, 10.0)).unwrap());
+            let right = seen(around.changed(lamp, LampChange::Turn(10.0, 0.0)).unwrap());
+            let up = seen(around.changed(lamp, LampChange::Turn(0.0, 10.0)).unwrap());
             let (sin, cos) = 10f64.to_radians().sin_cos();
             assert!(right.distance(DVec3::new(sin, 0.0, cos)) < 1e-5, "{right}");
             assert!(up.distance(DVec3::new(0.0, sin, cos)) < 1e-5, "{up}");
@@ -307,9 +315,11 @@ mod tests {
     #[test]
     fn only_a_lamp_in_the_world_has_a_distance_and_nothing_leaves_its_bounds() {
         let (around, _) = around();
-        let far = Change::Distance(2.0);
+        let far = LampChange::Distance(2.0);
         assert_eq!(around.changed(Phong::default(), far), None);
-        let mut phong = around.changed(Phong::default(), Change::Anchor).unwrap();
+        let mut phong = around
+            .changed(Phong::default(), LampChange::Anchor)
+            .unwrap();
         for _ in 0..100 {
             phong = around.changed(phong, far).unwrap_or(phong);
         }
@@ -324,17 +334,17 @@ mod tests {
         let out = around.changed(in_center, far).unwrap();
         assert!(matches!(out.lamp, Lamp::At(p) if (p.distance(around.center) - 2.0).abs() < 1e-9));
         for (change, value) in [
-            (Change::Specular(0.3), 1.0),
-            (Change::Ambient(-0.3), 0.0),
-            (Change::Shininess(3.0), 1000.0),
+            (LampChange::Specular(0.3), 1.0),
+            (LampChange::Ambient(-0.3), 0.0),
+            (LampChange::Shininess(3.0), 1000.0),
         ] {
             let mut phong = Phong::default();
             for _ in 0..20 {
                 phong = around.changed(phong, change).unwrap_or(phong);
             }
             let got = match change {
-                Change::Specular(_) => phong.specular,
-                Change::Ambient(_) => phong.ambient,
+                LampChange::Specular(_) => phong.specular,
+                LampChange::Ambient(_) => phong.ambient,
                 _ => phong.shininess,
             };
             assert_eq!(got, value, "{change:?}");
@@ -344,10 +354,10 @@ mod tests {
     #[test]
     fn the_kind_of_light_and_its_words() {
         let lamp = Lighting::Phong(lamp_of(-20.0, 35.0));
-        assert_eq!(Kind::of(Light::Directional, &lamp), Kind::Lamp);
+        assert_eq!(LightKind::of(Light::Directional, &lamp), LightKind::Lamp);
         assert_eq!(
-            Kind::of(Light::Directional, &Lighting::Headlight),
-            Kind::Parallel
+            LightKind::of(Light::Directional, &Lighting::Headlight),
+            LightKind::Parallel
         );
         assert_eq!(words(Light::Point, &Lighting::Headlight), "in the eye");
         assert_eq!(

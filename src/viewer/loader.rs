@@ -55,18 +55,18 @@ pub struct Loaded {
 }
 
 /// Where models are copied to, and with the indices of all triangles or without; none before a device is open.
-type Device = Arc<Mutex<Option<(Arc<Gpu>, bool)>>>;
+type LoaderDevice = Arc<Mutex<Option<(Arc<Gpu>, bool)>>>;
 
 /// How far a job is, shared with its thread.
 #[derive(Debug, Default)]
-struct Shared {
+struct SharedProgress {
     stage: Mutex<String>,
     total: AtomicU64,
     done: AtomicU64,
     is_cancelled: AtomicBool,
 }
 
-impl Progress for Shared {
+impl Progress for SharedProgress {
     fn stage(&self, name: &str, total: u64) {
         let mut stage = self.stage.lock().unwrap_or_else(PoisonError::into_inner);
         name.clone_into(&mut stage);
@@ -85,7 +85,7 @@ impl Progress for Shared {
 
 struct Job {
     path: PathBuf,
-    shared: Arc<Shared>,
+    shared: Arc<SharedProgress>,
     results: Receiver<Result<Loaded, LoadError>>,
     thread: JoinHandle<()>,
 }
@@ -97,13 +97,13 @@ impl Drop for Job {
 }
 
 /// Loads one model at a time.
-pub struct Loader {
+pub struct ModelLoader {
     open: Arc<OpenFunction>,
-    device: Device,
+    device: LoaderDevice,
     job: Option<Job>,
 }
 
-impl std::fmt::Debug for Loader {
+impl std::fmt::Debug for ModelLoader {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Loader")
             .field("path", &self.job.as_ref().map(|j| &j.path))
@@ -114,7 +114,7 @@ impl std::fmt::Debug for Loader {
 /// How long closing the window waits for a cancelled job to clean up.
 const FAREWELL: Duration = Duration::from_secs(2);
 
-impl Loader {
+impl ModelLoader {
     /// A loader without a job.
     pub fn new(options: OpenOptions) -> Self {
         Self::of_function(Arc::new(move |path, progress, on_preview| {
@@ -135,7 +135,7 @@ impl Loader {
     fn of_function(open: Arc<OpenFunction>) -> Self {
         Self {
             open,
-            device: Device::default(),
+            device: LoaderDevice::default(),
             job: None,
         }
     }
@@ -151,7 +151,7 @@ impl Loader {
     /// When the system has no thread left.
     pub fn start(&mut self, path: &Path) -> std::io::Result<()> {
         self.job = None;
-        let shared = Arc::new(Shared::default());
+        let shared = Arc::new(SharedProgress::default());
         let (sender, results) = channel();
         let (open, progress, target) = (self.open.clone(), shared.clone(), path.to_owned());
         let device = self.device.clone();
@@ -238,7 +238,7 @@ impl Loader {
 }
 
 /// Copies a model to the device that is open, if one is.
-fn copied(device: &Device, mut loaded: Loaded) -> Result<Loaded, gpu::Error> {
+fn copied(device: &LoaderDevice, mut loaded: Loaded) -> Result<Loaded, gpu::Error> {
     let device = lock(device).clone();
     if let Some((gpu, with_indices)) = device {
         let mut scene = DeviceScene::new(&gpu, &loaded.model)?;
@@ -264,7 +264,7 @@ mod tests {
         }
     }
 
-    fn wait(loader: &mut Loader) -> (PathBuf, Result<Loaded, LoadError>) {
+    fn wait(loader: &mut ModelLoader) -> (PathBuf, Result<Loaded, LoadError>) {
         loop {
             if let Some(result) = loader.poll() {
                 return result;
@@ -278,7 +278,7 @@ mod tests {
         let (go, gate) = channel::<()>();
         let (told, at_stage) = channel::<()>();
         let (gate, told) = (Mutex::new(gate), Mutex::new(told));
-        let mut loader = Loader::of_function(Arc::new(move |path, progress, _| {
+        let mut loader = ModelLoader::of_function(Arc::new(move |path, progress, _| {
             assert_eq!(path, Path::new("scan.ply"));
             progress.stage("building nodes", 200);
             progress.advance(86);
@@ -302,7 +302,7 @@ mod tests {
     fn a_new_job_cancels_the_old_one_and_errors_come_through() {
         let (saw, cancelled) = channel::<()>();
         let saw = Mutex::new(saw);
-        let mut loader = Loader::of_function(Arc::new(move |path, progress, _| {
+        let mut loader = ModelLoader::of_function(Arc::new(move |path, progress, _| {
             if path == Path::new("slow") {
                 while !progress.is_cancelled() {
                     std::thread::yield_now();
@@ -332,7 +332,7 @@ mod tests {
     fn a_preview_comes_before_the_model_and_the_job_goes_on() {
         let (go, gate) = channel::<()>();
         let gate = Mutex::new(gate);
-        let mut loader = Loader::of_function(Arc::new(move |_, _, preview| {
+        let mut loader = ModelLoader::of_function(Arc::new(move |_, _, preview| {
             preview(Model {
                 used_vertices: 1,
                 ..Model::default()
@@ -356,7 +356,7 @@ mod tests {
 
     #[test]
     fn a_panic_while_loading_is_an_error_not_the_end() {
-        let mut loader = Loader::of_function(Arc::new(|_, _, _| panic!("on purpose")));
+        let mut loader = ModelLoader::of_function(Arc::new(|_, _, _| panic!("on purpose")));
         loader.start(Path::new("bad")).unwrap();
         assert!(matches!(wait(&mut loader).1, Err(LoadError::Stopped)));
     }

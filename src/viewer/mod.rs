@@ -20,6 +20,7 @@ pub mod pace;
 pub mod panel;
 pub mod preview;
 pub mod record;
+mod recovery;
 mod replay;
 mod screen;
 pub mod store;
@@ -34,14 +35,14 @@ use crate::math::camera::Camera;
 use crate::open::OpenOptions;
 use crate::render::Settings;
 use crate::render::window_renderer::WindowBackend;
-use app::App;
+use app::ViewerApp;
 use glfw::{ClientApiHint, WindowHint};
-use loader::{LoadError, Loader};
-use record::{Entry, Recorder};
-pub use screen::Faults;
-use screen::Screen;
+use loader::{LoadError, ModelLoader};
+use record::{EventRecorder, RecordEntry};
+pub use screen::InjectedFaults;
+use screen::WindowScreen;
 use std::path::PathBuf;
-use window::Window;
+use window::ViewerWindow;
 
 /// Why the window closed early.
 #[derive(Debug, thiserror::Error)]
@@ -80,7 +81,7 @@ pub enum Error {
 
 /// What to show and how.
 #[derive(Debug, Clone, Default)]
-pub struct Options {
+pub struct ViewerOptions {
     /// Model to open, as [`crate::open()`] names it.
     pub model: PathBuf,
     /// How models are opened, this one and those that are dropped onto the window.
@@ -108,7 +109,7 @@ pub struct Options {
     /// Which device; its surface extensions are set here.
     pub gpu: gpu::DeviceOptions,
     /// What the window shows besides the model.
-    pub window: store::Window,
+    pub window: store::StoredWindow,
     /// Where to keep how the window was left; none keeps nothing.
     pub settings_file: Option<PathBuf>,
     /// What to tell the user when the window opens.
@@ -135,7 +136,7 @@ pub struct Options {
     pub exit_after_frames: Option<u64>,
     /// For tests: what goes wrong, and how often.
     #[doc(hidden)]
-    pub faults: Faults,
+    pub faults: InjectedFaults,
 }
 
 /// Opens the window and returns when it is closed. Models are opened on another thread; `should_stop` is asked now and
@@ -147,8 +148,8 @@ pub struct Options {
 /// # Errors
 /// When there is no window or device, the device is lost and cannot be opened again, or a file that was asked for
 /// cannot be read or written.
-pub fn run(options: Options, should_stop: &dyn Fn() -> bool) -> Result<(), Error> {
-    let mut loader = Loader::new(options.opening.clone());
+pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<(), Error> {
+    let mut loader = ModelLoader::new(options.opening.clone());
     let outcome = if options.headless {
         replay_headless(options, &mut loader, should_stop)
     } else {
@@ -167,24 +168,24 @@ pub fn run(options: Options, should_stop: &dyn Fn() -> bool) -> Result<(), Error
 }
 
 /// The recording to replay, if one is asked for.
-fn replayed(options: &Options) -> Result<Option<Vec<Entry>>, Error> {
+fn replayed(options: &ViewerOptions) -> Result<Option<Vec<RecordEntry>>, Error> {
     Ok(options.replay.as_deref().map(record::read).transpose()?)
 }
 
 fn replay_headless(
-    options: Options,
-    loader: &mut Loader,
+    options: ViewerOptions,
+    loader: &mut ModelLoader,
     should_stop: &dyn Fn() -> bool,
 ) -> Result<Vec<LayerMessages>, Error> {
     let entries = replayed(&options)?.unwrap_or_default();
     let gpu = Gpu::open(&options.gpu)?;
-    let mut screen = Screen::new(&gpu, None, options.vsync, options.backend)?;
+    let mut screen = WindowScreen::new(&gpu, None, options.vsync, options.backend)?;
     screen.set_costs(calibrate::for_use(&gpu, &[options.settings]));
     screen.inject(options.faults);
     // The screen holds the device from here on.
     drop(gpu);
     let size = replay::first_size(&entries, &options);
-    let mut app = App::new(screen, options);
+    let mut app = ViewerApp::new(screen, options);
     app.size = size;
     app.lay_out();
     replay::run(&mut app, &entries, loader, None, should_stop)?;
@@ -192,8 +193,8 @@ fn replay_headless(
 }
 
 fn show(
-    mut options: Options,
-    loader: &mut Loader,
+    mut options: ViewerOptions,
+    loader: &mut ModelLoader,
     should_stop: &dyn Fn() -> bool,
 ) -> Result<Vec<LayerMessages>, Error> {
     let entries = replayed(&options)?;
@@ -204,7 +205,7 @@ fn show(
     let mut recorder = options
         .record
         .as_deref()
-        .map(Recorder::create)
+        .map(EventRecorder::create)
         .transpose()?;
     // GLFW tells causes through a callback only.
     let cause = std::rc::Rc::new(std::cell::RefCell::new(String::new()));
@@ -216,7 +217,7 @@ fn show(
     .map_err(|error| window_error(&error.to_string(), &cause.borrow()))?;
     glfw.window_hint(WindowHint::ClientApi(ClientApiHint::NoApi));
     let title = text::loading(&text::name(&options.model), "opening");
-    let mut window = Window::open(&mut glfw, &options, &title)
+    let mut window = ViewerWindow::open(&mut glfw, &options, &title)
         .ok_or_else(|| window_error("the window system gave none", &cause.borrow()))?;
     let start_error = match entries {
         // A recording says itself when its models are there.
@@ -228,13 +229,13 @@ fn show(
         .ok_or_else(|| window_error("Vulkan cannot draw into windows here", &cause.borrow()))?;
     let gpu = Gpu::open(&options.gpu)?;
     let (vsync, backend) = (options.vsync, options.backend);
-    let mut screen = Screen::new(&gpu, Some(&window.window), vsync, backend)?;
+    let mut screen = WindowScreen::new(&gpu, Some(&window.window), vsync, backend)?;
     screen.set_costs(calibrate::for_use(&gpu, &[options.settings]));
     drop(gpu);
     screen.inject(options.faults);
     let warning = options.warning.take();
     // Dropped before the window.
-    let mut app = App::new(screen, options);
+    let mut app = ViewerApp::new(screen, options);
     app.size = window.size();
     app.lay_out();
     if let Some(warning) = warning {
@@ -263,13 +264,13 @@ fn show(
 }
 
 /// Writes how the window was left.
-fn keep(app: &App, window: &Window) {
+fn keep(app: &ViewerApp, window: &ViewerWindow) {
     let Some(path) = &app.options.settings_file else {
         return;
     };
     let (width, height) = window.windowed_size();
-    let stored = store::Stored {
-        window: store::Window {
+    let stored = store::StoredSettings {
+        window: store::StoredWindow {
             width,
             height,
             panel: app.has_panel,
@@ -278,7 +279,7 @@ fn keep(app: &App, window: &Window) {
             parallel_light: app.has_parallel_light(),
             frame_ms: app.frame_time(),
         },
-        look: store::Look::of(&app.settings),
+        look: store::StoredLook::of(&app.settings),
     };
     if let Err(error) = store::save(path, &stored) {
         tracing::warn!("{error}");

@@ -2,7 +2,7 @@
 
 /// How much a message matters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Weight {
+pub enum NoticeWeight {
     /// Something was done.
     Info,
     /// Something was refused or went wrong.
@@ -11,16 +11,16 @@ pub enum Weight {
 
 /// A message, shown until it is dismissed; what was merely done goes by itself.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Notice {
+pub struct WindowNotice {
     /// What it says.
     pub text: String,
     /// How much it matters.
-    pub weight: Weight,
+    pub weight: NoticeWeight,
     /// When it came, seconds since the window opened.
     pub since: f64,
 }
 
-/// How long a message of weight [`Weight::Info`] stays, seconds.
+/// How long a message of weight [`NoticeWeight::Info`] stays, seconds.
 const INFO_S: f64 = 6.0;
 /// Most messages at a time; the oldest goes.
 const MOST: usize = 4;
@@ -29,11 +29,11 @@ const LONGEST: usize = 600;
 
 /// The messages that are shown.
 #[derive(Debug, Clone, Default)]
-pub struct Notices(Vec<Notice>);
+pub struct NoticeList(Vec<WindowNotice>);
 
-impl Notices {
+impl NoticeList {
     /// Adds a message; one with the same text takes its place.
-    pub fn add(&mut self, text: &str, weight: Weight, now: f64) {
+    pub fn add(&mut self, text: &str, weight: NoticeWeight, now: f64) {
         let mut text = text.to_owned();
         if let Some((end, _)) = text.char_indices().nth(LONGEST) {
             text.truncate(end);
@@ -43,7 +43,7 @@ impl Notices {
         if self.0.len() == MOST {
             self.0.remove(0);
         }
-        self.0.push(Notice {
+        self.0.push(WindowNotice {
             text,
             weight,
             since: now,
@@ -51,7 +51,7 @@ impl Notices {
     }
 
     /// What is shown, oldest first.
-    pub fn list(&self) -> &[Notice] {
+    pub fn list(&self) -> &[WindowNotice] {
         &self.0
     }
 
@@ -71,7 +71,7 @@ impl Notices {
     pub fn expire(&mut self, now: f64) -> bool {
         let before = self.0.len();
         self.0
-            .retain(|n| n.weight == Weight::Warning || now - n.since < INFO_S);
+            .retain(|n| n.weight == NoticeWeight::Warning || now - n.since < INFO_S);
         self.0.len() != before
     }
 
@@ -79,7 +79,7 @@ impl Notices {
     pub fn next_expiry(&self, now: f64) -> Option<f64> {
         self.0
             .iter()
-            .filter(|n| n.weight == Weight::Info)
+            .filter(|n| n.weight == NoticeWeight::Info)
             .map(|n| (n.since + INFO_S - now).max(0.0))
             .min_by(f64::total_cmp)
     }
@@ -91,24 +91,28 @@ mod tests {
 
     #[test]
     fn warnings_stay_and_information_goes() {
-        let mut notices = Notices::default();
-        notices.add("cannot read x.ply", Weight::Warning, 1.0);
-        notices.add("wrote a.png", Weight::Info, 2.0);
-        notices.add("cannot read x.ply", Weight::Warning, 3.0);
+        let mut notices = NoticeList::default();
+        notices.add("cannot read x.ply", NoticeWeight::Warning, 1.0);
+        notices.add("wrote a.png", NoticeWeight::Info, 2.0);
+        notices.add("cannot read x.ply", NoticeWeight::Warning, 3.0);
         assert_eq!(notices.list().len(), 2, "the same text once");
         assert_eq!(notices.next_expiry(3.0), Some(INFO_S - 1.0));
         assert!(!notices.expire(7.9) && notices.expire(8.0));
         assert_eq!(notices.next_expiry(8.0), None);
         notices.dismiss(7);
-        assert_eq!(notices.list()[0].weight, Weight::Warning);
+        assert_eq!(notices.list()[0].weight, NoticeWeight::Warning);
         assert!(notices.clear() && !notices.clear());
     }
 
     #[test]
     fn there_are_never_too_many_nor_too_long_ones() {
-        let mut notices = Notices::default();
+        let mut notices = NoticeList::default();
         for i in 0..20 {
-            notices.add(&format!("{i} {}", "ä".repeat(9999)), Weight::Warning, 0.0);
+            notices.add(
+                &format!("{i} {}", "ä".repeat(9999)),
+                NoticeWeight::Warning,
+                0.0,
+            );
         }
         assert_eq!(notices.list().len(), MOST);
         assert!(notices.list()[3].text.starts_with("19 "));

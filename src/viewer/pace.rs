@@ -9,7 +9,7 @@ const START_MS: f64 = 1000.0;
 
 /// A frame of a moving camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Paced {
+pub struct PacedFrame {
     /// Its work, milliseconds.
     pub ms: f64,
     /// The threshold that it was drawn with, pixels.
@@ -20,7 +20,7 @@ pub struct Paced {
 
 /// The figures of many frames.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Summary {
+pub struct PaceSummary {
     /// The wanted time, milliseconds.
     pub target_ms: f64,
     /// Frames after the first second.
@@ -35,18 +35,18 @@ pub struct Summary {
     pub thresholds_px: (f32, f32),
 }
 
-impl Summary {
+impl PaceSummary {
     /// The figures of `frames`, in the order in which they were drawn.
-    pub fn of(frames: &[Paced], target_ms: f64) -> Self {
+    pub fn of(frames: &[PacedFrame], target_ms: f64) -> Self {
         let mut since_start = 0.0;
-        let late: Vec<&Paced> = frames
+        let late: Vec<&PacedFrame> = frames
             .iter()
             .skip_while(|frame| {
                 since_start += frame.ms;
                 since_start < START_MS
             })
             .collect();
-        let is_near = |f: &Paced| (f.ms / target_ms - 1.0).abs() <= KEPT;
+        let is_near = |f: &PacedFrame| (f.ms / target_ms - 1.0).abs() <= KEPT;
         let thresholds = late.iter().map(|f| f.threshold_px);
         Self {
             target_ms,
@@ -73,7 +73,7 @@ impl Summary {
     }
 }
 
-impl fmt::Display for Summary {
+impl fmt::Display for PaceSummary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (least, most) = self.thresholds_px;
         write!(
@@ -96,7 +96,7 @@ mod tests {
 
     #[test]
     fn frames_count_after_a_second_and_by_what_was_wanted() {
-        let frame = |ms: f64, threshold_px: f32| Paced {
+        let frame = |ms: f64, threshold_px: f32| PacedFrame {
             ms,
             threshold_px,
             is_finest: threshold_px <= 1.0,
@@ -106,12 +106,12 @@ mod tests {
         frames.push(frame(114.9, 4.0));
         frames.extend([frame(85.1, 2.0), frame(115.1, 2.0), frame(84.9, 2.0)]);
         frames.extend([frame(10.0, 1.0), frame(130.0, 1.0)]);
-        let summary = Summary::of(&frames, 100.0);
+        let summary = PaceSummary::of(&frames, 100.0);
         assert_eq!((summary.frames, summary.near, summary.finer), (6, 2, 1));
         assert_eq!(summary.kept(), 0.5);
         assert_eq!(summary.thresholds_px, (1.0, 4.0));
         let text = summary.to_string();
         assert!(text.starts_with("50.0 % of 6 frames kept 100 ms"), "{text}");
-        assert_eq!(Summary::of(&frames[..2], 100.0).kept(), 1.0, "of none");
+        assert_eq!(PaceSummary::of(&frames[..2], 100.0).kept(), 1.0, "of none");
     }
 }

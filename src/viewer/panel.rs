@@ -1,11 +1,11 @@
 //! The panel: what decides the picture, and what it shows. It changes nothing itself; what the user asks for comes
 //! back as wishes, the same that keys make.
 
-use super::choices::{self, Choice, name_of};
-use super::control::Report;
+use super::choices::{self, NamedChoice, name_of};
+use super::control::BudgetReport;
 use super::help::ACCENT;
 use super::input::Command;
-use super::lamp::Kind;
+use super::lamp::LightKind;
 use super::text::count;
 use crate::pack::{ColorBy, Lighting};
 use crate::render::stats::FrameCounts;
@@ -21,7 +21,7 @@ pub const WIDTH: f32 = 276.0;
 
 /// What the model is.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Facts {
+pub struct PanelFacts {
     /// Name of the file.
     pub name: String,
     /// Triangles.
@@ -38,15 +38,15 @@ pub struct Facts {
 
 /// Everything the panel shows.
 #[derive(Debug)]
-pub struct State<'a> {
+pub struct PanelState<'a> {
     /// How the model is drawn.
     pub settings: &'a Settings,
     /// What lights the model.
-    pub light: Kind,
+    pub light: LightKind,
     /// Radius of the model: steps of a lamp in the world follow it.
     pub radius: f64,
     /// The model, once there is one.
-    pub facts: Option<&'a Facts>,
+    pub facts: Option<&'a PanelFacts>,
     /// What is being done, such as `building nodes 43%`.
     pub status: Option<&'a str>,
     /// Median time of the last frames, milliseconds.
@@ -56,26 +56,26 @@ pub struct State<'a> {
     /// What covers its pixels, where that decides the color.
     pub overdraw: Option<OverdrawSummary>,
     /// The threshold of the last frame, and what is known about the time of frames, where that is controlled.
-    pub control: Option<(f32, f64, Report)>,
+    pub control: Option<(f32, f64, BudgetReport)>,
     /// The user flies.
     pub is_flying: bool,
 }
 
 /// What the user asks for.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Wish {
+pub enum PanelWish {
     /// As a key would.
     Command(Command),
     /// Draw in another way.
     Settings(Box<Settings>),
     /// Another light.
-    Light(Kind),
+    Light(LightKind),
     /// Hold frames to this time, milliseconds, or to none.
     FrameTime(Option<f64>),
 }
 
 /// Shows the panel at the left edge, `height` points high.
-pub fn show(context: &egui::Context, state: &State<'_>, height: f32) -> Vec<Wish> {
+pub fn show(context: &egui::Context, state: &PanelState<'_>, height: f32) -> Vec<PanelWish> {
     let mut wishes = Vec::new();
     Area::new("panel".into())
         .fixed_pos(pos2(0.0, 0.0))
@@ -108,7 +108,7 @@ fn fact(ui: &mut Ui, what: &str, value: String) {
     ui.end_row();
 }
 
-fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
+fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     model(ui, state);
     let mut settings = *state.settings;
     heading(ui, "Drawing");
@@ -123,10 +123,10 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
         lamp::show(ui, phong, state.radius, wishes);
     }
     if settings != *state.settings {
-        wishes.push(Wish::Settings(Box::new(settings)));
+        wishes.push(PanelWish::Settings(Box::new(settings)));
     }
     if light != state.light {
-        wishes.push(Wish::Light(light));
+        wishes.push(PanelWish::Light(light));
     }
     heading(ui, "Frame");
     frame(ui, state, wishes);
@@ -178,13 +178,13 @@ fn contents(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
             ("Hide", Command::Panel, "Hide this panel (Tab)"),
         ] {
             if ui.button(name).on_hover_text(tip).clicked() {
-                wishes.push(Wish::Command(command));
+                wishes.push(PanelWish::Command(command));
             }
         }
     });
 }
 
-fn model(ui: &mut Ui, state: &State<'_>) {
+fn model(ui: &mut Ui, state: &PanelState<'_>) {
     if let Some(status) = state.status {
         ui.horizontal(|ui| {
             ui.label("⏳");
@@ -240,7 +240,12 @@ fn choose<T: Copy + PartialEq>(
     ui.end_row();
 }
 
-fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>, wishes: &mut Vec<Wish>) {
+fn drawing(
+    ui: &mut Ui,
+    settings: &mut Settings,
+    state: &PanelState<'_>,
+    wishes: &mut Vec<PanelWish>,
+) {
     ui.horizontal(|ui| {
         for (method, name, tip) in choices::METHODS {
             ui.selectable_value(&mut settings.method, *method, *name)
@@ -357,7 +362,7 @@ fn drawing(ui: &mut Ui, settings: &mut Settings, state: &State<'_>, wishes: &mut
             .on_hover_text(tip)
             .on_disabled_hover_text(tip);
         if change.changed() {
-            wishes.push(Wish::Command(Command::HoldCut));
+            wishes.push(PanelWish::Command(Command::HoldCut));
         }
     });
     if let Some((px, ..)) = state.control
@@ -371,7 +376,7 @@ fn choose_if<T: Copy + PartialEq>(
     ui: &mut Ui,
     is_used: bool,
     what: &str,
-    list: &[Choice<T>],
+    list: &[NamedChoice<T>],
     value: &mut T,
     tip: &str,
 ) {
@@ -391,7 +396,7 @@ fn choose_if<T: Copy + PartialEq>(
     ui.end_row();
 }
 
-fn look(ui: &mut Ui, settings: &mut Settings, light: &mut Kind) {
+fn look(ui: &mut Ui, settings: &mut Settings, light: &mut LightKind) {
     Grid::new("look").num_columns(2).show(ui, |ui| {
         choose(
             ui,
@@ -479,7 +484,7 @@ fn legend(ui: &mut Ui, found: Option<OverdrawSummary>) {
     }
 }
 
-fn frame(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
+fn frame(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     let counts = &state.counts;
     let now = state.control.map(|(_, target, _)| target);
     Grid::new("budget").num_columns(2).show(ui, |ui| {
@@ -498,7 +503,7 @@ fn frame(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
             "While the view moves, draw as coarsely as it takes to keep frames within this time (W, Shift W)",
         );
         if wanted != now {
-            wishes.push(Wish::FrameTime(wanted));
+            wishes.push(PanelWish::FrameTime(wanted));
         }
     });
     Grid::new("frame").num_columns(2).show(ui, |ui| {
@@ -514,9 +519,9 @@ fn frame(ui: &mut Ui, state: &State<'_>, wishes: &mut Vec<Wish>) {
     });
     if let Some((_, target, report)) = state.control {
         let text = match report {
-            Report::Adapting => format!("budget {target:.1} ms: adapting"),
-            Report::Held => format!("budget {target:.1} ms: held"),
-            Report::Unreachable(least) => {
+            BudgetReport::Adapting => format!("budget {target:.1} ms: adapting"),
+            BudgetReport::Held => format!("budget {target:.1} ms: held"),
+            BudgetReport::Unreachable(least) => {
                 format!(
                     "budget {target:.1} ms cannot be reached: {least:.1} ms remain at any threshold"
                 )

@@ -84,12 +84,12 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
     use super::*;
-    use crate::generate::{Shape, Spec};
+    use crate::generate::{GeneratedShape, ShapeSpec};
     use crate::progress::Silent;
 
     #[test]
     fn a_preview_is_seen_by_the_camera_of_the_whole() {
-        let spec = Spec::with_triangles(Shape::Statue, 400_000).unwrap();
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 400_000).unwrap();
         let mut mesh = crate::generate::mesh(&spec);
         // A vertex that no triangle has decides nothing.
         mesh.positions.push(Vec3::splat(1e6));
@@ -121,7 +121,7 @@ mod tests {
 
     #[test]
     fn small_meshes_have_none() {
-        let spec = Spec::with_triangles(Shape::Sphere, 20_000).unwrap();
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 20_000).unwrap();
         assert!(of(&crate::generate::mesh(&spec)).is_none());
         assert!(of(&Mesh::default()).is_none());
     }

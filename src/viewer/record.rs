@@ -3,7 +3,7 @@
 //! A step handles the events that have come and then draws, if anything has changed. Nothing else decides what is
 //! drawn: time passes and models arrive as events as well. So the same steps give the same pictures.
 
-use super::event::Event;
+use super::event::ViewerEvent;
 use serde::{Deserialize, Serialize};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -34,7 +34,7 @@ pub enum Error {
 
 /// The first line.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
-struct Head {
+struct RecordHead {
     surfel_input: u32,
 }
 
@@ -46,22 +46,22 @@ const LARGEST_GAP: u64 = 1_000_000;
 
 /// An event with its step and its time in seconds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Entry {
+pub struct RecordEntry {
     /// Number of the step.
     pub step: u64,
     /// Seconds since the window opened.
     pub time: f64,
     /// What happened.
-    pub event: Event,
+    pub event: ViewerEvent,
 }
 
 /// Writes a recording.
-pub struct Recorder {
+pub struct EventRecorder {
     path: PathBuf,
     out: Box<dyn Write>,
 }
 
-impl std::fmt::Debug for Recorder {
+impl std::fmt::Debug for EventRecorder {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Recorder")
             .field("path", &self.path)
@@ -69,7 +69,7 @@ impl std::fmt::Debug for Recorder {
     }
 }
 
-impl Recorder {
+impl EventRecorder {
     /// Begins a recording; a file that is there is replaced.
     ///
     /// # Errors
@@ -83,7 +83,7 @@ impl Recorder {
             path: path.to_owned(),
             out: Box::new(std::io::BufWriter::new(file)),
         };
-        recorder.line(&Head {
+        recorder.line(&RecordHead {
             surfel_input: VERSION,
         })?;
         Ok(recorder)
@@ -103,7 +103,7 @@ impl Recorder {
     ///
     /// # Errors
     /// When the file cannot be written.
-    pub fn add(&mut self, entries: &[Entry]) -> Result<(), Error> {
+    pub fn add(&mut self, entries: &[RecordEntry]) -> Result<(), Error> {
         entries.iter().try_for_each(|entry| self.line(entry))
     }
 
@@ -123,7 +123,7 @@ impl Recorder {
 ///
 /// # Errors
 /// When the file cannot be read, is no recording, or a line is damaged.
-pub fn read(path: &Path) -> Result<Vec<Entry>, Error> {
+pub fn read(path: &Path) -> Result<Vec<RecordEntry>, Error> {
     let text = std::fs::read_to_string(path).map_err(|source| Error::File {
         path: path.to_owned(),
         source,
@@ -135,8 +135,8 @@ pub fn read(path: &Path) -> Result<Vec<Entry>, Error> {
     };
     let mut lines = text.lines().enumerate();
     let head = lines.next().map_or("", |(_, line)| line);
-    match serde_json::from_str::<Head>(head) {
-        Ok(Head {
+    match serde_json::from_str::<RecordHead>(head) {
+        Ok(RecordHead {
             surfel_input: VERSION,
         }) => {}
         Ok(head) => {
@@ -155,13 +155,13 @@ pub fn read(path: &Path) -> Result<Vec<Entry>, Error> {
             ));
         }
     }
-    let mut entries: Vec<Entry> = Vec::new();
+    let mut entries: Vec<RecordEntry> = Vec::new();
     for (index, line) in lines {
         let number = index + 1;
         if line.trim().is_empty() {
             continue;
         }
-        let entry: Entry =
+        let entry: RecordEntry =
             serde_json::from_str(line).map_err(|error| fail(number, error.to_string()))?;
         let before = entries.last().map_or(0, |e| e.step);
         if entry.step < before || entry.step - before > LARGEST_GAP {
@@ -188,14 +188,14 @@ mod tests {
     fn what_was_recorded_is_read_again() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("input.jsonl");
-        let entries: Vec<Entry> = (0..5)
-            .map(|i| Entry {
+        let entries: Vec<RecordEntry> = (0..5)
+            .map(|i| RecordEntry {
                 step: i / 2,
                 time: 0.25 * i as f64,
-                event: Event::Cursor([i as f64, 0.1]),
+                event: ViewerEvent::Cursor([i as f64, 0.1]),
             })
             .collect();
-        let mut recorder = Recorder::create(&path).unwrap();
+        let mut recorder = EventRecorder::create(&path).unwrap();
         recorder.add(&entries[..2]).unwrap();
         recorder.add(&entries[2..]).unwrap();
         recorder.finish().unwrap();

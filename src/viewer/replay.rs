@@ -1,18 +1,18 @@
 //! Recorded input again, with or without a window: the same steps, the same pictures.
 
-use super::app::App;
-use super::event::Event;
-use super::loader::{LoadError, Loaded, Loader};
-use super::record::Entry;
-use super::window::Window;
-use super::{Error, Options};
+use super::app::ViewerApp;
+use super::event::ViewerEvent;
+use super::loader::{LoadError, Loaded, ModelLoader};
+use super::record::RecordEntry;
+use super::window::ViewerWindow;
+use super::{Error, ViewerOptions};
 use std::io::Write as _;
 use std::path::Path;
 use std::time::Duration;
 
 /// Waits for a model that is being loaded, or for its preview; previews that nobody waits for are passed over.
 fn load(
-    loader: &mut Loader,
+    loader: &mut ModelLoader,
     path: &Path,
     wants_preview: bool,
     should_stop: &dyn Fn() -> bool,
@@ -37,12 +37,12 @@ fn load(
 }
 
 /// Feeds `entries` to the app, step by step, and writes the picture of each step that drew a new one into
-/// [`Options::pictures`].
+/// [`ViewerOptions::pictures`].
 pub(super) fn run(
-    app: &mut App,
-    entries: &[Entry],
-    loader: &mut Loader,
-    mut window: Option<(&mut Window, &mut glfw::Glfw)>,
+    app: &mut ViewerApp,
+    entries: &[RecordEntry],
+    loader: &mut ModelLoader,
+    mut window: Option<(&mut ViewerWindow, &mut glfw::Glfw)>,
     should_stop: &dyn Fn() -> bool,
 ) -> Result<(), Error> {
     let pictures = app.options.pictures.clone();
@@ -54,7 +54,7 @@ pub(super) fn run(
     }
     let last = entries.last().map_or(0, |entry| entry.step);
     // What frames took is in the recording; where it is not, those of now decide how coarse the next ones are.
-    let is_timed = |entry: &Entry| matches!(entry.event, Event::Frame { .. });
+    let is_timed = |entry: &RecordEntry| matches!(entry.event, ViewerEvent::Frame { .. });
     let is_live = app.is_paced() && !entries.iter().any(is_timed);
     let mut live = Vec::new();
     let options = &app.options;
@@ -70,7 +70,7 @@ pub(super) fn run(
             continue;
         }
         for entry in now {
-            if let (Event::Size { width, height, .. }, Some((window, glfw))) =
+            if let (ViewerEvent::Size { width, height, .. }, Some((window, glfw))) =
                 (&entry.event, &mut window)
             {
                 window.take_size((*width, *height), glfw);
@@ -82,14 +82,14 @@ pub(super) fn run(
         for entry in now {
             // The first model is that of the command line, unless another was dropped before it came.
             match &entry.event {
-                Event::Drop(_) => first = None,
-                Event::Preview(path) => {
+                ViewerEvent::Drop(_) => first = None,
+                ViewerEvent::Preview(path) => {
                     let path = first.clone().unwrap_or_else(|| path.clone());
                     app.tell_device(loader);
                     let result = load(loader, &path, true, should_stop)?;
                     app.loaded(&path, result)?;
                 }
-                Event::Loaded(path) => {
+                ViewerEvent::Loaded(path) => {
                     let asked = first.take();
                     let path = asked.as_ref().unwrap_or(path);
                     app.tell_device(loader);
@@ -126,7 +126,7 @@ pub(super) fn run(
         let time = now.last().map_or(0.0, |entry| entry.time);
         let finished = app.finished().into_iter();
         if is_live {
-            live.extend(finished.map(|event| Entry { step, time, event }));
+            live.extend(finished.map(|event| RecordEntry { step, time, event }));
         }
         // Files are opened where the recording says so.
         app.asks.clear();
@@ -141,11 +141,11 @@ pub(super) fn run(
 }
 
 /// Size and scale of the first step.
-pub(super) fn first_size(entries: &[Entry], options: &Options) -> (u32, u32) {
+pub(super) fn first_size(entries: &[RecordEntry], options: &ViewerOptions) -> (u32, u32) {
     entries
         .iter()
         .find_map(|entry| match entry.event {
-            Event::Size { width, height, .. } => Some((width.max(1), height.max(1))),
+            ViewerEvent::Size { width, height, .. } => Some((width.max(1), height.max(1))),
             _ => None,
         })
         .unwrap_or(options.size)

@@ -3,9 +3,9 @@
 
 mod photo;
 
-use super::control::Work;
+use super::control::FrameWork;
 use super::lamp::same_cost;
-use super::ui::Painted;
+use super::ui::PaintedOverlay;
 use crate::gpu::overlay::WindowOverlay;
 use crate::gpu::surface::WindowSurface;
 use crate::gpu::{Error, Gpu};
@@ -29,7 +29,7 @@ const FRAMES_OF_MEDIAN: usize = 15;
 
 /// What became of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Shown {
+pub(super) enum ShowOutcome {
     /// It is on its way to the screen.
     Frame,
     /// The window changed meanwhile; it must be drawn again.
@@ -38,36 +38,9 @@ pub(super) enum Shown {
     Nothing,
 }
 
-/// What an error leaves possible.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Way {
-    /// The settings ask for what cannot be drawn; others can.
-    OtherSettings,
-    /// There is not enough memory for this model.
-    WithoutModel,
-    /// The device must be opened anew.
-    NewDevice,
-    /// None.
-    End,
-}
-
-/// How the window can go on after an error.
-pub(super) fn way_after(error: &Error) -> Way {
-    match error {
-        Error::Unsupported { .. } | Error::Limit { .. } => Way::OtherSettings,
-        Error::Memory { .. } => Way::WithoutModel,
-        Error::Vulkan { result, .. } => match *result {
-            R::ERROR_OUT_OF_DEVICE_MEMORY | R::ERROR_OUT_OF_HOST_MEMORY => Way::WithoutModel,
-            R::ERROR_DEVICE_LOST => Way::NewDevice,
-            _ => Way::End,
-        },
-        _ => Way::End,
-    }
-}
-
 /// Faults that tests ask for, each every so many frames; 0 is never.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Faults {
+pub struct InjectedFaults {
     /// The surface is lost, or its swapchain out of date, in turn.
     pub surface: u64,
     /// The device is lost.
@@ -78,28 +51,28 @@ pub struct Faults {
 
 /// A frame that was submitted.
 #[derive(Debug)]
-struct Pending {
+struct PendingFrame {
     submitted: SubmittedFrame,
     start: Instant,
     /// The threshold that it was drawn with; none for one that shows no new picture of the model.
     threshold_px: Option<f32>,
     is_moving: bool,
-    work: Option<Work>,
+    work: Option<FrameWork>,
 }
 
 /// A frame of the model that has finished.
 #[derive(Debug)]
-pub(super) struct Finished {
+pub(super) struct FinishedPicture {
     pub(super) times: FrameTimes,
     pub(super) threshold_px: f32,
     /// The camera moved.
     pub(super) is_moving: bool,
     /// What was foreseen of it; none where no time is wanted, or it drew no cut.
-    pub(super) work: Option<Work>,
+    pub(super) work: Option<FrameWork>,
 }
 
 /// What the next frame shows.
-pub(super) struct Request<'r> {
+pub(super) struct FrameRequest<'r> {
     /// The window; none where frames are only read back.
     pub(super) window: Option<&'r glfw::Window>,
     /// Size of what is shown where there is no window, pixels.
@@ -115,12 +88,12 @@ pub(super) struct Request<'r> {
     /// The camera moves.
     pub(super) is_moving: bool,
     /// What is foreseen of the frame.
-    pub(super) work: Option<Work>,
+    pub(super) work: Option<FrameWork>,
 }
 
 /// Draws a model onto a window. Must be dropped before the window.
 #[derive(Debug)]
-pub(super) struct Screen {
+pub(super) struct WindowScreen {
     model: Option<Model>,
     scene: Option<DeviceScene>,
     renderer: WindowRenderer,
@@ -130,24 +103,24 @@ pub(super) struct Screen {
     surface: Option<WindowSurface>,
     gpu: Arc<Gpu>,
     vsync: bool,
-    pending: VecDeque<Pending>,
+    pending: VecDeque<PendingFrame>,
     last_end: Instant,
     frame_times_ms: VecDeque<f64>,
     times: FrameTimes,
-    finished: Vec<Finished>,
+    finished: Vec<FinishedPicture>,
     /// The view that the targets hold.
     drawn: Option<View>,
     /// The targets hold a picture of this size that can be shown again.
     picture: Option<(u32, u32)>,
     /// How the last frame was drawn, and how large: times of others do not go into its median.
     look: Option<(Settings, (u32, u32))>,
-    faults: Faults,
+    faults: InjectedFaults,
     frames: u64,
     /// What drawing costs on the device.
     costs: Option<DrawCosts>,
 }
 
-impl Screen {
+impl WindowScreen {
     pub(super) fn new(
         gpu: &Arc<Gpu>,
         window: Option<&glfw::Window>,
@@ -177,7 +150,7 @@ impl Screen {
             drawn: None,
             picture: None,
             look: None,
-            faults: Faults::default(),
+            faults: InjectedFaults::default(),
             frames: 0,
             costs: None,
         })
@@ -228,7 +201,7 @@ impl Screen {
     }
 
     /// For tests: what goes wrong, and how often.
-    pub(super) fn inject(&mut self, faults: Faults) {
+    pub(super) fn inject(&mut self, faults: InjectedFaults) {
         self.faults = faults;
     }
 
@@ -316,11 +289,11 @@ impl Screen {
     }
 
     /// The frames of the model that have finished since the last call.
-    pub(super) fn take_finished(&mut self) -> Vec<Finished> {
+    pub(super) fn take_finished(&mut self) -> Vec<FinishedPicture> {
         std::mem::take(&mut self.finished)
     }
 
-    /// Whether [`take_finished`](Screen::take_finished) would give any.
+    /// Whether [`take_finished`](WindowScreen::take_finished) would give any.
     pub(super) fn has_finished(&self) -> bool {
         !self.finished.is_empty()
     }
@@ -336,16 +309,16 @@ impl Screen {
     }
 
     /// What would be drawn with these settings.
-    pub(super) fn predict(&mut self, settings: &Settings, camera: &Camera) -> Work {
+    pub(super) fn predict(&mut self, settings: &Settings, camera: &Camera) -> FrameWork {
         let (Some(model), Some(scene)) = (&self.model, &mut self.scene) else {
-            return Work::default();
+            return FrameWork::default();
         };
         let Ok(view) = camera.view(model.origin) else {
-            return Work::default();
+            return FrameWork::default();
         };
         let shown = ShownModel { model, scene };
         let foreseen = self.renderer.predict(&shown, &view, settings);
-        Work {
+        FrameWork {
             visited: foreseen.counts.nodes_visited,
             splats: foreseen.counts.splats,
             triangles: foreseen.counts.triangles,
@@ -354,12 +327,12 @@ impl Screen {
             by_compute: foreseen.by_compute,
             is_free: foreseen.is_free,
             largest_by_compute_px: foreseen.largest_by_compute_px,
-            ..Work::default()
+            ..FrameWork::default()
         }
     }
 
     /// What covers the picture from the next frame on.
-    pub(super) fn cover(&mut self, painted: Painted) -> Result<(), Error> {
+    pub(super) fn cover(&mut self, painted: PaintedOverlay) -> Result<(), Error> {
         if self.overlay.is_none() {
             self.overlay = Some(WindowOverlay::new(&self.gpu, self.renderer.in_flight())?);
         }
@@ -388,7 +361,7 @@ impl Screen {
             self.frame_times_ms
                 .push_back((end - begin).as_secs_f64() * 1e3);
             self.times = times.clone();
-            self.finished.push(Finished {
+            self.finished.push(FinishedPicture {
                 times,
                 threshold_px,
                 is_moving: pending.is_moving,
@@ -412,9 +385,9 @@ impl Screen {
     /// asked for and the size is the same.
     pub(super) fn draw(
         &mut self,
-        request: &Request<'_>,
+        request: &FrameRequest<'_>,
         camera: impl FnOnce((u32, u32)) -> Option<Camera>,
-    ) -> Result<Shown, Error> {
+    ) -> Result<ShowOutcome, Error> {
         while self.pending.len() >= self.renderer.in_flight() {
             self.finish_one()?;
         }
@@ -424,7 +397,7 @@ impl Screen {
         let onto = match (&mut self.surface, request.window) {
             (Some(surface), Some(window)) => match surface.acquire(window, slot)? {
                 Some(onto) => Some(onto),
-                None => return Ok(Shown::Nothing),
+                None => return Ok(ShowOutcome::Nothing),
             },
             _ => None,
         };
@@ -454,7 +427,7 @@ impl Screen {
         };
         match outcome {
             Ok((submitted, threshold_px)) => {
-                self.pending.push_back(Pending {
+                self.pending.push_back(PendingFrame {
                     submitted,
                     start,
                     threshold_px,
@@ -465,7 +438,11 @@ impl Screen {
                     (Some(surface), Some(onto)) => surface.present(onto)?,
                     _ => true,
                 };
-                Ok(if is_shown { Shown::Frame } else { Shown::Again })
+                Ok(if is_shown {
+                    ShowOutcome::Frame
+                } else {
+                    ShowOutcome::Again
+                })
             }
             Err(error) => {
                 if let (Some(surface), Some(onto)) = (&mut self.surface, onto) {
@@ -483,7 +460,7 @@ impl Screen {
     /// camera moves in a wanted time, every few frames have another threshold; waiting would make each of them late.
     fn look_as(
         &mut self,
-        request: &Request<'_>,
+        request: &FrameRequest<'_>,
         settings: &Settings,
         size: (u32, u32),
     ) -> Result<(), Error> {
@@ -572,30 +549,5 @@ impl Screen {
         self.finish()?;
         let overlay = self.overlay.as_ref().filter(|_| self.has_overlay);
         self.renderer.read_shown(overlay).map(Some)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn errors_leave_the_most_that_is_possible() {
-        let vulkan = |result| Error::Vulkan {
-            call: "a call",
-            object: "a thing".into(),
-            result,
-        };
-        assert_eq!(way_after(&vulkan(R::ERROR_DEVICE_LOST)), Way::NewDevice);
-        assert_eq!(
-            way_after(&vulkan(R::ERROR_OUT_OF_DEVICE_MEMORY)),
-            Way::WithoutModel
-        );
-        assert_eq!(way_after(&vulkan(R::ERROR_UNKNOWN)), Way::End);
-        let unsupported = Error::Unsupported {
-            what: "these splats",
-            why: "they are not drawn yet".into(),
-        };
-        assert_eq!(way_after(&unsupported), Way::OtherSettings);
     }
 }

@@ -13,17 +13,17 @@ use std::path::{Path, PathBuf};
 /// programs read each other's files.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Stored {
+pub struct StoredSettings {
     /// The window.
-    pub window: Window,
+    pub window: StoredWindow,
     /// How models are drawn.
-    pub look: Look,
+    pub look: StoredLook,
 }
 
 /// What the window looked like.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Window {
+pub struct StoredWindow {
     /// Width in the window system's units.
     pub width: u32,
     /// Height in the window system's units.
@@ -44,7 +44,7 @@ pub struct Window {
 /// How models are drawn; names as on the command line.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Look {
+pub struct StoredLook {
     method: String,
     threshold: f32,
     splat: String,
@@ -72,16 +72,16 @@ pub struct Look {
     shininess: f32,
 }
 
-impl Default for Stored {
+impl Default for StoredSettings {
     fn default() -> Self {
         Self {
-            window: Window::default(),
-            look: Look::default(),
+            window: StoredWindow::default(),
+            look: StoredLook::default(),
         }
     }
 }
 
-impl Default for Window {
+impl Default for StoredWindow {
     fn default() -> Self {
         Self {
             width: 1024,
@@ -95,7 +95,7 @@ impl Default for Window {
     }
 }
 
-impl Default for Look {
+impl Default for StoredLook {
     fn default() -> Self {
         Self::of(&Settings {
             eye_dome: EyeDome::Auto,
@@ -104,7 +104,7 @@ impl Default for Look {
     }
 }
 
-impl Look {
+impl StoredLook {
     /// The words for `settings`.
     pub fn of(settings: &Settings) -> Self {
         let (light, phong) = match settings.light {
@@ -150,7 +150,7 @@ impl Look {
     pub fn settings(&self) -> Result<Settings, String> {
         fn choice<T: Copy>(
             key: &str,
-            list: &[choices::Choice<T>],
+            list: &[choices::NamedChoice<T>],
             name: &str,
         ) -> Result<T, String> {
             named(list, name).ok_or_else(|| {
@@ -192,7 +192,7 @@ impl Look {
     }
 }
 
-impl Look {
+impl StoredLook {
     /// The light of these words.
     fn lighting(&self) -> Result<Lighting, String> {
         let is_lamp = match self.light.as_str() {
@@ -258,7 +258,7 @@ pub fn place() -> Option<PathBuf> {
 ///
 /// # Errors
 /// With the file and what is wrong with it.
-pub fn load(path: &Path) -> Result<(Stored, Settings), String> {
+pub fn load(path: &Path) -> Result<(StoredSettings, Settings), String> {
     let fail = |cause: String| {
         format!(
             "{}: {}; the file is ignored",
@@ -269,13 +269,13 @@ pub fn load(path: &Path) -> Result<(Stored, Settings), String> {
     let text = match std::fs::read_to_string(path) {
         Ok(text) => text,
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => {
-            let stored = Stored::default();
+            let stored = StoredSettings::default();
             let settings = stored.look.settings().map_err(fail)?;
             return Ok((stored, settings));
         }
         Err(e) => return Err(fail(e.to_string())),
     };
-    let stored: Stored = toml::from_str(&text).map_err(|e| {
+    let stored: StoredSettings = toml::from_str(&text).map_err(|e| {
         // The message alone would not say where; the whole report has several lines.
         let line = e
             .span()
@@ -308,7 +308,7 @@ pub fn load(path: &Path) -> Result<(Stored, Settings), String> {
 ///
 /// # Errors
 /// With the file and the cause.
-pub fn save(path: &Path, stored: &Stored) -> Result<(), String> {
+pub fn save(path: &Path, stored: &StoredSettings) -> Result<(), String> {
     let write = || -> Result<(), Box<dyn std::error::Error>> {
         let text = toml::to_string(stored)?;
         let folder = path.parent().unwrap_or(Path::new("."));
@@ -342,7 +342,11 @@ mod tests {
             eye_dome: EyeDome::Auto,
             ..Settings::default()
         };
-        assert_eq!(load(&path), Ok((Stored::default(), usual)), "nothing there");
+        assert_eq!(
+            load(&path),
+            Ok((StoredSettings::default(), usual)),
+            "nothing there"
+        );
         let settings = Settings {
             method: Method::Splats,
             splat: SplatKind::Gauss,
@@ -366,8 +370,8 @@ mod tests {
             }),
             ..Settings::default()
         };
-        let stored = Stored {
-            window: Window {
+        let stored = StoredSettings {
+            window: StoredWindow {
                 width: 1280,
                 height: 720,
                 panel: false,
@@ -376,7 +380,7 @@ mod tests {
                 parallel_light: true,
                 frame_ms: Some(33.0),
             },
-            look: Look::of(&settings),
+            look: StoredLook::of(&settings),
         };
         save(&path, &stored).unwrap();
         save(&path, &stored).unwrap();
@@ -437,6 +441,6 @@ mod tests {
         }
         std::fs::write(&path, [0xff, 0xfe]).unwrap();
         assert!(load(&path).is_err(), "no text at all");
-        assert!(save(&path.join("below/a/file.toml"), &Stored::default()).is_err());
+        assert!(save(&path.join("below/a/file.toml"), &StoredSettings::default()).is_err());
     }
 }

@@ -87,7 +87,7 @@ pub fn failed(message: &str) -> String {
 
 /// What the statistics are about, besides the frame.
 #[derive(Debug)]
-pub struct Facts<'a> {
+pub struct TitleFacts<'a> {
     /// Name of the model.
     pub name: &'a str,
     /// The model.
@@ -105,8 +105,8 @@ pub struct Facts<'a> {
 }
 
 /// Statistics for people, as Enter prints them. `frame_ms` is the median of the last frames.
-pub fn statistics(facts: &Facts<'_>, frame_ms: f64, times: &FrameTimes) -> String {
-    let Facts {
+pub fn statistics(facts: &TitleFacts<'_>, frame_ms: f64, times: &FrameTimes) -> String {
+    let TitleFacts {
         name,
         model,
         settings,

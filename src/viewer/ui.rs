@@ -1,11 +1,11 @@
 //! egui in this window: our events in, triangles out. Knows neither the window system nor Vulkan.
 
-use super::event::{Button, Event, Key, Modifiers};
+use super::event::{KeyModifiers, KeyboardKey, MouseButton, ViewerEvent};
 use egui::{Order, Pos2, RawInput, Rect, Ui, pos2, vec2};
 
 /// What a pass of egui gave.
 #[derive(Debug, Default)]
-pub struct Painted {
+pub struct PaintedOverlay {
     /// Triangles, in points.
     pub primitives: Vec<egui::ClippedPrimitive>,
     /// Changes of textures; every one must reach the device.
@@ -20,7 +20,7 @@ pub struct Painted {
 
 /// The state of egui between two frames.
 #[derive(Debug)]
-pub struct Interface {
+pub struct PanelInterface {
     context: egui::Context,
     input: RawInput,
     size: (u32, u32),
@@ -28,11 +28,11 @@ pub struct Interface {
     /// Where the cursor is, points.
     cursor: Option<Pos2>,
     /// Buttons that went down on a widget.
-    held: Vec<Button>,
+    held: Vec<MouseButton>,
     is_over: bool,
 }
 
-impl Default for Interface {
+impl Default for PanelInterface {
     fn default() -> Self {
         let context = egui::Context::default();
         context.set_theme(egui::Theme::Dark);
@@ -76,10 +76,10 @@ pub struct Taken {
     pub consumed: bool,
 }
 
-impl Interface {
+impl PanelInterface {
     /// Hands an event over. With `is_shown` false nothing is taken but the size.
-    pub fn event(&mut self, event: &Event, is_shown: bool) -> Taken {
-        if let Event::Size {
+    pub fn event(&mut self, event: &ViewerEvent, is_shown: bool) -> Taken {
+        if let ViewerEvent::Size {
             width,
             height,
             scale,
@@ -99,7 +99,7 @@ impl Interface {
         if !is_shown {
             self.held.clear();
             self.is_over = false;
-            if let Event::Cursor(at) = event {
+            if let ViewerEvent::Cursor(at) = event {
                 self.cursor = Some(self.point(*at));
             }
             return Taken {
@@ -122,10 +122,10 @@ impl Interface {
             .is_some_and(|layer| layer.order != Order::Background)
     }
 
-    fn take(&mut self, event: &Event) -> (bool, bool) {
+    fn take(&mut self, event: &ViewerEvent) -> (bool, bool) {
         use egui::Event as E;
         match event {
-            Event::Cursor(at) => {
+            ViewerEvent::Cursor(at) => {
                 let at = self.point(*at);
                 self.cursor = Some(at);
                 self.input.events.push(E::PointerMoved(at));
@@ -134,12 +134,12 @@ impl Interface {
                 let has_hold = !self.held.is_empty();
                 (was_over || self.is_over || has_hold, has_hold)
             }
-            Event::CursorGone => {
+            ViewerEvent::CursorGone => {
                 self.input.events.push(E::PointerGone);
                 self.cursor = None;
                 (std::mem::take(&mut self.is_over), false)
             }
-            Event::Button {
+            ViewerEvent::Button {
                 button,
                 pressed,
                 modifiers,
@@ -160,9 +160,9 @@ impl Interface {
                 self.input.events.push(E::PointerButton {
                     pos: at,
                     button: match button {
-                        Button::Left => egui::PointerButton::Primary,
-                        Button::Right => egui::PointerButton::Secondary,
-                        Button::Middle => egui::PointerButton::Middle,
+                        MouseButton::Left => egui::PointerButton::Primary,
+                        MouseButton::Right => egui::PointerButton::Secondary,
+                        MouseButton::Middle => egui::PointerButton::Middle,
                     },
                     pressed: *pressed,
                     modifiers: flags(*modifiers),
@@ -170,7 +170,7 @@ impl Interface {
                 let open = egui::Popup::is_any_open(&self.context) || self.wants_keyboard();
                 (is_ours || open, is_ours)
             }
-            Event::Scroll([x, y]) => {
+            ViewerEvent::Scroll([x, y]) => {
                 let is_over = self.cursor.is_some_and(|at| self.covers(at));
                 if is_over {
                     self.input.events.push(E::MouseWheel {
@@ -182,25 +182,25 @@ impl Interface {
                 }
                 (is_over, is_over)
             }
-            Event::Text(c) if self.wants_keyboard() => {
+            ViewerEvent::Text(c) if self.wants_keyboard() => {
                 self.input.events.push(E::Text(c.to_string()));
                 (true, true)
             }
-            Event::Paste(text) if self.wants_keyboard() => {
+            ViewerEvent::Paste(text) if self.wants_keyboard() => {
                 self.input.events.push(E::Paste(text.clone()));
                 (true, true)
             }
-            Event::Key {
+            ViewerEvent::Key {
                 key,
                 pressed,
                 repeat,
                 modifiers,
             } if self.wants_keyboard() => {
                 match (*key, modifiers.control && *pressed) {
-                    (Key::Char('c'), true) => self.input.events.push(E::Copy),
-                    (Key::Char('x'), true) => self.input.events.push(E::Cut),
+                    (KeyboardKey::Char('c'), true) => self.input.events.push(E::Copy),
+                    (KeyboardKey::Char('x'), true) => self.input.events.push(E::Cut),
                     // The window answers with the text.
-                    (Key::Char('v'), true) => return (false, false),
+                    (KeyboardKey::Char('v'), true) => return (false, false),
                     _ => {}
                 }
                 if let Some(key) = key_of(*key) {
@@ -213,10 +213,10 @@ impl Interface {
                     });
                 }
                 // What no text field uses still works.
-                let is_ours = !matches!(key, Key::Tab | Key::F(_));
+                let is_ours = !matches!(key, KeyboardKey::Tab | KeyboardKey::F(_));
                 (is_ours, is_ours)
             }
-            Event::Focus(focused) => {
+            ViewerEvent::Focus(focused) => {
                 self.input.events.push(E::WindowFocused(*focused));
                 self.held.clear();
                 (true, false)
@@ -241,7 +241,7 @@ impl Interface {
     }
 
     /// Lays out and paints what `content` shows, at `time` seconds.
-    pub fn run(&mut self, time: f64, content: impl FnMut(&mut Ui)) -> Painted {
+    pub fn run(&mut self, time: f64, content: impl FnMut(&mut Ui)) -> PaintedOverlay {
         let mut input = std::mem::take(&mut self.input);
         input.time = Some(time);
         input.screen_rect = Some(Rect::from_min_size(Pos2::ZERO, self.size_in_points()));
@@ -267,7 +267,7 @@ impl Interface {
             .filter(|delay| *delay < 3600.0);
         let pixels_per_point = output.pixels_per_point;
         let shapes = std::mem::take(&mut output.shapes);
-        Painted {
+        PaintedOverlay {
             primitives: self.context.tessellate(shapes, pixels_per_point),
             textures: std::mem::take(&mut output.textures_delta),
             pixels_per_point,
@@ -277,7 +277,7 @@ impl Interface {
     }
 }
 
-fn flags(modifiers: Modifiers) -> egui::Modifiers {
+fn flags(modifiers: KeyModifiers) -> egui::Modifiers {
     egui::Modifiers {
         alt: modifiers.other,
         ctrl: modifiers.control,
@@ -288,22 +288,22 @@ fn flags(modifiers: Modifiers) -> egui::Modifiers {
 }
 
 /// The keys that text fields know.
-fn key_of(key: Key) -> Option<egui::Key> {
+fn key_of(key: KeyboardKey) -> Option<egui::Key> {
     use egui::Key as K;
     Some(match key {
-        Key::Enter => K::Enter,
-        Key::Escape => K::Escape,
-        Key::Backspace => K::Backspace,
-        Key::Delete => K::Delete,
-        Key::Home => K::Home,
-        Key::End => K::End,
-        Key::PageUp => K::PageUp,
-        Key::PageDown => K::PageDown,
-        Key::Left => K::ArrowLeft,
-        Key::Right => K::ArrowRight,
-        Key::Up => K::ArrowUp,
-        Key::Down => K::ArrowDown,
-        Key::Char('a') => K::A,
+        KeyboardKey::Enter => K::Enter,
+        KeyboardKey::Escape => K::Escape,
+        KeyboardKey::Backspace => K::Backspace,
+        KeyboardKey::Delete => K::Delete,
+        KeyboardKey::Home => K::Home,
+        KeyboardKey::End => K::End,
+        KeyboardKey::PageUp => K::PageUp,
+        KeyboardKey::PageDown => K::PageDown,
+        KeyboardKey::Left => K::ArrowLeft,
+        KeyboardKey::Right => K::ArrowRight,
+        KeyboardKey::Up => K::ArrowUp,
+        KeyboardKey::Down => K::ArrowDown,
+        KeyboardKey::Char('a') => K::A,
         _ => return None,
     })
 }
@@ -312,7 +312,7 @@ fn key_of(key: Key) -> Option<egui::Key> {
 mod tests {
     use super::*;
 
-    fn show(ui: &mut Interface, pressed: &mut bool) -> Painted {
+    fn show(ui: &mut PanelInterface, pressed: &mut bool) -> PaintedOverlay {
         let mut painted = ui.run(0.0, |ui| {
             egui::Area::new("box".into())
                 .fixed_pos(pos2(10.0, 10.0))
@@ -327,20 +327,20 @@ mod tests {
         painted
     }
 
-    fn button(pressed: bool) -> Event {
-        Event::Button {
-            button: Button::Left,
+    fn button(pressed: bool) -> ViewerEvent {
+        ViewerEvent::Button {
+            button: MouseButton::Left,
             pressed,
-            modifiers: Modifiers::default(),
+            modifiers: KeyModifiers::default(),
         }
     }
 
     #[test]
     fn clicks_on_the_panel_are_its_own_and_others_go_on() {
-        let mut ui = Interface::default();
+        let mut ui = PanelInterface::default();
         let mut pressed = false;
         ui.event(
-            &Event::Size {
+            &ViewerEvent::Size {
                 width: 800,
                 height: 600,
                 scale: 2.0,
@@ -350,27 +350,27 @@ mod tests {
         // Sizes are known from the second pass on.
         show(&mut ui, &mut pressed);
         assert!(!show(&mut ui, &mut pressed).primitives.is_empty());
-        let mut event = |event: Event, pressed: &mut bool| {
+        let mut event = |event: ViewerEvent, pressed: &mut bool| {
             let taken = ui.event(&event, true);
             show(&mut ui, pressed);
             taken
         };
-        let outside = event(Event::Cursor([500.0, 500.0]), &mut pressed);
+        let outside = event(ViewerEvent::Cursor([500.0, 500.0]), &mut pressed);
         assert!(!outside.changes && !outside.consumed);
         assert!(!event(button(true), &mut pressed).consumed);
         assert!(!event(button(false), &mut pressed).consumed);
         // 60 points from the left at scale 2.
-        assert!(event(Event::Cursor([120.0, 60.0]), &mut pressed).changes);
+        assert!(event(ViewerEvent::Cursor([120.0, 60.0]), &mut pressed).changes);
         assert!(event(button(true), &mut pressed).consumed && !pressed);
-        let dragged = event(Event::Cursor([130.0, 64.0]), &mut pressed);
+        let dragged = event(ViewerEvent::Cursor([130.0, 64.0]), &mut pressed);
         assert!(dragged.consumed, "a drag that began on the panel");
         assert!(event(button(false), &mut pressed).consumed && pressed);
-        assert!(event(Event::Scroll([0.0, 1.0]), &mut pressed).consumed);
-        let key = Event::Key {
-            key: Key::Char('a'),
+        assert!(event(ViewerEvent::Scroll([0.0, 1.0]), &mut pressed).consumed);
+        let key = ViewerEvent::Key {
+            key: KeyboardKey::Char('a'),
             pressed: true,
             repeat: false,
-            modifiers: Modifiers::default(),
+            modifiers: KeyModifiers::default(),
         };
         assert!(!event(key, &mut pressed).consumed, "no text field is open");
         // Hidden, it takes nothing.
@@ -379,7 +379,7 @@ mod tests {
 
     #[test]
     fn nothing_is_animated() {
-        let mut ui = Interface::default();
+        let mut ui = PanelInterface::default();
         let mut pressed = false;
         for _ in 0..5 {
             show(&mut ui, &mut pressed);

@@ -1,10 +1,10 @@
 //! The window system: its events become ours, and what the app asks for is done.
 
-use super::app::{App, Ask};
-use super::event::{Button, Event, Key, Modifiers};
-use super::loader::Loader;
-use super::record::{Entry, Recorder};
-use super::{Error, Options, text};
+use super::app::{FileAsk, ViewerApp};
+use super::event::{KeyModifiers, KeyboardKey, MouseButton, ViewerEvent};
+use super::loader::ModelLoader;
+use super::record::{EventRecorder, RecordEntry};
+use super::{Error, ViewerOptions, text};
 use glam::DVec2;
 use glfw::{Action, GlfwReceiver, PWindow, WindowEvent, WindowHint, WindowMode};
 use std::time::{Duration, Instant};
@@ -20,7 +20,7 @@ const TITLE_INTERVAL: Duration = Duration::from_millis(250);
 const RESIZE_PATIENCE: Duration = Duration::from_secs(5);
 
 /// A window with its events.
-pub(super) struct Window {
+pub(super) struct ViewerWindow {
     pub(super) window: PWindow,
     events: GlfwReceiver<(f64, WindowEvent)>,
     /// Place and size before full screen.
@@ -31,9 +31,13 @@ pub(super) struct Window {
     title_time: Instant,
 }
 
-impl Window {
+impl ViewerWindow {
     /// Opens the window; none where the window system gives none.
-    pub(super) fn open(glfw: &mut glfw::Glfw, options: &Options, title: &str) -> Option<Self> {
+    pub(super) fn open(
+        glfw: &mut glfw::Glfw,
+        options: &ViewerOptions,
+        title: &str,
+    ) -> Option<Self> {
         let (mut width, mut height) = options.size;
         if options.size_is_usual {
             // On a dense screen as large as on others, and never larger than the screen.
@@ -113,10 +117,10 @@ impl Window {
     }
 
     /// The size of the picture, and how many pixels make one point of the panel.
-    fn size_event(&self) -> Event {
+    fn size_event(&self) -> ViewerEvent {
         let (width, height) = self.size();
         let (x, y) = self.window.get_content_scale();
-        Event::Size {
+        ViewerEvent::Size {
             width,
             height,
             scale: self.ui_scale.unwrap_or(x.max(y)),
@@ -124,7 +128,7 @@ impl Window {
     }
 
     /// What has happened since the last call.
-    fn collect(&mut self, app: &mut App, step: u64, out: &mut Vec<Entry>) {
+    fn collect(&mut self, app: &mut ViewerApp, step: u64, out: &mut Vec<RecordEntry>) {
         while let Some((time, event)) = self.events.receive() {
             let event = match event {
                 WindowEvent::Refresh => {
@@ -138,34 +142,34 @@ impl Window {
                 }
                 other => self.translate(other),
             };
-            out.extend(event.map(|event| Entry { step, time, event }));
+            out.extend(event.map(|event| RecordEntry { step, time, event }));
         }
     }
 
-    fn translate(&self, event: WindowEvent) -> Option<Event> {
+    fn translate(&self, event: WindowEvent) -> Option<ViewerEvent> {
         Some(match event {
             WindowEvent::FramebufferSize(..) | WindowEvent::ContentScale(..) => self.size_event(),
-            WindowEvent::Focus(has_focus) => Event::Focus(has_focus),
-            WindowEvent::FileDrop(paths) => Event::Drop(paths.into_iter().next()?),
+            WindowEvent::Focus(has_focus) => ViewerEvent::Focus(has_focus),
+            WindowEvent::FileDrop(paths) => ViewerEvent::Drop(paths.into_iter().next()?),
             WindowEvent::CursorPos(x, y) => {
-                Event::Cursor((DVec2::new(x, y) * self.cursor_scale()).to_array())
+                ViewerEvent::Cursor((DVec2::new(x, y) * self.cursor_scale()).to_array())
             }
-            WindowEvent::CursorEnter(false) => Event::CursorGone,
-            WindowEvent::MouseButton(button, action, modifiers) => Event::Button {
+            WindowEvent::CursorEnter(false) => ViewerEvent::CursorGone,
+            WindowEvent::MouseButton(button, action, modifiers) => ViewerEvent::Button {
                 button: match button {
-                    glfw::MouseButtonLeft => Button::Left,
-                    glfw::MouseButtonRight => Button::Right,
-                    glfw::MouseButtonMiddle => Button::Middle,
+                    glfw::MouseButtonLeft => MouseButton::Left,
+                    glfw::MouseButtonRight => MouseButton::Right,
+                    glfw::MouseButtonMiddle => MouseButton::Middle,
                     _ => return None,
                 },
                 pressed: action == Action::Press,
                 modifiers: flags(modifiers),
             },
-            WindowEvent::Scroll(x, y) => Event::Scroll([x, y]),
-            WindowEvent::Char(c) => Event::Text(c),
+            WindowEvent::Scroll(x, y) => ViewerEvent::Scroll([x, y]),
+            WindowEvent::Char(c) => ViewerEvent::Text(c),
             WindowEvent::Key(key, scancode, action, modifiers) => {
                 let printed = glfw::get_key_name(Some(key), Some(scancode));
-                Event::Key {
+                ViewerEvent::Key {
                     key: key_of(key, printed.as_deref())?,
                     pressed: action != Action::Release,
                     repeat: action == Action::Repeat,
@@ -226,22 +230,24 @@ impl Window {
     /// Does what the app asks for; answers come as events.
     pub(super) fn answer(
         &mut self,
-        app: &mut App,
-        loader: &mut Loader,
+        app: &mut ViewerApp,
+        loader: &mut ModelLoader,
         glfw: &mut glfw::Glfw,
-    ) -> Vec<Event> {
+    ) -> Vec<ViewerEvent> {
         let mut events = Vec::new();
         for ask in std::mem::take(&mut app.asks) {
             match ask {
-                Ask::Open(path) => {
+                FileAsk::Open(path) => {
                     if let Err(error) = loader.start(&path) {
                         app.warn(&format!("cannot start to load: {error}"));
                     }
                 }
-                Ask::Copy(text) => self.window.set_clipboard_string(&text),
-                Ask::Paste => events.extend(self.window.get_clipboard_string().map(Event::Paste)),
-                Ask::FullScreen => self.toggle_full_screen(glfw),
-                Ask::HoldCursor(is_held) => self.window.set_cursor_mode(if is_held {
+                FileAsk::Copy(text) => self.window.set_clipboard_string(&text),
+                FileAsk::Paste => {
+                    events.extend(self.window.get_clipboard_string().map(ViewerEvent::Paste))
+                }
+                FileAsk::FullScreen => self.toggle_full_screen(glfw),
+                FileAsk::HoldCursor(is_held) => self.window.set_cursor_mode(if is_held {
                     glfw::CursorMode::Disabled
                 } else {
                     glfw::CursorMode::Normal
@@ -251,7 +257,7 @@ impl Window {
         events
     }
 
-    pub(super) fn update_title(&mut self, app: &App, loader: &Loader) {
+    pub(super) fn update_title(&mut self, app: &ViewerApp, loader: &ModelLoader) {
         self.title_time = Instant::now();
         let title = if let (Some(path), Some(status)) = (loader.path(), loader.status()) {
             text::loading(&text::name(path), &status)
@@ -276,16 +282,16 @@ impl Window {
     /// Runs until the window is closed.
     pub(super) fn run(
         &mut self,
-        app: &mut App,
+        app: &mut ViewerApp,
         glfw: &mut glfw::Glfw,
-        loader: &mut Loader,
-        mut recorder: Option<&mut Recorder>,
+        loader: &mut ModelLoader,
+        mut recorder: Option<&mut EventRecorder>,
         should_stop: &dyn Fn() -> bool,
     ) -> Result<(), Error> {
         let mut step = 0;
         let mut has_drawn = true;
         let mut last_time = glfw.get_time();
-        let mut answers = vec![self.size_event(), Event::Panel(app.has_panel)];
+        let mut answers = vec![self.size_event(), ViewerEvent::Panel(app.has_panel)];
         while !(app.is_closing || self.window.should_close() || should_stop()) {
             let can_draw = app.is_dirty() && self.can_draw();
             if can_draw && has_drawn || !answers.is_empty() {
@@ -309,7 +315,7 @@ impl Window {
             }
             let now = glfw.get_time();
             let mut entries = Vec::new();
-            let entry = |event| Entry {
+            let entry = |event| RecordEntry {
                 step,
                 time: now,
                 event,
@@ -322,14 +328,14 @@ impl Window {
             if let Some((path, loaded)) = loader.poll() {
                 let is_preview = matches!(&loaded, Ok(loaded) if loaded.is_preview);
                 entries.push(entry(if is_preview {
-                    Event::Preview(path.clone())
+                    ViewerEvent::Preview(path.clone())
                 } else {
-                    Event::Loaded(path.clone())
+                    ViewerEvent::Loaded(path.clone())
                 }));
                 result = Some((path, loaded));
             }
             if app.next_tick().is_some_and(|at| at <= now) {
-                entries.push(entry(Event::Tick(now - last_time)));
+                entries.push(entry(ViewerEvent::Tick(now - last_time)));
             }
             last_time = now;
             if let (Some(path), Some(status)) = (loader.path(), loader.status()) {
@@ -363,13 +369,13 @@ impl Window {
 }
 
 /// Left, top, width and height.
-type Place = (i32, i32, i32, i32);
+type WindowPlace = (i32, i32, i32, i32);
 
 /// The monitor that most of a window lies on; where it lies on none, the one nearest to its middle. Of those that are
 /// alike the first; monitors without a place are not chosen.
-fn monitor_of(window: Place, monitors: &[Option<Place>]) -> Option<usize> {
+fn monitor_of(window: WindowPlace, monitors: &[Option<WindowPlace>]) -> Option<usize> {
     let (x, y, width, height) = window;
-    let key = |&(left, top, w, h): &Place| {
+    let key = |&(left, top, w, h): &WindowPlace| {
         let across = (x + width).min(left + w) - x.max(left);
         let down = (y + height).min(top + h) - y.max(top);
         let shared = i64::from(across.max(0)) * i64::from(down.max(0));
@@ -386,8 +392,8 @@ fn monitor_of(window: Place, monitors: &[Option<Place>]) -> Option<usize> {
         .map(|(index, _)| index)
 }
 
-fn flags(modifiers: glfw::Modifiers) -> Modifiers {
-    Modifiers {
+fn flags(modifiers: glfw::Modifiers) -> KeyModifiers {
+    KeyModifiers {
         shift: modifiers.contains(glfw::Modifiers::Shift),
         control: modifiers.contains(glfw::Modifiers::Control),
         other: modifiers.intersects(glfw::Modifiers::Alt | glfw::Modifiers::Super),
@@ -395,39 +401,39 @@ fn flags(modifiers: glfw::Modifiers) -> Modifiers {
 }
 
 /// Our name of a key; `printed` is what the layout prints for it.
-fn key_of(key: glfw::Key, printed: Option<&str>) -> Option<Key> {
+fn key_of(key: glfw::Key, printed: Option<&str>) -> Option<KeyboardKey> {
     use glfw::Key as K;
     let between = |first: glfw::Key, last: glfw::Key| {
         let (code, first, last) = (key as i32, first as i32, last as i32);
         (first..=last).contains(&code).then(|| (code - first) as u8)
     };
     if let Some(digit) = between(K::Num0, K::Num9) {
-        return Some(Key::Digit(digit));
+        return Some(KeyboardKey::Digit(digit));
     }
     if let Some(digit) = between(K::Kp0, K::Kp9) {
-        return Some(Key::Pad(digit));
+        return Some(KeyboardKey::Pad(digit));
     }
     if let Some(number) = between(K::F1, K::F25) {
-        return Some(Key::F(number + 1));
+        return Some(KeyboardKey::F(number + 1));
     }
     Some(match key {
-        K::KpAdd => Key::PadAdd,
-        K::KpSubtract => Key::PadSubtract,
-        K::Enter | K::KpEnter => Key::Enter,
-        K::Escape => Key::Escape,
-        K::Space => Key::Space,
-        K::Tab => Key::Tab,
-        K::Backspace => Key::Backspace,
-        K::Delete => Key::Delete,
-        K::Home => Key::Home,
-        K::End => Key::End,
-        K::PageUp => Key::PageUp,
-        K::PageDown => Key::PageDown,
-        K::Left => Key::Left,
-        K::Right => Key::Right,
-        K::Up => Key::Up,
-        K::Down => Key::Down,
-        _ => Key::Char(printed?.chars().next()?.to_lowercase().next()?),
+        K::KpAdd => KeyboardKey::PadAdd,
+        K::KpSubtract => KeyboardKey::PadSubtract,
+        K::Enter | K::KpEnter => KeyboardKey::Enter,
+        K::Escape => KeyboardKey::Escape,
+        K::Space => KeyboardKey::Space,
+        K::Tab => KeyboardKey::Tab,
+        K::Backspace => KeyboardKey::Backspace,
+        K::Delete => KeyboardKey::Delete,
+        K::Home => KeyboardKey::Home,
+        K::End => KeyboardKey::End,
+        K::PageUp => KeyboardKey::PageUp,
+        K::PageDown => KeyboardKey::PageDown,
+        K::Left => KeyboardKey::Left,
+        K::Right => KeyboardKey::Right,
+        K::Up => KeyboardKey::Up,
+        K::Down => KeyboardKey::Down,
+        _ => KeyboardKey::Char(printed?.chars().next()?.to_lowercase().next()?),
     })
 }
 
@@ -457,14 +463,17 @@ mod tests {
     fn letters_go_by_the_layout_and_digits_by_place() {
         use glfw::Key as K;
         // The key left of S prints Q on a French keyboard and must not quit where A is seen.
-        assert_eq!(key_of(K::Q, Some("a")), Some(Key::Char('a')));
-        assert_eq!(key_of(K::Num1, Some("&")), Some(Key::Digit(1)));
-        assert_eq!(key_of(K::Kp7, Some("7")), Some(Key::Pad(7)));
-        assert_eq!(key_of(K::F11, None), Some(Key::F(11)));
-        assert_eq!(key_of(K::F1, None), Some(Key::F(1)));
-        assert_eq!(key_of(K::KpEnter, None), Some(Key::Enter));
-        assert_eq!(key_of(K::Tab, None), Some(Key::Tab));
-        assert_eq!(key_of(K::Semicolon, Some("Ö")), Some(Key::Char('ö')));
+        assert_eq!(key_of(K::Q, Some("a")), Some(KeyboardKey::Char('a')));
+        assert_eq!(key_of(K::Num1, Some("&")), Some(KeyboardKey::Digit(1)));
+        assert_eq!(key_of(K::Kp7, Some("7")), Some(KeyboardKey::Pad(7)));
+        assert_eq!(key_of(K::F11, None), Some(KeyboardKey::F(11)));
+        assert_eq!(key_of(K::F1, None), Some(KeyboardKey::F(1)));
+        assert_eq!(key_of(K::KpEnter, None), Some(KeyboardKey::Enter));
+        assert_eq!(key_of(K::Tab, None), Some(KeyboardKey::Tab));
+        assert_eq!(
+            key_of(K::Semicolon, Some("Ö")),
+            Some(KeyboardKey::Char('ö'))
+        );
         assert_eq!(key_of(K::LeftShift, None), None);
     }
 }

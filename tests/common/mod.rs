@@ -9,7 +9,7 @@ pub(crate) mod pictures;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
-use surfel::generate::{Shape, Spec};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::gpu::messages::LayerMessages;
 use surfel::gpu::{DeviceOptions, Gpu};
 use surfel::math::camera::View;
@@ -103,8 +103,8 @@ impl Drop for Device {
 }
 
 /// A generated model with its tree.
-pub(crate) fn generated(shape: Shape, triangles: u64) -> Model {
-    let spec = Spec::with_triangles(shape, triangles).unwrap();
+pub(crate) fn generated(shape: GeneratedShape, triangles: u64) -> Model {
+    let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
     tree::build(
         surfel::generate::mesh(&spec),
         &BuildOptions::default(),

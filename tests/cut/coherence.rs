@@ -4,16 +4,16 @@ use crate::testing::{
     Random, Strips, chaos, cloud, cube, look, look_flat, model, sheet, sphere, torus,
 };
 use glam::{DQuat, DVec3};
-use surfel::cut::{Cut, Footprints, Selector, Settings, SizeMetric, Undrawn};
-use surfel::generate::{self, Shape, Spec};
+use surfel::cut::{Cut, CutSelector, CutSettings, SizeMetric, SplatFootprints, ZeroAreaSet};
+use surfel::generate::{self, GeneratedShape, ShapeSpec};
 use surfel::math::camera::View;
 use surfel::progress::Silent;
-use surfel::tree::{self, BuildOptions, Cone, Model};
+use surfel::tree::{self, BuildOptions, Model, NormalCone};
 
 /// A selector that starts at the root and one that starts at the front of its last cut, side by side.
 struct Pair {
-    coherent: Selector,
-    selector: Selector,
+    coherent: CutSelector,
+    selector: CutSelector,
     expected: Cut,
     cut: Cut,
     /// Nodes that each visited.
@@ -25,11 +25,11 @@ struct Pair {
 
 impl Pair {
     fn new(threads: usize) -> Self {
-        let mut coherent = Selector::with_threads(threads);
+        let mut coherent = CutSelector::with_threads(threads);
         coherent.set_coherent(true);
         Self {
             coherent,
-            selector: Selector::with_threads(threads),
+            selector: CutSelector::with_threads(threads),
             expected: Cut::default(),
             cut: Cut::default(),
             visited: 0,
@@ -41,10 +41,10 @@ impl Pair {
     /// The same lists in the same order.
     fn compare(
         &mut self,
-        (model, undrawn): (&Model, &Undrawn),
+        (model, undrawn): (&Model, &ZeroAreaSet),
         view: &View,
-        settings: &Settings,
-        seen: Option<Footprints>,
+        settings: &CutSettings,
+        seen: Option<SplatFootprints>,
         what: &str,
     ) {
         let selectors = [&mut self.selector, &mut self.coherent];
@@ -76,7 +76,7 @@ impl Pair {
 /// Widens cones until each contains the cones below it, as [`tree::check`] demands; the builder of these tests makes each of its
 /// own triangles.
 fn nested(mut model: Model) -> Model {
-    let half = |cone: &Cone| f64::from(cone.sin_half_angle()).min(1.0).asin();
+    let half = |cone: &NormalCone| f64::from(cone.sin_half_angle()).min(1.0).asin();
     for id in (0..model.tree.nodes.len()).rev() {
         let node = model.tree.nodes[id];
         if node.has_leaves() {
@@ -88,13 +88,13 @@ fn nested(mut model: Model) -> Model {
             widest = widest.max(half(&below) + below.axis().as_dvec3().angle_between(axis));
         }
         let sine = (widest.sin() * 65535.0).ceil() + 1.0;
-        model.tree.nodes[id].cone = if widest < 1.57 && sine < f64::from(Cone::NEVER) {
-            Cone {
+        model.tree.nodes[id].cone = if widest < 1.57 && sine < f64::from(NormalCone::NEVER) {
+            NormalCone {
                 sin_half_angle: sine as u16,
                 ..node.cone
             }
         } else {
-            Cone::ALL
+            NormalCone::ALL
         };
     }
     model
@@ -105,8 +105,8 @@ fn nested(mut model: Model) -> Model {
 fn walk(name: &str, model: &Model, frames: u32, seed: u64) -> Pair {
     let mut random = Random(seed);
     let mut pair = Pair::new(1 + seed as usize % 3);
-    let undrawn = Undrawn::new(model);
-    let mut settings = Settings::default();
+    let undrawn = ZeroAreaSet::new(model);
+    let mut settings = CutSettings::default();
     let (mut eye, mut target) = (DVec3::new(0.0, 0.5, 3.0), DVec3::ZERO);
     let (mut flat, mut hides, mut pace, mut near) = (None, false, 0.05, 0.01);
     for frame in 0..frames {
@@ -156,7 +156,7 @@ fn walk(name: &str, model: &Model, frames: u32, seed: u64) -> Pair {
         };
         // The search is made for the exact size.
         let hides = hides && settings.size == SizeMetric::Exact && settings.threshold_px > 0.3;
-        let seen = hides.then_some(Footprints {
+        let seen = hides.then_some(SplatFootprints {
             side_px: settings.threshold_px.min(64.0),
             hides: true,
             are_discs: false,
@@ -200,12 +200,16 @@ fn the_cut_of_a_moving_camera_equals_the_cut_from_the_root() {
 /// Trees of the real builder, with rows of splats, triangles without area and levels that are divided among threads.
 #[test]
 fn the_cut_of_a_moving_camera_of_built_trees_equals_the_cut_from_the_root() {
-    for (i, shape) in [Shape::Torus, Shape::Statue, Shape::Sphere]
-        .into_iter()
-        .enumerate()
+    for (i, shape) in [
+        GeneratedShape::Torus,
+        GeneratedShape::Statue,
+        GeneratedShape::Sphere,
+    ]
+    .into_iter()
+    .enumerate()
     {
         for is_cloud in [false, true] {
-            let mut mesh = generate::mesh(&Spec::with_triangles(shape, 60_000).unwrap());
+            let mut mesh = generate::mesh(&ShapeSpec::with_triangles(shape, 60_000).unwrap());
             if is_cloud {
                 mesh.triangles.clear();
             } else {
@@ -241,18 +245,18 @@ fn the_cut_of_a_moving_camera_of_tiny_models_and_clouds_equals_the_cut_from_the_
         .map(|n| (n, n))
         .collect();
     walk("cloud", &nested(cloud(&points, 0.03)), 800, 7);
-    let (mut coherent, mut cut) = (Selector::default(), Cut::default());
+    let (mut coherent, mut cut) = (CutSelector::default(), Cut::default());
     coherent.set_coherent(true);
     let view = look(DVec3::Z * 3.0, DVec3::ZERO, (0.1, 9.0));
-    coherent.select(&Model::default(), &view, &Settings::default(), &mut cut);
+    coherent.select(&Model::default(), &view, &CutSettings::default(), &mut cut);
     assert_eq!(cut, Cut::default());
     // Another model in between.
     for n in [40, 30, 1, 50, 50] {
         let model = model(&chaos(n, n as u64), Strips::No);
         let mut expected = Cut::default();
-        Selector::default().select(&model, &view, &Settings::default(), &mut expected);
+        CutSelector::default().select(&model, &view, &CutSettings::default(), &mut expected);
         coherent.forget();
-        coherent.select(&model, &view, &Settings::default(), &mut cut);
+        coherent.select(&model, &view, &CutSettings::default(), &mut cut);
         assert_eq!(cut.triangles, expected.triangles, "{n}");
     }
 }
@@ -261,10 +265,10 @@ fn the_cut_of_a_moving_camera_of_tiny_models_and_clouds_equals_the_cut_from_the_
 #[test]
 fn a_front_saves_the_nodes_above_it() {
     let model = model(&torus(300, 100), Strips::No);
-    let undrawn = Undrawn::new(&model);
-    let settings = Settings {
+    let undrawn = ZeroAreaSet::new(&model);
+    let settings = CutSettings {
         threshold_px: 3.0,
-        ..Settings::default()
+        ..CutSettings::default()
     };
     let parts = [0.0, 0.02, 0.5, 180.0].map(|degrees: f64| {
         let mut pair = Pair::new(2);
@@ -292,10 +296,10 @@ fn a_front_saves_the_nodes_above_it() {
 fn a_warm_cut_keeps_its_memory() {
     let model = model(&sphere(80, 40), Strips::Yes);
     let view = look(DVec3::new(0.0, 0.4, 2.0), DVec3::ZERO, (0.1, 9.0));
-    let (mut selector, mut cut) = (Selector::default(), Cut::default());
+    let (mut selector, mut cut) = (CutSelector::default(), Cut::default());
     let mut memory = Vec::new();
     for _ in 0..4 {
-        selector.select(&model, &view, &Settings::default(), &mut cut);
+        selector.select(&model, &view, &CutSettings::default(), &mut cut);
         memory.push((
             cut.nodes.as_ptr(),
             cut.leaves.as_ptr(),

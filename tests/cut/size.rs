@@ -2,7 +2,7 @@
 
 use crate::testing::{Random, Strips, chaos, look, look_flat, model, sphere};
 use glam::{DVec3, Vec3};
-use surfel::cut::{Cut, Settings, SizeMetric, Tester, select};
+use surfel::cut::{Cut, CutSettings, NodeTester, SizeMetric, select};
 use surfel::math::camera::View;
 
 const METRICS: [SizeMetric; 5] = [
@@ -13,13 +13,13 @@ const METRICS: [SizeMetric; 5] = [
     SizeMetric::Area,
 ];
 
-fn tester(view: &View, threshold_px: f32, size: SizeMetric) -> Tester {
-    let settings = Settings {
+fn tester(view: &View, threshold_px: f32, size: SizeMetric) -> NodeTester {
+    let settings = CutSettings {
         threshold_px,
         size,
-        ..Settings::default()
+        ..CutSettings::default()
     };
-    Tester::new(&model(&chaos(1, 1), Strips::No), view, &settings)
+    NodeTester::new(&model(&chaos(1, 1), Strips::No), view, &settings)
 }
 
 /// C = (2, 0, 3), R = 1, f = 1: A = 0.433013, B = 0.353553, ellipse centered at x = 0.75.
@@ -193,12 +193,12 @@ fn an_eye_inside_gets_triangles_nearby() {
         let eye = DVec3::new(0.1, 0.2, -1.5 + 3.0 * f64::from(k) / 199.0);
         let view = look(eye, eye + DVec3::new(0.2, 0.1, -1.0), (0.02, 9.0));
         for metric in METRICS {
-            let settings = Settings {
+            let settings = CutSettings {
                 threshold_px: 40.0,
                 size: metric,
-                ..Settings::default()
+                ..CutSettings::default()
             };
-            let tester = Tester::new(&model, &view, &settings);
+            let tester = NodeTester::new(&model, &view, &settings);
             for node in &model.tree.nodes {
                 assert!(tester.size_px(node.center, node.radius) > 0.0);
             }

@@ -4,10 +4,10 @@ use crate::leaves_below;
 use crate::testing::{Random, Strips, chaos, look, look_flat, model, torus};
 use glam::DVec3;
 use surfel::cut::{
-    Cut, MAX_STRIP_COUNT, Settings, SizeMetric, Tester, select, strip_ball_radius, strip_center,
-    strip_centers,
+    Cut, CutSettings, MAX_STRIP_COUNT, NodeTester, SizeMetric, select, strip_ball_radius,
+    strip_center, strip_centers,
 };
-use surfel::tree::Strip;
+use surfel::tree::NodeStrip;
 
 #[test]
 fn the_balls_of_a_row_are_small_and_cover_all_triangles_below() {
@@ -25,7 +25,13 @@ fn the_balls_of_a_row_are_small_and_cover_all_triangles_below() {
     let mut rows = 0;
     for soup in [torus(900, 10), needles] {
         let model = model(&soup, Strips::Yes);
-        assert!(model.tree.nodes.iter().any(|n| n.strip != Strip::SPHERE));
+        assert!(
+            model
+                .tree
+                .nodes
+                .iter()
+                .any(|n| n.strip != NodeStrip::SPHERE)
+        );
         for i in 0..90 {
             let (eye, target) = (
                 random.direction() * random.range(0.5, 5.0),
@@ -43,12 +49,12 @@ fn the_balls_of_a_row_are_small_and_cover_all_triangles_below() {
                 SizeMetric::Area,
             ][i % 5];
             let threshold_px = 10f64.powf(random.range(0.0, 2.0)) as f32;
-            let settings = Settings {
+            let settings = CutSettings {
                 threshold_px,
                 size,
-                ..Settings::default()
+                ..CutSettings::default()
             };
-            let tester = Tester::new(&model, &view, &settings);
+            let tester = NodeTester::new(&model, &view, &settings);
             let mut cut = Cut::default();
             select(&model, &view, &settings, &mut cut);
             for run in &cut.strips {
@@ -102,9 +108,9 @@ fn rows_draw_needles_with_fewer_primitives() {
     let soup = torus(4000, 48);
     let (with, without) = (model(&soup, Strips::Yes), model(&soup, Strips::No));
     let view = look(DVec3::new(0.0, 1.0, 2.6), DVec3::ZERO, (0.1, 10.0));
-    let settings = Settings {
+    let settings = CutSettings {
         threshold_px: 12.0,
-        ..Settings::default()
+        ..CutSettings::default()
     };
     let (mut a, mut b) = (Cut::default(), Cut::default());
     select(&with, &view, &settings, &mut a);

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3};
 use surfel::abi::Vertex;
 use surfel::math::camera::{Camera, View};
 use surfel::math::octahedral;
-use surfel::tree::{Cone, Leaf, Model, Node, NodeAttributes, Strip, Tree};
+use surfel::tree::{Leaf, Model, Node, NodeAttributes, NodeStrip, NormalCone, Tree};
 
 /// A seeded generator (PCG's multiplier; the high bits only).
 pub struct Random(pub u64);
@@ -183,25 +183,25 @@ fn normal_of([a, b, c]: [DVec3; 3]) -> Option<DVec3> {
     (b - a).cross(c - a).try_normalize()
 }
 
-fn cone_of(normals: impl Iterator<Item = DVec3> + Clone) -> Cone {
+fn cone_of(normals: impl Iterator<Item = DVec3> + Clone) -> NormalCone {
     let sum: DVec3 = normals.clone().sum();
     if sum.length() < 1e-6 {
-        return Cone::ALL;
+        return NormalCone::ALL;
     }
     let axis = octahedral::encode(sum.as_vec3());
     let unpacked = octahedral::decode(axis).as_dvec3().normalize();
     let cos = normals.map(|n| n.dot(unpacked)).fold(1.0, f64::min);
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     if cos < 1e-3 || sin > 0.9999 {
-        return Cone::ALL;
+        return NormalCone::ALL;
     }
-    Cone {
+    NormalCone {
         axis,
         sin_half_angle: ((sin + 1e-7) * 65535.0).ceil() as u16,
     }
 }
 
-fn strip_of(center: Vec3, radius: f32, corners: impl Iterator<Item = DVec3> + Clone) -> Strip {
+fn strip_of(center: Vec3, radius: f32, corners: impl Iterator<Item = DVec3> + Clone) -> NodeStrip {
     let c = center.as_dvec3();
     let far = |from: DVec3| {
         let longest = |a: DVec3, b: DVec3| {
@@ -216,7 +216,7 @@ fn strip_of(center: Vec3, radius: f32, corners: impl Iterator<Item = DVec3> + Cl
     let one = far(c);
     let axis = octahedral::encode((far(one) - one).as_vec3());
     let direction = axis.map(|x| (f64::from(x) / 258.0).round() as i8);
-    let mut strip = Strip {
+    let mut strip = NodeStrip {
         direction,
         half_length: 0,
         width: 0,
@@ -231,7 +231,7 @@ fn strip_of(center: Vec3, radius: f32, corners: impl Iterator<Item = DVec3> + Cl
     let half = corners.clone().map(beyond).fold(0.0, f64::max);
     let in_255 = |x: f64| (x / f64::from(radius) * 255.0 + 1e-3).ceil();
     if !(radius > 0.0 && in_255(half) <= 255.0 && in_255(width) < 180.0) {
-        return Strip::SPHERE;
+        return NodeStrip::SPHERE;
     }
     (strip.half_length, strip.width) = (in_255(half) as u8, in_255(width) as u8);
     strip
@@ -320,7 +320,7 @@ fn finish(vertices: Vec<Vertex>, triangles: Vec<[u32; 3]>, tree: Tree) -> Model 
 
 fn tree<C: Iterator<Item = DVec3> + Clone>(
     leaves: &[(Vec3, f32)],
-    below: impl Fn(std::ops::Range<usize>) -> (Cone, C, Strips),
+    below: impl Fn(std::ops::Range<usize>) -> (NormalCone, C, Strips),
 ) -> Tree {
     // Levels from the leaves up, as (sphere, first leaf); the groups are as even as can be.
     let mut levels: Vec<Vec<(Vec3, f32, u32)>> = vec![
@@ -375,7 +375,7 @@ fn tree<C: Iterator<Item = DVec3> + Clone>(
                 cone,
                 strip: match strips {
                     Strips::Yes => strip_of(center, radius, corners),
-                    Strips::No => Strip::SPHERE,
+                    Strips::No => NodeStrip::SPHERE,
                 },
                 child_count: (b - a) as u8,
                 flags: if level == 1 { Node::LEAF_CHILDREN } else { 0 },

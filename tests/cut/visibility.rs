@@ -5,10 +5,10 @@ use crate::testing::{
 };
 use crate::{assert_ascending, coverage, leaves_below};
 use glam::{DVec3, Vec3};
-use surfel::cut::{Cut, Facing, Settings, SizeMetric, Tester, select};
+use surfel::cut::{Cut, CutSettings, FacingTest, NodeTester, SizeMetric, select};
 use surfel::math::camera::View;
 use surfel::math::frustum::Frustum;
-use surfel::tree::{Cone, Model};
+use surfel::tree::{Model, NormalCone};
 
 fn meshes() -> Vec<(&'static str, Soup)> {
     vec![
@@ -88,7 +88,7 @@ fn culling_never_drops_what_is_visible_and_nothing_is_drawn_twice() {
             let model = model(&soup, strips);
             let (mut dropped, mut seen) = (0, 0);
             for (i, view) in views(&mut random, 120).into_iter().enumerate() {
-                let settings = Settings {
+                let settings = CutSettings {
                     threshold_px: [0.0, 1.0, 3.0, 20.0][i % 4],
                     cull_back: i % 3 != 0,
                     cull_frustum: i % 5 != 0,
@@ -99,7 +99,7 @@ fn culling_never_drops_what_is_visible_and_nothing_is_drawn_twice() {
                 select(&model, &view, &settings, &mut cut);
                 assert_ascending(&cut);
                 // A node inside the volume spares the tests below; they would have found nothing.
-                let tester = Tester::new(&model, &view, &settings);
+                let tester = NodeTester::new(&model, &view, &settings);
                 let nodes = cut.nodes.iter().map(|&id| &model.tree.nodes[id as usize]);
                 let leaves = cut
                     .leaves
@@ -156,16 +156,17 @@ fn a_cone_test_of_the_center_alone_is_found_wrong() {
         let model = model(&soup, Strips::No);
         for _ in 0..150 {
             let view = look(random.in_ball() * 1.5, DVec3::ZERO, (0.01, 30.0));
-            let settings = Settings {
+            let settings = CutSettings {
                 cull_back: true,
-                ..Settings::default()
+                ..CutSettings::default()
             };
-            let tester = Tester::new(&model, &view, &settings);
+            let tester = NodeTester::new(&model, &view, &settings);
             for (id, node) in model.tree.nodes.iter().enumerate() {
                 let v = (node.center - view.eye).normalize();
-                let center_only = node.cone.sin_half_angle != Cone::NEVER
+                let center_only = node.cone.sin_half_angle != NormalCone::NEVER
                     && node.cone.axis().dot(v) >= node.cone.sin_half_angle();
-                let is_away = tester.facing(node.center, node.radius, node.cone) == Facing::Away;
+                let is_away =
+                    tester.facing(node.center, node.radius, node.cone) == FacingTest::Away;
                 if center_only || is_away {
                     let mut below = leaves_below(&model.tree, id as u32);
                     let is_visible = below.any(|leaf| faces_viewer(&model, &view, leaf as usize));
@@ -191,14 +192,14 @@ fn the_cone_test_is_exact_for_a_ball() {
             0 => look_flat(eye, DVec3::ZERO, 2.0, (-3.0, 20.0), 1.0),
             _ => look(eye, DVec3::ZERO, (0.01, 30.0)),
         };
-        let tester = Tester::new(
+        let tester = NodeTester::new(
             &model(&chaos(1, 1), Strips::No),
             &view,
-            &Settings::default(),
+            &CutSettings::default(),
         );
         let center = (random.in_ball() * 3.0).as_vec3();
         let radius = random.range(0.0, 1.0) as f32;
-        let cone = Cone {
+        let cone = NormalCone {
             axis: [random.next() as i16, random.next() as i16].map(|c| c.max(-32767)),
             sin_half_angle: (random.unit() * 65534.0) as u16,
         };
@@ -215,16 +216,16 @@ fn the_cone_test_is_exact_for_a_ball() {
         let facing = tester.facing(center, radius, cone);
         // Within the rounding either answer may come, but never a wrong "away" or "front".
         if margin(1.0) < -1e-6 {
-            assert_ne!(facing, Facing::Away, "{i}: margin {}", margin(1.0));
+            assert_ne!(facing, FacingTest::Away, "{i}: margin {}", margin(1.0));
         } else if margin(1.0) > 1e-4 + 2e-3 * v.length() {
             away += 1;
-            found += u32::from(facing == Facing::Away);
+            found += u32::from(facing == FacingTest::Away);
         }
         if margin(-1.0) < -1e-6 {
-            assert_ne!(facing, Facing::Front, "{i}: margin {}", margin(-1.0));
+            assert_ne!(facing, FacingTest::Front, "{i}: margin {}", margin(-1.0));
         } else if margin(-1.0) > 1e-4 + 2e-3 * v.length() {
             front += 1;
-            front_found += u32::from(facing == Facing::Front);
+            front_found += u32::from(facing == FacingTest::Front);
         }
     }
     assert!(away > 2000 && found == away, "{found} of {away}");
@@ -233,12 +234,15 @@ fn the_cone_test_is_exact_for_a_ball() {
         "{front_found} of {front}"
     );
     let view = look(DVec3::Z * 9.0, DVec3::ZERO, (0.01, 30.0));
-    let tester = Tester::new(
+    let tester = NodeTester::new(
         &model(&chaos(1, 1), Strips::No),
         &view,
-        &Settings::default(),
+        &CutSettings::default(),
     );
-    assert_eq!(tester.facing(Vec3::ZERO, 0.0, Cone::ALL), Facing::Mixed);
+    assert_eq!(
+        tester.facing(Vec3::ZERO, 0.0, NormalCone::ALL),
+        FacingTest::Mixed
+    );
 }
 
 /// F2 and its converse: below "inside" nothing is outside, below "outside" nothing else is.
@@ -247,10 +251,10 @@ fn the_volume_test_holds_for_nested_balls() {
     let mut random = Random(4);
     let (mut outside, mut total) = (0, 0);
     for view in views(&mut random, 60) {
-        let tester = Tester::new(
+        let tester = NodeTester::new(
             &model(&chaos(1, 1), Strips::No),
             &view,
-            &Settings::default(),
+            &CutSettings::default(),
         );
         let wide = Frustum::new(&view, 1.0);
         for _ in 0..500 {
@@ -286,10 +290,10 @@ fn a_sphere_keeps_the_fraction_that_faces_the_eye() {
     let all: f64 = (0..soup.len() as u32).map(area).sum();
     for d in [2.0, 3.0, 5.0, 8.0] {
         let view = look(DVec3::new(0.6, 0.48, 0.64) * d, DVec3::ZERO, (0.1, 20.0));
-        let settings = Settings {
+        let settings = CutSettings {
             threshold_px: 0.0,
             cull_back: true,
-            ..Settings::default()
+            ..CutSettings::default()
         };
         let mut cut = Cut::default();
         select(&model, &view, &settings, &mut cut);
@@ -309,10 +313,10 @@ fn without_culling_every_leaf_is_drawn_once() {
     for (name, soup) in meshes() {
         let model = model(&soup, Strips::Yes);
         for view in views(&mut random, 40) {
-            let settings = Settings {
+            let settings = CutSettings {
                 threshold_px: random.range(0.0, 30.0) as f32,
                 cull_frustum: false,
-                ..Settings::default()
+                ..CutSettings::default()
             };
             let mut cut = Cut::default();
             select(&model, &view, &settings, &mut cut);
@@ -333,17 +337,17 @@ fn culling_keeps_every_splat_that_reaches_into_the_picture() {
     let model = model(&sphere(60, 30), Strips::No);
     for view in views(&mut random, 60) {
         for threshold_px in [1.0, 6.0, 40.0] {
-            let all = Settings {
+            let all = CutSettings {
                 threshold_px,
                 cull_frustum: false,
-                ..Settings::default()
+                ..CutSettings::default()
             };
             let (mut unculled, mut culled) = (Cut::default(), Cut::default());
             select(&model, &view, &all, &mut unculled);
             select(
                 &model,
                 &view,
-                &Settings {
+                &CutSettings {
                     cull_frustum: true,
                     ..all
                 },
@@ -377,10 +381,10 @@ fn culling_keeps_every_splat_that_reaches_into_the_picture() {
 fn a_visible_face_of_a_cube_stays() {
     let model = model(&cube(8), Strips::No);
     let view = look(DVec3::new(3.0, -2.9, -2.9), DVec3::ZERO, (0.1, 20.0));
-    let settings = Settings {
+    let settings = CutSettings {
         threshold_px: 0.0,
         cull_back: true,
-        ..Settings::default()
+        ..CutSettings::default()
     };
     let mut cut = Cut::default();
     select(&model, &view, &settings, &mut cut);
@@ -398,7 +402,7 @@ fn degenerate_models_have_a_cut() {
     let view = look(DVec3::Z * 3.0, DVec3::ZERO, (0.1, 9.0));
     let mut cut = Cut::default();
     cut.nodes.push(7);
-    select(&Model::default(), &view, &Settings::default(), &mut cut);
+    select(&Model::default(), &view, &CutSettings::default(), &mut cut);
     assert_eq!(cut, Cut::default());
     // One triangle: no interior node. Seen from the front, from behind, and small.
     let corner = |x, y| DVec3::new(x, y, 0.0);
@@ -407,9 +411,9 @@ fn degenerate_models_have_a_cut() {
         Strips::No,
     );
     assert!(one.tree.nodes.is_empty());
-    let culled = Settings {
+    let culled = CutSettings {
         cull_back: true,
-        ..Settings::default()
+        ..CutSettings::default()
     };
     select(&one, &view, &culled, &mut cut);
     assert_eq!(
@@ -426,7 +430,7 @@ fn degenerate_models_have_a_cut() {
     select(
         &one,
         &view,
-        &Settings {
+        &CutSettings {
             threshold_px: 1000.0,
             ..culled
         },
@@ -442,14 +446,14 @@ fn degenerate_models_have_a_cut() {
     select(
         &points,
         &view,
-        &Settings {
+        &CutSettings {
             threshold_px: 0.0,
-            ..Settings::default()
+            ..CutSettings::default()
         },
         &mut cut,
     );
     assert_eq!(cut.triangles.len(), 9);
-    select(&points, &view, &Settings::default(), &mut cut);
+    select(&points, &view, &CutSettings::default(), &mut cut);
     assert_eq!(cut.nodes, [0]);
     // Not a number anywhere: kept, and no panic.
     let mut broken = model(&sphere(20, 10), Strips::Yes);
@@ -459,10 +463,10 @@ fn degenerate_models_have_a_cut() {
     select(
         &broken,
         &view,
-        &Settings {
+        &CutSettings {
             threshold_px: f32::NAN,
             cull_back: true,
-            ..Settings::default()
+            ..CutSettings::default()
         },
         &mut cut,
     );
@@ -474,10 +478,10 @@ fn unit_of_the_model_does_not_matter() {
     let soup = torus(400, 12);
     let plain = model(&soup, Strips::Yes);
     let eye = DVec3::new(1.2, 0.7, 1.9);
-    let settings = Settings {
+    let settings = CutSettings {
         threshold_px: 40.0,
         cull_back: true,
-        ..Settings::default()
+        ..CutSettings::default()
     };
     let mut expected = Cut::default();
     select(
@@ -491,7 +495,7 @@ fn unit_of_the_model_does_not_matter() {
     );
     // Powers of two, so that every figure is the same but for its exponent.
     for size in [SizeMetric::Exact, SizeMetric::Area] {
-        let settings = Settings { size, ..settings };
+        let settings = CutSettings { size, ..settings };
         select(
             &plain,
             &look(eye, DVec3::ZERO, (0.125, 16.0)),
@@ -535,10 +539,10 @@ fn points_of_a_cloud_are_always_splats_and_face_by_their_normals() {
     let model = cloud(&points, 0.02);
     let view = look(DVec3::new(0.3, 0.8, 3.0), DVec3::ZERO, (0.1, 9.0));
     for cull_back in [false, true] {
-        let settings = Settings {
+        let settings = CutSettings {
             threshold_px: 0.0,
             cull_back,
-            ..Settings::default()
+            ..CutSettings::default()
         };
         let mut cut = Cut::default();
         select(&model, &view, &settings, &mut cut);

@@ -4,7 +4,7 @@ use crate::scene::*;
 use glam::{DVec3, Vec3};
 use std::f64::consts::PI;
 use surfel::abi::Splat;
-use surfel::generate::{Shape, Spec};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::pack::{DrawList, Style};
 use surfel::progress::Silent;
 use surfel::render::PictureOutputs;
@@ -170,7 +170,7 @@ fn a_coarse_grid_is_a_fine_one_with_rounded_places() {
 /// An engine takes the grid of a device it is compared with: pixels at edges change sides, about 1/16 of them, and no other.
 #[test]
 fn an_engine_snaps_to_the_grid_it_is_told() {
-    let spec = Spec::with_triangles(Shape::Sphere, 2000).unwrap();
+    let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 2000).unwrap();
     let mesh = surfel::generate::mesh(&spec);
     let model = build(mesh, &BuildOptions::default(), &Silent).unwrap();
     let view = sphere_view(3.0, 128);

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 use surfel::abi::FilteredSplat;
-use surfel::cut::{self, Cut, Selector};
+use surfel::cut::{self, Cut, CutSelector};
 use surfel::math::camera::{Camera, View};
 use surfel::mesh::Mesh;
 use surfel::pack::filtered::{Shade, drawn_counts, splat_count, splats, take_triangles};
@@ -55,11 +55,11 @@ const SHADE: Shade = Shade {
 /// The splats of a model, and how many triangles are left.
 fn packed(model: &Model, view: &View, shade: Shade) -> (Vec<FilteredSplat>, usize) {
     let mut cut = Cut::default();
-    let settings = cut::Settings {
+    let settings = cut::CutSettings {
         threshold_px: 1.0,
-        ..cut::Settings::default()
+        ..cut::CutSettings::default()
     };
-    Selector::default().select(model, view, &settings, &mut cut);
+    CutSelector::default().select(model, view, &settings, &mut cut);
     let foreseen = drawn_counts(model, view, &shade, &cut);
     let large = take_triangles(model, view, &shade, &mut cut);
     assert_eq!(foreseen, [splat_count(&cut, large), cut.triangles.len()]);

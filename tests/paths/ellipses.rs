@@ -2,7 +2,7 @@
 
 use super::common::{self, Device, generated, orbit};
 use super::{assert_same, assert_ways, built, colored_cloud, draw, passes, pictures};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::pack::ColorBy;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
@@ -23,8 +23,8 @@ fn ellipses_are_the_same_by_compute_by_the_rasterizer_and_on_the_mirror() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let statue = generated(Shape::Statue, 60_000);
-    let torus = generated(Shape::Torus, 60_000);
+    let statue = generated(GeneratedShape::Statue, 60_000);
+    let torus = generated(GeneratedShape::Torus, 60_000);
     let cloud = colored_cloud();
     let size = (400, 320);
     let outputs = PictureOutputs {
@@ -76,7 +76,7 @@ fn ellipses_are_the_same_in_every_projection_and_color() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let statue = generated(Shape::Statue, 60_000);
+    let statue = generated(GeneratedShape::Statue, 60_000);
     let cloud = colored_cloud();
     let size = (240, 200);
     for (name, model) in [("statue", &statue), ("colored cloud", &cloud)] {

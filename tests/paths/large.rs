@@ -2,7 +2,7 @@
 
 use super::common::{self, Device, generated, orbit};
 use super::{built, colored, passes, pictures};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::{Culling, Method, Path, Settings, SplatKind};
@@ -14,8 +14,8 @@ fn compared(method: Method, thresholds_px: &[f32]) -> Option<[usize; 2]> {
     let mut cloud = colored();
     cloud.triangles.clear();
     let models = [
-        ("statue", generated(Shape::Statue, 60_000)),
-        ("few", generated(Shape::Torus, 2_000)),
+        ("statue", generated(GeneratedShape::Statue, 60_000)),
+        ("few", generated(GeneratedShape::Torus, 2_000)),
         ("colored", built(colored())),
         ("cloud", built(cloud)),
     ];

@@ -2,7 +2,7 @@
 
 use super::common::{self, Device, generated, orbit};
 use super::{assert_same, assert_ways, built, colored_cloud, draw, passes, pictures, visible};
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::image::Image;
 use surfel::pack::{ColorBy, Lighting, Phong};
 use surfel::render::PictureOutputs;
@@ -15,8 +15,8 @@ fn visibility_splats_are_the_same_at_every_size() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let statue = generated(Shape::Statue, 60_000);
-    let coarse = generated(Shape::Statue, 5_000);
+    let statue = generated(GeneratedShape::Statue, 60_000);
+    let coarse = generated(GeneratedShape::Statue, 5_000);
     let cloud = colored_cloud();
     let size = (240, 200);
     let backend = Backend::Device(device.gpu().clone());
@@ -66,7 +66,7 @@ fn visibility_splats_are_the_same_in_every_light_projection_and_color() {
     let Some(device) = Device::with_compute() else {
         return;
     };
-    let model = generated(Shape::Statue, 60_000);
+    let model = generated(GeneratedShape::Statue, 60_000);
     let size = (240, 200);
     let view = orbit(&model, size, 30.0, 20.0, 0.7);
     let mut mirrored = view;

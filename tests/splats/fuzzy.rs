@@ -4,7 +4,7 @@ use crate::common::pictures::{BLENDED_TRIANGLES, REFERENCE_BLENDED};
 use crate::common::{Device, generated, orbit};
 use crate::oracle::{draw, same};
 use glam::DVec3;
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::math::camera::Camera;
 use surfel::pack::{Lamp, Lighting, Phong};
 use surfel::progress::Silent;
@@ -32,7 +32,10 @@ fn fuzzy(splat: SplatKind, threshold_px: f32) -> Settings {
 #[test]
 fn device_and_mirror_blend_every_kind_alike() {
     let Some(device) = Device::open() else { return };
-    for (shape, triangles) in [(Shape::Sphere, 8_000), (Shape::Statue, 30_000)] {
+    for (shape, triangles) in [
+        (GeneratedShape::Sphere, 8_000),
+        (GeneratedShape::Statue, 30_000),
+    ] {
         let model = generated(shape, triangles);
         for (fill, threshold) in [(1.0, 1.0), (0.4, 3.0), (2.5, 9.0)] {
             let view = orbit(&model, (90, 80), 40.0, 25.0, fill);
@@ -74,8 +77,8 @@ const LAMPS: [Lamp; 3] = [
 #[test]
 fn device_and_mirror_light_means_with_a_lamp_alike() {
     let Some(device) = Device::open() else { return };
-    let statue = generated(Shape::Statue, 30_000);
-    let open = generated(Shape::Square, 2_000);
+    let statue = generated(GeneratedShape::Statue, 30_000);
+    let open = generated(GeneratedShape::Square, 2_000);
     for lamp in LAMPS {
         let light = Lighting::Phong(Phong {
             lamp,
@@ -104,7 +107,7 @@ fn device_and_mirror_light_means_with_a_lamp_alike() {
 #[test]
 fn mean_normals_are_those_of_the_surface() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Sphere, 200_000);
+    let model = generated(GeneratedShape::Sphere, 200_000);
     let view = orbit(&model, (200, 200), 30.0, 20.0, 0.9);
     let reference = Settings {
         method: Method::Triangles,
@@ -132,11 +135,11 @@ fn mean_normals_are_those_of_the_surface() {
 #[test]
 fn clouds_parallel_views_and_an_eye_inside_alike() {
     let Some(device) = Device::open() else { return };
-    let spec = surfel::generate::Spec::with_triangles(Shape::Statue, 4_000).unwrap();
+    let spec = surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 4_000).unwrap();
     let mut cloud = surfel::generate::mesh(&spec);
     cloud.triangles.clear();
     let cloud = tree::build(cloud, &BuildOptions::default(), &Silent).unwrap();
-    let statue = generated(Shape::Statue, 10_000);
+    let statue = generated(GeneratedShape::Statue, 10_000);
     let mut camera = Camera::look_at(
         (90, 80),
         DVec3::new(1.0, 0.5, 4.0),
@@ -185,7 +188,7 @@ fn clouds_parallel_views_and_an_eye_inside_alike() {
 #[test]
 fn half_floats_are_near_and_say_the_same() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     let view = orbit(&model, (200, 200), 40.0, 25.0, 1.0);
     let settings = fuzzy(SplatKind::Gauss, 3.0);
     let backend = Backend::Device(device.gpu().clone());
@@ -218,7 +221,7 @@ fn device_pictures(device: &Device, model: &Model, settings: &Settings) -> Vec<V
 #[test]
 fn two_frames_are_the_same_to_the_bit() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 30_000);
+    let model = generated(GeneratedShape::Statue, 30_000);
     for kind in KINDS {
         let pictures = device_pictures(&device, &model, &fuzzy(kind, 3.0));
         assert_eq!(pictures[0], pictures[1], "{kind:?}");
@@ -226,8 +229,8 @@ fn two_frames_are_the_same_to_the_bit() {
 }
 
 /// Every vertex of a generated mesh, without triangles and normals, of one color.
-fn plain_cloud(shape: Shape, triangles: u64) -> Model {
-    let spec = surfel::generate::Spec::with_triangles(shape, triangles).unwrap();
+fn plain_cloud(shape: GeneratedShape, triangles: u64) -> Model {
+    let spec = surfel::generate::ShapeSpec::with_triangles(shape, triangles).unwrap();
     let mut mesh = surfel::generate::mesh(&spec);
     mesh.triangles.clear();
     mesh.normals.clear();
@@ -243,8 +246,8 @@ fn one_color_stays_that_color() {
     // 0.8 times the color, lit from the front without a normal.
     let expected = [160, 120, 80, 255];
     for model in [
-        plain_cloud(Shape::Sphere, 10_000),
-        plain_cloud(Shape::Square, 10_000),
+        plain_cloud(GeneratedShape::Sphere, 10_000),
+        plain_cloud(GeneratedShape::Square, 10_000),
     ] {
         let view = orbit(&model, (100, 100), 30.0, 20.0, 0.8);
         for kind in KINDS {
@@ -282,7 +285,10 @@ fn one_color_stays_that_color() {
 fn no_holes_in_closed_surfaces() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    for (shape, triangles) in [(Shape::Sphere, 40_000), (Shape::Statue, 100_000)] {
+    for (shape, triangles) in [
+        (GeneratedShape::Sphere, 40_000),
+        (GeneratedShape::Statue, 100_000),
+    ] {
         let model = generated(shape, triangles);
         let size = (110, 110);
         let mut engine = surfel::render::engine::Engine::new(
@@ -334,7 +340,7 @@ fn no_holes_in_closed_surfaces() {
 fn triangles_alone_are_the_picture_of_triangles() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Sphere, 2_000);
+    let model = generated(GeneratedShape::Sphere, 2_000);
     let view = orbit(&model, (160, 160), 30.0, 20.0, 1.0);
     let triangles = Settings {
         method: Method::Triangles,
@@ -394,7 +400,7 @@ fn sums_of_thousands() {
 fn what_cannot_be_blended_is_refused_by_name() {
     let Some(device) = Device::open() else { return };
     let backend = Backend::Device(device.gpu().clone());
-    let model = generated(Shape::Sphere, 500);
+    let model = generated(GeneratedShape::Sphere, 500);
     let view = orbit(&model, (40, 40), 0.0, 0.0, 1.0);
     let refusal = |settings: Settings| {
         let outputs = surfel::render::PictureOutputs::default();

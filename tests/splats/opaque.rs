@@ -4,7 +4,7 @@ use crate::common::pictures::{self, PictureOracle};
 use crate::common::{Device, generated, orbit};
 use crate::oracle::same;
 use glam::DVec3;
-use surfel::generate::Shape;
+use surfel::generate::GeneratedShape;
 use surfel::math::camera::Camera;
 use surfel::mesh::Mesh;
 use surfel::progress::Silent;
@@ -41,9 +41,9 @@ fn opaque(splat: SplatKind, method: Method, threshold_px: f32) -> Settings {
 fn device_and_mirror_draw_every_kind_alike() {
     let Some(device) = Device::open() else { return };
     for (shape, triangles) in [
-        (Shape::Sphere, 8_000),
-        (Shape::Statue, 30_000),
-        (Shape::Torus, 10_000),
+        (GeneratedShape::Sphere, 8_000),
+        (GeneratedShape::Statue, 30_000),
+        (GeneratedShape::Torus, 10_000),
     ] {
         let model = generated(shape, triangles);
         for (fill, threshold) in [(1.0, 1.0), (0.4, 3.0), (1.5, 9.0)] {
@@ -73,7 +73,7 @@ fn build(mesh: Mesh) -> Model {
 #[test]
 fn clouds_needles_and_flat_things_alike() {
     let Some(device) = Device::open() else { return };
-    let spec = surfel::generate::Spec::with_triangles(Shape::Statue, 4_000).unwrap();
+    let spec = surfel::generate::ShapeSpec::with_triangles(GeneratedShape::Statue, 4_000).unwrap();
     let mut cloud = surfel::generate::mesh(&spec);
     cloud.triangles.clear();
     let with_normals = build(cloud.clone());
@@ -104,7 +104,7 @@ fn clouds_needles_and_flat_things_alike() {
 #[test]
 fn large_splats_near_the_eye_alike() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Sphere, 400);
+    let model = generated(GeneratedShape::Sphere, 400);
     for (eye, target) in [
         (DVec3::new(0.0, 0.0, 1.02), DVec3::new(0.5, 0.2, 0.0)),
         (DVec3::new(0.0, 0.0, 0.5), DVec3::new(0.3, 0.1, 1.0)),
@@ -145,7 +145,7 @@ fn large_splats_near_the_eye_alike() {
 #[test]
 fn an_orthographic_view_alike() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Statue, 10_000);
+    let model = generated(GeneratedShape::Statue, 10_000);
     let mut camera = Camera::look_at(
         (160, 120),
         DVec3::new(1.0, 0.5, 4.0),
@@ -181,7 +181,7 @@ fn an_orthographic_view_alike() {
 #[test]
 fn ellipses_keep_the_outline_where_squares_inflate_it() {
     let Some(device) = Device::open() else { return };
-    let model = generated(Shape::Sphere, 100_000);
+    let model = generated(GeneratedShape::Sphere, 100_000);
     let camera = Camera::look_at(
         (500, 500),
         DVec3::new(0.0, 0.0, 3.0),

@@ -4,7 +4,7 @@ use super::shapes::{grid, torus};
 use super::tree_of;
 use glam::{DVec3, Quat, Vec3};
 use surfel::mesh::Mesh;
-use surfel::tree::{Model, Node, Strip};
+use surfel::tree::{Model, Node, NodeStrip};
 
 /// The capsule of a node along its axis: half length with its ends, within the sphere.
 fn half_length(node: &Node) -> f32 {
@@ -77,7 +77,7 @@ fn largest_part(model: &Model, id: u32, levels: u32) -> f32 {
 fn check_gaps(model: &Model, name: &str) -> usize {
     let mut capsules = 0;
     for (id, node) in model.tree.nodes.iter().enumerate() {
-        if node.strip == Strip::SPHERE {
+        if node.strip == NodeStrip::SPHERE {
             continue;
         }
         capsules += 1;
@@ -112,7 +112,7 @@ fn separate_parts_get_no_capsule_across_the_gap() {
             // The root holds both, and nothing else does.
             assert_eq!(
                 model.tree.nodes[0].strip,
-                Strip::SPHERE,
+                NodeStrip::SPHERE,
                 "{n} x {n}, {distance} apart"
             );
         }
@@ -137,5 +137,5 @@ fn needles_and_rods_keep_their_capsules() {
     });
     let model = tree_of(&rod);
     assert!(check_gaps(&model, "rod") > 0);
-    assert_ne!(model.tree.nodes[0].strip, Strip::SPHERE);
+    assert_ne!(model.tree.nodes[0].strip, NodeStrip::SPHERE);
 }

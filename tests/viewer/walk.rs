@@ -3,56 +3,56 @@
 
 use std::collections::VecDeque;
 use std::path::Path;
-use surfel::cut::{Cut, Selector};
-use surfel::generate::{Shape, Spec};
+use surfel::cut::{Cut, CutSelector};
+use surfel::generate::{GeneratedShape, ShapeSpec};
 use surfel::math::camera::View;
 use surfel::progress::Silent;
 use surfel::render::{LARGEST_COMPUTE_BLENDED_PX, LARGEST_COMPUTE_SQUARE_PX, Settings, cut_key};
 use surfel::tree::{self, BuildOptions, Model, OrbitSphere};
-use surfel::viewer::camera::Orbit;
-use surfel::viewer::control::{Control, Place, Took, Work};
-use surfel::viewer::event::{Event, Key};
-use surfel::viewer::input::{Drag, Gesture, Mouse};
-use surfel::viewer::pace::{Paced, Summary};
+use surfel::viewer::camera::OrbitCamera;
+use surfel::viewer::control::{EyePlace, FrameBudget, FrameWork, TimeTaken};
+use surfel::viewer::event::{KeyboardKey, ViewerEvent};
+use surfel::viewer::input::{DragAction, MouseGesture, MouseState};
+use surfel::viewer::pace::{PaceSummary, PacedFrame};
 use surfel::viewer::record;
 
 use glam::{DVec2, DVec3};
 
 /// The cameras of the walk, one for each step that moves, as the window makes them: a drag, a flight, and back.
-fn walk(model: &Model) -> Vec<Orbit> {
+fn walk(model: &Model) -> Vec<OrbitCamera> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/walk.jsonl");
     let OrbitSphere { center, radius } = model.orbit_sphere();
     let home = (30f64.to_radians(), 20f64.to_radians(), 1.0);
-    let mut orbit = Orbit::new(center, radius, (640, 480), home);
-    let (mut mouse, mut held, mut flies, mut last) = (Mouse::default(), None, false, None);
+    let mut orbit = OrbitCamera::new(center, radius, (640, 480), home);
+    let (mut mouse, mut held, mut flies, mut last) = (MouseState::default(), None, false, None);
     let mut cameras = Vec::new();
     for entry in record::read(&path).unwrap() {
         let before = orbit.clone();
         match entry.event {
-            Event::Cursor(at) => {
+            ViewerEvent::Cursor(at) => {
                 let at = DVec2::from_array(at);
                 let gesture = mouse.moved(at);
                 if flies {
                     if let Some(last) = last.replace(at) {
                         orbit.look_around(at - last);
                     }
-                } else if let Some(Gesture::Move(Drag::Turn, by)) = gesture {
+                } else if let Some(MouseGesture::Move(DragAction::Turn, by)) = gesture {
                     orbit.turn(by);
                 }
             }
-            Event::Button {
+            ViewerEvent::Button {
                 button,
                 pressed,
                 modifiers,
             } => {
                 mouse.button(button, pressed, modifiers, entry.time);
             }
-            Event::Key { key, pressed, .. } => match key {
-                Key::Char('g') => (flies, last) = (!flies, None),
-                Key::Char(c) => held = pressed.then_some(c),
+            ViewerEvent::Key { key, pressed, .. } => match key {
+                KeyboardKey::Char('g') => (flies, last) = (!flies, None),
+                KeyboardKey::Char(c) => held = pressed.then_some(c),
                 other => panic!("the walk has no use for {other:?}"),
             },
-            Event::Tick(seconds) => {
+            ViewerEvent::Tick(seconds) => {
                 let way = match held {
                     Some('w') => DVec3::NEG_Z,
                     Some('s') => DVec3::Z,
@@ -129,17 +129,17 @@ impl Device {
     }
 
     /// What a frame takes; `at` is how far along the way it is.
-    fn took(&self, work: &Work, px: f32, at: f64) -> Took {
+    fn took(&self, work: &FrameWork, px: f32, at: f64) -> TimeTaken {
         let part = match self.by_compute {
             Some(part) if work.by_compute => part,
             _ => 1.0,
         };
-        let mut took = Took {
+        let mut took = TimeTaken {
             cut_ms: self.visited * (work.visited + work.counted) as f64,
             draw_ms: self.frame
                 + part * self.splat * work.splats as f64
                 + self.triangle * work.triangles as f64,
-            ..Took::default()
+            ..TimeTaken::default()
         };
         if let Some(blended) = &self.blended {
             let pixels = work.splats as f64 * f64::from(px).powi(2);
@@ -184,7 +184,7 @@ const BLENDED: Device = Device {
 const TARGET: f64 = 33.0;
 
 /// Pixels of the square around the model's ball in a picture.
-fn pixels(model: &Model, orbit: &Orbit, view: &View) -> u64 {
+fn pixels(model: &Model, orbit: &OrbitCamera, view: &View) -> u64 {
     let center = model.orbit_sphere().center;
     let distance = (orbit.eye() - center).length() as f32;
     let radius_px = view.focal_px() * model.orbit_radius / distance.max(1e-3);
@@ -193,7 +193,7 @@ fn pixels(model: &Model, orbit: &Orbit, view: &View) -> u64 {
 }
 
 /// Eye and direction of a camera, as the window tells them.
-fn place(model: &Model, orbit: &Orbit) -> Place {
+fn place(model: &Model, orbit: &OrbitCamera) -> EyePlace {
     let center = model.orbit_sphere().center;
     let world = orbit.camera().view.inverse();
     let eye = (world.w_axis.truncate() - center) / f64::from(model.orbit_radius);
@@ -204,15 +204,15 @@ fn place(model: &Model, orbit: &Orbit) -> Place {
 /// The frames of a walk over `cameras`.
 fn drive(
     model: &Model,
-    cameras: &[Orbit],
+    cameras: &[OrbitCamera],
     device: &Device,
-    control: &mut Control,
+    control: &mut FrameBudget,
     noise: &mut Noise,
-) -> Vec<Paced> {
+) -> Vec<PacedFrame> {
     let finest = 1.0;
-    let mut selector = Selector::default();
+    let mut selector = CutSelector::default();
     let mut cut = Cut::default();
-    let mut under_way: VecDeque<(f32, Work, Took)> = VecDeque::new();
+    let mut under_way: VecDeque<(f32, FrameWork, TimeTaken)> = VecDeque::new();
     cameras
         .iter()
         .map(|orbit| {
@@ -227,7 +227,7 @@ fn drive(
                 selector.select(model, &view, &with, &mut cut);
                 let strips: u64 = cut.strips.iter().map(|s| u64::from(s.count)).sum();
                 let by_compute = device.draws_by_compute(threshold_px);
-                Work {
+                FrameWork {
                     visited: cut.stats.visited,
                     splats: (cut.nodes.len() + cut.leaves.len()) as u64 + strips,
                     triangles: cut.triangles.len() as u64,
@@ -237,12 +237,12 @@ fn drive(
                     largest_by_compute_px: device.largest_by_compute_px(),
                     by_compute,
                     place,
-                    ..Work::default()
+                    ..FrameWork::default()
                 }
             };
             control.moved();
             let threshold_px = control.plan(place, &mut work);
-            let mut drawn = Work {
+            let mut drawn = FrameWork {
                 counted: control.counted(),
                 ..work(threshold_px)
             };
@@ -255,7 +255,7 @@ fn drive(
             let hiccup = if noise.next() < 0.01 { 2.0 } else { 1.0 };
             let factor = hiccup * (1.0 + 0.03 * noise.normal());
             let exact = device.took(&drawn, threshold_px, at);
-            let took = Took {
+            let took = TimeTaken {
                 cut_ms: factor * exact.cut_ms,
                 pack_ms: factor * exact.pack_ms,
                 picture_ms: factor * exact.picture_ms,
@@ -265,7 +265,7 @@ fn drive(
             let told = match device.tells_parts {
                 true => took,
                 // The host's clock is always there.
-                false => Took {
+                false => TimeTaken {
                     picture_ms: 0.0,
                     draw_ms: took.picture_ms + took.draw_ms,
                     ..took
@@ -277,7 +277,7 @@ fn drive(
             {
                 control.frame(px, &drawn, took);
             }
-            Paced {
+            PacedFrame {
                 ms: took.ms(),
                 threshold_px,
                 is_finest: threshold_px <= finest,
@@ -287,7 +287,7 @@ fn drive(
 }
 
 fn statue() -> Model {
-    let spec = Spec::with_triangles(Shape::Statue, 200_000).unwrap();
+    let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 200_000).unwrap();
     let mesh = surfel::generate::mesh(&spec);
     tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
 }
@@ -299,7 +299,9 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
     let cameras = walk(&model);
     let half = cameras.len() / 2;
     // It ends about where it began, and has been elsewhere.
-    let apart = |a: &Orbit, b: &Orbit| (a.eye() - b.eye()).length() / f64::from(model.orbit_radius);
+    let apart = |a: &OrbitCamera, b: &OrbitCamera| {
+        (a.eye() - b.eye()).length() / f64::from(model.orbit_radius)
+    };
     assert!(cameras.len() > 400 && apart(&cameras[cameras.len() - 1], &cameras[0]) < 0.1);
     assert!(apart(&cameras[half], &cameras[0]) > 1.0);
     // Splats that cost much, triangles that cost much, and a device that takes half of the time for nothing.
@@ -384,10 +386,10 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             },
         ),
     ] {
-        let mut control = Control::new(TARGET, 1.0);
+        let mut control = FrameBudget::new(TARGET, 1.0);
         let mut noise = Noise(1);
         let frames = drive(&model, &cameras, &device, &mut control, &mut noise);
-        let summary = Summary::of(&frames, TARGET);
+        let summary = PaceSummary::of(&frames, TARGET);
         println!("{name}: {summary}");
         assert!(
             summary.frames > 350 && summary.kept() >= 0.95,
@@ -400,7 +402,7 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             "{name}: {summary}"
         );
         // The same way again and back, now that the device is known.
-        let mut there: Vec<Orbit> = cameras[..half].to_vec();
+        let mut there: Vec<OrbitCamera> = cameras[..half].to_vec();
         drive(&model, &there, &device, &mut control, &mut noise);
         let forward = drive(&model, &there, &device, &mut control, &mut noise);
         there.reverse();
@@ -415,7 +417,7 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
         println!("{name}: there and back {apart} frames are apart, by a factor of at most {most}");
         assert!(apart == 0, "{name}: {apart} frames, {most}");
         for frames in [&forward, &back] {
-            let again = Summary::of(frames, TARGET);
+            let again = PaceSummary::of(frames, TARGET);
             assert!(again.kept() >= 0.95, "{name}, the way known: {again}");
         }
         // A camera that stays where it is, as under a hand that trembles: the threshold settles and stays within
@@ -428,7 +430,7 @@ fn on_a_recorded_walk_frames_keep_their_time_and_the_way_back_has_the_thresholds
             .filter(|w| w[0].threshold_px != w[1].threshold_px)
             .count();
         assert!(turns <= 4, "{name}: {turns} changes at rest");
-        let bounds = Summary::of(late, TARGET).thresholds_px;
+        let bounds = PaceSummary::of(late, TARGET).thresholds_px;
         assert!(bounds.1 < 1.08 * bounds.0, "{name}: {bounds:?} at rest");
     }
 }

@@ -2,8 +2,8 @@
 
 use super::{Error, split};
 use crate::chart::run::orbit;
-use crate::cut::{Cut, Selector};
-use crate::generate::{self, Shape, Spec};
+use crate::cut::{Cut, CutSelector};
+use crate::generate::{self, GeneratedShape, ShapeSpec};
 use crate::gpu::Gpu;
 use crate::gpu::device::DeviceKind;
 use crate::math::camera::View;
@@ -34,12 +34,12 @@ const LARGEST_FILL: f64 = 1.0;
 const FILL_OF_NOTHING: f64 = 0.01;
 
 /// A model on the device.
-struct Stage {
+struct StandStage {
     model: Model,
     scene: DeviceScene,
 }
 
-impl Stage {
+impl StandStage {
     fn new(gpu: &Arc<Gpu>, mesh: Mesh) -> Result<Self, Error> {
         let model = tree::build(mesh, &BuildOptions::default(), &Silent)?;
         let scene = DeviceScene::new(gpu, &model)?;
@@ -70,12 +70,12 @@ impl Drawn {
 
 /// Next to nothing, drawn with a small box and with a large one.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Nothing {
+pub(super) struct EmptyFrames {
     pub(super) far: Drawn,
     pub(super) wide: Drawn,
 }
 
-impl Nothing {
+impl EmptyFrames {
     /// What of `ns` grows with the box, for each of its pixels.
     fn box_ns(&self, ns: impl Fn(&Drawn) -> f64) -> f64 {
         let more = ns(&self.wide) - ns(&self.far);
@@ -122,11 +122,11 @@ fn only(points: bool) -> DrawCosts {
 }
 
 /// A renderer and two models for it.
-pub(super) struct Stand {
+pub(super) struct CalibrationStand {
     renderer: VulkanRenderer,
-    statue: Stage,
+    statue: StandStage,
     /// Two tiny triangles at opposite corners of a cube, each of them from both sides.
-    corners: Stage,
+    corners: StandStage,
     side: u32,
     is_software: bool,
     until: Instant,
@@ -135,14 +135,17 @@ pub(super) struct Stand {
     unsteady: (f64, f64),
 }
 
-impl Stand {
+impl CalibrationStand {
     pub(super) fn new(gpu: &Arc<Gpu>) -> Result<Self, Error> {
         // A graphics card needs more to do before its clock can tell.
         let (side, triangles) = match gpu.info().kind {
             DeviceKind::Cpu => (300, 60_000),
             _ => (600, 240_000),
         };
-        let statue = generate::mesh(&Spec::with_triangles(Shape::Statue, triangles)?);
+        let statue = generate::mesh(&ShapeSpec::with_triangles(
+            GeneratedShape::Statue,
+            triangles,
+        )?);
         let corner = |at: Vec3| [at, at + 1e-3 * Vec3::X, at + 1e-3 * Vec3::Y];
         let corners = Mesh {
             positions: [corner(-Vec3::ONE), corner(Vec3::ONE)].concat(),
@@ -151,8 +154,8 @@ impl Stand {
         };
         Ok(Self {
             renderer: VulkanRenderer::new(gpu, side, side, PictureOutputs::default(), true)?,
-            statue: Stage::new(gpu, statue)?,
-            corners: Stage::new(gpu, corners)?,
+            statue: StandStage::new(gpu, statue)?,
+            corners: StandStage::new(gpu, corners)?,
             side,
             is_software: gpu.info().is_cpu(),
             until: Instant::now(),
@@ -192,7 +195,7 @@ impl Stand {
         settings: &Settings,
     ) -> Result<Option<Drawn>, Error> {
         use crate::gpu::Error as E;
-        let Stage { model, scene } = if is_statue {
+        let StandStage { model, scene } = if is_statue {
             &mut self.statue
         } else {
             &mut self.corners
@@ -245,12 +248,12 @@ impl Stand {
         Ok(Some(drawn))
     }
 
-    fn nothing(&mut self, settings: &Settings) -> Result<Option<Nothing>, Error> {
+    fn nothing(&mut self, settings: &Settings) -> Result<Option<EmptyFrames>, Error> {
         let Some(far) = self.draw(false, FILL_OF_NOTHING, settings)? else {
             return Ok(None);
         };
         let wide = self.draw(false, 1.0, settings)?;
-        Ok(wide.map(|wide| Nothing { far, wide }))
+        Ok(wide.map(|wide| EmptyFrames { far, wide }))
     }
 
     /// The statue with parts of a size.
@@ -310,7 +313,7 @@ impl Stand {
                 let nothing = self.nothing(&settings)?;
                 let drawn = self.parts(SIZES_PX[1], &settings)?;
                 match (nothing, drawn) {
-                    (Some(Nothing { far, wide }), Some(drawn)) => {
+                    (Some(EmptyFrames { far, wide }), Some(drawn)) => {
                         Some(merge([far, wide, drawn], *alone, self.pixels()))
                     }
                     _ => None,
@@ -385,7 +388,7 @@ impl Stand {
         let model = &self.statue.model;
         let view: View = orbit(model, (self.side, self.side), 1.0, 0, 9)?;
         let settings = cut_settings(&Settings::default(), model);
-        let (mut selector, mut cut) = (Selector::default(), Cut::default());
+        let (mut selector, mut cut) = (CutSelector::default(), Cut::default());
         let mut least = f64::INFINITY;
         for _ in 0..=8 {
             let start = Instant::now();

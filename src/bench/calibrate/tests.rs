@@ -1,4 +1,4 @@
-use super::stand::{Drawn, Nothing};
+use super::stand::{Drawn, EmptyFrames};
 use super::*;
 use crate::gpu::for_tests::{close_in_silence, device};
 use crate::gpu::profile::PassTime;
@@ -64,7 +64,7 @@ fn what_passes_cost_without_primitives_comes_off() {
             40_000.0 + 2.0 * of_box + 30.0 * covered,
         )
     };
-    let nothing = Nothing {
+    let nothing = EmptyFrames {
         far: drawn(0.0, 0.0, 0.0),
         wide: drawn(8000.0, 0.0, 0.0),
     };
@@ -82,7 +82,7 @@ fn what_passes_cost_without_primitives_comes_off() {
     assert!(each.iter().all(|ns| (ns - 50.0).abs() < 1e-6), "{each:?}");
     // Noise makes no time negative, and what draws nothing divides by nothing.
     let less = at(9000.0, 500.0, 0.0, 500.0, 10.0);
-    let nothing = Nothing {
+    let nothing = EmptyFrames {
         far: drawn(0.0, 0.0, 0.0),
         wide: less,
     };
@@ -119,13 +119,13 @@ fn merging_is_what_both_cost_more_than_compute_alone() {
 #[test]
 fn only_what_decides_is_measured() {
     let of = |splat, method| {
-        Part::of(&Settings {
+        CalibrationPart::of(&Settings {
             splat,
             method,
             ..Settings::default()
         })
     };
-    use Part::{Blended, Ellipses, Filtered, Opaque, Primitives, Visibility};
+    use CalibrationPart::{Blended, Ellipses, Filtered, Opaque, Primitives, Visibility};
     assert_eq!(of(SplatKind::Square, Method::Pop), [Opaque, Primitives]);
     assert_eq!(of(SplatKind::Square, Method::Splats), [Primitives]);
     assert_eq!(
@@ -143,11 +143,11 @@ fn only_what_decides_is_measured() {
         blend: Some(Blend::TwoPass),
         ..Settings::default()
     };
-    assert_eq!(Part::of(&two_pass), [Blended, Primitives]);
+    assert_eq!(CalibrationPart::of(&two_pass), [Blended, Primitives]);
 }
 
-fn key(version: &str) -> Key {
-    Key {
+fn key(version: &str) -> DeviceKey {
+    DeviceKey {
         version: version.into(),
         commit: String::new(),
         device: "a device / with a name".into(),
@@ -156,7 +156,7 @@ fn key(version: &str) -> Key {
     }
 }
 
-fn made(version: &str) -> Calibration {
+fn made(version: &str) -> DeviceCalibration {
     let passes = PassCosts {
         frame_ns: 3.5,
         picture_ns: 0.5,
@@ -170,10 +170,10 @@ fn made(version: &str) -> Calibration {
         }),
         compute: None,
     });
-    Calibration {
+    DeviceCalibration {
         key: key(version),
-        parts: vec![Part::Opaque, Part::Nodes],
-        given_up: vec![Part::Filtered, Part::Primitives],
+        parts: vec![CalibrationPart::Opaque, CalibrationPart::Nodes],
+        given_up: vec![CalibrationPart::Filtered, CalibrationPart::Primitives],
         costs: DrawCosts {
             square: splat,
             triangle: Some(PerRasterizer {
@@ -194,7 +194,7 @@ fn made(version: &str) -> Calibration {
 #[test]
 fn what_takes_too_long_is_given_up_and_not_tried_again() {
     let Some(gpu) = device() else { return };
-    let parts = [Part::Filtered, Part::Primitives];
+    let parts = [CalibrationPart::Filtered, CalibrationPart::Primitives];
     // No time at all, and frames that would have to be the same to the nanosecond.
     let hasty = Limits {
         patience: Duration::ZERO,
@@ -205,7 +205,7 @@ fn what_takes_too_long_is_given_up_and_not_tried_again() {
         ..ASKED_FOR
     };
     let [_, found] = [strict, hasty].map(|limits| {
-        let found = Calibration::measure_within(&gpu, &parts, limits).unwrap();
+        let found = DeviceCalibration::measure_within(&gpu, &parts, limits).unwrap();
         assert_eq!(found.costs, DrawCosts::default());
         assert_eq!(
             (&found.parts[..], &found.given_up[..]),
@@ -221,7 +221,7 @@ fn what_takes_too_long_is_given_up_and_not_tried_again() {
     );
     let folder = tempfile::tempdir().unwrap();
     again.write(folder.path()).unwrap();
-    let kept = Calibration::kept(&gpu, Some(folder.path()), &parts, false).unwrap();
+    let kept = DeviceCalibration::kept(&gpu, Some(folder.path()), &parts, false).unwrap();
     assert!(!kept.is_new && kept.calibration == again);
     close_in_silence(gpu);
 }
@@ -230,20 +230,30 @@ fn what_takes_too_long_is_given_up_and_not_tried_again() {
 fn parts_that_were_not_measured_again_stay() {
     let old = made("1");
     let mut new = made("1");
-    new.parts = vec![Part::Filtered, Part::Nodes];
-    new.given_up = vec![Part::Blended];
+    new.parts = vec![CalibrationPart::Filtered, CalibrationPart::Nodes];
+    new.given_up = vec![CalibrationPart::Blended];
     new.costs = DrawCosts {
         filtered: old.costs.square,
         node_ns: Some(5.0),
         ..DrawCosts::default()
     };
     let both = new.clone().and(Some(old.clone()));
-    assert_eq!(both.parts, [Part::Filtered, Part::Nodes, Part::Opaque]);
+    assert_eq!(
+        both.parts,
+        [
+            CalibrationPart::Filtered,
+            CalibrationPart::Nodes,
+            CalibrationPart::Opaque
+        ]
+    );
     assert_eq!(both.costs.square, old.costs.square);
     assert_eq!(both.costs.node_ns, Some(5.0));
     assert_eq!(both.took_ms, 600.0);
     // What was given up before and is measured now is no longer given up.
-    assert_eq!(both.given_up, [Part::Blended, Part::Primitives]);
+    assert_eq!(
+        both.given_up,
+        [CalibrationPart::Blended, CalibrationPart::Primitives]
+    );
     assert_eq!(new.clone().and(None), new);
 }
 
@@ -253,16 +263,16 @@ fn a_file_that_is_damaged_or_of_another_is_none() {
     let folder = folder.path();
     let calibration = made("1");
     let file = key("1").path(folder);
-    assert_eq!(Calibration::read(folder, &key("1")), None);
+    assert_eq!(DeviceCalibration::read(folder, &key("1")), None);
     calibration.write(folder).unwrap();
     assert_eq!(
-        Calibration::read(folder, &key("1")),
+        DeviceCalibration::read(folder, &key("1")),
         Some(calibration.clone())
     );
     // Another version has another file, and does not believe this one in its place.
-    assert_eq!(Calibration::read(folder, &key("2")), None);
+    assert_eq!(DeviceCalibration::read(folder, &key("2")), None);
     std::fs::copy(&file, key("2").path(folder)).unwrap();
-    assert_eq!(Calibration::read(folder, &key("2")), None);
+    assert_eq!(DeviceCalibration::read(folder, &key("2")), None);
     let text = std::fs::read_to_string(&file).unwrap();
     for damaged in [
         text[..text.len() / 2].to_owned(),
@@ -274,12 +284,12 @@ fn a_file_that_is_damaged_or_of_another_is_none() {
     ] {
         assert_ne!(damaged, text);
         std::fs::write(&file, damaged).unwrap();
-        assert_eq!(Calibration::read(folder, &key("1")), None);
+        assert_eq!(DeviceCalibration::read(folder, &key("1")), None);
     }
     // Nor bytes that are no text, nor a folder in its place.
     std::fs::write(&file, [0xff, 0xfe, 0x00]).unwrap();
-    assert_eq!(Calibration::read(folder, &key("1")), None);
+    assert_eq!(DeviceCalibration::read(folder, &key("1")), None);
     std::fs::remove_file(&file).unwrap();
     std::fs::create_dir(&file).unwrap();
-    assert_eq!(Calibration::read(folder, &key("1")), None);
+    assert_eq!(DeviceCalibration::read(folder, &key("1")), None);
 }

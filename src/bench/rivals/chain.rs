@@ -3,7 +3,7 @@
 //! Source: Garland and Heckbert, *Surface Simplification Using Quadric Error Metrics* (1997), as meshoptimizer has it. The
 //! error of a level is the sum of the errors of the steps that led to it, which bounds the distance from the model.
 
-use super::Level;
+use super::RivalLevel;
 use crate::bench::Error;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
@@ -14,7 +14,7 @@ use meshopt::{SimplifyOptions, VertexDataAdapter};
 const FEWEST: usize = 500;
 
 /// The chain of a model, the whole mesh first.
-pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<Level>, Error> {
+pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<RivalLevel>, Error> {
     let fail = |e: meshopt::Error| Error::Rival {
         name: "meshopt",
         cause: e.to_string(),
@@ -23,7 +23,7 @@ pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<Level>
     let offset = std::mem::offset_of!(crate::abi::Vertex, position);
     let bytes: &[u8] = bytemuck::cast_slice(&model.vertices);
     let vertices = VertexDataAdapter::new(bytes, stride, offset).map_err(fail)?;
-    let mut chain = vec![Level {
+    let mut chain = vec![RivalLevel {
         triangles: model.triangles.clone(),
         error: 0.0,
     }];
@@ -53,7 +53,7 @@ pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<Level>
         }
         last += error;
         let triangles = fewer.chunks_exact(3).map(|t| [t[0], t[1], t[2]]).collect();
-        chain.push(Level {
+        chain.push(RivalLevel {
             triangles,
             error: last,
         });
@@ -63,7 +63,7 @@ pub(super) fn build(model: &Model, progress: &dyn Progress) -> Result<Vec<Level>
 }
 
 /// A level as a model of its own, with the vertices that it uses.
-pub(super) fn model(of: &Model, level: &Level) -> Result<Model, Error> {
+pub(super) fn model(of: &Model, level: &RivalLevel) -> Result<Model, Error> {
     let mut new = vec![u32::MAX; of.vertices.len()];
     let mut mesh = Mesh {
         origin: of.origin,

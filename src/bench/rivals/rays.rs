@@ -4,7 +4,7 @@
 //! the crate has it, with its fast preset. Its eight-way hierarchy and its slower presets were tried: on the statue of a
 //! million triangles 41 and 30 to 35 ms where this takes 30, and up to three times as long to build.
 
-use super::Caster;
+use super::RayCaster;
 use crate::bench::Error;
 use crate::image::Image;
 use crate::math::camera::View;
@@ -23,7 +23,7 @@ const THREADS: usize = 2;
 /// Side of a block of pixels that one thread casts in a row: rays of neighbors go the same way.
 const BLOCK: u32 = 16;
 
-pub(super) struct Rays<'m> {
+pub(super) struct RayScene<'m> {
     model: &'m Model,
     /// In the order of the hierarchy's leaves.
     triangles: Vec<Triangle>,
@@ -31,7 +31,7 @@ pub(super) struct Rays<'m> {
     pool: rayon::ThreadPool,
 }
 
-impl std::fmt::Debug for Rays<'_> {
+impl std::fmt::Debug for RayScene<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Rays")
             .field("triangles", &self.triangles.len())
@@ -39,7 +39,7 @@ impl std::fmt::Debug for Rays<'_> {
     }
 }
 
-impl<'m> Rays<'m> {
+impl<'m> RayScene<'m> {
     pub(super) fn new(model: &'m Model) -> Result<Self, Error> {
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(THREADS)
@@ -104,7 +104,7 @@ impl<'m> Rays<'m> {
     }
 }
 
-impl Caster for Rays<'_> {
+impl RayCaster for RayScene<'_> {
     fn draw(&self, view: &View) -> Image {
         let (width, height) = (view.width, view.height);
         let model_from_view = view.view_from_model.inverse();

@@ -2,14 +2,14 @@
 
 /// A logarithmic axis.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Axis {
+pub(super) struct PlotAxis {
     /// Logarithms to base 10 of both ends.
     log: [f64; 2],
     /// Values of 0 are there; they lie at the lower end.
     pub(super) has_zero: bool,
 }
 
-impl Axis {
+impl PlotAxis {
     /// An axis that has room for all positive values, and at least a factor of 2; 0 counts as below them, the others
     /// not at all.
     pub(super) fn around(values: impl Iterator<Item = f64>) -> Self {
@@ -86,7 +86,7 @@ mod tests {
             vec![],
             vec![f64::NAN, f64::INFINITY, 2.0],
         ] {
-            let axis = Axis::around(values.iter().copied());
+            let axis = PlotAxis::around(values.iter().copied());
             let places: Vec<f64> = values
                 .iter()
                 .filter(|v| v.is_finite())
@@ -97,7 +97,7 @@ mod tests {
             let labels = axis.ticks().iter().filter(|t| t.1).count();
             assert!((1..=9).contains(&labels), "{values:?}: {labels}");
         }
-        let axis = Axis::around([1.0, 100.0].into_iter());
+        let axis = PlotAxis::around([1.0, 100.0].into_iter());
         assert!((axis.place(10.0) - 0.5).abs() < 1e-12);
     }
 }

@@ -1,11 +1,11 @@
 //! Places labels where they hide nothing.
 
 /// Rectangle: left, top, right, bottom.
-type Box4 = [f64; 4];
+type LabelBox = [f64; 4];
 
 /// A label with its place.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Label {
+pub(super) struct PlotLabel {
     /// What it says.
     pub(super) text: String,
     /// Left end of its baseline.
@@ -16,10 +16,10 @@ pub(super) struct Label {
 
 /// Finds places within a field, greedily in the order of asking.
 #[derive(Debug)]
-pub(super) struct Placer {
-    field: Box4,
+pub(super) struct LabelPlacer {
+    field: LabelBox,
     markers: Vec<([f64; 2], f64)>,
-    labels: Vec<Box4>,
+    labels: Vec<LabelBox>,
 }
 
 /// Width of a character and height of a line at the size of labels, pixels; wide enough for most fonts.
@@ -43,8 +43,8 @@ const DIRECTIONS: [[f64; 2]; 8] = [
     [-1.0, 0.0],
 ];
 
-impl Placer {
-    pub(super) fn new(field: Box4) -> Self {
+impl LabelPlacer {
+    pub(super) fn new(field: LabelBox) -> Self {
         Self {
             field,
             markers: Vec::new(),
@@ -70,9 +70,9 @@ impl Placer {
     }
 
     /// The best place for a label of a point; `None` where all would lie over other labels.
-    pub(super) fn place(&mut self, point: [f64; 2], text: &str) -> Option<Label> {
+    pub(super) fn place(&mut self, point: [f64; 2], text: &str) -> Option<PlotLabel> {
         let size = [CHARACTER[0] * text.chars().count() as f64, CHARACTER[1]];
-        let mut best: Option<(f64, Box4, [f64; 2])> = None;
+        let mut best: Option<(f64, LabelBox, [f64; 2])> = None;
         for distance in [11.0, 20.0, 32.0, 46.0, 62.0, 80.0, 100.0] {
             for [dx, dy] in DIRECTIONS {
                 let anchor = [point[0] + dx * distance, point[1] + dy * distance];
@@ -101,7 +101,7 @@ impl Placer {
         }
         let (_, rect, anchor) = best?;
         self.labels.push(rect);
-        Some(Label {
+        Some(PlotLabel {
             text: text.to_owned(),
             at: [rect[0], rect[3] - 3.0],
             anchor,
@@ -109,7 +109,7 @@ impl Placer {
     }
 }
 
-fn overlap(a: &Box4, b: &Box4) -> bool {
+fn overlap(a: &LabelBox, b: &LabelBox) -> bool {
     a[0] < b[2] && b[0] < a[2] && a[1] < b[3] && b[1] < a[3]
 }
 
@@ -120,7 +120,7 @@ mod tests {
 
     #[test]
     fn labels_lie_inside_apart_from_each_other_and_beside_markers() {
-        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
+        let mut placer = LabelPlacer::new([0.0, 0.0, 400.0, 300.0]);
         let points: Vec<[f64; 2]> = (0..9)
             .map(|i| [20.0 + 45.0 * f64::from(i), 280.0 - 32.0 * f64::from(i)])
             .collect();
@@ -140,7 +140,7 @@ mod tests {
             );
         }
         // Off a line too, where there is room beside it.
-        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
+        let mut placer = LabelPlacer::new([0.0, 0.0, 400.0, 300.0]);
         placer.avoid_line(&[[50.0, 250.0], [350.0, 50.0]]);
         let label = placer.place([200.0, 150.0], "filtered 2").unwrap();
         let [left, top, right, bottom] = placer.labels[0];
@@ -152,7 +152,7 @@ mod tests {
             );
         }
         // In a corner, with a line below and a marker beside it: off the marker, farther away.
-        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
+        let mut placer = LabelPlacer::new([0.0, 0.0, 400.0, 300.0]);
         let (point, other) = ([20.0, 16.0], [60.0, 16.0]);
         placer.avoid(point, 4.5);
         placer.avoid(other, 4.5);
@@ -166,7 +166,7 @@ mod tests {
             other[1] + 4.5,
         ];
         assert!(!overlap(&placer.labels[0], &marker), "{placer:?}");
-        let mut placer = Placer::new([0.0, 0.0, 400.0, 300.0]);
+        let mut placer = LabelPlacer::new([0.0, 0.0, 400.0, 300.0]);
         // What has no room gets none.
         assert_eq!(placer.place([200.0, 150.0], &"x".repeat(100)), None);
     }

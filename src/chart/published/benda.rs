@@ -5,7 +5,7 @@
 //! the sphere best, a vertical field of view of 60 degrees, the eye at z + 0.9 from the center of a model of bounding
 //! radius 1, the sphere's poles 30 degrees off the view axis, and the diameter over the center's depth as size.
 
-use super::{Cell, Subject, Table, count, measure, ratio};
+use super::{PublishedCell, PublishedSubject, Table, count, measure, ratio};
 use crate::chart::Error;
 use crate::cut::SizeMetric;
 use crate::math::camera::{Camera, View};
@@ -16,11 +16,11 @@ use crate::tree::{Model, OrbitSphere};
 use glam::DVec3;
 
 /// FPS, triangles and points of a frame.
-type Frame = (f64, u64, u64);
+type BendaFrame = (f64, u64, u64);
 
 /// One of his models.
 #[derive(Debug)]
-pub struct Published {
+pub struct BendaTable {
     /// Its name in the thesis.
     pub name: &'static str,
     /// Vertices, table 5.1.
@@ -34,9 +34,9 @@ pub struct Published {
     /// Frames a second of all triangles, table 5.4.
     classic_fps: f64,
     /// Threshold 3, distances 1 to 7, table 5.3.
-    by_distance: [Frame; 7],
+    by_distance: [BendaFrame; 7],
     /// Thresholds 1 to 5, table 5.5.
-    by_threshold: [Frame; 5],
+    by_threshold: [BendaFrame; 5],
     /// The distance of table 5.5, which is not printed: where its column of threshold 3 equals table 5.3.
     distance: u32,
     /// Elevation of the eye that is used here, degrees.
@@ -46,8 +46,8 @@ pub struct Published {
 }
 
 /// His five models.
-pub const MODELS: [Published; 5] = [
-    Published {
+pub const MODELS: [BendaTable; 5] = [
+    BendaTable {
         name: "horse",
         vertices: 48_485,
         triangles: 96_966,
@@ -74,7 +74,7 @@ pub const MODELS: [Published; 5] = [
         elevation: 0.0,
         remark: "scale and orientation unknown",
     },
-    Published {
+    BendaTable {
         name: "hand",
         vertices: 327_323,
         triangles: 654_666,
@@ -101,7 +101,7 @@ pub const MODELS: [Published; 5] = [
         elevation: 0.0,
         remark: "scale and orientation unknown",
     },
-    Published {
+    BendaTable {
         name: "dragon",
         vertices: 437_645,
         triangles: 871_414,
@@ -128,7 +128,7 @@ pub const MODELS: [Published; 5] = [
         elevation: 0.0,
         remark: "scale and orientation unknown",
     },
-    Published {
+    BendaTable {
         name: "sphere",
         vertices: 501_501,
         triangles: 1_000_000,
@@ -155,7 +155,7 @@ pub const MODELS: [Published; 5] = [
         elevation: 60.0,
         remark: "camera fitted to these counts; our spheres are tighter, so a splat is drawn earlier",
     },
-    Published {
+    BendaTable {
         name: "torus",
         vertices: 2_020_101,
         triangles: 4_000_000,
@@ -185,7 +185,7 @@ pub const MODELS: [Published; 5] = [
 ];
 
 /// His model of as many triangles, to a part in a hundred.
-pub fn published(model: &Model) -> Option<&'static Published> {
+pub fn published(model: &Model) -> Option<&'static BendaTable> {
     let triangles = model.triangles.len() as f64;
     MODELS
         .iter()
@@ -227,7 +227,7 @@ fn pop(threshold_px: f32) -> Settings {
 /// When a frame cannot be drawn, or `progress` is cancelled.
 pub fn tables(
     backend: &Backend,
-    subject: &Subject<'_>,
+    subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
 ) -> Result<Vec<Table>, Error> {
@@ -245,12 +245,12 @@ pub fn tables(
     for z in 1..=7 {
         let view = view(model, z, published.elevation)?;
         for settings in [classic, pop(3.0)] {
-            cells.push(Cell { view, settings });
+            cells.push(PublishedCell { view, settings });
         }
     }
     let at = view(model, published.distance, published.elevation)?;
     for threshold in 1..=5u8 {
-        cells.push(Cell {
+        cells.push(PublishedCell {
             view: at,
             settings: pop(f32::from(threshold)),
         });
@@ -285,7 +285,7 @@ pub fn tables(
     ])
 }
 
-fn sizes(published: &Published, subject: &Subject<'_>, classic_ms: f64) -> Table {
+fn sizes(published: &BendaTable, subject: &PublishedSubject<'_>, classic_ms: f64) -> Table {
     let mut table = Table::new(
         format!(
             "Benda, tables 5.1, 5.2, 5.4, 5.6: {} ({})",
@@ -378,8 +378,8 @@ fn sizes(published: &Published, subject: &Subject<'_>, classic_ms: f64) -> Table
 fn frames(
     title: String,
     name: &str,
-    theirs: &[Frame],
-    published: &Published,
+    theirs: &[BendaFrame],
+    published: &BendaTable,
     ours: &dyn Fn(usize) -> (f64, (f64, crate::render::stats::FrameCounts)),
 ) -> Table {
     let mut table = Table::new(

@@ -4,7 +4,7 @@
 //! triangle and its point, which choose splat or triangle; this program chooses by size on screen, so his split can be
 //! shown and not be met.
 
-use super::{Cell, Subject, Table, count, measure};
+use super::{PublishedCell, PublishedSubject, Table, count, measure};
 use crate::chart::Error;
 use crate::chart::run::orbit;
 use crate::progress::Progress;
@@ -34,7 +34,7 @@ const LEVELS: [(u64, &str); 4] = [
 /// When a frame cannot be drawn, or `progress` is cancelled.
 pub fn tables(
     backend: &Backend,
-    subject: &Subject<'_>,
+    subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
 ) -> Result<Vec<Table>, Error> {
@@ -42,7 +42,7 @@ pub fn tables(
     let view = orbit(model, (500, 500), 1.0, 0, 4)?;
     let (points, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
     let his = MODELS.iter().find(|m| m.2.abs_diff(triangles) * 100 <= m.2);
-    let cell = |method, threshold_px| Cell {
+    let cell = |method, threshold_px| PublishedCell {
         view,
         settings: Settings {
             method,

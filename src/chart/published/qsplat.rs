@@ -3,7 +3,7 @@
 //! The table of the paper (figure 6: speed, size and preprocessing a model) is a picture whose numbers are not in the
 //! text at hand; what is compared here is what the text says.
 
-use super::{Cell, Subject, Table, count, measure};
+use super::{PublishedCell, PublishedSubject, Table, count, measure};
 use crate::chart::Error;
 use crate::chart::run::orbit;
 use crate::progress::Progress;
@@ -16,13 +16,13 @@ use crate::render::{Blend, Method, Path, Settings, SplatKind};
 /// When a frame cannot be drawn, or `progress` is cancelled.
 pub fn tables(
     backend: &Backend,
-    subject: &Subject<'_>,
+    subject: &PublishedSubject<'_>,
     repeats: u32,
     progress: &dyn Progress,
 ) -> Result<Vec<Table>, Error> {
     let model = subject.model;
     let view = orbit(model, (500, 500), 1.0, 0, 4)?;
-    let splats = |splat, blend, threshold_px| Cell {
+    let splats = |splat, blend, threshold_px| PublishedCell {
         view,
         settings: Settings {
             method: Method::Splats,

@@ -1,20 +1,20 @@
 //! Nodes that are looked at next, asked of memory meanwhile.
 
-use crate::cut::batch::{Group, SIZE};
+use crate::cut::batch::{SIZE, SiblingGroup};
 use crate::tree::Node;
 use prefetch_index::prefetch_index;
 
 /// The groups of the next batch. Only so many requests may be on their way at once, and one more waits for its place; so they
 /// are made a few at a time wherever there is work between them.
-pub(super) struct Ahead<'a> {
+pub(super) struct PrefetchAhead<'a> {
     nodes: &'a [Node],
-    groups: std::slice::Iter<'a, Group>,
+    groups: std::slice::Iter<'a, SiblingGroup>,
 }
 
-impl<'a> Ahead<'a> {
+impl<'a> PrefetchAhead<'a> {
     /// Of the groups that come next.
     #[inline(always)]
-    pub(super) fn new(nodes: &'a [Node], groups: &'a [Group]) -> Self {
+    pub(super) fn new(nodes: &'a [Node], groups: &'a [SiblingGroup]) -> Self {
         let groups = groups.get(..SIZE).unwrap_or(groups).iter();
         Self { nodes, groups }
     }
@@ -25,7 +25,7 @@ impl<'a> Ahead<'a> {
         Self::new(&[], &[])
     }
 
-    /// Asks for some groups. Four nodes lie on two lines (see `tree::Records`).
+    /// Asks for some groups. Four nodes lie on two lines (see `tree::AlignedRecords`).
     #[inline(always)]
     pub(super) fn ask(&mut self, count: usize) {
         for next in self.groups.by_ref().take(count) {

@@ -1,8 +1,8 @@
 //! The siblings of a batch in the lanes of vectors, four of each group.
 
-use crate::cut::batch::{FRONT, Group, INSIDE, SIZE};
-use crate::cut::siblings::{Balls, Words};
-use crate::simd::{WIDEST, Wide};
+use crate::cut::batch::{FRONT, INSIDE, SIZE, SiblingGroup};
+use crate::cut::siblings::{PackedNodeLanes, SphereLanes};
+use crate::simd::{WIDEST, WideLanes};
 use fearless_simd::prelude::*;
 use glam::Vec4;
 use std::ops::{BitAnd, BitOr, Not};
@@ -149,9 +149,9 @@ impl Iterator for Lanes {
 const ROOM: usize = LANES + WIDEST;
 
 /// Spheres and words of the nodes of a batch, or spheres of leaves; numbers of one kind in a list each. Spheres become balls, see
-/// [`Balls`].
+/// [`SphereLanes`].
 #[derive(Debug)]
-pub(super) struct Siblings {
+pub(super) struct SiblingLanes {
     spheres: [[f32; LANES]; 4],
     depths: [f32; LANES],
     first_child: [u32; LANES],
@@ -164,7 +164,7 @@ pub(super) struct Siblings {
     packed: [[u32; ROOM]; 2],
 }
 
-impl Default for Siblings {
+impl Default for SiblingLanes {
     fn default() -> Self {
         Self {
             spheres: [[0.0; LANES]; 4],
@@ -186,10 +186,10 @@ fn put<T: Copy>(list: &mut [T; LANES], group: usize, four: [T; 4]) {
     }
 }
 
-impl Siblings {
+impl SiblingLanes {
     /// Which group it is.
     #[inline(always)]
-    pub(super) fn put_group(&mut self, index: usize, group: Group) {
+    pub(super) fn put_group(&mut self, index: usize, group: SiblingGroup) {
         let numbers = [0, 1, 2, 3].map(|i| group.first.wrapping_add(i));
         put(&mut self.numbers, index, numbers);
         put(&mut self.inherited, index, [group.word & !0xff; 4]);
@@ -208,12 +208,12 @@ impl Siblings {
             return;
         }
         let ([own, _], mut len) = (&mut self.packed, 0);
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..LANES).step_by(width) {
             let lanes = mask.get(at, width);
-            let numbers = Wide::<S>::load_words(simd, &self.numbers[at..at + width]);
+            let numbers = WideLanes::<S>::load_words(simd, &self.numbers[at..at + width]);
             let mask = S::mask32s::from_bitmask(simd, lanes.into());
-            Wide::<S>::pack(numbers, mask, own, len);
+            WideLanes::<S>::pack(numbers, mask, own, len);
             len += lanes.count_ones() as usize;
         }
         list.extend_from_slice(own.get(..len).unwrap_or_default());
@@ -225,7 +225,7 @@ impl Siblings {
     pub(super) fn push_children<S: Simd>(
         &mut self,
         simd: S,
-        open: &mut Vec<Group>,
+        open: &mut Vec<SiblingGroup>,
         mask: Mask,
         (inside, front): (Mask, Mask),
     ) {
@@ -237,14 +237,14 @@ impl Siblings {
             ..
         } = self;
         let ([first, found_words], mut len) = (packed, 0);
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..LANES).step_by(width) {
             let lanes = mask.get(at, width);
             if lanes == 0 {
                 continue;
             }
             let own = at..at + width;
-            let load = |list: &[u32; LANES]| Wide::<S>::load_words(simd, &list[own.clone()]);
+            let load = |list: &[u32; LANES]| WideLanes::<S>::load_words(simd, &list[own.clone()]);
             let lanes_of = |bits: u32| S::mask32s::from_bitmask(simd, bits.into());
             let word_if = |mask: &Mask, word: u32| {
                 let word = S::u32s::splat(simd, word);
@@ -254,12 +254,12 @@ impl Siblings {
             let found = word_if(&inside, INSIDE) | word_if(&front, FRONT);
             let word = count | load(inherited) | found;
             let opened = lanes_of(lanes);
-            Wide::<S>::pack(load(first_child), opened, first, len);
-            Wide::<S>::pack(word, opened, found_words, len);
+            WideLanes::<S>::pack(load(first_child), opened, first, len);
+            WideLanes::<S>::pack(word, opened, found_words, len);
             len += lanes.count_ones() as usize;
         }
         let groups = first.iter().zip(found_words.iter()).take(len);
-        open.extend(groups.map(|(&first, &word)| Group { first, word }));
+        open.extend(groups.map(|(&first, &word)| SiblingGroup { first, word }));
     }
 
     #[inline(always)]
@@ -282,8 +282,8 @@ impl Siblings {
     }
 
     #[inline(always)]
-    pub(super) fn put_balls<S: Simd>(&mut self, at: usize, balls: &Balls<Wide<S>>) {
-        let lanes = at..at + Wide::<S>::LANES;
+    pub(super) fn put_balls<S: Simd>(&mut self, at: usize, balls: &SphereLanes<WideLanes<S>>) {
+        let lanes = at..at + WideLanes::<S>::LANES;
         let [x, y, z] = balls.center;
         let [xs, ys, zs, radii] = &mut self.spheres;
         x.store(&mut xs[lanes.clone()]);
@@ -295,35 +295,35 @@ impl Siblings {
 
     /// The spheres of a vector from lane `at` on, or what they became.
     #[inline(always)]
-    pub(super) fn spheres<S: Simd>(&self, simd: S, at: usize) -> [Wide<S>; 4] {
-        let lanes = at..at + Wide::<S>::LANES;
+    pub(super) fn spheres<S: Simd>(&self, simd: S, at: usize) -> [WideLanes<S>; 4] {
+        let lanes = at..at + WideLanes::<S>::LANES;
         let [x, y, z, radius] = &self.spheres;
         [
-            Wide::load(simd, &x[lanes.clone()]),
-            Wide::load(simd, &y[lanes.clone()]),
-            Wide::load(simd, &z[lanes.clone()]),
-            Wide::load(simd, &radius[lanes]),
+            WideLanes::load(simd, &x[lanes.clone()]),
+            WideLanes::load(simd, &y[lanes.clone()]),
+            WideLanes::load(simd, &z[lanes.clone()]),
+            WideLanes::load(simd, &radius[lanes]),
         ]
     }
 
     #[inline(always)]
-    pub(super) fn balls<S: Simd>(&self, simd: S, at: usize) -> Balls<Wide<S>> {
+    pub(super) fn balls<S: Simd>(&self, simd: S, at: usize) -> SphereLanes<WideLanes<S>> {
         let [x, y, z, radius] = self.spheres(simd, at);
-        Balls {
+        SphereLanes {
             center: [x, y, z],
             radius,
-            depth: Wide::load(simd, &self.depths[at..at + Wide::<S>::LANES]),
+            depth: WideLanes::load(simd, &self.depths[at..at + WideLanes::<S>::LANES]),
         }
     }
 
     #[inline(always)]
-    pub(super) fn words<S: Simd>(&self, simd: S, at: usize) -> Words<Wide<S>> {
-        let lanes = at..at + Wide::<S>::LANES;
+    pub(super) fn words<S: Simd>(&self, simd: S, at: usize) -> PackedNodeLanes<WideLanes<S>> {
+        let lanes = at..at + WideLanes::<S>::LANES;
         let [axis, sine, shape] = &self.words;
-        Words {
-            axis: Wide::<S>::load_words(simd, &axis[lanes.clone()]),
-            sine: Wide::<S>::load_words(simd, &sine[lanes.clone()]),
-            shape: Wide::<S>::load_words(simd, &shape[lanes]),
+        PackedNodeLanes {
+            axis: WideLanes::<S>::load_words(simd, &axis[lanes.clone()]),
+            sine: WideLanes::<S>::load_words(simd, &sine[lanes.clone()]),
+            shape: WideLanes::<S>::load_words(simd, &shape[lanes]),
         }
     }
 }

@@ -1,12 +1,12 @@
 //! What nearer splats hide of a batch.
 
-use crate::cut::batch::ahead::Ahead;
-use crate::cut::batch::{Batch, Group, LANES, Mask};
-use crate::cut::frustum_and_size::Tester;
-use crate::cut::occlusion::{CHUNK, Chunk, Hiding, Marks};
+use crate::cut::batch::ahead::PrefetchAhead;
+use crate::cut::batch::{LANES, Mask, NodeBatch, SiblingGroup};
+use crate::cut::frustum_and_size::NodeTester;
+use crate::cut::occlusion::{CHUNK, Chunk, DepthMarks, OcclusionTest};
 use crate::cut::strip::half_rows;
 use crate::cut::{Cut, MAX_STRIP_COUNT, StripRun};
-use crate::simd::{Vector, Wide};
+use crate::simd::{FloatLanes, WideLanes};
 use fearless_simd::prelude::*;
 
 /// Room for the splats of rows in a chunk, and for a store of a row's at any place.
@@ -15,7 +15,7 @@ const _: () = assert!(MAX_STRIP_COUNT as usize <= CHUNK && LANES <= CHUNK);
 
 /// Some of the splats of a batch's rows, numbers of one kind in a list each.
 #[derive(Debug)]
-pub(super) struct Rows {
+pub(super) struct OcclusionRows {
     /// Where the middles of rows are along the axes of the picture and the view direction, and how far their ends are from there.
     middles: [[f32; LANES]; 3],
     halves: [[f32; LANES]; 3],
@@ -24,7 +24,7 @@ pub(super) struct Rows {
     runs: Vec<StripRun>,
 }
 
-impl Default for Rows {
+impl Default for OcclusionRows {
     fn default() -> Self {
         Self {
             middles: [[0.0; LANES]; 3],
@@ -36,8 +36,8 @@ impl Default for Rows {
 }
 
 #[inline(always)]
-fn put<S: Simd>(lists: &mut [[f32; LANES]; 3], at: usize, numbers: [Wide<S>; 3]) {
-    let lanes = at..at + Wide::<S>::LANES;
+fn put<S: Simd>(lists: &mut [[f32; LANES]; 3], at: usize, numbers: [WideLanes<S>; 3]) {
+    let lanes = at..at + WideLanes::<S>::LANES;
     let [x, y, z] = lists;
     let [a, b, c] = numbers;
     a.store(&mut x[lanes.clone()]);
@@ -45,16 +45,16 @@ fn put<S: Simd>(lists: &mut [[f32; LANES]; 3], at: usize, numbers: [Wide<S>; 3])
     c.store(&mut z[lanes]);
 }
 
-impl Batch {
+impl NodeBatch {
     /// Drops small nodes that are hidden.
     #[inline(always)]
     pub(super) fn hide_nodes<S: Simd>(
         &mut self,
         simd: S,
-        hiding: &Hiding<'_>,
-        groups: &[Group],
-        (marks, cut): (&mut Marks, &mut Cut),
-        ahead: &mut Ahead<'_>,
+        hiding: &OcclusionTest<'_>,
+        groups: &[SiblingGroup],
+        (marks, cut): (&mut DepthMarks, &mut Cut),
+        ahead: &mut PrefetchAhead<'_>,
     ) {
         let asked = self.verdicts.kept & self.verdicts.small;
         let undrawn = of_groups(groups, hiding.has_undrawn_nodes(), |first| {
@@ -77,16 +77,16 @@ impl Batch {
     fn ask<S: Simd>(
         &mut self,
         simd: S,
-        hiding: &Hiding<'_>,
+        hiding: &OcclusionTest<'_>,
         (asked, undrawn, have_sizes): (Mask, Mask, bool),
-        marks: &mut Vec<crate::cut::occlusion::Mark>,
-        ahead: &mut Ahead<'_>,
+        marks: &mut Vec<crate::cut::occlusion::DepthMark>,
+        ahead: &mut PrefetchAhead<'_>,
     ) -> Mask {
         if asked.is_empty() {
             return asked;
         }
         self.chunk.clear();
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..LANES).step_by(width) {
             ahead.ask_each(at, 1);
             let lanes = asked.get(at, width);
@@ -108,7 +108,7 @@ impl Batch {
     pub(super) fn drop_between<S: Simd>(
         &mut self,
         simd: S,
-        hiding: &Hiding<'_>,
+        hiding: &OcclusionTest<'_>,
         count: usize,
         cut: &mut Cut,
     ) {
@@ -119,7 +119,7 @@ impl Batch {
         let splats = Mask::all(hiding.is_exact());
         let asked = self.verdicts.kept & (!self.verdicts.small | splats);
         let mut misses = Mask::default();
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..4 * count).step_by(width) {
             let lanes = asked.get(at, width);
             if lanes != 0 {
@@ -138,10 +138,10 @@ impl Batch {
     pub(super) fn hide_leaves<S: Simd>(
         &mut self,
         simd: S,
-        hiding: &Hiding<'_>,
-        groups: &[Group],
+        hiding: &OcclusionTest<'_>,
+        groups: &[SiblingGroup],
         always: Mask,
-        (cut, marks): (&mut Cut, &mut Marks),
+        (cut, marks): (&mut Cut, &mut DepthMarks),
     ) {
         if !hiding.asks_splats() {
             return;
@@ -164,7 +164,7 @@ impl Batch {
         for (kind, have_sizes, is_asked, marks) in kinds {
             if is_asked {
                 let asked = self.verdicts.kept & kind;
-                let ahead = &mut Ahead::none();
+                let ahead = &mut PrefetchAhead::none();
                 let seen = self.ask(simd, hiding, (asked, undrawn, have_sizes), marks, ahead);
                 cut.stats.hidden += u64::from(asked.count() - seen.count());
                 self.verdicts.kept = self.verdicts.kept & (seen | !asked);
@@ -177,13 +177,13 @@ impl Batch {
     pub(super) fn hide_rows<S: Simd>(
         &mut self,
         simd: S,
-        (hiding, tester): (&Hiding<'_>, &Tester),
-        groups: &[Group],
-        (marks, cut): (&mut Marks, &mut Cut),
-        ahead: &mut Ahead<'_>,
+        (hiding, tester): (&OcclusionTest<'_>, &NodeTester),
+        groups: &[SiblingGroup],
+        (marks, cut): (&mut DepthMarks, &mut Cut),
+        ahead: &mut PrefetchAhead<'_>,
     ) {
         let rows = self.verdicts.rows;
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..4 * groups.len()).step_by(width) {
             ahead.ask_each(at, 1);
             if rows.get(at, width) == 0 {
@@ -219,9 +219,9 @@ impl Batch {
     fn keep_rows<S: Simd>(
         &mut self,
         simd: S,
-        hiding: &Hiding<'_>,
+        hiding: &OcclusionTest<'_>,
         count: usize,
-        marks: &mut Marks,
+        marks: &mut DepthMarks,
         cut: &mut Cut,
     ) {
         // Where any node has no area, rows cover nothing: that is rare.
@@ -236,16 +236,16 @@ impl Batch {
             false => 0.0,
         };
         let all = Mask::first(count);
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         self.chunk.clear();
         for at in (0..count).step_by(width) {
             let lanes = at..at + width;
             let [x, y, z] = &self.split.splats;
-            let x = Wide::load(simd, &x[lanes.clone()]);
+            let x = WideLanes::load(simd, &x[lanes.clone()]);
             let splats = [
                 x,
-                Wide::load(simd, &y[lanes.clone()]),
-                Wide::load(simd, &z[lanes]),
+                WideLanes::load(simd, &y[lanes.clone()]),
+                WideLanes::load(simd, &z[lanes]),
                 x.all(radius),
             ];
             let lanes = (all.get(at, width), undrawn);
@@ -264,7 +264,7 @@ impl Batch {
     }
 }
 
-impl Rows {
+impl OcclusionRows {
     /// Adds the splats of the row in a lane, of which the first has this number.
     #[inline(always)]
     fn add<S: Simd>(&mut self, simd: S, lane: usize, run: StripRun, first: usize) {
@@ -275,9 +275,9 @@ impl Rows {
         {
             let (middle, half) = (middles[lane], halves[lane]);
             let own = &mut splats[own.clone()];
-            for at in (0..run.count as usize).step_by(Wide::<S>::LANES) {
-                let lanes = at..at + Wide::<S>::LANES;
-                let along = Wide::load(simd, &along[lanes.clone()]) * step - 1.0;
+            for at in (0..run.count as usize).step_by(WideLanes::<S>::LANES) {
+                let lanes = at..at + WideLanes::<S>::LANES;
+                let along = WideLanes::load(simd, &along[lanes.clone()]) * step - 1.0;
                 (along * half + middle).store(&mut own[lanes]);
             }
         }
@@ -298,7 +298,7 @@ const ALONG: [f32; MAX_STRIP_COUNT as usize] = {
 
 /// What is so of the siblings of groups, where it may be of any.
 #[inline(always)]
-fn of_groups(groups: &[Group], may_be: bool, of: impl Fn(u32) -> u8) -> Mask {
+fn of_groups(groups: &[SiblingGroup], may_be: bool, of: impl Fn(u32) -> u8) -> Mask {
     let mut mask = Mask::default();
     if may_be {
         for (index, group) in groups.iter().enumerate() {
@@ -312,11 +312,11 @@ fn of_groups(groups: &[Group], may_be: bool, of: impl Fn(u32) -> u8) -> Mask {
 #[inline(always)]
 fn keep_runs<S: Simd>(
     simd: S,
-    hiding: &Hiding<'_>,
+    hiding: &OcclusionTest<'_>,
     chunk: &mut Chunk,
     runs: &[StripRun],
     splats: usize,
-    marks: &mut Marks,
+    marks: &mut DepthMarks,
     cut: &mut Cut,
 ) {
     let seen = hiding.ask(simd, chunk, &mut marks.strips);

@@ -1,18 +1,18 @@
 //! What is left of the lists of a cut.
 
 use crate::cut::Cut;
-use crate::cut::occlusion::{Hiding, Mark, Marks};
+use crate::cut::occlusion::{DepthMark, DepthMarks, OcclusionTest};
 use std::ops::Range;
 use std::sync::atomic::Ordering;
 
-impl Hiding<'_> {
+impl OcclusionTest<'_> {
     /// Stores depths once more over which other threads may have stored farther ones. To be done with all marks before any
     /// is asked for the last time.
-    pub(in crate::cut) fn repair(&self, marks: &Marks) {
+    pub(in crate::cut) fn repair(&self, marks: &DepthMarks) {
         if !self.are_pixels {
             return;
         }
-        let Marks {
+        let DepthMarks {
             nodes,
             strips,
             leaves,
@@ -29,7 +29,12 @@ impl Hiding<'_> {
 
     /// Drops what is hidden now that all is found. `ends` are places in the lists of nodes and of rows, in ascending
     /// order, and are moved along.
-    pub(in crate::cut) fn finish(&self, cut: &mut Cut, marks: &Marks, ends: &mut [(usize, usize)]) {
+    pub(in crate::cut) fn finish(
+        &self,
+        cut: &mut Cut,
+        marks: &DepthMarks,
+        ends: &mut [(usize, usize)],
+    ) {
         let Cut {
             nodes,
             strips,
@@ -37,8 +42,9 @@ impl Hiding<'_> {
             triangles,
             stats,
         } = cut;
-        let is_seen =
-            |list: &[Mark], index: usize| list.get(index).is_none_or(|&mark| !self.is_hidden(mark));
+        let is_seen = |list: &[DepthMark], index: usize| {
+            list.get(index).is_none_or(|&mark| !self.is_hidden(mark))
+        };
         let nodes_before = nodes.len();
         retain(
             nodes,

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 /// What nodes and leaves are drawn as, where what is hidden is left out.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Footprints {
+pub struct SplatFootprints {
     /// Side of the squares or diameter of the discs, pixels. Up to 1 they are drawn as the pixel whose center their ball
     /// contains, if there is one (with `large_leaves` below 1, by their squares); of a cloud 1 is the least.
     pub side_px: f32,
@@ -23,12 +23,12 @@ pub struct Footprints {
 
 /// Nodes and leaves of a mesh that have no area: they are in cuts, and nothing is drawn for them.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Undrawn {
+pub struct ZeroAreaSet {
     pub(super) nodes: Vec<u64>,
     pub(super) leaves: Vec<u64>,
 }
 
-impl Undrawn {
+impl ZeroAreaSet {
     /// Looks at all of a model, in parallel: a few milliseconds a million triangles.
     pub fn new(model: &Model) -> Self {
         let triangles = &model.triangles;

@@ -8,10 +8,10 @@
 //! What is dropped here would be left out at the end anyway ([`super`]), as all of it lies within the node's ball, and depths
 //! only come nearer until then. So the lists are the same whatever is dropped here, and when.
 
-use crate::cut::occlusion::Hiding;
+use crate::cut::occlusion::OcclusionTest;
 use crate::cut::occlusion::splat_batch::low_bits;
-use crate::cut::siblings::Balls;
-use crate::simd::{Vector, Wide};
+use crate::cut::siblings::SphereLanes;
+use crate::simd::{FloatLanes, WideLanes};
 use fearless_simd::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -30,16 +30,20 @@ struct Bounds<S: Simd> {
     /// First and end of columns, and of rows.
     ends: [S::u32s; 4],
     /// From the near plane, less the error of both sides.
-    asked: Wide<S>,
+    asked: WideLanes<S>,
     /// Lanes where none of this is unknown.
     known: u32,
 }
 
-impl Hiding<'_> {
+impl OcclusionTest<'_> {
     /// Which balls lie behind splats that cover all their pixels, of those in `lanes`. Only where
     /// [`drops_nodes`](Self::drops_nodes) says so.
     #[inline(always)]
-    pub(in crate::cut) fn are_behind<S: Simd>(&self, balls: &Balls<Wide<S>>, lanes: u32) -> u32 {
+    pub(in crate::cut) fn are_behind<S: Simd>(
+        &self,
+        balls: &SphereLanes<WideLanes<S>>,
+        lanes: u32,
+    ) -> u32 {
         let lanes = lanes & !self.centers.are_within(balls, LEAST_PX);
         if lanes == 0 {
             return 0;
@@ -49,7 +53,7 @@ impl Hiding<'_> {
             return 0;
         }
         let bounds = self.bounds(balls);
-        let own = 0..Wide::<S>::LANES;
+        let own = 0..WideLanes::<S>::LANES;
         let mut ends = [[0; 16]; 4];
         for (list, end) in ends.iter_mut().zip(bounds.ends) {
             end.store_slice(&mut list[own.clone()]);
@@ -85,7 +89,7 @@ impl Hiding<'_> {
 
     /// Where all is that lies in balls, and a splat of a pixel around any point of them, or a triangle of such points.
     #[inline(always)]
-    fn bounds<S: Simd>(&self, balls: &Balls<Wide<S>>) -> Bounds<S> {
+    fn bounds<S: Simd>(&self, balls: &SphereLanes<WideLanes<S>>) -> Bounds<S> {
         let [x, y] = self.centers.along(balls.center);
         let nearest = (balls.depth - balls.radius) * NEARER;
         let ([x, y], radius, off, error) = if self.is_perspective {
@@ -118,7 +122,7 @@ impl Hiding<'_> {
                 rounded(y - reach, height),
                 rounded(y + reach, height),
             ],
-            known: Wide::<S>::bits(asked.gt(x.all(0.0)) & reach.lt(x.all(width.max(height)))),
+            known: WideLanes::<S>::bits(asked.gt(x.all(0.0)) & reach.lt(x.all(width.max(height)))),
             asked,
         }
     }
@@ -127,6 +131,6 @@ impl Hiding<'_> {
 /// Ends of intervals within the picture, as whole numbers of pixels: pixel i has its center at i + 1/2, so those of an interval
 /// begin and end at its rounded ends.
 #[inline(always)]
-fn rounded<S: Simd>(end: Wide<S>, most: f32) -> S::u32s {
+fn rounded<S: Simd>(end: WideLanes<S>, most: f32) -> S::u32s {
     low_bits(end.max(end.all(0.0)).min(end.all(most)) + 8_388_608.0)
 }

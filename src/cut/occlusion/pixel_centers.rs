@@ -9,10 +9,10 @@
 //! is drawn would be that pixel. No part of it is farther from the middle than a pixel, and of what a square of a pixel
 //! covers none is farther than half a diagonal anyway.
 
-use crate::cut::frustum_and_size::Tester;
-use crate::cut::siblings::Balls;
+use crate::cut::frustum_and_size::NodeTester;
+use crate::cut::siblings::SphereLanes;
 use crate::math::camera::View;
-use crate::simd::Vector;
+use crate::simd::FloatLanes;
 use glam::Vec3;
 
 /// A circle of this radius, pixels, contains the center of one wherever it lies.
@@ -26,7 +26,7 @@ pub(super) const POSITION_ERROR: f32 = 24.0 / 16_777_216.0;
 
 /// Where balls are in the picture of a frame. `shaders/common/cut.glsl` has the same operations in the same order.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Centers {
+pub(crate) struct PixelCenters {
     /// To the right and up in the picture, and what is added.
     axes: [[f32; 4]; 2],
     /// Pixels of a tangent (perspective) or of a unit.
@@ -44,7 +44,7 @@ pub(crate) struct Centers {
 
 /// Balls in the picture, pixels.
 #[derive(Clone, Copy)]
-struct Spots<V> {
+struct PixelSpots<V> {
     /// How far their middles are from the nearest center.
     aside: [V; 2],
     reach: V,
@@ -52,9 +52,9 @@ struct Spots<V> {
     off: V,
 }
 
-impl Centers {
+impl PixelCenters {
     /// For splats of so many pixels, on a device whose window positions have so many binary places.
-    pub(crate) fn new(tester: &Tester, view: &View, side_px: f32, subpixel_bits: u32) -> Self {
+    pub(crate) fn new(tester: &NodeTester, view: &View, side_px: f32, subpixel_bits: u32) -> Self {
         let scale = if view.model_scale > 0.0 {
             view.model_scale
         } else {
@@ -110,7 +110,7 @@ impl Centers {
 
     /// How far centers are along the axes of the picture, in the tester's unit.
     #[inline(always)]
-    pub(crate) fn along<V: Vector>(&self, center: [V; 3]) -> [V; 2] {
+    pub(crate) fn along<V: FloatLanes>(&self, center: [V; 3]) -> [V; 2] {
         let [[_, _, _, right], [_, _, _, up]] = self.axes;
         let [x, y] = self.way_along(center);
         [x + right, y + up]
@@ -118,7 +118,7 @@ impl Centers {
 
     /// How far ways go along the axes of the picture.
     #[inline(always)]
-    pub(crate) fn way_along<V: Vector>(&self, [x, y, z]: [V; 3]) -> [V; 2] {
+    pub(crate) fn way_along<V: FloatLanes>(&self, [x, y, z]: [V; 3]) -> [V; 2] {
         let [[a, b, c, _], [d, e, f, _]] = self.axes;
         [x * a + y * b + z * c, x * d + y * e + z * f]
     }
@@ -135,7 +135,7 @@ impl Centers {
     /// A ball of radius r there, seen at the tangent a from the middle, reaches r sqrt(1 + a²) / (1 - r²) to the side, from
     /// a middle that is a r² / (1 - r²) farther off; infinitely far where r is not small.
     #[inline(always)]
-    pub(super) fn reach<V: Vector>(&self, [x, y]: [V; 2], radius: V, off: V) -> V {
+    pub(super) fn reach<V: FloatLanes>(&self, [x, y]: [V; 2], radius: V, off: V) -> V {
         // Corners are moved by rounding in both directions.
         let off = off * std::f32::consts::SQRT_2;
         let in_pixels = radius * self.focal_px();
@@ -149,7 +149,7 @@ impl Centers {
     }
 
     #[inline(always)]
-    fn spots<V: Vector>(&self, balls: &Balls<V>) -> Spots<V> {
+    fn spots<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> PixelSpots<V> {
         let [x, y] = self.along(balls.center);
         let ([x, y], radius, off) = if self.is_perspective {
             let inverse = x.all(1.0) / balls.depth;
@@ -161,7 +161,7 @@ impl Centers {
         let off = off + self.snap_px;
         let [focal_x, focal_y] = self.focal;
         let [middle_x, middle_y] = self.middle;
-        Spots {
+        PixelSpots {
             aside: [
                 to_center(x * focal_x + middle_x).0.abs(),
                 to_center(y * focal_y + middle_y).0.abs(),
@@ -173,7 +173,7 @@ impl Centers {
 
     /// Which balls have at most this radius, pixels.
     #[inline(always)]
-    pub(in crate::cut) fn are_within<V: Vector>(&self, balls: &Balls<V>, px: f32) -> u32 {
+    pub(in crate::cut) fn are_within<V: FloatLanes>(&self, balls: &SphereLanes<V>, px: f32) -> u32 {
         let most = px / self.focal_px();
         let most = if self.is_perspective {
             balls.depth * most
@@ -185,7 +185,7 @@ impl Centers {
 
     /// Which balls may be so small that it matters which centers they contain.
     #[inline(always)]
-    pub(crate) fn may_matter<V: Vector>(&self, balls: &Balls<V>) -> u32 {
+    pub(crate) fn may_matter<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> u32 {
         let largest = if self.ones_are_small {
             LARGEST_OF_ONE_PX
         } else {
@@ -197,8 +197,8 @@ impl Centers {
     /// Which balls contain no center of a pixel, and which of them surely one and no more, that of the pixel
     /// that their own middle is in, and are splats for it. Of triangles between centers no device draws anything.
     #[inline(always)]
-    pub(crate) fn of<V: Vector>(&self, balls: &Balls<V>) -> (u32, u32) {
-        let Spots {
+    pub(crate) fn of<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> (u32, u32) {
+        let PixelSpots {
             aside: [x, y],
             reach,
             off,
@@ -221,7 +221,7 @@ impl Centers {
 
     /// Which balls contain no center of a pixel.
     #[inline(always)]
-    pub(crate) fn none<V: Vector>(&self, balls: &Balls<V>) -> u32 {
+    pub(crate) fn none<V: FloatLanes>(&self, balls: &SphereLanes<V>) -> u32 {
         if self.are_within(balls, LARGEST_BETWEEN_PX) == 0 {
             return 0;
         }
@@ -233,7 +233,7 @@ impl Centers {
 /// pixel's number: a sum with 2^23 is rounded to whole numbers. Beside the picture both mean nothing: what is a pixel large
 /// there covers no center that matters.
 #[inline(always)]
-pub(super) fn to_center<V: Vector>(window: V) -> (V, V) {
+pub(super) fn to_center<V: FloatLanes>(window: V) -> (V, V) {
     let shifted = window + 0.5;
     let sum = shifted + 8_388_608.0;
     (shifted - (sum - 8_388_608.0), sum)

@@ -3,8 +3,8 @@
 
 use crate::cut::batch::{LANES, Mask};
 use crate::cut::occlusion::pixel_centers::to_center;
-use crate::cut::occlusion::{Hiding, Mark, NOTHING};
-use crate::simd::{Vector, WIDEST, Wide};
+use crate::cut::occlusion::{DepthMark, NOTHING, OcclusionTest};
+use crate::simd::{FloatLanes, WIDEST, WideLanes};
 use fearless_simd::prelude::*;
 use glam::Vec4;
 use std::sync::atomic::{AtomicU32, Ordering};
@@ -15,24 +15,24 @@ pub(in crate::cut) const CHUNK: usize = LANES;
 /// Room for the splats of a chunk, and for a whole vector from the last one on.
 const ROOM: usize = CHUNK + WIDEST;
 
-/// What is asked of [`crate::cut::occlusion::Nearest`] for some splats.
+/// What is asked of [`crate::cut::occlusion::SoftwareDepthBuffer`] for some splats.
 #[derive(Debug)]
 pub(in crate::cut) struct Chunk {
-    ones: Ones,
+    ones: FrontOnes,
     /// The others that are not hidden so far.
     others: Mask,
     /// Their marks.
-    marks: [Mark; CHUNK],
+    marks: [DepthMark; CHUNK],
 }
 
 /// Splats that cover one pixel and may cover no other: of squares of a pixel nearly all that cover any. They lie close together,
 /// numbers of one kind in a list each.
 #[derive(Debug)]
-struct Ones {
+struct FrontOnes {
     len: usize,
     /// Lanes of the chunk, ascending.
     lane: [u32; ROOM],
-    /// Which pixel it is, and what [`Mark`] has.
+    /// Which pixel it is, and what [`DepthMark`] has.
     first: [u32; ROOM],
     distance: [u32; ROOM],
     asked: [u32; ROOM],
@@ -44,7 +44,7 @@ impl Default for Chunk {
     fn default() -> Self {
         let list = [0; ROOM];
         Self {
-            ones: Ones {
+            ones: FrontOnes {
                 len: 0,
                 lane: list,
                 first: list,
@@ -53,7 +53,7 @@ impl Default for Chunk {
                 there: list,
             },
             others: Mask::default(),
-            marks: [Mark::HIDDEN; CHUNK],
+            marks: [DepthMark::HIDDEN; CHUNK],
         }
     }
 }
@@ -67,7 +67,7 @@ impl Chunk {
     }
 }
 
-impl Ones {
+impl FrontOnes {
     /// Adds those of some lanes of a vector: lane, pixel, distance and what is asked.
     #[inline(always)]
     fn add<S: Simd>(&mut self, simd: S, lanes: u32, numbers: [S::u32s; 4]) {
@@ -81,7 +81,7 @@ impl Ones {
             ..
         } = self;
         for (list, numbers) in [lane, first, distance, asked].into_iter().zip(numbers) {
-            Wide::<S>::pack(numbers, mask, list, *len);
+            WideLanes::<S>::pack(numbers, mask, list, *len);
         }
         *len += lanes.count_ones() as usize;
     }
@@ -104,12 +104,12 @@ impl Ones {
         }
         let all = *len;
         *len = 0;
-        let width = Wide::<S>::LANES;
+        let width = WideLanes::<S>::LANES;
         for at in (0..all).step_by(width) {
             let own = at..at + width;
             let load = |list: &[u32; ROOM]| {
                 list.get(own.clone())
-                    .map(|own| Wide::<S>::load_words(simd, own))
+                    .map(|own| WideLanes::<S>::load_words(simd, own))
             };
             let (Some(nearest), Some(least)) = (load(there), load(asked)) else {
                 break;
@@ -120,7 +120,7 @@ impl Ones {
             // To places that were read already.
             for list in [&mut *lane, first, distance, asked] {
                 if let Some(numbers) = load(list) {
-                    Wide::<S>::pack(numbers, mask, list, *len);
+                    WideLanes::<S>::pack(numbers, mask, list, *len);
                 }
             }
             *len += seen.count_ones() as usize;
@@ -145,11 +145,11 @@ impl Ones {
 
     /// What each leaves, with its lane.
     #[inline(always)]
-    fn marks(&self) -> impl Iterator<Item = (u32, Mark)> {
+    fn marks(&self) -> impl Iterator<Item = (u32, DepthMark)> {
         let numbers = self.first.iter().zip(&self.asked).zip(&self.distance);
         let numbers = self.lane.iter().zip(numbers).take(self.len);
         numbers.map(|(&lane, ((&first, &asked), &distance))| {
-            let mark = Mark {
+            let mark = DepthMark {
                 first,
                 asked,
                 distance,
@@ -159,8 +159,8 @@ impl Ones {
     }
 }
 
-impl Hiding<'_> {
-    /// Finds the pixels of splats ([`crate::cut::occlusion::Centers::along`], their distances and own radii), number `at` and on of a chunk.
+impl OcclusionTest<'_> {
+    /// Finds the pixels of splats ([`crate::cut::occlusion::PixelCenters::along`], their distances and own radii), number `at` and on of a chunk.
     /// Those that are not in `lanes` count as hidden; those in `undrawn` hide nothing.
     ///
     /// Those of one pixel wait for [`ask`](Self::ask). The others are asked for at once.
@@ -170,7 +170,7 @@ impl Hiding<'_> {
         simd: S,
         chunk: &mut Chunk,
         at: usize,
-        splats: [Wide<S>; 4],
+        splats: [WideLanes<S>; 4],
         (lanes, undrawn): (u32, u32),
     ) {
         let mut others = lanes;
@@ -189,8 +189,8 @@ impl Hiding<'_> {
                 & placed.x.min(placed.y).gt(x.all(0.0))
                 & placed.x.lt(x.all(width))
                 & placed.y.lt(x.all(height));
-            let some = lanes & !Wide::<S>::bits(is_nothing);
-            let ones = Wide::<S>::bits(is_one) & some;
+            let some = lanes & !WideLanes::<S>::bits(is_nothing);
+            let ones = WideLanes::<S>::bits(is_one) & some;
             others = some & !ones;
             let width = self.nearest.width;
             let (column, row) = (low_bits(sum_x), low_bits(sum_y));
@@ -200,7 +200,7 @@ impl Hiding<'_> {
             let nothing = S::u32s::splat(simd, NOTHING);
             let distance = hide_nothing.select(nothing, placed.distance.0.bitcast::<S::u32s>());
             let asked = placed.asked.0.bitcast::<S::u32s>();
-            let lane = Wide::<S>::load_words(simd, &LANE[..Wide::<S>::LANES]);
+            let lane = WideLanes::<S>::load_words(simd, &LANE[..WideLanes::<S>::LANES]);
             let lane = lane + S::u32s::splat(simd, at as u32);
             chunk.ones.add(simd, ones, [lane, first, distance, asked]);
         }
@@ -208,7 +208,7 @@ impl Hiding<'_> {
             let mut lists = [[0.0; 16]; 4];
             let [x, y, z, radius] = splats;
             let [xs, ys, zs, radii] = &mut lists;
-            let own = 0..Wide::<S>::LANES;
+            let own = 0..WideLanes::<S>::LANES;
             x.store(&mut xs[own.clone()]);
             y.store(&mut ys[own.clone()]);
             z.store(&mut zs[own.clone()]);
@@ -262,7 +262,7 @@ impl Hiding<'_> {
         &self,
         simd: S,
         chunk: &mut Chunk,
-        marks: &mut Vec<Mark>,
+        marks: &mut Vec<DepthMark>,
     ) -> Mask {
         let pixels = self.nearest.pixels.as_slice();
         let Chunk { ones, others, .. } = chunk;
@@ -301,6 +301,6 @@ const LANE: [u32; WIDEST] = {
 
 /// The whole number that a sum with 2^23 has in its low bits.
 #[inline(always)]
-pub(super) fn low_bits<S: Simd>(sum: Wide<S>) -> S::u32s {
+pub(super) fn low_bits<S: Simd>(sum: WideLanes<S>) -> S::u32s {
     sum.0.bitcast::<S::u32s>() & 0x7f_ffff
 }

@@ -1,10 +1,10 @@
-use crate::cut::Settings;
+use crate::cut::CutSettings;
 use crate::cut::occlusion::filter_lists::retain;
 use crate::cut::occlusion::*;
 use crate::cut::siblings;
-use crate::cut::siblings::Balls;
+use crate::cut::siblings::SphereLanes;
 use crate::math::camera::Camera;
-use crate::simd::Wide;
+use crate::simd::WideLanes;
 use crate::tree::Model;
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -22,8 +22,8 @@ fn numbers() -> impl FnMut() -> f32 {
 }
 
 /// Squares of triangles that hide one another.
-fn squares(side_px: f32) -> Footprints {
-    Footprints {
+fn squares(side_px: f32) -> SplatFootprints {
+    SplatFootprints {
         side_px,
         hides: true,
         are_discs: false,
@@ -69,16 +69,21 @@ fn seen_at(view: &View, point: Vec3) -> [f64; 3] {
 
 fn place<S: Simd>(
     simd: S,
-    hiding: &Hiding<'_>,
+    hiding: &OcclusionTest<'_>,
     chunk: &mut Chunk,
     (splats, lanes): (&[Vec<f32>; 4], (u32, u32)),
 ) {
-    let first = |list: &Vec<f32>| Wide::load(simd, &list[..Wide::<S>::LANES]);
+    let first = |list: &Vec<f32>| WideLanes::load(simd, &list[..WideLanes::<S>::LANES]);
     hiding.place(simd, chunk, 0, splats.each_ref().map(first), lanes);
 }
 
 /// Which of four nodes are not hidden so far; each leaves a mark.
-fn keep_nodes(hiding: &Hiding<'_>, balls: &Balls, first: u32, marks: &mut Vec<Mark>) -> u64 {
+fn keep_nodes(
+    hiding: &OcclusionTest<'_>,
+    balls: &SphereLanes,
+    first: u32,
+    marks: &mut Vec<DepthMark>,
+) -> u64 {
     let mut chunk = Chunk::default();
     let [x, y] = hiding.centers.along(balls.center);
     // Where splats are samples, balls that contain any center: what is left out is as for squares.
@@ -105,12 +110,12 @@ fn what_is_dropped_is_covered() {
         [(0.4, 8), (0.9, 4), (1.0, 4), (1.0, 8), (1.5, 4), (3.2, 8)].map(|side| (view, side))
     }) {
         let half_step = 0.5 / f64::from(1 << bits);
-        let tester = Tester::new(&model, &view, &Settings::default());
-        let mut nearest = Nearest::default();
+        let tester = NodeTester::new(&model, &view, &CutSettings::default());
+        let mut nearest = SoftwareDepthBuffer::default();
         assert!(nearest.clear(view.width, view.height));
-        let undrawn = Undrawn::default();
+        let undrawn = ZeroAreaSet::default();
         let footprints = squares(side_px);
-        let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), bits);
+        let hiding = OcclusionTest::new(&nearest, &tester, &view, (footprints, &undrawn), bits);
         // Four layers within the picture, and a little beside it.
         let points: Vec<Vec3> = (0..6000)
             .map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0)
@@ -162,11 +167,12 @@ fn what_is_dropped_is_covered() {
     }
 }
 
-fn are_behind<S: Simd>(simd: S, hiding: &Hiding<'_>, balls: &Balls) -> u32 {
+fn are_behind<S: Simd>(simd: S, hiding: &OcclusionTest<'_>, balls: &SphereLanes) -> u32 {
     // The four again and again.
-    let lane = |v: Vec4| Wide::load(simd, &[v.to_array(); 4].concat()[..Wide::<S>::LANES]);
+    let lane =
+        |v: Vec4| WideLanes::load(simd, &[v.to_array(); 4].concat()[..WideLanes::<S>::LANES]);
     let [x, y, z] = balls.center.map(lane);
-    let balls = Balls {
+    let balls = SphereLanes {
         center: [x, y, z],
         radius: lane(balls.radius),
         depth: lane(balls.depth),
@@ -184,12 +190,12 @@ fn all_in_a_node_that_is_dropped_is_hidden() {
     for mut view in views() {
         // Of balls that are large as angles nothing is known.
         (view.width, view.height) = (400, 300);
-        let tester = Tester::new(&model, &view, &Settings::default());
-        let mut nearest = Nearest::default();
+        let tester = NodeTester::new(&model, &view, &CutSettings::default());
+        let mut nearest = SoftwareDepthBuffer::default();
         assert!(nearest.clear(view.width, view.height));
-        let undrawn = Undrawn::default();
+        let undrawn = ZeroAreaSet::default();
         let footprints = squares(1.0);
-        let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
+        let hiding = OcclusionTest::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
         let half_step = 0.5 / 256.0;
         // A rough front, with holes beside it.
         let mut marks = Vec::new();
@@ -257,14 +263,14 @@ fn all_in_a_node_that_is_dropped_is_hidden() {
 fn depths_that_were_stored_over_come_back() {
     let model = Model::default();
     let view = views()[0];
-    let tester = Tester::new(&model, &view, &Settings::default());
-    let undrawn = Undrawn::default();
+    let tester = NodeTester::new(&model, &view, &CutSettings::default());
+    let undrawn = ZeroAreaSet::default();
     let footprints = squares(1.0);
-    let mut nearest = Nearest::default();
+    let mut nearest = SoftwareDepthBuffer::default();
     assert!(nearest.clear(view.width, view.height));
-    let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
+    let hiding = OcclusionTest::new(&nearest, &tester, &view, (footprints, &undrawn), 8);
     let mut number = numbers();
-    let mut marks = Marks::default();
+    let mut marks = DepthMarks::default();
     for round in 0..1000 {
         let four = [0; 4].map(|_| Vec3::new(number(), number(), number()) * 2.0 - 1.0);
         let balls = tester.balls(siblings::columns(four.map(|p| p.extend(0.0))));
@@ -297,12 +303,12 @@ fn balls_contain_no_other_centers_than_is_said() {
     let model = Model::default();
     let mut number = numbers();
     for view in views() {
-        let tester = Tester::new(&model, &view, &Settings::default());
-        let mut nearest = Nearest::default();
+        let tester = NodeTester::new(&model, &view, &CutSettings::default());
+        let mut nearest = SoftwareDepthBuffer::default();
         assert!(nearest.clear(view.width, view.height));
-        let undrawn = Undrawn::default();
+        let undrawn = ZeroAreaSet::default();
         let footprints = squares(1.0);
-        let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
+        let hiding = OcclusionTest::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
         let pixel = 1.0 / view.focal_px();
         let [mut dropped, mut kept, mut ones] = [0; 3];
         for _ in 0..1500 {
@@ -366,7 +372,7 @@ fn balls_contain_no_other_centers_than_is_said() {
 /// Ends of levels move along with what is left of a list.
 #[test]
 fn ends_move_along_and_huge_pictures_are_refused() {
-    assert!(!Nearest::default().clear(1 << 16, 1));
+    assert!(!SoftwareDepthBuffer::default().clear(1 << 16, 1));
     let mut list: Vec<u32> = (0..10).collect();
     let mut ends = [0, 3, 3, 7, 10];
     retain(&mut list, |_, item| *item % 3 == 0, ends.iter_mut());
@@ -378,15 +384,15 @@ fn ends_move_along_and_huge_pictures_are_refused() {
 fn nothing_is_dropped_where_nothing_is_covered() {
     let model = Model::default();
     let view = views()[0];
-    let tester = Tester::new(&model, &view, &Settings::default());
-    let undrawn = Undrawn {
+    let tester = NodeTester::new(&model, &view, &CutSettings::default());
+    let undrawn = ZeroAreaSet {
         nodes: vec![u64::MAX],
         leaves: Vec::new(),
     };
     let footprints = squares(2.0);
-    let mut nearest = Nearest::default();
+    let mut nearest = SoftwareDepthBuffer::default();
     assert!(nearest.clear(view.width, view.height));
-    let hiding = Hiding::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
+    let hiding = OcclusionTest::new(&nearest, &tester, &view, (footprints, &undrawn), 4);
     let mut marks = Vec::new();
     let middle = tester.balls(siblings::columns(
         [0.3, 0.0, -0.3, f32::NAN].map(|t| (view.backward * t).extend(0.0)),

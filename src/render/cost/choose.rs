@@ -377,7 +377,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::generate::{self, Shape, Spec};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::render::cost::model::{PassCosts, PerRasterizer, SplatCosts, TriangleCosts};
 
     /// A million splats in 100,000 pixels: at 10 ns more for each by the rasterizer and 5 ms more for the frame by compute.
@@ -441,7 +441,7 @@ mod tests {
     #[test]
     fn ellipses_of_a_cloud_count_as_large_as_they_are() {
         let points = (0..1600).map(|i| (i % 40, i / 40));
-        let spec = Spec::with_triangles(Shape::Square, 2_000).unwrap();
+        let spec = ShapeSpec::with_triangles(GeneratedShape::Square, 2_000).unwrap();
         let mut mesh = generate::mesh(&spec);
         mesh.triangles.clear();
         mesh.normals.clear();

@@ -24,7 +24,7 @@ pub use crate::render::cpu::opaque::triangles::draw as draw_triangles;
 pub use crate::render::cpu::opaque::viewport::Screen;
 
 use crate::abi::Splat;
-use crate::cut::{Cut, Undrawn};
+use crate::cut::{Cut, ZeroAreaSet};
 use crate::math::camera::View;
 use crate::pack::parallel;
 use crate::pack::splats;
@@ -46,7 +46,7 @@ pub struct Look {
 #[derive(Clone, Copy)]
 pub(super) enum Source<'a> {
     /// Of a cut of a mesh; none has a radius of its own. What they look like is not asked for.
-    Cut(&'a Model, &'a Undrawn, Part<'a>),
+    Cut(&'a Model, &'a ZeroAreaSet, Part<'a>),
     /// The same, with what they look like.
     Surface(&'a Writer<'a>, Part<'a>),
     /// Those that are written already.
@@ -81,7 +81,7 @@ pub struct Splats<'a> {
     /// The mesh.
     pub model: &'a Model,
     /// What of it has no area.
-    pub undrawn: &'a Undrawn,
+    pub undrawn: &'a ZeroAreaSet,
     /// The cut.
     pub cut: &'a Cut,
     /// What is seen of it.
@@ -174,8 +174,8 @@ mod tests {
 
     use super::*;
     use crate::abi::{FrameConstants, constants};
-    use crate::cut::{Settings, select};
-    use crate::generate::{self, Shape, Spec};
+    use crate::cut::{CutSettings, select};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::math::camera::Camera;
     use crate::math::octahedral;
     use crate::pack::Footprint;
@@ -459,11 +459,11 @@ mod tests {
     fn a_cut_is_drawn_as_its_list() {
         let mut numbers = [0; 6];
         for (shape, threshold_px) in [
-            (Shape::Statue, 1.7),
-            (Shape::Torus, 3.0),
-            (Shape::Torus, 1.2),
+            (GeneratedShape::Statue, 1.7),
+            (GeneratedShape::Torus, 3.0),
+            (GeneratedShape::Torus, 1.2),
         ] {
-            let spec = Spec::with_triangles(shape, 40_000).unwrap();
+            let spec = ShapeSpec::with_triangles(shape, 40_000).unwrap();
             let mut mesh = generate::mesh(&spec);
             for corners in mesh.triangles.iter_mut().step_by(5) {
                 corners[2] = corners[1];
@@ -471,15 +471,15 @@ mod tests {
             let colors = (0u8..=255).cycle().map(|i| [i, 255 - i, i / 3, 255]);
             mesh.colors = colors.take(mesh.positions.len()).collect();
             let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
-            let undrawn = Undrawn::new(&model);
+            let undrawn = ZeroAreaSet::new(&model);
             let eye = DVec3::new(0.0, -0.1, 3.0);
             let size = (SIZE[0], SIZE[1]);
             let camera = Camera::look_at(size, eye, DVec3::ZERO, DVec3::Y, 0.7, (0.5, 100.0));
             let view = camera.view(model.origin).unwrap();
-            let settings = Settings {
+            let settings = CutSettings {
                 threshold_px,
                 cull_back: false,
-                ..Settings::default()
+                ..CutSettings::default()
             };
             let mut cut = Cut::default();
             select(&model, &view, &settings, &mut cut);

@@ -1,7 +1,7 @@
 //! Whole frames on the processor: cut, pack and draw, triangles of any size included. No device is needed.
 
 use crate::abi::{FilteredSplat, FrameConstants, Splat};
-use crate::cut::{Cut, Selector};
+use crate::cut::{Cut, CutSelector};
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
@@ -47,7 +47,7 @@ struct CpuFrameKey {
 #[derive(Debug)]
 pub struct CpuRenderer {
     size: [u32; 2],
-    selector: Selector,
+    selector: CutSelector,
     pub(super) cut: Cut,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
     chosen: Option<(u64, CutKey)>,
@@ -87,7 +87,7 @@ impl CpuRenderer {
     pub fn new(width: u32, height: u32) -> Self {
         Self {
             size: [width, height],
-            selector: Selector::default().with_subpixel_bits(SUBPIXEL_BITS),
+            selector: CutSelector::default().with_subpixel_bits(SUBPIXEL_BITS),
             cut: Cut::default(),
             chosen: None,
             drawn: None,

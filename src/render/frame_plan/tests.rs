@@ -2,13 +2,13 @@
 #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
 use super::*;
-use crate::generate::{self, Shape, Spec};
+use crate::generate::{self, GeneratedShape, ShapeSpec};
 use crate::math::camera::Camera;
 use crate::render::{SplatKind, cut_key};
 use glam::DVec3;
 
 fn statue() -> Model {
-    let spec = Spec::with_triangles(Shape::Statue, 2_000).unwrap();
+    let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, 2_000).unwrap();
     let options = crate::tree::BuildOptions::default();
     crate::tree::build(generate::mesh(&spec), &options, &crate::progress::Silent).unwrap()
 }

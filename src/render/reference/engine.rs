@@ -1,7 +1,7 @@
 //! Whole frames by the reference: cut, pack, draw.
 
 use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
-use crate::cut::{Cut, Selector, Undrawn};
+use crate::cut::{Cut, CutSelector, ZeroAreaSet};
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
@@ -31,10 +31,10 @@ pub(in crate::render) struct MirrorEngine {
     pub(in crate::render) outputs: PictureOutputs,
     /// As [`Style::subpixel_bits`].
     subpixel_bits: u32,
-    selector: Selector,
+    selector: CutSelector,
     cut: Cut,
     /// Of the engine's model.
-    undrawn: OnceLock<Undrawn>,
+    undrawn: OnceLock<ZeroAreaSet>,
     /// The picture of the last frame.
     pub(in crate::render) image: Image,
     /// Of the last frame, where overdraw was counted.
@@ -59,7 +59,7 @@ impl MirrorEngine {
         Self {
             outputs,
             subpixel_bits,
-            selector: Selector::default().with_subpixel_bits(subpixel_bits),
+            selector: CutSelector::default().with_subpixel_bits(subpixel_bits),
             cut: Cut::default(),
             undrawn: OnceLock::new(),
             image: Image::default(),
@@ -70,7 +70,7 @@ impl MirrorEngine {
     /// Takes the binary places of window positions from a device; see [`Style::subpixel_bits`].
     pub(in crate::render) fn set_subpixel_bits(&mut self, bits: u32) {
         self.subpixel_bits = bits;
-        self.selector = Selector::default().with_subpixel_bits(bits);
+        self.selector = CutSelector::default().with_subpixel_bits(bits);
     }
 
     /// Draws a frame of settings that fit the model and the view.
@@ -121,7 +121,7 @@ impl MirrorEngine {
     }
 
     fn choose_cut(&mut self, model: &Model, view: &View, settings: &Settings) {
-        let undrawn = || self.undrawn.get_or_init(|| Undrawn::new(model));
+        let undrawn = || self.undrawn.get_or_init(|| ZeroAreaSet::new(model));
         let (selector, cut) = (&mut self.selector, &mut self.cut);
         CutKey::of(settings, model, view).select(selector, model, undrawn, cut);
     }

@@ -1,6 +1,6 @@
 //! The cut of `pop` on the device: the tree lies there, and so do the draw lists, which no one reads back.
 //!
-//! `cut.tree` goes down level by level ([`crate::cut::Selector`] does the same on the host): an invocation a node, a queue
+//! `cut.tree` goes down level by level ([`crate::cut::CutSelector`] does the same on the host): an invocation a node, a queue
 //! of sibling groups a level, and each level tells how many workgroups the next one has. What is small is written to the
 //! list of splats at once. `cut.leaves` writes the others, and the corners of triangles. Both lists are drawn by arguments
 //! that the passes left beside them. Related: Schütz, Kerbl and Wimmer, *Rendering Point Clouds with Compute Shaders and
@@ -111,7 +111,7 @@ impl DeviceCut {
     }
 
     /// What the passes know, of a frame's tester and view.
-    pub(crate) fn constants(&self, tester: &cut::Tester, view: &View) -> CutConstants {
+    pub(crate) fn constants(&self, tester: &cut::NodeTester, view: &View) -> CutConstants {
         let precision = (view, self.subpixel_bits);
         tester.constants(precision, self.most_splats, self.most_triangles)
     }
@@ -254,8 +254,8 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::cut::{Cut, Selector};
-    use crate::generate::{self, Shape, Spec};
+    use crate::cut::{Cut, CutSelector};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::gpu::buffer::AnyBuffer as _;
     use crate::gpu::for_tests::{close_in_silence, device};
     use crate::gpu::frame::FrameRing;
@@ -269,8 +269,8 @@ mod tests {
     use crate::render::{Culling, CutOn};
     use crate::tree::{self, BuildOptions};
 
-    fn model_of(shape: Shape, triangles: u64) -> Model {
-        let mesh = generate::mesh(&Spec::with_triangles(shape, triangles).unwrap());
+    fn model_of(shape: GeneratedShape, triangles: u64) -> Model {
+        let mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
         tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
     }
 
@@ -313,7 +313,7 @@ mod tests {
         let mut cut = DeviceCut::new(gpu, &tree, (model, scene), 1).unwrap();
         let mut splats = ReadbackBuffer::new(gpu, "splats", cut.splats.bytes()).unwrap();
         let mut corners = ReadbackBuffer::new(gpu, "corners", cut.indices.bytes()).unwrap();
-        let tester = cut::Tester::new(model, view, &cut_settings(settings, model));
+        let tester = cut::NodeTester::new(model, view, &cut_settings(settings, model));
         // Twice: the lists of the last frame are replaced.
         for _ in 0..2 {
             let mut frame = frames.begin().unwrap();
@@ -344,15 +344,15 @@ mod tests {
         let is_exact = gpu.info().is_cpu();
         let mut kinds = [0; 4];
         for (shape, triangles) in [
-            (Shape::Statue, 60_000),
-            (Shape::Torus, 40_000),
-            (Shape::Sphere, 20_000),
-            (Shape::Square, 2),
-            (Shape::Square, 5_000),
+            (GeneratedShape::Statue, 60_000),
+            (GeneratedShape::Torus, 40_000),
+            (GeneratedShape::Sphere, 20_000),
+            (GeneratedShape::Square, 2),
+            (GeneratedShape::Square, 5_000),
         ] {
             let model = model_of(shape, triangles);
             let scene = DeviceScene::new(&gpu, &model).unwrap();
-            let undrawn = cut::Undrawn::new(&model);
+            let undrawn = cut::ZeroAreaSet::new(&model);
             let mut views: Vec<View> = [(0.1, 0), (0.5, 1), (1.0, 2), (2.5, 3)]
                 .map(|(fill, step)| orbit(&model, (320, 200), fill, step))
                 .to_vec();
@@ -386,12 +386,12 @@ mod tests {
                     );
                     let mut cut = Cut::default();
                     let mut selector =
-                        Selector::default().with_subpixel_bits(gpu.info().subpixel_bits);
+                        CutSelector::default().with_subpixel_bits(gpu.info().subpixel_bits);
                     let of_cut = cut_settings(&settings, &model);
                     if threshold_px > 1.0 {
                         selector.select(&model, view, &of_cut, &mut cut);
                     } else {
-                        let footprints = cut::Footprints {
+                        let footprints = cut::SplatFootprints {
                             side_px: threshold_px,
                             hides: false,
                             are_discs: false,
@@ -470,9 +470,9 @@ mod tests {
     #[test]
     fn there_is_room_for_every_cut() {
         for (shape, triangles) in [
-            (Shape::Torus, 30_000),
-            (Shape::Statue, 20_000),
-            (Shape::Square, 2),
+            (GeneratedShape::Torus, 30_000),
+            (GeneratedShape::Statue, 20_000),
+            (GeneratedShape::Square, 2),
         ] {
             let model = model_of(shape, triangles);
             let most = cut::most_splats(&model);
@@ -486,7 +486,7 @@ mod tests {
                         ..Settings::default()
                     };
                     let mut cut = Cut::default();
-                    Selector::default().select(
+                    CutSelector::default().select(
                         &model,
                         &view,
                         &cut_settings(&settings, &model),

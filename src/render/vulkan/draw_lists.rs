@@ -4,7 +4,7 @@
 mod triangles;
 
 use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
-use crate::cut::{Cut, Stats};
+use crate::cut::{Cut, CutStats};
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::pack::splats;
@@ -63,7 +63,7 @@ pub(super) struct PackedFrame {
     /// It has.
     pub(super) is_made: bool,
     /// Of the cut.
-    pub(super) stats: Stats,
+    pub(super) stats: CutStats,
 }
 
 /// What is packed: a planned frame, whose cut is there.

@@ -285,8 +285,8 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::cut::{Cut, Selector, SizeMetric, Undrawn};
-    use crate::generate::{self, Shape, Spec};
+    use crate::cut::{Cut, CutSelector, SizeMetric, ZeroAreaSet};
+    use crate::generate::{self, GeneratedShape, ShapeSpec};
     use crate::gpu::buffer::ReadbackBuffer;
     use crate::gpu::device::DeviceKind as Device;
     use crate::gpu::for_tests::{close_in_silence, device};
@@ -300,8 +300,8 @@ mod tests {
     use crate::render::cut_key::cut_settings;
     use crate::tree::{self, BuildOptions, Model};
 
-    fn model_of(shape: Shape, triangles: u64, is_cloud: bool) -> Model {
-        let mut mesh = generate::mesh(&Spec::with_triangles(shape, triangles).unwrap());
+    fn model_of(shape: GeneratedShape, triangles: u64, is_cloud: bool) -> Model {
+        let mut mesh = generate::mesh(&ShapeSpec::with_triangles(shape, triangles).unwrap());
         if is_cloud {
             mesh.triangles.clear();
         } else if let Some(&first) = mesh.triangles.first() {
@@ -373,14 +373,14 @@ mod tests {
         // Nodes, rows, leaves, leaves of their own size, leaves in their plane, quads.
         let mut kinds = [0; 6];
         for (shape, triangles, is_cloud) in [
-            (Shape::Statue, 40_000, false),
-            (Shape::Torus, 30_000, false),
-            (Shape::Statue, 20_000, true),
-            (Shape::Square, 2, false),
+            (GeneratedShape::Statue, 40_000, false),
+            (GeneratedShape::Torus, 30_000, false),
+            (GeneratedShape::Statue, 20_000, true),
+            (GeneratedShape::Square, 2, false),
         ] {
             let model = model_of(shape, triangles, is_cloud);
             let scene = DeviceScene::new(&gpu, &model).unwrap();
-            let undrawn = Undrawn::new(&model);
+            let undrawn = ZeroAreaSet::new(&model);
             for (step, fill) in [(0, 0.1), (1, 0.8), (2, 3.0)] {
                 let view = orbit(&model, fill, step);
                 for (threshold_px, footprint, size, draws_large_leaves, max_point_px) in [
@@ -407,7 +407,7 @@ mod tests {
                     };
                     let mut cut = Cut::default();
                     let of_cut = cut_settings(&settings, &model);
-                    Selector::default().select(&model, &view, &of_cut, &mut cut);
+                    CutSelector::default().select(&model, &view, &of_cut, &mut cut);
                     let mut named = vec![SplatId::node(0); splats::count(&cut, &plan)];
                     let packed = ids::pack(&model, &undrawn, (&cut, &view, &plan), &mut named);
                     let what = format!(
@@ -454,7 +454,7 @@ mod tests {
     #[test]
     fn numbers_become_the_corners_of_triangles() {
         let Some(gpu) = device() else { return };
-        let model = model_of(Shape::Torus, 5_000, false);
+        let model = model_of(GeneratedShape::Torus, 5_000, false);
         let scene = DeviceScene::new(&gpu, &model).unwrap();
         let tree = DeviceTree::new(&gpu, &model, &scene).unwrap();
         let by_id = IdExpansion::new(&gpu, true).unwrap();

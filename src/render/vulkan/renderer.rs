@@ -105,7 +105,7 @@ pub struct VulkanRenderer {
     outputs: PictureOutputs,
     lists: Vec<DrawLists>,
     cut: Cut,
-    selector: cut::Selector,
+    selector: cut::CutSelector,
     costs: Option<DrawCosts>,
     device_tree: Option<DeviceTree>,
     /// What makes records of numbers, once lists have held some.
@@ -194,7 +194,7 @@ impl VulkanRenderer {
             outputs,
             lists,
             cut: Cut::default(),
-            selector: cut::Selector::default().with_subpixel_bits(gpu.info().subpixel_bits),
+            selector: cut::CutSelector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
             device_tree: None,
             by_id: None,

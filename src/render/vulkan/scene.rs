@@ -1,7 +1,7 @@
 //! A model on the device: vertices and, for the methods that draw every triangle, indices.
 
 use crate::abi::Vertex;
-use crate::cut::Undrawn;
+use crate::cut::ZeroAreaSet;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::model_facts::ModelFacts;
@@ -63,7 +63,7 @@ impl DeviceScene {
         Self::with_page_limits(gpu, model, vertices as usize, (limit / 12) as usize)
     }
 
-    /// As [`new`](Scene::new), with the most vertices (at least 3) and triangles of a page given.
+    /// As [`new`](DeviceScene::new), with the most vertices (at least 3) and triangles of a page given.
     ///
     /// # Errors
     /// When device memory runs out.
@@ -144,7 +144,7 @@ impl DeviceScene {
     }
 
     /// Nodes and leaves without area; found at the first call.
-    pub(super) fn undrawn(&self, model: &Model) -> &Undrawn {
+    pub(super) fn undrawn(&self, model: &Model) -> &ZeroAreaSet {
         self.facts.undrawn(model)
     }
 

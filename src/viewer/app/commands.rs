@@ -1,18 +1,18 @@
 //! What keys and buttons ask for.
 
 use super::draw::camera_of;
-use super::{App, Ask, FLY_SPEED, Fly};
+use super::{CameraFlight, FLY_SPEED, FileAsk, ViewerApp};
 use crate::math::camera::Camera;
 use crate::pack::Lighting;
 use crate::render::PictureOutputs;
 use crate::render::supported;
 use crate::render::{Culling, Method, Settings, Shading};
-use crate::viewer::camera::Orbit;
-use crate::viewer::choices::{self, Choice, others};
-use crate::viewer::control::Control;
+use crate::viewer::camera::OrbitCamera;
+use crate::viewer::choices::{self, NamedChoice, others};
+use crate::viewer::control::FrameBudget;
 use crate::viewer::input::Command;
 use crate::viewer::lamp::same_cost;
-use crate::viewer::screen::{Way, way_after};
+use crate::viewer::recovery::{RecoveryWay, way_after};
 use crate::viewer::{Error, text};
 use std::f64::consts::TAU;
 use std::io::Write as _;
@@ -29,13 +29,13 @@ const TURNTABLE: u32 = 36;
 
 /// Pictures from all around, one a frame.
 #[derive(Debug)]
-pub(super) struct Turntable {
+pub(super) struct TurntableRun {
     folder: PathBuf,
     next: u32,
     count: u32,
 }
 
-impl App {
+impl ViewerApp {
     /// Does what a key asks for.
     pub(super) fn command(&mut self, command: Command) -> Result<(), Error> {
         let old = self.settings;
@@ -148,8 +148,8 @@ impl App {
                     self.warn("surfel-turn-000 to surfel-turn-999 are all there; move some away");
                 }
             },
-            Command::Frame => self.change(Orbit::frame_model),
-            Command::Reset => self.change(Orbit::reset),
+            Command::Frame => self.change(OrbitCamera::frame_model),
+            Command::Reset => self.change(OrbitCamera::reset),
             Command::LookFrom(azimuth, elevation) => {
                 self.change(|orbit| orbit.look_from(azimuth, elevation));
             }
@@ -158,11 +158,11 @@ impl App {
                 if let Some(camera) = self.camera()
                     && let Ok(text) = serde_json::to_string(&camera)
                 {
-                    self.asks.push(Ask::Copy(text));
+                    self.asks.push(FileAsk::Copy(text));
                     self.inform("copied the camera");
                 }
             }
-            Command::Paste => self.asks.push(Ask::Paste),
+            Command::Paste => self.asks.push(FileAsk::Paste),
             Command::Panel => {
                 self.has_panel = !self.has_panel;
                 self.lay_out();
@@ -170,7 +170,7 @@ impl App {
             Command::Help => self.has_help = !self.has_help,
             Command::Graph => self.has_graph = !self.has_graph,
             Command::Freeze => self.history.toggle_frozen(),
-            Command::FullScreen => self.asks.push(Ask::FullScreen),
+            Command::FullScreen => self.asks.push(FileAsk::FullScreen),
             Command::Dismiss => {
                 self.notices.clear();
             }
@@ -195,13 +195,13 @@ impl App {
         if is_flying && self.orbit.is_none() {
             return;
         }
-        self.fly = is_flying.then_some(Fly {
+        self.fly = is_flying.then_some(CameraFlight {
             speed: FLY_SPEED,
             last_at: None,
         });
         self.held_keys.clear();
         self.mouse.release();
-        self.asks.push(Ask::HoldCursor(is_flying));
+        self.asks.push(FileAsk::HoldCursor(is_flying));
     }
 
     /// Why these settings cannot be drawn with, if so.
@@ -273,7 +273,7 @@ impl App {
     /// The next choice that is not refused; tells of those that were passed over.
     fn step<T: Copy + PartialEq>(
         &mut self,
-        list: &[Choice<T>],
+        list: &[NamedChoice<T>],
         now: T,
         backward: bool,
         with: impl Fn(T) -> Settings,
@@ -378,7 +378,7 @@ impl App {
             },
             Ok(None) => {}
             // A device that was lost is noticed by the next frame.
-            Err(error) if way_after(&error) == Way::End => return Err(error.into()),
+            Err(error) if way_after(&error) == RecoveryWay::End => return Err(error.into()),
             Err(error) => self.warn(&format!("no photo: {error}")),
         }
         self.is_dirty = true;
@@ -399,7 +399,7 @@ impl App {
                 self.warn("there is no cut to hold: all of the model is drawn; D and X draw a cut");
                 return;
             }
-            let shown_px = self.control.as_ref().map_or(0.0, Control::threshold_px);
+            let shown_px = self.control.as_ref().map_or(0.0, FrameBudget::threshold_px);
             self.held_px = shown_px.max(self.settings.threshold_px);
             self.inform("the cut is held; Y lets it go");
         } else {
@@ -427,7 +427,7 @@ impl App {
         let count = self.options.turntable_frames.unwrap_or(TURNTABLE).max(1);
         // A turntable turns; a camera that was given does not.
         self.change(|_| {});
-        self.turntable = Some(Turntable {
+        self.turntable = Some(TurntableRun {
             folder,
             next: 0,
             count,
@@ -481,7 +481,7 @@ impl App {
         let (Some(model), Some(camera)) = (self.screen.model(), camera) else {
             return Ok(());
         };
-        let facts = text::Facts {
+        let facts = text::TitleFacts {
             name: &self.name,
             model,
             settings: &self.settings,

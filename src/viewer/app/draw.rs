@@ -1,23 +1,24 @@
 //! Frames, and the way on after one that failed.
 
-use super::{App, MOST_LOSSES};
+use super::{MOST_LOSSES, ViewerApp};
 use crate::gpu::{self, Gpu};
 use crate::math::camera::{Camera, Light};
 use crate::render::stats::KeptWork;
 use crate::render::{Method, Occlusion, Path, Settings, Shading, SplatKind};
 use crate::viewer::Error;
-use crate::viewer::camera::Orbit;
-use crate::viewer::control::{Place, Work};
-use crate::viewer::event::Event;
+use crate::viewer::camera::OrbitCamera;
+use crate::viewer::control::{EyePlace, FrameWork};
+use crate::viewer::event::ViewerEvent;
 use crate::viewer::graph;
-use crate::viewer::pace::{Paced, Summary};
-use crate::viewer::screen::{Request, Shown, Way, way_after};
+use crate::viewer::pace::{PaceSummary, PacedFrame};
+use crate::viewer::recovery::{RecoveryWay, way_after};
+use crate::viewer::screen::{FrameRequest, ShowOutcome};
 use glam::DVec3;
 use std::sync::Arc;
 
-impl App {
+impl ViewerApp {
     /// What the frames that have finished cost, as events.
-    pub(in crate::viewer) fn finished(&mut self) -> Vec<Event> {
+    pub(in crate::viewer) fn finished(&mut self) -> Vec<ViewerEvent> {
         let mut events = Vec::new();
         // Frames overlap: on a device of its own the longer of the two decides, on a software device both need the
         // same processor.
@@ -37,7 +38,7 @@ impl App {
             let took = graph::work(&frame.times, overlaps);
             let ms = took.ms();
             if frame.is_moving {
-                self.paced.push(Paced {
+                self.paced.push(PacedFrame {
                     ms,
                     threshold_px: frame.threshold_px,
                     is_finest: frame.threshold_px <= self.settings.threshold_px,
@@ -47,7 +48,7 @@ impl App {
             if frame.times.kept != KeptWork::Nothing {
                 continue;
             }
-            events.push(Event::Frame {
+            events.push(ViewerEvent::Frame {
                 ms,
                 threshold_px: frame.threshold_px,
                 drew,
@@ -62,7 +63,7 @@ impl App {
         !self.screen.gpu().info().is_cpu()
     }
 
-    /// Whether frames have finished that [`finished`](App::finished) has not told of and that matter now.
+    /// Whether frames have finished that [`finished`](ViewerApp::finished) has not told of and that matter now.
     pub(in crate::viewer) fn has_finished(&self) -> bool {
         self.control.is_some() && self.screen.has_finished()
     }
@@ -79,7 +80,7 @@ impl App {
     pub(in crate::viewer) fn finish(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
         let had_frames = self.screen.has_pending();
         match self.screen.finish() {
-            Err(error) if way_after(&error) == Way::NewDevice => {
+            Err(error) if way_after(&error) == RecoveryWay::NewDevice => {
                 self.open_new_device(window, error)
             }
             other => {
@@ -100,7 +101,7 @@ impl App {
 
     /// How the next frame is drawn, a new picture of a moving camera as coarsely as the wanted time asks for; and what it
     /// will draw, where a time is wanted.
-    fn effective_settings(&mut self, is_new_picture: bool) -> (Settings, Option<Work>) {
+    fn effective_settings(&mut self, is_new_picture: bool) -> (Settings, Option<FrameWork>) {
         let mut settings = self.settings;
         if self.is_preview {
             // Points are all it has.
@@ -162,9 +163,9 @@ impl App {
     }
 
     /// How well the frames so far kept the wanted time; none where none is wanted.
-    pub(in crate::viewer) fn pace(&self) -> Option<Summary> {
+    pub(in crate::viewer) fn pace(&self) -> Option<PaceSummary> {
         let control = self.control.as_ref()?;
-        Some(Summary::of(&self.paced, control.target_ms()))
+        Some(PaceSummary::of(&self.paced, control.target_ms()))
     }
 
     /// Whether a time of frames is wanted.
@@ -175,23 +176,23 @@ impl App {
     /// Draws and presents a frame. Returns whether the window gave an image.
     pub(in crate::viewer) fn draw(&mut self, window: Option<&glfw::Window>) -> Result<bool, Error> {
         match self.try_draw(window) {
-            Ok(Shown::Nothing) => Ok(false),
-            Ok(Shown::Again) => {
+            Ok(ShowOutcome::Nothing) => Ok(false),
+            Ok(ShowOutcome::Again) => {
                 self.is_cover_dirty = true;
                 Ok(true)
             }
-            Ok(Shown::Frame) => {
+            Ok(ShowOutcome::Frame) => {
                 self.losses = 0;
                 Ok(true)
             }
             Err(Error::Gpu(error)) => {
                 match way_after(&error) {
-                    Way::NewDevice => self.open_new_device(window, error)?,
-                    Way::End => return Err(error.into()),
+                    RecoveryWay::NewDevice => self.open_new_device(window, error)?,
+                    RecoveryWay::End => return Err(error.into()),
                     // What was asked for cannot be made, and nobody is there to ask for something else.
                     _ if self.is_unattended() => return Err(error.into()),
-                    Way::OtherSettings => self.fall_back(&error.to_string()),
-                    Way::WithoutModel => self.forget_model(&error.to_string()),
+                    RecoveryWay::OtherSettings => self.fall_back(&error.to_string()),
+                    RecoveryWay::WithoutModel => self.forget_model(&error.to_string()),
                 }
                 Ok(true)
             }
@@ -199,7 +200,7 @@ impl App {
         }
     }
 
-    fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<Shown, Error> {
+    fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<ShowOutcome, Error> {
         // Where nothing covers the picture there is nothing to paint anew, only to show once more.
         let was_dirty = self.is_cover_dirty;
         if self.has_cover() {
@@ -212,7 +213,7 @@ impl App {
         let is_moving = self.is_moving();
         let is_held = is_moving && work.is_some();
         let orbit_is_there = self.orbit.is_some();
-        let request = Request {
+        let request = FrameRequest {
             window,
             size: self.size,
             settings: &settings,
@@ -229,7 +230,7 @@ impl App {
         let shown = screen.draw(&request, |size| {
             Some(camera_of(orbit.as_ref()?, fixed.as_ref(), light, size))
         })?;
-        if shown == Shown::Nothing {
+        if shown == ShowOutcome::Nothing {
             self.is_cover_dirty |= was_dirty;
             return Ok(shown);
         }
@@ -239,8 +240,8 @@ impl App {
             self.screen.finish()?;
         }
         if is_new_picture {
-            self.is_dirty = shown == Shown::Again;
-            if orbit_is_there && shown == Shown::Frame {
+            self.is_dirty = shown == ShowOutcome::Again;
+            if orbit_is_there && shown == ShowOutcome::Frame {
                 self.frames += 1;
                 if self.wants_screenshot {
                     self.numbered_screenshot()?;
@@ -308,7 +309,7 @@ impl App {
 
 /// The camera for a picture of `size` pixels.
 pub(super) fn camera_of(
-    orbit: &Orbit,
+    orbit: &OrbitCamera,
     fixed: Option<&Camera>,
     light: Light,
     size: (u32, u32),
@@ -326,7 +327,7 @@ pub(super) fn camera_of(
 }
 
 /// From where a camera sees a model.
-fn place_of(camera: &Camera, center: DVec3, radius: f64) -> Place {
+fn place_of(camera: &Camera, center: DVec3, radius: f64) -> EyePlace {
     let world = camera.view.inverse();
     let eye = (world.w_axis.truncate() - center) / radius.max(f64::MIN_POSITIVE);
     let toward = -world.z_axis.truncate().normalize_or_zero();

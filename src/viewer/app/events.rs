@@ -1,21 +1,21 @@
 //! The events of a step, and what they change.
 
 use super::draw::camera_of;
-use super::{App, Ask, LONGEST_TICK_S, REST_S};
+use super::{FileAsk, LONGEST_TICK_S, REST_S, ViewerApp};
 use crate::math::camera::Camera;
 use crate::viewer::Error;
-use crate::viewer::camera::Orbit;
-use crate::viewer::control::Control;
-use crate::viewer::event::{Event, Key, Modifiers};
-use crate::viewer::input::{self, Command, Drag, Gesture};
-use crate::viewer::lamp::Change;
-use crate::viewer::record::Entry;
-use crate::viewer::screen::{Way, way_after};
+use crate::viewer::camera::OrbitCamera;
+use crate::viewer::control::FrameBudget;
+use crate::viewer::event::{KeyModifiers, KeyboardKey, ViewerEvent};
+use crate::viewer::input::{self, Command, DragAction, MouseGesture};
+use crate::viewer::lamp::LampChange;
+use crate::viewer::record::RecordEntry;
+use crate::viewer::recovery::{RecoveryWay, way_after};
 use glam::{DVec2, DVec3};
 
-impl App {
+impl ViewerApp {
     /// Handles the events of a step.
-    pub(in crate::viewer) fn handle(&mut self, entries: &[Entry]) -> Result<(), Error> {
+    pub(in crate::viewer) fn handle(&mut self, entries: &[RecordEntry]) -> Result<(), Error> {
         for entry in entries {
             self.time = entry.time.max(self.time);
             self.event(&entry.event)?;
@@ -27,36 +27,36 @@ impl App {
                 None => {
                     let at = self.mouse.position();
                     let distance = self.distance_at(at)?;
-                    self.change(|orbit| orbit.zoom(Orbit::wheel_factor(steps), at, distance));
+                    self.change(|orbit| orbit.zoom(OrbitCamera::wheel_factor(steps), at, distance));
                 }
             }
         }
         Ok(())
     }
 
-    fn event(&mut self, event: &Event) -> Result<(), Error> {
+    fn event(&mut self, event: &ViewerEvent) -> Result<(), Error> {
         let taken = self.interface.event(event, self.has_cover());
         self.is_cover_dirty |= taken.changes;
         if taken.consumed {
-            if let Event::Cursor(at) = event {
+            if let ViewerEvent::Cursor(at) = event {
                 let at = self.in_picture(*at);
                 let _ = self.mouse.moved(at);
             }
             return Ok(());
         }
         match event {
-            Event::Size { width, height, .. } => {
+            ViewerEvent::Size { width, height, .. } => {
                 self.size = (*width, *height);
                 self.lay_out();
                 self.is_dirty = true;
             }
-            Event::Focus(has_focus) => {
+            ViewerEvent::Focus(has_focus) => {
                 if !has_focus {
                     self.mouse.release();
                     self.held_keys.clear();
                 }
             }
-            Event::Cursor(at) => {
+            ViewerEvent::Cursor(at) => {
                 let at = self.in_picture(*at);
                 if let Some(fly) = &mut self.fly {
                     let by = fly.last_at.map(|last| at - last);
@@ -69,8 +69,8 @@ impl App {
                     self.gesture(gesture)?;
                 }
             }
-            Event::Button { .. } if self.fly.is_some() => {}
-            Event::Button {
+            ViewerEvent::Button { .. } if self.fly.is_some() => {}
+            ViewerEvent::Button {
                 button,
                 pressed,
                 modifiers,
@@ -80,21 +80,21 @@ impl App {
                     self.gesture(gesture)?;
                 }
             }
-            Event::Scroll([_, steps]) => self.wheel += steps,
-            Event::Key {
+            ViewerEvent::Scroll([_, steps]) => self.wheel += steps,
+            ViewerEvent::Key {
                 key,
                 pressed,
                 repeat,
                 modifiers,
             } => self.key(*key, (*pressed, *repeat), *modifiers)?,
-            Event::Text('?') => self.command(Command::Help)?,
-            Event::Paste(text) => match serde_json::from_str::<Camera>(text) {
+            ViewerEvent::Text('?') => self.command(Command::Help)?,
+            ViewerEvent::Paste(text) => match serde_json::from_str::<Camera>(text) {
                 Ok(camera) => self.set_camera(camera),
                 Err(error) => self.warn(&format!(
                     "the clipboard holds no camera as Ctrl C or --save-camera writes it: {error}"
                 )),
             },
-            Event::Drop(path) => {
+            ViewerEvent::Drop(path) => {
                 if path
                     .extension()
                     .is_some_and(|e| e.eq_ignore_ascii_case("json"))
@@ -105,11 +105,11 @@ impl App {
                     }
                 } else {
                     self.notices.clear();
-                    self.asks.push(Ask::Open(path.clone()));
+                    self.asks.push(FileAsk::Open(path.clone()));
                 }
             }
-            Event::Tick(seconds) => self.tick(*seconds),
-            Event::Frame {
+            ViewerEvent::Tick(seconds) => self.tick(*seconds),
+            ViewerEvent::Frame {
                 ms,
                 threshold_px,
                 drew,
@@ -120,25 +120,29 @@ impl App {
                     control.frame(*threshold_px, drew, took);
                 }
             }
-            Event::Panel(is_shown) => {
+            ViewerEvent::Panel(is_shown) => {
                 if !self.options.panel_is_asked {
                     self.has_panel = *is_shown;
                     self.lay_out();
                 }
             }
-            Event::Text(_) | Event::CursorGone | Event::Preview(_) | Event::Loaded(_) => {}
+            ViewerEvent::Text(_)
+            | ViewerEvent::CursorGone
+            | ViewerEvent::Preview(_)
+            | ViewerEvent::Loaded(_) => {}
         }
         Ok(())
     }
 
     fn key(
         &mut self,
-        key: Key,
+        key: KeyboardKey,
         (pressed, repeat): (bool, bool),
-        modifiers: Modifiers,
+        modifiers: KeyModifiers,
     ) -> Result<(), Error> {
         self.is_fast = modifiers.shift;
-        if self.fly.is_some() && matches!(key, Key::Char('w' | 'a' | 's' | 'd' | 'e' | 'q')) {
+        if self.fly.is_some() && matches!(key, KeyboardKey::Char('w' | 'a' | 's' | 'd' | 'e' | 'q'))
+        {
             if pressed {
                 self.held_keys.insert(key);
             } else {
@@ -158,11 +162,11 @@ impl App {
                     | Command::DepthOffsetBy(_)
                     | Command::Splat(_)
                     | Command::Lamp(
-                        Change::Turn(..)
-                            | Change::Distance(_)
-                            | Change::Specular(_)
-                            | Change::Shininess(_)
-                            | Change::Ambient(_)
+                        LampChange::Turn(..)
+                            | LampChange::Distance(_)
+                            | LampChange::Specular(_)
+                            | LampChange::Shininess(_)
+                            | LampChange::Ambient(_)
                     )
             )
         );
@@ -185,11 +189,11 @@ impl App {
             let mut by = DVec3::ZERO;
             for key in &self.held_keys {
                 by += match key {
-                    Key::Char('w') => DVec3::NEG_Z,
-                    Key::Char('s') => DVec3::Z,
-                    Key::Char('a') => DVec3::NEG_X,
-                    Key::Char('d') => DVec3::X,
-                    Key::Char('e') => DVec3::Y,
+                    KeyboardKey::Char('w') => DVec3::NEG_Z,
+                    KeyboardKey::Char('s') => DVec3::Z,
+                    KeyboardKey::Char('a') => DVec3::NEG_X,
+                    KeyboardKey::Char('d') => DVec3::X,
+                    KeyboardKey::Char('e') => DVec3::Y,
                     _ => DVec3::NEG_Y,
                 };
             }
@@ -205,10 +209,10 @@ impl App {
         }
     }
 
-    /// When a [`Event::Tick`] is due, seconds; none while nothing moves by itself.
+    /// When a [`ViewerEvent::Tick`] is due, seconds; none while nothing moves by itself.
     pub(in crate::viewer) fn next_tick(&self) -> Option<f64> {
         let is_flying = self.fly.is_some() && !self.held_keys.is_empty();
-        let refines = self.control.as_ref().is_some_and(Control::is_coarse)
+        let refines = self.control.as_ref().is_some_and(FrameBudget::is_coarse)
             && self.orbit.is_some()
             && self.turntable.is_none();
         let notice = self.notices.next_expiry(self.time);
@@ -228,7 +232,7 @@ impl App {
     }
 
     /// Changes the camera, if there is a model.
-    pub(super) fn change(&mut self, change: impl FnOnce(&mut Orbit)) {
+    pub(super) fn change(&mut self, change: impl FnOnce(&mut OrbitCamera)) {
         if self.turntable.is_some() {
             return;
         }
@@ -273,28 +277,28 @@ impl App {
         Ok(self.probe(at)?.unwrap_or(away))
     }
 
-    /// As [`Screen::distance_at`]; a device that was lost knows nothing, and is noticed by the next frame.
+    /// As [`WindowScreen::distance_at`](crate::viewer::screen::WindowScreen::distance_at); a device that was lost knows nothing, and is noticed by the next frame.
     fn probe(&mut self, at: DVec2) -> Result<Option<f64>, Error> {
         match self.screen.distance_at(at) {
-            Err(error) if way_after(&error) != Way::End => Ok(None),
+            Err(error) if way_after(&error) != RecoveryWay::End => Ok(None),
             other => Ok(other?),
         }
     }
 
-    fn gesture(&mut self, gesture: Gesture) -> Result<(), Error> {
+    fn gesture(&mut self, gesture: MouseGesture) -> Result<(), Error> {
         match gesture {
-            Gesture::Begin(Drag::Turn | Drag::Lamp, _) => {}
-            Gesture::Begin(Drag::Pan | Drag::Zoom, at) => {
+            MouseGesture::Begin(DragAction::Turn | DragAction::Lamp, _) => {}
+            MouseGesture::Begin(DragAction::Pan | DragAction::Zoom, at) => {
                 self.drag_distance = self.distance_at(at)?;
                 self.drag_at = at;
             }
-            Gesture::Move(Drag::Turn, by) => self.change(|orbit| orbit.turn(by)),
-            Gesture::Move(Drag::Lamp, by) => self.drag_lamp(by),
-            Gesture::Move(Drag::Pan, by) => {
+            MouseGesture::Move(DragAction::Turn, by) => self.change(|orbit| orbit.turn(by)),
+            MouseGesture::Move(DragAction::Lamp, by) => self.drag_lamp(by),
+            MouseGesture::Move(DragAction::Pan, by) => {
                 let distance = self.drag_distance;
                 self.change(|orbit| orbit.pan(by, distance));
             }
-            Gesture::Move(Drag::Zoom, by) => {
+            MouseGesture::Move(DragAction::Zoom, by) => {
                 let (at, distance) = (self.drag_at, self.drag_distance);
                 let mut factor = 1.0;
                 self.change(|orbit| {
@@ -303,7 +307,7 @@ impl App {
                 });
                 self.drag_distance *= factor;
             }
-            Gesture::DoubleClick(at) => {
+            MouseGesture::DoubleClick(at) => {
                 if let Some(distance) = self.probe(at)? {
                     self.change(|orbit| orbit.set_pivot(at, distance));
                 }

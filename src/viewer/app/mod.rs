@@ -7,36 +7,36 @@ mod events;
 mod light;
 mod show;
 
-use super::camera::Orbit;
-use super::control::Control;
-use super::event::Key;
-use super::graph::History;
-use super::input::Mouse;
-use super::loader::{LoadError, Loaded, Loader};
-use super::notice::{Notices, Weight};
-use super::pace::Paced;
-use super::panel::Facts;
-use super::screen::Screen;
-use super::ui::Interface;
-use super::{Error, Options, text};
+use super::camera::OrbitCamera;
+use super::control::FrameBudget;
+use super::event::KeyboardKey;
+use super::graph::TimeHistory;
+use super::input::MouseState;
+use super::loader::{LoadError, Loaded, ModelLoader};
+use super::notice::{NoticeList, NoticeWeight};
+use super::pace::PacedFrame;
+use super::panel::PanelFacts;
+use super::screen::WindowScreen;
+use super::ui::PanelInterface;
+use super::{Error, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::math::camera::{Camera, Light};
 use crate::pack::{Lighting, Phong};
 use crate::render::{Method, Settings};
 use crate::tree::OrbitSphere;
-use commands::Turntable;
+use commands::TurntableRun;
 use glam::DVec2;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 /// What the app asks of the window around it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) enum Ask {
+pub(super) enum FileAsk {
     /// Load a model.
     Open(PathBuf),
     /// Put a text into the clipboard.
     Copy(String),
-    /// Read the clipboard, and hand it over as [`super::event::Event::Paste`].
+    /// Read the clipboard, and hand it over as [`super::event::ViewerEvent::Paste`].
     Paste,
     /// Switch full screen.
     FullScreen,
@@ -55,17 +55,17 @@ const LONGEST_TICK_S: f64 = 0.2;
 
 /// Flying: how fast, in radii of the model a second.
 #[derive(Debug, Clone, Copy)]
-struct Fly {
+struct CameraFlight {
     speed: f64,
     last_at: Option<DVec2>,
 }
 
 /// The state of the viewer.
-pub(super) struct App {
-    pub(super) screen: Screen,
-    pub(super) options: Options,
-    interface: Interface,
-    orbit: Option<Orbit>,
+pub(super) struct ViewerApp {
+    pub(super) screen: WindowScreen,
+    pub(super) options: ViewerOptions,
+    interface: PanelInterface,
+    orbit: Option<OrbitCamera>,
     /// A camera as it was given, until it is moved.
     fixed: Option<Camera>,
     /// The headlight of the camera.
@@ -75,22 +75,22 @@ pub(super) struct App {
     pub(super) settings: Settings,
     /// Settings that a frame was drawn with.
     good: Option<Settings>,
-    control: Option<Control>,
+    control: Option<FrameBudget>,
     /// Frames of a moving camera, where a time is wanted.
-    paced: Vec<Paced>,
-    mouse: Mouse,
+    paced: Vec<PacedFrame>,
+    mouse: MouseState,
     /// Distance of what the drag that goes on has hold of.
     drag_distance: f64,
     /// Where the drag began.
     drag_at: DVec2,
     /// Steps of the wheel since the last frame.
     wheel: f64,
-    fly: Option<Fly>,
-    held_keys: BTreeSet<Key>,
+    fly: Option<CameraFlight>,
+    held_keys: BTreeSet<KeyboardKey>,
     is_fast: bool,
-    notices: Notices,
-    history: History,
-    facts: Option<Facts>,
+    notices: NoticeList,
+    history: TimeHistory,
+    facts: Option<PanelFacts>,
     /// Where the model came from.
     path: PathBuf,
     /// What is shown is a coarse preview of it.
@@ -113,7 +113,7 @@ pub(super) struct App {
     again_at: Option<f64>,
     /// When the camera moved last.
     moved_at: f64,
-    turntable: Option<Turntable>,
+    turntable: Option<TurntableRun>,
     /// The threshold of a cut that is held, pixels.
     held_px: f32,
     /// The next picture of the model is to be written.
@@ -130,7 +130,7 @@ pub(super) struct App {
     laid_inset: u32,
     /// Frames of a model so far.
     pub(super) frames: u64,
-    pub(super) asks: Vec<Ask>,
+    pub(super) asks: Vec<FileAsk>,
 }
 
 /// Writes a message to standard error, which may be gone; the window is there.
@@ -139,15 +139,15 @@ fn tell(message: &str) {
     let _ = std::io::Write::write_all(&mut std::io::stderr(), line.as_bytes());
 }
 
-impl App {
-    pub(super) fn new(screen: Screen, options: Options) -> Self {
+impl ViewerApp {
+    pub(super) fn new(screen: WindowScreen, options: ViewerOptions) -> Self {
         let control = options
             .frame_ms
-            .map(|ms| Control::new(ms, options.settings.threshold_px));
+            .map(|ms| FrameBudget::new(ms, options.settings.threshold_px));
         let messages = vec![screen.gpu().messages().clone()];
         Self {
             screen,
-            interface: Interface::default(),
+            interface: PanelInterface::default(),
             orbit: None,
             fixed: options.camera.clone(),
             light: match &options.camera {
@@ -163,15 +163,15 @@ impl App {
             good: None,
             control,
             paced: Vec::new(),
-            mouse: Mouse::default(),
+            mouse: MouseState::default(),
             drag_distance: 0.0,
             drag_at: DVec2::ZERO,
             wheel: 0.0,
             fly: None,
             held_keys: BTreeSet::new(),
             is_fast: false,
-            notices: Notices::default(),
-            history: History::default(),
+            notices: NoticeList::default(),
+            history: TimeHistory::default(),
             facts: None,
             path: PathBuf::new(),
             is_preview: false,
@@ -210,7 +210,7 @@ impl App {
 
     /// The time that frames are held to, milliseconds.
     pub(super) fn frame_time(&self) -> Option<f64> {
-        self.control.as_ref().map(Control::target_ms)
+        self.control.as_ref().map(FrameBudget::target_ms)
     }
 
     /// Whether the headlight is parallel.
@@ -235,29 +235,29 @@ impl App {
 
     pub(super) fn warn(&mut self, message: &str) {
         tell(message);
-        self.notices.add(message, Weight::Warning, self.time);
+        self.notices.add(message, NoticeWeight::Warning, self.time);
         self.is_cover_dirty = true;
     }
 
     fn inform(&mut self, message: &str) {
         tell(message);
-        self.notices.add(message, Weight::Info, self.time);
+        self.notices.add(message, NoticeWeight::Info, self.time);
         self.is_cover_dirty = true;
     }
 
     /// The message that the title tells.
     pub(super) fn failure(&self) -> Option<&str> {
         let last = self.notices.list().last()?;
-        (last.weight == Weight::Warning).then_some(last.text.as_str())
+        (last.weight == NoticeWeight::Warning).then_some(last.text.as_str())
     }
 
     /// Says where models are to be copied to while they are loaded.
-    pub(super) fn tell_device(&self, loader: &mut Loader) {
+    pub(super) fn tell_device(&self, loader: &mut ModelLoader) {
         loader.copy_to(self.screen.gpu(), self.settings.method == Method::Triangles);
     }
 
-    /// A model was loaded, or could not be, or a preview of it has come. Comes with [`super::event::Event::Loaded`] or
-    /// [`super::event::Event::Preview`].
+    /// A model was loaded, or could not be, or a preview of it has come. Comes with [`super::event::ViewerEvent::Loaded`] or
+    /// [`super::event::ViewerEvent::Preview`].
     pub(super) fn loaded(
         &mut self,
         path: &Path,
@@ -319,7 +319,7 @@ impl App {
         let Some(model) = self.screen.model() else {
             return Ok(());
         };
-        self.facts = (!is_preview).then(|| Facts {
+        self.facts = (!is_preview).then(|| PanelFacts {
             name: self.name.clone(),
             triangles: model.triangles.len() as u64,
             vertices: model.vertices.len() as u64,
@@ -330,7 +330,7 @@ impl App {
         self.is_dirty = true;
         let OrbitSphere { center, radius } = model.orbit_sphere();
         if !is_expected || self.orbit.is_none() {
-            self.orbit = Some(Orbit::new(center, radius, self.picture_size(), orbit));
+            self.orbit = Some(OrbitCamera::new(center, radius, self.picture_size(), orbit));
             if is_another {
                 self.fixed = None;
             }

@@ -1,7 +1,7 @@
 //! What covers the picture: panel, graph, list of keys, messages.
 
-use super::App;
-use crate::viewer::panel::{self, State, Wish};
+use super::ViewerApp;
+use crate::viewer::panel::{self, PanelState, PanelWish};
 use crate::viewer::{Error, help};
 use egui::{Align2, Area, Frame, vec2};
 use glam::DVec2;
@@ -9,7 +9,7 @@ use glam::DVec2;
 /// Width of the graph, points.
 const GRAPH_WIDTH: f32 = 380.0;
 
-impl App {
+impl ViewerApp {
     /// Columns at the left of the window that belong to the panel alone, pixels: the picture is drawn beside it. Where that
     /// would be narrower than half of the panel, the panel covers the picture instead.
     pub(super) fn inset(&self) -> u32 {
@@ -55,7 +55,7 @@ impl App {
             return Ok(());
         }
         self.is_cover_dirty = false;
-        let mut wishes: Vec<Wish> = Vec::new();
+        let mut wishes: Vec<PanelWish> = Vec::new();
         let mut dismissed = None;
         let mut closes_help = false;
         let size = self.interface.size_in_points();
@@ -63,7 +63,7 @@ impl App {
             .control
             .as_ref()
             .map(|c| (c.threshold_px(), c.target_ms(), c.report()));
-        let state = State {
+        let state = PanelState {
             settings: &self.settings,
             light: self.light_kind(),
             radius: self.around().map_or(1.0, |(_, radius)| radius),
@@ -109,7 +109,7 @@ impl App {
             self.is_cover_dirty = true;
         }
         if let Some(text) = &painted.copied {
-            self.asks.push(super::Ask::Copy(text.clone()));
+            self.asks.push(super::FileAsk::Copy(text.clone()));
         }
         self.screen.cover(painted)?;
         if closes_help {
@@ -123,10 +123,10 @@ impl App {
         for wish in wishes {
             self.is_cover_dirty = true;
             match wish {
-                Wish::Command(command) => self.command(command)?,
-                Wish::Settings(settings) => self.wish(*settings),
-                Wish::Light(light) => self.set_light(light),
-                Wish::FrameTime(ms) => self.set_frame_time(ms),
+                PanelWish::Command(command) => self.command(command)?,
+                PanelWish::Settings(settings) => self.wish(*settings),
+                PanelWish::Light(light) => self.set_light(light),
+                PanelWish::FrameTime(ms) => self.set_frame_time(ms),
             }
         }
         Ok(())

@@ -52,7 +52,7 @@ const FAR_OFF: f64 = 0.1;
 /// What is drawn in a frame, in numbers that are known before it is drawn.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Work {
+pub struct FrameWork {
     /// Nodes that the cut looked at.
     pub visited: u64,
     /// Splats.
@@ -72,14 +72,14 @@ pub struct Work {
     /// Nodes that cuts looked at which were counted for this frame and not drawn.
     pub counted: u64,
     /// Where it is seen from.
-    pub place: Place,
+    pub place: EyePlace,
 }
 
 /// Where the eye is, in radii of the model, and which way it looks, of length 1.
-pub type Place = [f64; 6];
+pub type EyePlace = [f64; 6];
 
 /// How far apart two places are, radii of the model or radians.
-pub(super) fn apart(a: &Place, b: &Place) -> f64 {
+pub(super) fn apart(a: &EyePlace, b: &EyePlace) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| (a - b).powi(2));
     squares.sum::<f64>().sqrt()
 }
@@ -87,7 +87,7 @@ pub(super) fn apart(a: &Place, b: &Place) -> f64 {
 /// What a frame took, milliseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
-pub struct Took {
+pub struct TimeTaken {
     /// Choosing the cut, and those that were counted.
     pub cut_ms: f64,
     /// Writing draw lists and submitting.
@@ -100,7 +100,7 @@ pub struct Took {
     pub overlaps: bool,
 }
 
-impl Took {
+impl TimeTaken {
     /// All of it, milliseconds.
     pub fn ms(&self) -> f64 {
         let (host, device) = (self.cut_ms + self.pack_ms, self.picture_ms + self.draw_ms);
@@ -117,7 +117,7 @@ impl Took {
     }
 }
 
-impl From<f64> for Took {
+impl From<f64> for TimeTaken {
     /// So many milliseconds, of which nothing else is known.
     fn from(ms: f64) -> Self {
         Self {
@@ -129,13 +129,13 @@ impl From<f64> for Took {
 
 /// What a splat, a pixel of a splat as large as the threshold, and a triangle take of the passes that draw, nanoseconds.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Shares {
+struct UnitShares {
     splat: f64,
     pixel: f64,
     triangle: f64,
 }
 
-impl Shares {
+impl UnitShares {
     /// The usual ones: what a software device takes. Only how they compare matters on others.
     fn usual(is_blended: bool, by_compute: bool) -> Self {
         let (splat, pixel, triangle) = match (is_blended, by_compute) {
@@ -166,23 +166,23 @@ impl Shares {
     }
 
     /// Nanoseconds of all that is drawn with a threshold of `px`.
-    fn ns(self, work: &Numbers, px: f64) -> f64 {
+    fn ns(self, work: &WorkNumbers, px: f64) -> f64 {
         let splat = self.splat + self.pixel * px * px;
         (work.splats * splat + self.triangle * work.triangles).max(1.0)
     }
 }
 
-/// The numbers of a [`Work`], or what they become with another threshold.
+/// The numbers of a [`FrameWork`], or what they become with another threshold.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Numbers {
+pub(super) struct WorkNumbers {
     visited: f64,
     splats: f64,
     triangles: f64,
     pixels: f64,
 }
 
-impl Numbers {
-    pub(super) fn of(work: &Work) -> Self {
+impl WorkNumbers {
+    pub(super) fn of(work: &FrameWork) -> Self {
         Self {
             visited: work.visited as f64,
             splats: work.splats as f64,
@@ -213,36 +213,36 @@ impl Numbers {
 
 /// A frame that has finished.
 #[derive(Debug, Clone, Copy, PartialEq)]
-struct Frame {
-    work: Work,
+struct TimedFrame {
+    work: FrameWork,
     px: f32,
-    took: Took,
+    took: TimeTaken,
     number: u64,
 }
 
-impl Frame {
+impl TimedFrame {
     /// The host drew its splats, while it packed them.
     fn is_of_host(&self) -> bool {
         self.took.draw_ms == 0.0 && self.work.splats > 0
     }
 
-    fn draw_rate(&self, shares: Shares) -> f64 {
-        self.took.draw_ms / shares.ns(&Numbers::of(&self.work), self.px.into())
+    fn draw_rate(&self, shares: UnitShares) -> f64 {
+        self.took.draw_ms / shares.ns(&WorkNumbers::of(&self.work), self.px.into())
     }
 }
 
 /// What is known of one way to draw small splats.
 #[derive(Debug, Clone, PartialEq)]
-struct Way {
+struct KnownWay {
     /// Its last frames, oldest first.
-    frames: VecDeque<Frame>,
+    frames: VecDeque<TimedFrame>,
     /// There was more than one.
     is_known: bool,
     /// Factors of the usual shares of pixels and triangles.
     learned: [f64; 2],
 }
 
-impl Default for Way {
+impl Default for KnownWay {
     fn default() -> Self {
         Self {
             frames: VecDeque::with_capacity(FRAMES),
@@ -252,9 +252,9 @@ impl Default for Way {
     }
 }
 
-impl Way {
-    fn shares(usual: Shares, learned: [f64; 2]) -> Shares {
-        Shares {
+impl KnownWay {
+    fn shares(usual: UnitShares, learned: [f64; 2]) -> UnitShares {
+        UnitShares {
             pixel: learned[0] * usual.pixel,
             triangle: learned[1] * usual.triangle,
             ..usual
@@ -262,7 +262,7 @@ impl Way {
     }
 
     /// One step, if the frames agree better there.
-    fn learn(&mut self, usual: Shares) {
+    fn learn(&mut self, usual: UnitShares) {
         if self.frames.len() < LEAST_FRAMES {
             return;
         }
@@ -300,21 +300,21 @@ impl Way {
 
 /// What the parts of frames are foreseen by, of frames of about one threshold that are drawn in one way.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Rates {
+pub(super) struct WorkRates {
     cut: f64,
     pack: f64,
     picture: f64,
     draw: f64,
-    shares: Shares,
+    shares: UnitShares,
     /// Frames nearly like this one were drawn.
     pub(super) is_known: bool,
     overlaps: bool,
 }
 
-impl Rates {
+impl WorkRates {
     /// Milliseconds of a frame.
-    pub(super) fn ms(&self, work: &Numbers, px: f32) -> f64 {
-        Took {
+    pub(super) fn ms(&self, work: &WorkNumbers, px: f32) -> f64 {
+        TimeTaken {
             cut_ms: self.cut * work.visited,
             pack_ms: self.pack * work.packed(),
             picture_ms: self.picture * work.pixels,
@@ -336,16 +336,16 @@ impl Rates {
 
 /// All that is known of what frames take.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(super) struct Model {
+pub(super) struct TimeModel {
     /// By the rasterizer, and by compute.
-    ways: [Way; 2],
+    ways: [KnownWay; 2],
     /// What splats were measured to take.
     costs: Option<PerRasterizer<SplatCosts>>,
     /// Frames so far.
     pub(super) count: u64,
 }
 
-impl Model {
+impl TimeModel {
     /// Factors of the usual shares of pixels and triangles, by the rasterizer and by compute.
     pub(super) fn learned(&self) -> [[f64; 2]; 2] {
         [0, 1].map(|way: usize| self.ways[way].learned)
@@ -364,8 +364,8 @@ impl Model {
         self.costs = costs;
     }
 
-    fn usual(&self, is_blended: bool, by_compute: bool) -> Shares {
-        let usual = Shares::usual(is_blended, by_compute);
+    fn usual(&self, is_blended: bool, by_compute: bool) -> UnitShares {
+        let usual = UnitShares::usual(is_blended, by_compute);
         let costs = self.costs.as_ref();
         let measured = costs.and_then(|ways| match by_compute {
             true => ways.compute.as_ref(),
@@ -375,7 +375,7 @@ impl Model {
     }
 
     /// A frame has finished. Returns whether its time can be.
-    pub(super) fn learn(&mut self, px: f32, work: &Work, took: Took) -> bool {
+    pub(super) fn learn(&mut self, px: f32, work: &FrameWork, took: TimeTaken) -> bool {
         if !(took.is_time() && px > 0.0) {
             return false;
         }
@@ -387,7 +387,7 @@ impl Model {
             way.is_known = true;
             way.frames.pop_front();
         }
-        way.frames.push_back(Frame {
+        way.frames.push_back(TimedFrame {
             work: *work,
             px,
             took,
@@ -399,14 +399,14 @@ impl Model {
 
     /// The frames of a way that tell most of one like `work`: those that drew about the same from about there, and of late.
     /// And whether some are so near that it is known what it takes.
-    fn frames(&self, px: f32, work: &Work, by_compute: bool) -> (Vec<&Frame>, bool) {
-        let wanted = Numbers::of(work);
+    fn frames(&self, px: f32, work: &FrameWork, by_compute: bool) -> (Vec<&TimedFrame>, bool) {
+        let wanted = WorkNumbers::of(work);
         let far = |a: f64, b: f64, near: f64| ((a / b).ln() / near).powi(2);
         let frames = &self.ways[usize::from(by_compute)].frames;
-        let is_any_of_host = frames.iter().any(Frame::is_of_host);
+        let is_any_of_host = frames.iter().any(TimedFrame::is_of_host);
         let is_of_host = is_any_of_host && work.triangles == 0;
-        let distance = |f: &Frame| {
-            let drew = Numbers::of(&f.work);
+        let distance = |f: &TimedFrame| {
+            let drew = WorkNumbers::of(&f.work);
             let triangles = (wanted.triangle_share() - drew.triangle_share()) / NEAR_SHARE;
             let place = apart(&work.place, &f.work.place) / NEAR_PLACE;
             let squares = far(px.into(), f.px.into(), NEAR_PX)
@@ -420,7 +420,7 @@ impl Model {
             };
             squares.sqrt() + other_hand + (self.count - f.number) as f64 / RECENT
         };
-        let mut found: Vec<(f64, &Frame)> = frames.iter().map(|f| (distance(f), f)).collect();
+        let mut found: Vec<(f64, &TimedFrame)> = frames.iter().map(|f| (distance(f), f)).collect();
         let most = (found.len() / 4).clamp(LEAST, RATES).min(found.len());
         found.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         found.truncate(most);
@@ -434,7 +434,7 @@ impl Model {
 
     /// Whether the last frame was drawn by compute; none before the first.
     fn last_by_compute(&self) -> Option<bool> {
-        let number = |way: &Way| way.frames.back().map_or(0, |f| f.number);
+        let number = |way: &KnownWay| way.frames.back().map_or(0, |f| f.number);
         let [raster, compute] = &self.ways;
         let is_any = !(raster.frames.is_empty() && compute.frames.is_empty());
         is_any.then(|| number(compute) > number(raster))
@@ -445,17 +445,17 @@ impl Model {
     /// Of the way of the last frame that is what the last frames say. Of the other one it is what all its frames say, as
     /// much more or less as the present way's last ones take than all of its: a device that is slow for a while is slow in
     /// both. What was never drawn in the other way is taken to be different as usual.
-    pub(super) fn rates(&self, px: f32, work: &Work, by_compute: bool) -> Option<Rates> {
+    pub(super) fn rates(&self, px: f32, work: &FrameWork, by_compute: bool) -> Option<WorkRates> {
         let present = self.last_by_compute()?;
         let shares = |by_compute: bool| {
             let way = &self.ways[usize::from(by_compute)];
-            Way::shares(self.usual(work.is_blended, by_compute), way.learned)
+            KnownWay::shares(self.usual(work.is_blended, by_compute), way.learned)
         };
-        let of_draw = |frames: &[&Frame], by_compute: bool| {
+        let of_draw = |frames: &[&TimedFrame], by_compute: bool| {
             let shares = shares(by_compute);
             median_of(frames, |f| f.draw_rate(shares))
         };
-        let of_picture = |f: &Frame| f.took.picture_ms / f.work.pixels.max(1) as f64;
+        let of_picture = |f: &TimedFrame| f.took.picture_ms / f.work.pixels.max(1) as f64;
         let other = &self.ways[usize::from(by_compute)];
         let of_way = by_compute == present || other.is_known;
         let (frames, is_known) = self.frames(px, work, if of_way { by_compute } else { present });
@@ -467,10 +467,12 @@ impl Model {
             let usual = self.usual(work.is_blended, present);
             median_of(&frames, |f| f.draw_rate(usual))
         };
-        let looked = |f: &Frame| (f.work.visited + f.work.counted).max(1) as f64;
-        Some(Rates {
+        let looked = |f: &TimedFrame| (f.work.visited + f.work.counted).max(1) as f64;
+        Some(WorkRates {
             cut: median_of(&frames, |f| f.took.cut_ms / looked(f)),
-            pack: median_of(&frames, |f| f.took.pack_ms / Numbers::of(&f.work).packed()),
+            pack: median_of(&frames, |f| {
+                f.took.pack_ms / WorkNumbers::of(&f.work).packed()
+            }),
             picture,
             draw,
             shares: shares(by_compute),
@@ -480,6 +482,6 @@ impl Model {
     }
 }
 
-fn median_of(frames: &[&Frame], of: impl Fn(&Frame) -> f64) -> f64 {
+fn median_of(frames: &[&TimedFrame], of: impl Fn(&TimedFrame) -> f64) -> f64 {
     median(frames.iter().map(|f| of(f)).collect())
 }

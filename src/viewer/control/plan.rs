@@ -1,7 +1,7 @@
 //! Which threshold and way a frame begins with, and which others are counted for it.
 
-use super::model::{Numbers, Place, Rates, Took, Work, apart};
-use super::{COARSEST_PX, Control};
+use super::model::{EyePlace, FrameWork, TimeTaken, WorkNumbers, WorkRates, apart};
+use super::{COARSEST_PX, FrameBudget};
 
 /// Foreseen to miss the wanted time by less than this, a frame is drawn as the one before. Where it is more, another cut is
 /// counted if that takes less.
@@ -58,17 +58,17 @@ const SLOWER: f64 = 1.3;
 
 /// Where the wanted time lies between a threshold that is too coarse and one that is too fine, on a straight line of
 /// logarithms.
-fn between(coarse: &Tried, fine: &Tried) -> f32 {
+fn between(coarse: &TriedThreshold, fine: &TriedThreshold) -> f32 {
     let (a, b) = (coarse.share.ln(), fine.share.ln());
     let along = (-a / (b - a)).clamp(0.1, 0.9);
-    let px = |tried: &Tried| f64::from(tried.px).ln();
+    let px = |tried: &TriedThreshold| f64::from(tried.px).ln();
     (px(coarse) + along * (px(fine) - px(coarse))).exp() as f32
 }
 
 /// How a place was drawn.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Seen {
-    place: Place,
+    place: EyePlace,
     px: f32,
     way: bool,
     /// What that took without the cuts that were counted in vain, milliseconds; none before it has finished.
@@ -77,7 +77,7 @@ pub(super) struct Seen {
 
 /// What a frame begins with.
 #[derive(Debug, Clone, Copy)]
-struct Begin {
+struct PlanBegin {
     px: f32,
     way: bool,
     /// How far off the wanted time it stays with that.
@@ -90,7 +90,7 @@ struct Begin {
 
 /// A threshold whose cut was counted.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Tried {
+pub(super) struct TriedThreshold {
     px: f32,
     way: bool,
     /// Foreseen time, as part of the wanted one.
@@ -107,11 +107,11 @@ pub(super) struct Tried {
 
 /// What was counted for a frame.
 #[derive(Debug, Default)]
-struct Search {
-    first: Option<Tried>,
-    best: Option<Tried>,
+struct ThresholdSearch {
+    first: Option<TriedThreshold>,
+    best: Option<TriedThreshold>,
     /// The last that were too coarse and too fine.
-    around: [Option<Tried>; 2],
+    around: [Option<TriedThreshold>; 2],
     count: usize,
     /// What counting took, as part of the wanted time.
     spent: f64,
@@ -119,8 +119,8 @@ struct Search {
     has_edge: bool,
 }
 
-impl Search {
-    fn add(&mut self, tried: Tried) {
+impl ThresholdSearch {
+    fn add(&mut self, tried: TriedThreshold) {
         let first = *self.first.get_or_insert(tried);
         // Where the time falls and rises with the threshold, it is no way out of what takes too long to draw more.
         let is_away = first.way == tried.way
@@ -136,13 +136,13 @@ impl Search {
     }
 
     /// Whether the time jumps over the wanted one beside `best`.
-    fn has_jump(&self, best: &Tried) -> bool {
+    fn has_jump(&self, best: &TriedThreshold) -> bool {
         best.off() > DEAD_BAND
             && matches!(&self.around, [Some(coarse), Some(fine)] if coarse.px < WIDE_JUMP * fine.px)
     }
 }
 
-impl Tried {
+impl TriedThreshold {
     fn off(&self) -> f64 {
         self.share.ln().abs()
     }
@@ -158,17 +158,17 @@ impl Tried {
     }
 }
 
-impl Control {
+impl FrameBudget {
     /// The threshold between `ends` with which what is drawn with `px` takes `ms`, foreseen by `rates`; the nearer end
     /// where none does.
     fn threshold_for(
         &self,
         ms: f64,
-        (work, px): (&Work, f32),
-        rates: Rates,
+        (work, px): (&FrameWork, f32),
+        rates: WorkRates,
         (mut low, mut high): (f32, f32),
     ) -> f32 {
-        let numbers = Numbers::of(work);
+        let numbers = WorkNumbers::of(work);
         let is_too_much = |at: f32| self.foreseen(rates, numbers, (px, at)) > ms;
         if is_too_much(high) {
             return high;
@@ -188,7 +188,7 @@ impl Control {
     }
 
     /// Milliseconds of a frame with the threshold `at`, of which it is known what it draws with `px`.
-    fn foreseen(&self, rates: Rates, numbers: Numbers, (px, at): (f32, f32)) -> f64 {
+    fn foreseen(&self, rates: WorkRates, numbers: WorkNumbers, (px, at): (f32, f32)) -> f64 {
         let fewer = f64::from(at / px).powf(-self.power);
         rates.ms(&numbers.times(fewer), at)
     }
@@ -198,7 +198,7 @@ impl Control {
     fn next(
         &self,
         ms: f64,
-        (work, px): (&Work, f32),
+        (work, px): (&FrameWork, f32),
         by_compute: bool,
         ends: (f32, f32),
     ) -> Option<(f32, bool)> {
@@ -210,7 +210,7 @@ impl Control {
                 low = low.min(high);
             }
             let next = self.threshold_for(ms, (work, px), rates, (low, high));
-            let misses = self.foreseen(rates, Numbers::of(work), (px, next)) / ms - 1.0;
+            let misses = self.foreseen(rates, WorkNumbers::of(work), (px, next)) / ms - 1.0;
             Some((next, misses))
         };
         let now = of(by_compute)?;
@@ -235,8 +235,8 @@ impl Control {
 
     /// The threshold for the next frame, pixels, which is seen from `place`. `work` says what would be drawn with a threshold;
     /// it is asked only while the camera moves, and the last answer is that for the result.
-    /// [`counted`](Control::counted) says what asking took, [`by_compute`](Control::by_compute) how it is to be drawn.
-    pub fn plan(&mut self, place: Place, mut work: impl FnMut(f32) -> Work) -> f32 {
+    /// [`counted`](FrameBudget::counted) says what asking took, [`by_compute`](FrameBudget::by_compute) how it is to be drawn.
+    pub fn plan(&mut self, place: EyePlace, mut work: impl FnMut(f32) -> FrameWork) -> f32 {
         self.counted = 0;
         if !self.is_moving || self.model.count == 0 {
             return self.shown_px;
@@ -244,9 +244,9 @@ impl Control {
         self.planned += 1;
         let begin = self.begin(place);
         let (mut px, mut way, mut allowed) = (begin.px, begin.way, begin.allowed);
-        let mut work = |px: f32| Work { place, ..work(px) };
+        let mut work = |px: f32| FrameWork { place, ..work(px) };
         let mut now = work(px);
-        let mut search = Search::default();
+        let mut search = ThresholdSearch::default();
         let mut creeps = false;
         for left in (0..MOST_CUTS).rev() {
             let Some(tried) = self.foresee(px, way, &now) else {
@@ -275,7 +275,7 @@ impl Control {
             let other = work(next_px);
             let steps = f64::from(next_px / px).ln();
             if steps.abs() > 1e-3 {
-                let change = Numbers::of(&other).packed() / Numbers::of(&now).packed();
+                let change = WorkNumbers::of(&other).packed() / WorkNumbers::of(&now).packed();
                 self.power = (-change.ln() / steps).clamp(0.7, 3.0);
             }
             (px, way, now) = (next_px, next_way, other);
@@ -291,7 +291,7 @@ impl Control {
                 // Known to be no better.
                 Some(tried) if tried.is_known => self.block(&best, search.spent),
                 Some(tried) => {
-                    best = Tried {
+                    best = TriedThreshold {
                         share: 1.0,
                         ..tried
                     }
@@ -310,11 +310,11 @@ impl Control {
     }
 
     /// What is foreseen of a frame with the threshold `px`, drawn in one way if it can be. None before the first frame.
-    fn foresee(&mut self, px: f32, way: bool, work: &Work) -> Option<Tried> {
+    fn foresee(&mut self, px: f32, way: bool, work: &FrameWork) -> Option<TriedThreshold> {
         self.has_choice |= work.is_free;
         let way = if work.is_free { way } else { work.by_compute };
         let rates = self.model.rates(px, work, way)?;
-        let ms = self.drift * rates.ms(&Numbers::of(work), px);
+        let ms = self.drift * rates.ms(&WorkNumbers::of(work), px);
         let share = (ms / self.target_ms).max(1e-6);
         let ends = (
             (px / LARGEST_STEP).max(self.finest_px),
@@ -323,7 +323,7 @@ impl Control {
         let wanted = self.target_ms / self.drift;
         let next = self.next(wanted, (work, px), way, ends)?;
         tracing::trace!(px, way, share, ?next, rates.is_known, "counted");
-        Some(Tried {
+        Some(TriedThreshold {
             px,
             way,
             share,
@@ -338,20 +338,20 @@ impl Control {
     }
 
     /// Whether a frame is to be drawn nearly as it was before at this place.
-    fn is_kept(&self, begin: &Begin, tried: &Tried) -> bool {
+    fn is_kept(&self, begin: &PlanBegin, tried: &TriedThreshold) -> bool {
         let kept = |ms: f64| (ms / self.target_ms).ln().abs() <= AGAINST;
         let is_doubted = || tried.off() <= DOUBTED && begin.took_ms.is_some_and(kept);
         begin.is_again && tried.way == begin.way && (tried.off() <= NEARLY || is_doubted())
     }
 
     /// Where compute ends and takes too long: the rasterizer takes longer a little above, and far beyond it may not.
-    fn beyond(&self, tried: &Tried) -> Option<(f32, bool)> {
+    fn beyond(&self, tried: &TriedThreshold) -> Option<(f32, bool)> {
         let px = (tried.px * LARGEST_STEP).min(self.coarsest());
         (tried.is_at_edge && px > tried.px).then_some((px, false))
     }
 
     /// Threshold and way that are counted after `tried`; none where it is no use.
-    fn after(&self, search: &mut Search, tried: &Tried) -> Option<(f32, bool)> {
+    fn after(&self, search: &mut ThresholdSearch, tried: &TriedThreshold) -> Option<(f32, bool)> {
         let (next_px, way) = tried.next;
         if way != tried.way {
             search.around = [None; 2];
@@ -361,7 +361,7 @@ impl Control {
         if let [Some(coarse), Some(fine)] = &search.around {
             return (coarse.px >= JUMP * fine.px).then(|| (between(coarse, fine), way));
         }
-        let jumped_over = |last: &Tried| {
+        let jumped_over = |last: &TriedThreshold| {
             last.px != tried.px && last.side() != tried.side() && last.off() < tried.off()
         };
         let px = match (&self.last, before) {
@@ -382,7 +382,7 @@ impl Control {
 
     /// A threshold to be drawn because nothing is known of it, where what was found is far off the wanted time and would be
     /// drawn again and again.
-    fn unknown_beside(&self, search: &Search, best: &Tried) -> Option<f32> {
+    fn unknown_beside(&self, search: &ThresholdSearch, best: &TriedThreshold) -> Option<f32> {
         let is_stuck = search.first.is_some_and(|first| first.px == best.px);
         if best.off() <= MOST_OFF || !is_stuck || self.is_blocked(best) {
             return None;
@@ -402,7 +402,7 @@ impl Control {
 
     /// Threshold and way that a frame begins with which is seen from `place`, and how far off the wanted time it stays with
     /// them: those of a frame that was seen from there before, or what would have been right for the last one.
-    fn begin(&mut self, place: Place) -> Begin {
+    fn begin(&mut self, place: EyePlace) -> PlanBegin {
         let moved = apart(&place, &self.place);
         self.place = place;
         let (finest, coarsest) = (self.finest_px, self.coarsest());
@@ -415,7 +415,7 @@ impl Control {
             && distance <= MOVED.max(0.5 * moved)
         {
             let is_still = moved <= MOVED;
-            return Begin {
+            return PlanBegin {
                 px: seen.px.clamp(finest, coarsest),
                 way: seen.way,
                 allowed: if is_still { STAYS } else { AGAIN },
@@ -428,7 +428,7 @@ impl Control {
             Some(last) => last.next,
             None => (self.moving_px, self.by_compute),
         };
-        Begin {
+        PlanBegin {
             px: px.clamp(finest, coarsest),
             way,
             allowed: DEAD_BAND,
@@ -438,19 +438,19 @@ impl Control {
     }
 
     /// Whether it is known that nothing nearer the wanted time lies beside this.
-    fn is_blocked(&self, tried: &Tried) -> bool {
+    fn is_blocked(&self, tried: &TriedThreshold) -> bool {
         let (until, off) = self.blocked[tried.side()];
         self.planned < until && tried.off() < off + WORSE
     }
 
     /// It was looked for something nearer the wanted time, for so much of a frame, and there was nothing.
-    fn block(&mut self, best: &Tried, spent: f64) {
+    fn block(&mut self, best: &TriedThreshold, spent: f64) {
         let frames = (spent / LOOKED).ceil().min(LONGEST_BLOCK) as u64;
         self.blocked[best.side()] = (self.planned + frames, best.off());
     }
 
     /// What is to be drawn.
-    fn decide(&mut self, best: &Tried, search: &Search) {
+    fn decide(&mut self, best: &TriedThreshold, search: &ThresholdSearch) {
         // Compute was counted as coarse as it goes and found too slow: from here, that is only guessed.
         if !best.way && search.has_edge {
             self.past_edge = self.planned + PAST_EDGE;
@@ -470,7 +470,7 @@ impl Control {
     }
 
     /// A frame has finished: the place that it was seen from remembers what it took.
-    pub(super) fn note_seen(&mut self, px: f32, work: &Work, took: Took) {
+    pub(super) fn note_seen(&mut self, px: f32, work: &FrameWork, took: TimeTaken) {
         let is_it = |seen: &&mut Seen| seen.place == work.place && seen.px == px;
         if let Some(seen) = self.seen.iter_mut().rev().find(is_it) {
             let looked = (work.visited + work.counted).max(1);

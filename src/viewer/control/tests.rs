@@ -1,11 +1,11 @@
-use super::model::Numbers;
+use super::model::WorkNumbers;
 use super::plan::MOST_CUTS;
 use super::*;
 use proptest::prelude::*;
 
 const TARGET: f64 = 33.0;
 /// Nothing is seen from elsewhere.
-const HERE: Place = [0.0; 6];
+const HERE: EyePlace = [0.0; 6];
 
 /// The oracle: splats go with the inverse square of the threshold, and a frame takes `a` and `b` for each of them.
 struct Device {
@@ -22,10 +22,10 @@ impl Device {
         Self { a, b, splats }
     }
 
-    fn work(&self, px: f32) -> Work {
-        Work {
+    fn work(&self, px: f32) -> FrameWork {
+        FrameWork {
             splats: (self.splats / f64::from(px).powi(2)) as u64,
-            ..Work::default()
+            ..FrameWork::default()
         }
     }
 
@@ -34,16 +34,16 @@ impl Device {
     }
 
     /// Passes are timed: what is drawn for each splat is told from what is done for every picture.
-    fn took(&self, px: f32) -> Took {
-        Took {
+    fn took(&self, px: f32) -> TimeTaken {
+        TimeTaken {
             picture_ms: self.a,
             draw_ms: self.b * self.work(px).splats as f64,
-            ..Took::default()
+            ..TimeTaken::default()
         }
     }
 
     /// Draws frames of a moving camera, each told two frames later as on a window; their thresholds.
-    fn drive(&self, control: &mut Control, frames: usize) -> Vec<f32> {
+    fn drive(&self, control: &mut FrameBudget, frames: usize) -> Vec<f32> {
         let mut under_way = VecDeque::new();
         (0..frames)
             .map(|_| {
@@ -65,24 +65,24 @@ proptest! {
     #[test]
     fn the_time_is_reached_and_then_nothing_moves(share in 0.0..0.5f64, px in 1.2..30.0f32) {
         let device = Device::reaching(px, share);
-        let mut control = Control::new(TARGET, 1.0);
+        let mut control = FrameBudget::new(TARGET, 1.0);
         device.drive(&mut control, 40);
         let reached = device.ms(control.threshold_px());
         prop_assert!((reached / TARGET - 1.0).abs() < 0.1, "{reached} at {}", control.threshold_px());
         let rest = device.drive(&mut control, 30);
         prop_assert!(rest.windows(2).all(|w| w[0] == w[1]), "{rest:?}");
-        prop_assert_eq!(control.report(), Report::Held);
+        prop_assert_eq!(control.report(), BudgetReport::Held);
     }
 
     #[test]
     fn noise_moves_nothing(noise in prop::collection::vec(-0.05..0.05f64, 60)) {
         let device = Device::reaching(3.0, 0.2);
-        let mut control = Control::new(TARGET, 1.0);
+        let mut control = FrameBudget::new(TARGET, 1.0);
         device.drive(&mut control, 60);
         let settled = control.threshold_px();
         for n in noise {
             let exact = device.took(settled);
-            let took = Took {
+            let took = TimeTaken {
                 picture_ms: exact.picture_ms * (1.0 + n),
                 draw_ms: exact.draw_ms * (1.0 + n),
                 ..exact
@@ -96,7 +96,7 @@ proptest! {
     #[test]
     fn thresholds_stay_between_the_wanted_one_and_fifty(times in prop::collection::vec(0.0..1e4f64, 1..50), finest in 0.5..60.0f32) {
         let device = Device::reaching(3.0, 0.2);
-        let mut control = Control::new(TARGET, finest);
+        let mut control = FrameBudget::new(TARGET, finest);
         for ms in times {
             control.moved();
             let px = control.plan(HERE, |px| device.work(px));
@@ -107,9 +107,9 @@ proptest! {
 
     #[test]
     fn no_numbers_of_a_device_make_it_panic(frames in prop::collection::vec((any::<f32>(), any::<u32>(), any::<f64>()), 1..80)) {
-        let mut control = Control::new(TARGET, 1.0);
+        let mut control = FrameBudget::new(TARGET, 1.0);
         for (px, splats, ms) in frames {
-            let work = Work { splats: u64::from(splats), ..Work::default() };
+            let work = FrameWork { splats: u64::from(splats), ..FrameWork::default() };
             control.frame(px, &work, ms);
             control.moved();
             let px = control.plan(HERE, |_| work);
@@ -121,7 +121,7 @@ proptest! {
 #[test]
 fn a_sudden_view_of_other_cost_is_foreseen() {
     let near = Device::reaching(3.0, 0.1);
-    let mut control = Control::new(TARGET, 1.0);
+    let mut control = FrameBudget::new(TARGET, 1.0);
     near.drive(&mut control, 60);
     // Four times as much to draw, from one frame to the next.
     let far = Device {
@@ -135,9 +135,9 @@ fn a_sudden_view_of_other_cost_is_foreseen() {
 #[test]
 fn at_most_four_cuts_are_counted_for_a_frame_and_none_at_rest() {
     let device = Device::reaching(3.0, 0.1);
-    let mut control = Control::new(TARGET, 1.0);
+    let mut control = FrameBudget::new(TARGET, 1.0);
     device.drive(&mut control, 30);
-    let asked = |control: &mut Control, splats: f64| {
+    let asked = |control: &mut FrameBudget, splats: f64| {
         let mut count = 0;
         control.plan(HERE, |px| {
             count += 1;
@@ -161,9 +161,9 @@ fn a_time_that_no_threshold_reaches_is_reported_with_what_remains() {
             b: TARGET / 1e5,
             splats: 2e6,
         };
-        let mut control = Control::new(TARGET, 1.0);
+        let mut control = FrameBudget::new(TARGET, 1.0);
         device.drive(&mut control, 400);
-        let Report::Unreachable(ms) = control.report() else {
+        let BudgetReport::Unreachable(ms) = control.report() else {
             panic!("{a}: {:?}", control.report())
         };
         assert!((ms / TARGET - a).abs() < 0.02, "{a}: {ms}");
@@ -174,26 +174,26 @@ fn a_time_that_no_threshold_reaches_is_reported_with_what_remains() {
             ..device
         };
         cheap.drive(&mut control, 400);
-        assert_eq!(control.report(), Report::Held, "{a}");
+        assert_eq!(control.report(), BudgetReport::Held, "{a}");
     }
 }
 
 #[test]
 fn what_a_triangle_takes_is_learned() {
-    let ms = |work: &Work| 1e-4 * work.splats as f64 + 8e-4 * work.triangles as f64;
-    let mut control = Control::new(TARGET, 1.0);
+    let ms = |work: &FrameWork| 1e-4 * work.splats as f64 + 8e-4 * work.triangles as f64;
+    let mut control = FrameBudget::new(TARGET, 1.0);
     for i in 0..40 {
-        let work = Work {
+        let work = FrameWork {
             splats: 200_000,
             triangles: 1000 * i,
-            ..Work::default()
+            ..FrameWork::default()
         };
         control.frame(3.0, &work, ms(&work));
     }
     control.moved();
-    let only_triangles = |px: f32| Work {
+    let only_triangles = |px: f32| FrameWork {
         triangles: (4e5 / f64::from(px).powi(2)) as u64,
-        ..Work::default()
+        ..FrameWork::default()
     };
     let px = control.plan(HERE, only_triangles);
     let foreseen = ms(&only_triangles(px)) / TARGET;
@@ -203,7 +203,7 @@ fn what_a_triangle_takes_is_learned() {
 #[test]
 fn one_slow_frame_changes_nothing() {
     let device = Device::reaching(2.0, 0.15);
-    let mut control = Control::new(TARGET, 1.0);
+    let mut control = FrameBudget::new(TARGET, 1.0);
     device.drive(&mut control, 60);
     let settled = control.threshold_px();
     control.frame(settled, &device.work(settled), 10.0 * TARGET);
@@ -214,7 +214,7 @@ fn one_slow_frame_changes_nothing() {
 #[test]
 fn at_rest_the_picture_becomes_finer_step_by_step_and_moving_ends_that_at_once() {
     let device = Device::reaching(10.0, 0.0);
-    let mut control = Control::new(TARGET, 1.0);
+    let mut control = FrameBudget::new(TARGET, 1.0);
     assert!(!control.is_coarse() && !control.refine(), "nothing to do");
     device.drive(&mut control, 40);
     let moving = control.threshold_px();
@@ -249,26 +249,26 @@ fn at_rest_the_picture_becomes_finer_step_by_step_and_moving_ends_that_at_once()
 /// frames most like the wanted one by their numbers are those of the other.
 #[test]
 fn frames_of_the_host_are_told_from_those_of_the_device() {
-    let work = |triangles, splats| Work {
+    let work = |triangles, splats| FrameWork {
         splats,
         triangles,
         pixels: 100_000,
         is_blended: true,
         by_compute: true,
-        ..Work::default()
+        ..FrameWork::default()
     };
-    let took = |work: &Work| {
+    let took = |work: &FrameWork| {
         let splats = work.splats as f64;
         let is_of_host = work.triangles == 0;
-        Took {
+        TimeTaken {
             pack_ms: splats * if is_of_host { 5e-5 } else { 2e-5 },
             picture_ms: if is_of_host { 2.0 } else { 4.0 },
             draw_ms: splats * if is_of_host { 0.0 } else { 9e-5 },
-            ..Took::default()
+            ..TimeTaken::default()
         }
     };
     let (few, many) = (200_000, 260_000);
-    let mut control = Control::new(TARGET, 1.0);
+    let mut control = FrameBudget::new(TARGET, 1.0);
     for i in 0..60 {
         let work = if i % 2 == 0 {
             work(0, few)
@@ -279,7 +279,7 @@ fn frames_of_the_host_are_told_from_those_of_the_device() {
     }
     for work in [work(0, many), work(300, few)] {
         let rates = control.model.rates(3.0, &work, true);
-        let ms = rates.map(|rates| rates.ms(&Numbers::of(&work), 3.0));
+        let ms = rates.map(|rates| rates.ms(&WorkNumbers::of(&work), 3.0));
         let off = ms.map(|ms| ms / took(&work).ms() - 1.0);
         assert!(off.is_some_and(|off| off.abs() < 0.05), "{work:?}: {off:?}");
     }

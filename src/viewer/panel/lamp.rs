@@ -1,15 +1,15 @@
 //! The rows of the panel that move the lamp.
 
-use super::Wish;
+use super::PanelWish;
 use crate::pack::{Lamp, Phong};
 use crate::viewer::input::Command;
-use crate::viewer::lamp::{Change, FARTHEST, SHININESS, degrees, from_camera};
+use crate::viewer::lamp::{FARTHEST, LampChange, SHININESS, degrees, from_camera};
 use egui::{ComboBox, DragValue, Grid, Slider, Ui};
 use glam::DVec3;
 use std::ops::RangeInclusive;
 
 /// Lets the user change the lamp, of a model of this radius.
-pub(super) fn show(ui: &mut Ui, phong: &mut Phong, radius: f64, wishes: &mut Vec<Wish>) {
+pub(super) fn show(ui: &mut Ui, phong: &mut Phong, radius: f64, wishes: &mut Vec<PanelWish>) {
     Grid::new("lamp").num_columns(2).show(ui, |ui| {
         let is_in_world = matches!(phong.lamp, Lamp::At(_));
         let tip = "Whether the lamp goes along when the view turns (Shift L)";
@@ -28,7 +28,7 @@ pub(super) fn show(ui: &mut Ui, phong: &mut Phong, radius: f64, wishes: &mut Vec
             .on_hover_text(tip);
         ui.end_row();
         if wanted != is_in_world {
-            wishes.push(Wish::Command(Command::Lamp(Change::Anchor)));
+            wishes.push(PanelWish::Command(Command::Lamp(LampChange::Anchor)));
         }
         match phong.lamp {
             Lamp::FromCamera { azimuth, elevation } => {

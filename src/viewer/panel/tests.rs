@@ -5,9 +5,9 @@ use super::*;
 use crate::math::camera::Light;
 use crate::pack::{Lamp, Phong};
 use crate::render::stats::{FrameCounts, OverdrawSummary};
-use crate::viewer::event::{Key, Modifiers};
+use crate::viewer::event::{KeyModifiers, KeyboardKey};
 use crate::viewer::input::{KEYS, command};
-use crate::viewer::store::Look;
+use crate::viewer::store::StoredLook;
 use egui::accesskit::{Role, Toggled};
 use egui::{Event, PointerButton, Pos2, RawInput, Rect, Shape, vec2};
 
@@ -51,9 +51,9 @@ impl Stage {
     /// One pass: the controls, all texts, and what was asked for.
     fn pass(
         &mut self,
-        state: &State<'_>,
+        state: &PanelState<'_>,
         events: Vec<Event>,
-    ) -> (Vec<Seen>, Vec<String>, Vec<Wish>) {
+    ) -> (Vec<Seen>, Vec<String>, Vec<PanelWish>) {
         self.time += 0.1;
         let size = vec2(900.0, 2000.0);
         let input = RawInput {
@@ -100,7 +100,7 @@ impl Stage {
     }
 
     /// The controls of a panel that has come to rest.
-    fn controls(&mut self, state: &State<'_>) -> Vec<Seen> {
+    fn controls(&mut self, state: &PanelState<'_>) -> Vec<Seen> {
         for _ in 0..3 {
             self.pass(state, vec![Event::PointerGone]);
         }
@@ -108,7 +108,7 @@ impl Stage {
     }
 
     /// What appears while the cursor is over a place.
-    fn tooltip(&mut self, state: &State<'_>, at: Pos2) -> Vec<String> {
+    fn tooltip(&mut self, state: &PanelState<'_>, at: Pos2) -> Vec<String> {
         let (_, mut without, _) = self.pass(state, vec![Event::PointerGone]);
         for _ in 0..4 {
             self.pass(state, vec![Event::PointerMoved(at)]);
@@ -124,7 +124,7 @@ impl Stage {
         new
     }
 
-    fn click(&mut self, state: &State<'_>, at: Pos2) -> Vec<Wish> {
+    fn click(&mut self, state: &PanelState<'_>, at: Pos2) -> Vec<PanelWish> {
         let button = |pressed| Event::PointerButton {
             pos: at,
             button: PointerButton::Primary,
@@ -137,11 +137,11 @@ impl Stage {
     }
 }
 
-fn facts() -> Facts {
-    Facts {
+fn facts() -> PanelFacts {
+    PanelFacts {
         name: "model".into(),
         triangles: 12,
-        ..Facts::default()
+        ..PanelFacts::default()
     }
 }
 
@@ -177,10 +177,10 @@ fn lamps() -> [Phong; 2] {
     [usual, in_world]
 }
 
-fn state<'a>(settings: &'a Settings, facts: &'a Facts) -> State<'a> {
-    State {
+fn state<'a>(settings: &'a Settings, facts: &'a PanelFacts) -> PanelState<'a> {
+    PanelState {
         settings,
-        light: Kind::of(Light::Point, &settings.light),
+        light: LightKind::of(Light::Point, &settings.light),
         radius: 2.0,
         facts: Some(facts),
         status: None,
@@ -219,26 +219,26 @@ fn names_a_key(tip: &str) -> bool {
 
 /// The commands of all keys.
 fn commands() -> Vec<Command> {
-    let letters = ('!'..='~').map(Key::Char);
+    let letters = ('!'..='~').map(KeyboardKey::Char);
     let others = [
-        Key::Left,
-        Key::PageUp,
-        Key::Home,
-        Key::End,
-        Key::Tab,
-        Key::Space,
-        Key::Enter,
-        Key::Backspace,
-        Key::Escape,
-        Key::F(1),
-        Key::F(11),
+        KeyboardKey::Left,
+        KeyboardKey::PageUp,
+        KeyboardKey::Home,
+        KeyboardKey::End,
+        KeyboardKey::Tab,
+        KeyboardKey::Space,
+        KeyboardKey::Enter,
+        KeyboardKey::Backspace,
+        KeyboardKey::Escape,
+        KeyboardKey::F(1),
+        KeyboardKey::F(11),
     ];
-    let digits = (1..=9).map(Key::Digit);
-    let keys: Vec<Key> = letters.chain(others).chain(digits).collect();
+    let digits = (1..=9).map(KeyboardKey::Digit);
+    let keys: Vec<KeyboardKey> = letters.chain(others).chain(digits).collect();
     let mut all = Vec::new();
     for shift in [false, true] {
         for control in [false, true] {
-            let modifiers = Modifiers {
+            let modifiers = KeyModifiers {
                 shift,
                 control,
                 other: false,
@@ -322,29 +322,29 @@ fn what_a_click_does_a_key_does() {
         for wish in wishes {
             done += 1;
             let is_a_keys = match &wish {
-                Wish::Command(command) => commands.contains(command),
-                Wish::Settings(new) if new.method != settings.method => {
+                PanelWish::Command(command) => commands.contains(command),
+                PanelWish::Settings(new) if new.method != settings.method => {
                     commands.contains(&Command::Method(new.method))
                 }
-                Wish::Settings(new) if new.two_sided != settings.two_sided => {
+                PanelWish::Settings(new) if new.two_sided != settings.two_sided => {
                     commands.contains(&Command::TwoSided)
                 }
-                Wish::Settings(new) if new.use_colors != settings.use_colors => {
+                PanelWish::Settings(new) if new.use_colors != settings.use_colors => {
                     commands.contains(&Command::Colors)
                 }
-                Wish::Settings(new) => {
+                PanelWish::Settings(new) => {
                     new.depth_offset.is_none() && commands.contains(&Command::UsualDepthOffset)
                 }
-                Wish::Light(_) => commands.contains(&Command::Light),
-                Wish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
+                PanelWish::Light(_) => commands.contains(&Command::Light),
+                PanelWish::FrameTime(_) => commands.contains(&Command::FrameTime(1)),
             };
             assert!(
                 is_a_keys,
                 "{control:?} asks for {wish:?}, which no key does"
             );
             // What was changed is kept.
-            if let Wish::Settings(new) = wish {
-                assert_eq!(Look::of(&new).settings(), Ok(*new));
+            if let PanelWish::Settings(new) = wish {
+                assert_eq!(StoredLook::of(&new).settings(), Ok(*new));
             }
         }
     }
@@ -367,7 +367,7 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
     let mut settings = Settings::default();
     let mut stage = Stage::new();
     // Opens a list and clicks what it offers.
-    fn pick(stage: &mut Stage, state: &State<'_>, list: &str, choice: &str) -> Vec<Wish> {
+    fn pick(stage: &mut Stage, state: &PanelState<'_>, list: &str, choice: &str) -> Vec<PanelWish> {
         let controls = stage.controls(state);
         let at = find(&controls, Role::ComboBox, list).middle;
         stage.click(state, at);
@@ -376,7 +376,7 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
         stage.click(state, at)
     }
     let wishes = pick(&mut stage, &state(&settings, &facts), "in the eye", "lamp");
-    assert_eq!(wishes, [Wish::Light(Kind::Lamp)]);
+    assert_eq!(wishes, [PanelWish::Light(LightKind::Lamp)]);
     settings.light = Lighting::Phong(Phong::default());
     let with_lamp = state(&settings, &facts);
     // What a screen reader writes into a field.
@@ -391,13 +391,13 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
             data: Some(egui::accesskit::ActionData::NumericValue(value)),
         };
         let (.., wishes) = stage.pass(&with_lamp, vec![Event::AccessKitActionRequest(request)]);
-        let [Wish::Settings(new)] = wishes.as_slice() else {
+        let [PanelWish::Settings(new)] = wishes.as_slice() else {
             panic!("{} asks for {wishes:?}", names[field])
         };
         let Lighting::Phong(phong) = new.light else {
             panic!("the lamp is off: {new:?}")
         };
-        assert_eq!(Look::of(new).settings(), Ok(**new), "it is kept");
+        assert_eq!(StoredLook::of(new).settings(), Ok(**new), "it is kept");
         phong
     };
     let usual = Phong::default();
@@ -412,8 +412,8 @@ fn the_lamp_is_turned_on_moved_and_put_into_the_world() {
     assert_eq!(write(3, 1.0).specular, 1.0);
     assert_eq!(write(4, 100.0).shininess, 100.0);
     assert_eq!(write(4, 0.0).shininess, 1.0, "no smaller");
-    let anchor = [Wish::Command(Command::Lamp(
-        crate::viewer::lamp::Change::Anchor,
+    let anchor = [PanelWish::Command(Command::Lamp(
+        crate::viewer::lamp::LampChange::Anchor,
     ))];
     let (with, stays) = ("goes with the viewer", "stays in the world");
     assert_eq!(pick(&mut stage, &with_lamp, with, stays), anchor);
@@ -436,8 +436,8 @@ fn the_time_of_frames_is_chosen() {
         (Some(33.0), "33 ms", "none", None),
         (Some(21.5), "21.5 ms", "16 ms", Some(16.0)),
     ] {
-        let state = State {
-            control: now.map(|ms| (1.0, ms, Report::Adapting)),
+        let state = PanelState {
+            control: now.map(|ms| (1.0, ms, BudgetReport::Adapting)),
             ..state(&settings, &facts)
         };
         let controls = stage.controls(&state);
@@ -445,7 +445,7 @@ fn the_time_of_frames_is_chosen() {
         stage.click(&state, at);
         let (controls, ..) = stage.pass(&state, Vec::new());
         let at = find(&controls, Role::Button, choice).middle;
-        assert_eq!(stage.click(&state, at), [Wish::FrameTime(wish)]);
+        assert_eq!(stage.click(&state, at), [PanelWish::FrameTime(wish)]);
     }
 }
 
@@ -454,7 +454,7 @@ fn every_choice_of_the_panel_is_kept() {
     let usual = Settings::default();
     let mut kept = 0;
     let mut keep = |settings: Settings| {
-        assert_eq!(Look::of(&settings).settings(), Ok(settings));
+        assert_eq!(StoredLook::of(&settings).settings(), Ok(settings));
         kept += usize::from(settings != usual);
     };
     for &(method, ..) in choices::METHODS {
@@ -503,13 +503,13 @@ fn every_choice_of_the_panel_is_kept() {
 #[test]
 fn the_colors_of_overdraw_have_a_legend() {
     let mut stage = Stage::new();
-    let facts = Facts::default();
+    let facts = PanelFacts::default();
     let mut texts = |color_by: ColorBy, found: Option<OverdrawSummary>| {
         let settings = Settings {
             color_by,
             ..Settings::default()
         };
-        let state = State {
+        let state = PanelState {
             overdraw: found,
             ..state(&settings, &facts)
         };

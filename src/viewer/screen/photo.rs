@@ -1,6 +1,6 @@
 //! A photo: a picture larger and smoother than the window's, drawn beside its frames.
 
-use super::Screen;
+use super::WindowScreen;
 use crate::gpu::Error;
 use crate::image::Image;
 use crate::math::camera::Camera;
@@ -11,7 +11,7 @@ use crate::render::{Method, Settings};
 /// Samples a pixel, in each direction.
 const SAMPLES_SIDE: u32 = 4;
 
-impl Screen {
+impl WindowScreen {
     /// The model as `camera` sees it, in the size of the camera's picture: the mean of 16 regular samples a pixel. None
     /// without a model. Takes the time of 16 frames of that size, and targets of its own on the device meanwhile.
     ///

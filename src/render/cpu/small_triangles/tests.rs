@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
 use crate::abi::Vertex;
-use crate::generate::{self, Shape, Spec};
+use crate::generate::{self, GeneratedShape, ShapeSpec};
 use crate::math::octahedral;
 use crate::pack::for_tests::levels;
 use crate::progress::Silent;
@@ -38,12 +38,12 @@ fn screen(distance: f32, size: u32) -> Screen {
 fn every_width_of_vectors_writes_the_same_bytes() {
     let mut numbers = [0; 2];
     for (shape, triangles, size) in [
-        (Shape::Statue, 40_000, 300),
-        (Shape::Torus, 30_000, 400),
-        (Shape::Sphere, 3_000, 500),
-        (Shape::Sphere, 3_000, 60),
+        (GeneratedShape::Statue, 40_000, 300),
+        (GeneratedShape::Torus, 30_000, 400),
+        (GeneratedShape::Sphere, 3_000, 500),
+        (GeneratedShape::Sphere, 3_000, 60),
     ] {
-        let spec = Spec::with_triangles(shape, triangles).unwrap();
+        let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
         let mesh = generate::mesh(&spec);
         let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
         // Gaps, and a number of triangles that no vector divides.
@@ -77,7 +77,7 @@ fn every_width_of_vectors_writes_the_same_bytes() {
 /// and not beyond.
 #[test]
 fn there_is_room_where_a_surface_is_seen_from_the_front() {
-    let mesh = generate::mesh(&Spec::with_triangles(Shape::Sphere, 30_000).unwrap());
+    let mesh = generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Sphere, 30_000).unwrap());
     let model = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
     let ids: Vec<u32> = (0..model.triangles.len() as u32).collect();
     let found = |size| {

@@ -1,6 +1,6 @@
 //! Frames whose cut the device chooses and draws: the processor records the same commands whatever is seen.
 
-use crate::cut::Tester;
+use crate::cut::NodeTester;
 use crate::gpu::Error;
 use crate::gpu::frame::FrameTicket;
 use crate::render::cut_key::cut_settings;
@@ -35,7 +35,7 @@ impl VulkanRenderer {
         let constants = frame.uniform(&plan.constants)?;
         self.held_on_device = None;
         if times.kept != KeptWork::Lists {
-            let tester = Tester::new(model, &plan.view, &cut_settings(&plan.settings, model));
+            let tester = NodeTester::new(model, &plan.view, &cut_settings(&plan.settings, model));
             let tests = frame.uniform(&cut.constants(&tester, &plan.view))?;
             cut.choose(&mut frame, (tree, scene), tests);
         } else {

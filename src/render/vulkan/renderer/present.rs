@@ -64,7 +64,7 @@ impl VulkanRenderer {
     }
 
     /// Waits until the next frame can be recorded and tells its slot of the ring, for
-    /// [`Surface::acquire`](crate::gpu::surface::Surface::acquire).
+    /// [`Surface::acquire`](crate::gpu::surface::WindowSurface::acquire).
     ///
     /// # Errors
     /// When the device is lost.
