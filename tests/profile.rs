@@ -45,6 +45,7 @@ use surfel::generate::GeneratedShape;
 use surfel::gpu::frame::FrameMeasure;
 use surfel::math::camera::View;
 use surfel::measure::profile::{Error, FrameProfile, Plan, ProfileProof};
+use surfel::measure::report::ProfileReport;
 use surfel::measure::trace;
 use surfel::progress::{Progress, Silent};
 use surfel::render::PictureOutputs;
@@ -401,7 +402,7 @@ fn the_mirror_has_stages_and_counts() {
     let views = views(&model, 2);
     let settings = settings(Method::Pop, SplatKind::Square);
     let profile = profile(&Backend::Mirror, &model, &views, &settings);
-    let report = profile.report();
+    let report = ProfileReport::of(&profile);
     assert!(report.passes.is_empty() && report.frame.device_ms.is_none());
     assert!(report.counts.overdraw.is_none() && report.counts.splats.median > 0.0);
     assert!(report.counts.covered_pixels.p5 > 0.0);
@@ -426,7 +427,7 @@ fn the_mirror_has_stages_and_counts() {
         &Silent,
     )
     .unwrap();
-    assert_eq!(empty.report().frames, 0);
+    assert_eq!(ProfileReport::of(&empty).frames, 0);
     assert_eq!(empty.csv().lines().count(), 1);
     assert_eq!(
         empty.trace(serde_json::Value::Null)["traceEvents"],

@@ -1,7 +1,7 @@
 //! `--method auto`: how a model is drawn follows from a bound.
 
+use super::costs::costs_of;
 use super::progress::Bar;
-use super::render::costs_of;
 use super::{Failure, Outcome, say, usage};
 use surfel::OpenedModel;
 use surfel::chart::auto::{Bounds, CalibrationKey, ChartCalibration, ChosenConfiguration, fill_of};

@@ -1,7 +1,8 @@
 //! `surfel chart`
 
+use super::costs::costs_of;
 use super::progress::Bar;
-use super::render::{DeviceArgs, costs_of, parse_size, validated};
+use super::render::{DeviceArgs, parse_size, validated};
 use super::source::Source;
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;

@@ -1,6 +1,7 @@
 //! `surfel demo`
 
-use super::render::{DeviceArgs, costs_of, orbit_camera, validated};
+use super::costs::costs_of;
+use super::render::{DeviceArgs, orbit_camera, validated};
 use super::source::Source;
 use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};

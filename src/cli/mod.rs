@@ -7,6 +7,7 @@ mod build;
 mod chart;
 mod check;
 mod compare;
+mod costs;
 mod demo;
 mod devices;
 mod generate;

@@ -1,8 +1,9 @@
 //! `surfel profile`
 
+use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::Bar;
-use super::render::{CameraArgs, DeviceArgs, costs_of, orbit_cameras, parse_orbit, validated};
+use super::render::{CameraArgs, DeviceArgs, orbit_cameras, parse_orbit, validated};
 use super::source::Source;
 use super::stats::{device_of, settings_of};
 use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
@@ -115,7 +116,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let proof = ProfileProof::of(&backend)?;
     let profile = FrameProfile::run(&backend, &mut engine, &plan, proof, &bar)?;
     drop(bar);
-    let report = profile.report();
+    let report = ProfileReport::of(&profile);
     for warning in &report.warnings {
         say(&format!("surfel: warning: {warning}"));
     }

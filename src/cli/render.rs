@@ -1,6 +1,7 @@
 //! `surfel render`
 
 use super::auto::AutoArgs;
+use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
 use super::source::Source;
@@ -101,19 +102,6 @@ impl DeviceArgs {
                 opened => Ok(opened?),
             },
         }
-    }
-}
-
-/// What drawing costs on the device that is to draw with these settings, measured now if it never was: the engine's to
-/// decide by. `None` of the mirror.
-pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<DrawCosts> {
-    let decided: Vec<Settings> = (settings.iter())
-        .filter(|settings| !backend.draws_by_cpu(settings))
-        .copied()
-        .collect();
-    match decided.is_empty() {
-        true => None,
-        false => calibrate::for_use(backend.device()?, &decided),
     }
 }
 

@@ -2,9 +2,11 @@
 
 use super::access::ResourceAccess;
 use super::buffer::AnyBuffer;
-use super::frame::{MAX_PASSES, UniformBlock};
+
 use super::image::DeviceImage;
 use super::pipeline::ShaderPipeline;
+use super::query::MAX_PASSES;
+use super::slot::UniformBlock;
 use super::{Gpu, lock};
 use crate::abi::BindingKind;
 use ash::vk;

@@ -4,7 +4,7 @@
 //! read between two readings of the host's; the truth lies between them, so the error is known. Where it has not,
 //! a submission can still be anchored: its first command cannot run before it was submitted.
 
-use super::device::DeviceInfo;
+use super::device::info::DeviceInfo;
 use super::{Error, Gpu};
 use ash::{ext, khr, vk};
 use std::ffi::CStr;

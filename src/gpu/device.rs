@@ -1,6 +1,6 @@
 //! Instance, choice of a device, and what it can do.
 
-mod info;
+pub(super) mod info;
 
 use super::messages::{self, LayerMessages};
 use super::{DeviceOptions, Error, SWAPCHAIN, clock};

@@ -5,9 +5,10 @@ use super::buffer::{AnyBuffer, ReadbackBuffer, UploadBuffer};
 use super::image::DeviceImage;
 use super::pass::PendingBarriers;
 pub use super::pass::{DrawRecorder, PassBuilder, TargetLoad};
-use super::profile::PassTime;
-use super::query::SlotQueries;
-pub use super::query::{DeviceTimes, FrameMeasure, PassCounters, PipelineStatistics};
+pub use super::query::{DeviceTimes, FrameMeasure, PassCounters, PassTime, PipelineStatistics};
+use super::query::{MAX_PASSES, SlotQueries};
+use super::slot::FrameSlot;
+pub use super::slot::UniformBlock;
 use super::{Error, Gpu, RetiredResource, copy};
 #[cfg(feature = "viewer")]
 use super::{access::ResourceState, image::ImageFormat, surface::AcquiredImage};
@@ -15,22 +16,8 @@ use ash::vk;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// Most passes in one frame that get timestamps.
-pub(super) const MAX_PASSES: u32 = 64;
 /// Bytes of uniform blocks in one frame.
 const UNIFORM_BYTES: u64 = 64 << 10;
-
-/// One frame slot: recorded, submitted and read back before it is used again.
-pub(super) struct FrameSlot {
-    pool: vk::CommandPool,
-    pub(super) commands: vk::CommandBuffer,
-    pub(super) queries: SlotQueries,
-    pub(super) descriptors: vk::DescriptorPool,
-    pub(super) uniforms: UploadBuffer,
-    submitted: u64,
-    uniform_bytes: u64,
-    submit_time: Option<Instant>,
-}
 
 /// The ring of frames in flight.
 pub struct FrameRing {
@@ -272,13 +259,6 @@ impl Drop for FrameRing {
                 .bury(RetiredResource::DescriptorPool(slot.descriptors));
         }
     }
-}
-
-/// Where a uniform block was put.
-#[derive(Debug, Clone, Copy)]
-pub struct UniformBlock {
-    pub(super) offset: u64,
-    pub(super) bytes: u64,
 }
 
 /// A frame being recorded. Passes run in the order written.

@@ -29,6 +29,7 @@ mod pass;
 pub mod pipeline;
 pub mod profile;
 mod query;
+mod slot;
 #[cfg(feature = "viewer")]
 pub mod surface;
 

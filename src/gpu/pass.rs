@@ -3,10 +3,10 @@
 use super::access::{ResourceAccess, ResourceState};
 use super::bind::{self, BindSite, BoundResources, BufferSlice};
 use super::buffer::{AnyBuffer, state_of};
-use super::frame::{FrameSlot, UniformBlock};
 use super::image::{DeviceImage, ImageFormat, range};
 use super::pipeline::ShaderPipeline;
 use super::query::SlotQueries;
+use super::slot::{FrameSlot, UniformBlock};
 use super::{Gpu, lock};
 use ash::vk;
 use std::sync::Arc;

@@ -16,15 +16,6 @@ use bytemuck::Zeroable;
 use glam::Mat4;
 use std::sync::Arc;
 
-/// Time of one pass on the device.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct PassTime {
-    /// Name of the pass.
-    pub name: &'static str,
-    /// Milliseconds between the timestamps around it.
-    pub ms: f64,
-}
-
 /// One pass of the self-test, measured in two ways.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 pub struct SelfTestRow {

@@ -3,11 +3,21 @@
 //! Timestamps stand outside of rendering, around each pass. Counters begin and end inside of the rendering scope of
 //! the pass that they count, in the same subpass as Vulkan demands; copies have none.
 
-use super::frame::MAX_PASSES;
-use super::profile::PassTime;
 use super::{Error, Gpu, RetiredResource};
 use ash::vk;
 use std::sync::Arc;
+
+/// Most passes in one frame that get timestamps.
+pub(super) const MAX_PASSES: u32 = 64;
+
+/// Time of one pass on the device.
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+pub struct PassTime {
+    /// Name of the pass.
+    pub name: &'static str,
+    /// Milliseconds between the timestamps around it.
+    pub ms: f64,
+}
 
 /// What the frames recorded from now on report.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

@@ -112,7 +112,7 @@ pub fn passes<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::profile::PassTime;
+    use crate::gpu::frame::PassTime;
 
     fn frame(frame_ms: f64, passes: &[(&'static str, f64)]) -> FrameTimes {
         FrameTimes {

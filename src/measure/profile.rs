@@ -5,7 +5,6 @@
 //! that becomes slower meanwhile does so for both. Counters come last, in frames of their own that nobody times.
 
 use super::frames::pass_names;
-use super::report::ProfileReport;
 use crate::gpu::Gpu;
 use crate::gpu::clock::ClockAnchor;
 use crate::gpu::device::DeviceInfo;
@@ -273,11 +272,6 @@ impl FrameProfile {
         anchors
             .map(|a| a.within.as_secs_f64() * 1e3)
             .max_by(f64::total_cmp)
-    }
-
-    /// The figures of all views together.
-    pub fn report(&self) -> ProfileReport {
-        ProfileReport::of(self)
     }
 
     /// One row a view, with a row of names first: comma-separated, empty where nothing is known.

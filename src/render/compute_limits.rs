@@ -5,8 +5,9 @@ use crate::gpu::Error;
 use crate::pack::Footprint;
 use crate::pack::splats::SLACK_PX;
 use crate::render::capabilities::RendererCapabilities;
+use crate::render::outputs::PictureOutputs;
+use crate::render::settings::{Method, Path, Settings, Shading, SplatKind};
 use crate::render::technique::Technique;
-use crate::render::{Method, Path, PictureOutputs, Settings, Shading, SplatKind};
 
 /// Largest side of a square and diameter of a disc that is drawn this way, pixels: above it a rasterizer fills faster than
 /// atomics do.

@@ -1,7 +1,7 @@
 //! What one frame cost: the stages on the CPU with their clocks and their spans in the log, the passes on the device.
 
+use crate::gpu::frame::PassTime;
 use crate::gpu::frame::{DeviceTimes, PassCounters};
-use crate::gpu::profile::PassTime;
 use std::time::Instant;
 
 /// FrameCounts of one frame.

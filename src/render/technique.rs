@@ -1,6 +1,6 @@
 //! The kinds of passes that draw splats.
 
-use crate::render::{Blend, Settings, SplatKind};
+use crate::render::settings::{Blend, Settings, SplatKind};
 
 /// The passes that draw the splats of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

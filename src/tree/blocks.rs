@@ -4,7 +4,7 @@
 //! cache, so that capsules are taken from the corners themselves. Blocks are independent and go to the threads in
 //! contiguous runs. The levels above (one node in 64) are made from their children.
 
-use super::block_part::BlockPart;
+use super::block_part::{BlockPart, HEIGHT, split};
 use super::closed::ClosedEvidence;
 use super::shape::TreeShape;
 use super::strip::{self, StripCorners};
@@ -17,8 +17,6 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Levels of a block.
-pub(super) const HEIGHT: usize = 4;
 /// Least number of blocks that one task does.
 const GRAIN: u32 = 32;
 /// Most tasks, so that progress is told a few thousand times at most.
@@ -170,7 +168,7 @@ impl LeafSource<'_> {
             return self.run_serial(top, first, end, part);
         }
         let middle = first + (end - first) / 2;
-        let (one, two) = self.split(top, first, middle, part);
+        let (one, two) = split(self.shape, top, first, middle, part);
         let (one, two) = rayon::join(
             || self.run(top, first, middle, one),
             || self.run(top, middle, end, two),
@@ -187,7 +185,7 @@ impl LeafSource<'_> {
         let leaf_count = part.leaves.len();
         for block in first..end {
             let rest = if block + 1 < end {
-                let (own, rest) = self.split(top, block, block + 1, part);
+                let (own, rest) = split(self.shape, top, block, block + 1, part);
                 part = own;
                 Some(rest)
             } else {

@@ -6,8 +6,9 @@
 //! ([`super::partition`]); vertices in order of use ([`super::order`]); nodes upward ([`super::blocks`]).
 
 use super::blocks::{self, LeafSource};
-use super::partition::{Item, TreePartition};
+use super::partition::TreePartition;
 use super::shape::TreeShape;
+use super::sort_item::SortItem;
 use super::{
     AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, NormalCone, Tree, moments, order,
     spacing,
@@ -98,7 +99,7 @@ pub fn build(
     progress.stage("ordering", count as u64);
     let shape = TreeShape::new(count as u32);
     {
-        let mut spare = AlignedRecords::<Item>::zeroed(count);
+        let mut spare = AlignedRecords::<SortItem>::zeroed(count);
         TreePartition {
             shape: &shape,
             stop: &stop,
@@ -177,14 +178,14 @@ pub fn build(
 const LIMIT: usize = u32::MAX as usize - 1;
 
 /// Centers of the leaves' spheres, in file order; checks the mesh on the way.
-fn leaf_centers(mesh: &Mesh, items: &mut [Item]) -> Result<(), Error> {
+fn leaf_centers(mesh: &Mesh, items: &mut [SortItem]) -> Result<(), Error> {
     const CHUNK: usize = 4096;
     if mesh.triangles.is_empty() {
         if let Some(vertex) = mesh.positions.iter().position(|p| !p.is_finite()) {
             return Err(Error::NotFinite { vertex });
         }
         for (index, (item, &center)) in items.iter_mut().zip(&mesh.positions).enumerate() {
-            *item = Item {
+            *item = SortItem {
                 center,
                 index: index as u32,
             };
@@ -210,7 +211,7 @@ fn leaf_centers(mesh: &Mesh, items: &mut [Item]) -> Result<(), Error> {
                     fault.fetch_min(index, Ordering::Relaxed);
                 }
                 let center = sphere::triangle_center(corners.map(|p| p.as_dvec3())).as_vec3();
-                *item = Item {
+                *item = SortItem {
                     center,
                     index: index as u32,
                 };
@@ -250,7 +251,7 @@ struct ArrangedMesh {
 /// Triangles in tree order, vertices in the order of their first use; frees the mesh.
 fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<ArrangedMesh, Error> {
     normals::complete(&mut mesh, Weighting::Area);
-    let items: &[Item] = bytemuck::cast_slice(leaves);
+    let items: &[SortItem] = bytemuck::cast_slice(leaves);
     let (triangles, old_of_new, used) = if mesh.triangles.is_empty() {
         if items.is_empty() {
             (Vec::new(), (0..mesh.positions.len() as u32).collect(), 0)

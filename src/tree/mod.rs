@@ -19,6 +19,7 @@ mod partition;
 mod records;
 mod select;
 mod shape;
+mod sort_item;
 mod spacing;
 mod strip;
 mod summary;

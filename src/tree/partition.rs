@@ -14,32 +14,9 @@
 
 use super::select::{self, SelectPivot, SelectScratch};
 use super::shape::TreeShape;
-use bytemuck::{Pod, Zeroable};
-use glam::{Vec3, Vec4};
+use super::sort_item::SortItem;
+use glam::Vec4;
 use std::sync::atomic::{AtomicBool, Ordering};
-
-/// A leaf on its way: the size of a [`super::Leaf`], in whose memory it travels.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct Item {
-    /// Center of the leaf, finite.
-    pub(super) center: Vec3,
-    /// Index of the triangle or point in the file.
-    pub(super) index: u32,
-}
-
-impl Item {
-    /// All four words as one vector; the last lane is meaningless.
-    #[inline]
-    fn lanes(&self) -> Vec4 {
-        bytemuck::cast(*self)
-    }
-
-    #[inline]
-    pub(super) fn key(&self, axis: usize) -> f32 {
-        self.center[axis]
-    }
-}
 
 /// An axis-aligned box in the first three lanes.
 #[derive(Clone, Copy)]
@@ -55,7 +32,7 @@ impl Bounds {
     };
 
     #[inline]
-    fn of(items: &[Item]) -> Self {
+    fn of(items: &[SortItem]) -> Self {
         // Four chains, so that the latency of one does not decide.
         let mut parts = [Self::EMPTY; 4];
         let mut chunks = items.chunks_exact(4);
@@ -120,7 +97,7 @@ struct PartitionRun {
 
 impl TreePartition<'_> {
     /// Orders `items` (in file order at first). `spare` has the same length; its content is lost.
-    pub(super) fn run(&self, items: &mut [Item], spare: &mut [Item]) {
+    pub(super) fn run(&self, items: &mut [SortItem], spare: &mut [SortItem]) {
         assert_eq!(items.len(), spare.len(), "both buffers hold every leaf");
         if items.len() < 2 {
             return;
@@ -175,8 +152,8 @@ impl TreePartition<'_> {
     fn divide(
         &self,
         run: PartitionRun,
-        from: &mut [Item],
-        to: &mut [Item],
+        from: &mut [SortItem],
+        to: &mut [SortItem],
         stays: bool,
         bounds: Bounds,
         scratch: &mut SelectScratch,
@@ -210,12 +187,13 @@ impl TreePartition<'_> {
             return;
         }
         *scratch = SelectScratch::default();
-        let task = |run: PartitionRun, from: &mut [Item], to: &mut [Item], bounds: Bounds| {
-            self.divide(run, from, to, !stays, bounds, &mut SelectScratch::default());
-            if from.len() <= PARALLEL {
-                (self.placed)(from.len() as u64);
-            }
-        };
+        let task =
+            |run: PartitionRun, from: &mut [SortItem], to: &mut [SortItem], bounds: Bounds| {
+                self.divide(run, from, to, !stays, bounds, &mut SelectScratch::default());
+                if from.len() <= PARALLEL {
+                    (self.placed)(from.len() as u64);
+                }
+            };
         rayon::join(
             || task(one, to_one, from_one, bounds_one),
             || task(two, to_two, from_two, bounds_two),
@@ -223,7 +201,7 @@ impl TreePartition<'_> {
     }
 
     /// Orders a small set where it lies.
-    fn finish(&self, run: PartitionRun, items: &mut [Item]) {
+    fn finish(&self, run: PartitionRun, items: &mut [SortItem]) {
         let Some(run) = self.descend(run) else { return };
         let (one, two, k) = self.halves(run);
         let axis = Bounds::of(items).axis();
@@ -251,11 +229,11 @@ impl TreePartition<'_> {
 
 /// Moves the k first of at most N items to the front, both parts in their old order.
 #[inline]
-fn split_small<const N: usize>(items: &mut [Item], k: usize, axis: usize) {
+fn split_small<const N: usize>(items: &mut [SortItem], k: usize, axis: usize) {
     let n = items.len();
     debug_assert!(n <= N && k <= n);
     let mut keys = [f32::INFINITY; N];
-    let mut copy = [Item::default(); N];
+    let mut copy = [SortItem::default(); N];
     for (i, item) in items.iter().enumerate() {
         keys[i] = item.key(axis);
         copy[i] = *item;
@@ -296,8 +274,8 @@ fn split_small<const N: usize>(items: &mut [Item], k: usize, axis: usize) {
 
 /// Partition of `from` into `to`, the first `k` before the pivot; returns the boxes of both parts.
 fn split(
-    from: &[Item],
-    to: &mut [Item],
+    from: &[SortItem],
+    to: &mut [SortItem],
     k: usize,
     axis: usize,
     pivot: SelectPivot,
@@ -333,6 +311,7 @@ fn split(
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
+    use glam::Vec3;
 
     fn random(state: &mut u64) -> f32 {
         *state = state
@@ -342,7 +321,7 @@ mod tests {
     }
 
     /// The definition, by sorting: box, longest axis, stable order, halves of the run.
-    fn reference(shape: &TreeShape, run: PartitionRun, items: &mut [Item]) {
+    fn reference(shape: &TreeShape, run: PartitionRun, items: &mut [SortItem]) {
         let mut run = run;
         while run.end - run.first == 1 {
             let Some(level) = shape.levels.get(run.level) else {
@@ -394,10 +373,10 @@ mod tests {
         );
     }
 
-    fn place(items: &[Item]) -> Vec<Item> {
+    fn place(items: &[SortItem]) -> Vec<SortItem> {
         let shape = TreeShape::new(items.len() as u32);
         let mut items = items.to_vec();
-        let mut spare = vec![Item::default(); items.len()];
+        let mut spare = vec![SortItem::default(); items.len()];
         TreePartition {
             shape: &shape,
             stop: &AtomicBool::new(false),
@@ -415,7 +394,7 @@ mod tests {
             40_000,
         ] {
             for kind in 0..6 {
-                let items: Vec<Item> = (0..n)
+                let items: Vec<SortItem> = (0..n)
                     .map(|i| {
                         let mut r = || random(&mut state);
                         let center = match kind {
@@ -434,7 +413,7 @@ mod tests {
                             // Two clusters far apart.
                             _ => Vec3::new(r() + if i % 3 == 0 { 1e6 } else { -1e6 }, r(), r()),
                         };
-                        Item {
+                        SortItem {
                             center,
                             index: i as u32,
                         }
@@ -456,8 +435,8 @@ mod tests {
 
     #[test]
     fn extreme_coordinates_do_not_hang() {
-        let items: Vec<Item> = (0..5000u32)
-            .map(|i| Item {
+        let items: Vec<SortItem> = (0..5000u32)
+            .map(|i| SortItem {
                 center: Vec3::new(
                     [f32::MAX, f32::MIN, 1e-45, -0.0][i as usize % 4],
                     0.0,

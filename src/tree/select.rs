@@ -1,6 +1,6 @@
 //! Finds the value that divides a set of leaves by rank, exactly.
 
-use super::partition::Item;
+use super::sort_item::SortItem;
 
 /// The item that is first on the right: everything before it, by coordinate and then by position, goes left.
 #[derive(Clone, Copy)]
@@ -67,7 +67,7 @@ fn select(candidates: &mut [u64], rank: usize) -> SelectPivot {
 /// Splitting value of a large set (after Floyd and Rivest, 1975): a sample brackets it, one pass collects what lies in
 /// the bracket, the exact element is selected there.
 pub(super) fn pivot_by_sample(
-    items: &[Item],
+    items: &[SortItem],
     k: usize,
     axis: usize,
     scratch: &mut SelectScratch,
@@ -114,7 +114,7 @@ pub(super) fn pivot_by_sample(
 
 /// Splitting value of a set of up to 4096 with keys from `low` to `high`: counting passes over the bare keys, guided by interpolation, narrow a bracket.
 pub(super) fn pivot_by_counting(
-    items: &[Item],
+    items: &[SortItem],
     k: usize,
     axis: usize,
     (low, high): (f32, f32),

@@ -1,7 +1,7 @@
 //! What the last frames cost, part by part, and a picture of it.
 
 use super::control::TimeTaken;
-use crate::gpu::profile::PassTime;
+use crate::gpu::frame::PassTime;
 use crate::render::vulkan::renderer::FrameTimes;
 use egui::{Align2, Color32, FontId, Rect, Stroke, Ui, pos2, vec2};
 use std::collections::VecDeque;

@@ -1,6 +1,6 @@
 //! What the window says in words: its title, and the statistics.
 
-use crate::gpu::profile::PassTime;
+use crate::gpu::frame::PassTime;
 use crate::math::camera::Light;
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;

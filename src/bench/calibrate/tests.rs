@@ -1,7 +1,7 @@
 use super::stand::{Drawn, EmptyFrames};
 use super::*;
 use crate::gpu::for_tests::{close_in_silence, device};
-use crate::gpu::profile::PassTime;
+use crate::gpu::frame::PassTime;
 use crate::render::cost::model::{PassCosts, PerRasterizer, SplatCosts, TriangleCosts};
 use crate::render::stats::FrameCounts;
 

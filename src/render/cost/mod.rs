@@ -2,3 +2,4 @@
 
 pub(crate) mod choose;
 pub mod model;
+pub(crate) mod select_passes;

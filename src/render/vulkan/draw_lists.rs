@@ -11,13 +11,13 @@ use crate::pack::splats;
 use crate::pack::splats::Packed;
 use crate::pack::{filtered, fuzzy, ids};
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
-use crate::render::cost::choose::PassSelection;
+use crate::render::cost::select_passes::PassSelection;
 use crate::render::cpu::small_triangles;
 use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_plan::{FramePlan, PackKey, RecordFormat};
 use crate::render::stats::FrameCounts;
-use crate::render::vulkan::expand_ids;
-use crate::render::vulkan::expand_ids::ExpandedLists;
+use crate::render::vulkan::expanded_lists;
+use crate::render::vulkan::expanded_lists::ExpandedLists;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
@@ -262,7 +262,7 @@ impl DrawLists {
             (splats::count(cut, plan) * record) as u64,
             12 * cut.triangles.len() as u64,
         ];
-        let fits = expand_ids::fits(gpu, bytes);
+        let fits = expanded_lists::fits(gpu, bytes);
         if fits {
             ExpandedLists::reserve(gpu, &mut self.whole, bytes)?;
         }

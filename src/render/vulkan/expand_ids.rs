@@ -9,76 +9,18 @@
 use crate::abi::specialization::{ARE_ORIENTED, HAVE_AREAS, HAVE_TRIANGLES};
 use crate::abi::{ListConstants, Splat, SplatId, WeightedSplat, shaders};
 use crate::gpu::bind::BufferSlice;
-use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer, UploadBuffer};
+use crate::gpu::buffer::{AnyBuffer, DeviceBuffer, UploadBuffer};
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::pack::splats::Packed;
-use crate::render::vulkan::device_tree::{DeviceTree, fits_bindings, page_of};
+use crate::render::vulkan::device_tree::{DeviceTree, page_of};
 use crate::render::vulkan::draw_lists::DrawLists;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::Context;
 use std::sync::Arc;
-
-/// What the device makes of the lists of one slot.
-#[derive(Debug)]
-pub(super) struct ExpandedLists {
-    /// Records of splats.
-    pub(super) splats: DeviceBuffer,
-    /// Corners of triangles.
-    pub(super) indices: DeviceBuffer,
-    /// And of those that are small on screen.
-    pub(super) small: DeviceBuffer,
-}
-
-/// First size of each, bytes; it grows by half when a frame needs more.
-const FIRST_BYTES: u64 = 1 << 16;
-
-/// Whether records and corners of so many bytes can be bound as storage.
-pub(super) fn fits(gpu: &Gpu, bytes: [u64; 2]) -> bool {
-    fits_bindings(gpu, bytes).is_ok()
-}
-
-impl ExpandedLists {
-    /// Makes room for records and corners of so many bytes, where nothing reads what was there.
-    ///
-    /// # Errors
-    /// When memory runs out.
-    pub(super) fn reserve(
-        gpu: &Arc<Gpu>,
-        place: &mut Option<Self>,
-        [splats, triangles]: [u64; 2],
-    ) -> Result<(), Error> {
-        let made = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::List, bytes);
-        let names = [
-            "splats by number",
-            "triangles by number",
-            "small triangles by number",
-        ];
-        let whole = match place {
-            Some(whole) => whole,
-            none => none.insert(Self {
-                splats: made(names[0], FIRST_BYTES)?,
-                indices: made(names[1], FIRST_BYTES)?,
-                small: made(names[2], FIRST_BYTES)?,
-            }),
-        };
-        let all = [
-            (&mut whole.splats, splats),
-            (&mut whole.indices, triangles),
-            (&mut whole.small, triangles),
-        ];
-        for ((buffer, bytes), name) in all.into_iter().zip(names) {
-            if bytes > buffer.bytes() {
-                let grown = (buffer.bytes() * 3 / 2).min(gpu.info().max_buffer);
-                *buffer = made(name, bytes.max(grown))?;
-            }
-        }
-        Ok(())
-    }
-}
 
 /// Pipelines that make records and corners.
 #[derive(Debug)]
@@ -287,7 +229,7 @@ mod tests {
     use super::*;
     use crate::cut::{Cut, CutSelector, SizeMetric, ZeroAreaSet};
     use crate::generate::{self, GeneratedShape, ShapeSpec};
-    use crate::gpu::buffer::ReadbackBuffer;
+    use crate::gpu::buffer::{BufferUsage, ReadbackBuffer};
     use crate::gpu::device::DeviceKind as Device;
     use crate::gpu::for_tests::{close_in_silence, device};
     use crate::gpu::frame::FrameRing;

@@ -10,8 +10,8 @@ use crate::gpu::pipeline::{
 use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::ScreenDraw;
+use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
 
 /// The pipeline and the picture that it makes.
@@ -35,7 +35,7 @@ impl EyeDomePass {
             constants: &[],
             record: VertexRecord::NOTHING,
             topology: PrimitiveTopology::Triangles,
-            colors: targets(color.format, false),
+            colors: color_formats(color.format, false),
             depth: DepthMode::None,
             is_additive: false,
         };

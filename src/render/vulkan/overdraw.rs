@@ -25,6 +25,7 @@ use crate::render::vulkan::blended::fuzzy;
 use crate::render::vulkan::opaque::hardware::SplatSource;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
+use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::{SPLAT, VERTEX};
 use std::sync::Arc;
@@ -303,7 +304,7 @@ impl OverdrawPipelines {
                 vertex: &shaders::FILTERED_NORMALIZE_VERT,
                 fragment: Some(&shaders::OVERDRAW_SHOW_FRAG),
                 record: VertexRecord::NOTHING,
-                colors: crate::render::vulkan::triangles::targets(variant.color, false),
+                colors: color_formats(variant.color, false),
                 is_additive: false,
                 ..base
             })?,

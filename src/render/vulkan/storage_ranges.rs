@@ -5,7 +5,7 @@ use crate::gpu::Error;
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::buffer::AnyBuffer;
 use crate::gpu::frame::{FrameRecorder, UniformBlock};
-use crate::render::vulkan::opaque::compute::ComputeVariant;
+use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::targets::Context;

@@ -4,8 +4,18 @@ use crate::gpu::frame::{PassBuilder, TargetLoad};
 use crate::gpu::image::{DeviceImage as Target, ImageFormat};
 use crate::gpu::{Error, Gpu};
 pub(crate) use crate::render::frame_constants::FrameContext as Context;
-use crate::render::vulkan::{NORMAL, triangles};
+use crate::render::vulkan::{COLOR, NORMAL, SAMPLES};
 use std::sync::Arc;
+
+/// The color targets of a pass whose first is [`COLOR`] or [`SAMPLES`].
+pub(crate) fn color_formats(color: ImageFormat, normals: bool) -> &'static [ImageFormat] {
+    match (color, normals) {
+        (SAMPLES, false) => &[SAMPLES],
+        (SAMPLES, true) => &[SAMPLES, NORMAL],
+        (_, false) => &[COLOR],
+        (_, true) => &[COLOR, NORMAL],
+    }
+}
 
 /// The targets of a frame.
 #[derive(Debug)]
@@ -38,7 +48,7 @@ impl FrameTargets {
 
     /// Formats of the color targets, as pipelines that draw into all of them have to know.
     pub(crate) fn formats(&self) -> &'static [ImageFormat] {
-        triangles::targets(self.color.format, self.normal.is_some())
+        color_formats(self.color.format, self.normal.is_some())
     }
 
     pub(crate) fn depth(&self) -> &Target {

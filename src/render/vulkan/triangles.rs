@@ -6,13 +6,13 @@ use crate::gpu::frame::{FrameRecorder, UniformBlock};
 use crate::gpu::image::ImageFormat;
 use crate::gpu::pipeline::{DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline};
 use crate::gpu::{Error, Gpu};
+use crate::render::vulkan::VERTEX;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{
     RasterList, RasterPipelines, RasterSplats, RasterTriangles,
 };
 use crate::render::vulkan::scene::DeviceScene;
-use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::{COLOR, NORMAL, SAMPLES, VERTEX};
+use crate::render::vulkan::targets::{Context, FrameTargets, color_formats};
 use std::sync::Arc;
 
 /// Variant of the triangle pipeline.
@@ -27,16 +27,6 @@ pub(crate) struct TriangleVariant {
     pub(crate) flags: u32,
 }
 
-/// The color targets of a pass whose first is [`COLOR`] or [`SAMPLES`].
-pub(crate) fn targets(color: ImageFormat, normals: bool) -> &'static [ImageFormat] {
-    match (color, normals) {
-        (SAMPLES, false) => &[SAMPLES],
-        (SAMPLES, true) => &[SAMPLES, NORMAL],
-        (_, false) => &[COLOR],
-        (_, true) => &[COLOR, NORMAL],
-    }
-}
-
 /// The pipeline that draws indexed mesh triangles.
 pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: TriangleVariant) -> Result<ShaderPipeline, Error> {
     ShaderPipeline::for_flags(
@@ -48,7 +38,7 @@ pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: TriangleVariant) -> Result<Shade
             constants: &[HAS_COLORS.is(variant.colors), HAS_LAMP.is(variant.lamp)],
             record: VERTEX,
             topology: PrimitiveTopology::Triangles,
-            colors: targets(variant.color, variant.normals),
+            colors: color_formats(variant.color, variant.normals),
             depth: DepthMode::Nearest,
             is_additive: false,
         },

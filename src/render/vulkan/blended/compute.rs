@@ -23,8 +23,8 @@ use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::ScreenDraw;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::storage_ranges::{BoundRange, TriangleRanges};
+use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
 
 /// Names of the passes of one kind of splats.
@@ -189,7 +189,7 @@ impl ComputeBlending {
         };
         let last = PipelineDescription {
             fragment: Some(kind.normalize),
-            colors: targets(color, false),
+            colors: color_formats(color, false),
             // Also where there is no depth: kernels may reach beyond what hides.
             depth: DepthMode::NotFarther,
             ..base

@@ -22,8 +22,8 @@ use crate::render::vulkan::blended::compute;
 use crate::render::vulkan::blended::compute::{ComputeBlending, OwnConstants};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
+use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::triangles::targets;
 use std::sync::Arc;
 
 /// [`FilteredSplat`] as pipelines see it.
@@ -182,7 +182,7 @@ impl FilteredPasses {
                     fragment: Some(&shaders::FILTERED_NORMALIZE_FRAG),
                     record: VertexRecord::NOTHING,
                     topology: PrimitiveTopology::Triangles,
-                    colors: targets(variant.color, false),
+                    colors: color_formats(variant.color, false),
                     depth: DepthMode::None,
                     ..base
                 },

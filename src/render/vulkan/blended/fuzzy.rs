@@ -21,8 +21,8 @@ use crate::render::vulkan::blended::compute;
 use crate::render::vulkan::blended::compute::{ComputeBlending, OwnConstants};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, ScreenDraw};
+use crate::render::vulkan::targets::color_formats;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::triangles::targets;
 use crate::render::{Settings, Shading, SplatKind, SumFormat};
 use std::sync::Arc;
 
@@ -295,7 +295,7 @@ impl FuzzyPasses {
                 fragment: Some(shaders::FUZZY_NORMALIZE_FRAG.of(variant.writes_normals)),
                 constants: &[deferred, lamp, coverage],
                 record: VertexRecord::NOTHING,
-                colors: targets(variant.color, variant.writes_normals),
+                colors: color_formats(variant.color, variant.writes_normals),
                 depth: DepthMode::None,
                 ..base
             })?,

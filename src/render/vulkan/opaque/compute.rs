@@ -7,9 +7,9 @@
 //! Clouds with Compute Shaders and Vertex Order Optimization* (Computer Graphics Forum, 2021). What is large, or reaches
 //! the near plane, goes to the rasterizer.
 
-pub(crate) use crate::render::vulkan::storage_ranges::ComputeList;
+pub(crate) use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
+use crate::render::vulkan::storage_ranges::ComputeList;
 
-use crate::abi::constants;
 use crate::abi::shaders;
 use crate::abi::specialization::{ARE_DISCS, LOOKS_FIRST, SIDE_PX};
 use crate::gpu::bind::BufferSlice;
@@ -20,50 +20,13 @@ use crate::gpu::pipeline::{
 };
 use crate::gpu::{Error, Gpu};
 use crate::pack::Footprint;
-use crate::render::compute_limits::{LARGEST_SQUARE_PX, storage_bytes};
-use crate::render::frame_plan::FramePlan;
-use crate::render::pack_params::splat_plan;
+use crate::render::compute_limits::storage_bytes;
 use crate::render::screen_bounds;
 use crate::render::technique::Technique;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::storage_ranges::BoundItems;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::tree::Model;
 use std::sync::Arc;
-
-/// What decides the pipeline of splats.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct ComputeVariant {
-    footprint: Footprint,
-    /// Where none has a size of its own that of all, rounded up to pixels; else 0.
-    side_px: u32,
-    /// Those of the frame that a footprint in the plane of the surface asks for.
-    flags: u32,
-}
-
-impl ComputeVariant {
-    /// Squares of a pixel.
-    pub(crate) const SAMPLES: Self = Self {
-        footprint: Footprint::Square,
-        side_px: 1,
-        flags: 0,
-    };
-
-    /// The splats of a planned frame: of one size, at most [`LARGEST_SQUARE_PX`], or of sizes of their own.
-    pub(crate) fn of(plan: &FramePlan, model: &Model) -> Self {
-        let footprint = plan.settings.footprint();
-        let sizes = splat_plan(&plan.settings, f32::INFINITY);
-        let one_size_px = sizes.has_one_size(model).then_some(sizes.threshold_px);
-        Self {
-            footprint,
-            side_px: one_size_px.map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32),
-            flags: match footprint {
-                Footprint::Oriented => plan.constants.flags & constants::FLAG_ORTHOGRAPHIC,
-                _ => 0,
-            },
-        }
-    }
-}
 
 /// Pipelines and the buffer of the nearest, for one picture size.
 #[derive(Debug)]

@@ -1,5 +1,6 @@
 //! Opaque splats and triangles: the nearest wins, by the hardware rasterizer or by compute.
 
 pub(crate) mod compute;
+pub(crate) mod compute_variant;
 pub mod hardware;
 pub mod triangle_runs;

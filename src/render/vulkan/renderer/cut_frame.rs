@@ -4,8 +4,9 @@ use crate::gpu::Error;
 use crate::gpu::frame::{FrameRecorder, FrameTicket, UniformBlock};
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::{ColorBy, Footprint};
-use crate::render::cost::choose;
-use crate::render::cost::choose::{ComputeShare, FrameWorkload, PassSelection};
+use crate::render::cost::choose::{ComputeShare, FrameWorkload};
+use crate::render::cost::select_passes;
+use crate::render::cost::select_passes::PassSelection;
 use crate::render::frame_plan::{FramePlan, PackKey};
 use crate::render::pack_params::largest_splat_px;
 use crate::render::screen_bounds;
@@ -17,8 +18,8 @@ use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::blended::{filtered, fuzzy};
 use crate::render::vulkan::draw_lists::{DrawLists, PackInput, PackedFrame};
 use crate::render::vulkan::expand_ids;
-use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
+use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::opaque::triangle_runs;
 use crate::render::vulkan::overdraw;
@@ -27,7 +28,7 @@ use crate::render::vulkan::renderer::{
     FrameEnd, FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer, margin_px,
 };
 use crate::render::vulkan::scene::DeviceScene;
-use crate::render::vulkan::storage_ranges::TriangleRanges;
+use crate::render::vulkan::storage_ranges::{ComputeList, TriangleRanges};
 use crate::render::vulkan::targets::FrameTargets;
 use crate::render::vulkan::visibility::hardware;
 use crate::render::vulkan::visibility::hardware::VisibilityPasses;
@@ -107,7 +108,7 @@ impl VulkanRenderer {
     ) -> Result<(), Error> {
         let PlannedFrame { plan, model, scene } = drawn;
         let selection = PassSelection::of(plan, &self.workload(plan, model));
-        let max_point_px = choose::max_point_px(plan, &selection, self.costs.as_ref());
+        let max_point_px = select_passes::max_point_px(plan, &selection, self.costs.as_ref());
         let triangles = self.cut.triangles.len();
         let input = PackInput {
             plan,
@@ -284,14 +285,14 @@ impl<'a> CutPasses<'a> {
             splats: RasterSplats::Records(records),
             ..self.raster()
         };
-        let small_list = compute::ComputeList {
+        let small_list = ComputeList {
             scene: self.drawn.scene,
             corners: lists.small(),
             runs: &lists.small_runs,
             splats: lists.splats(),
             splat_count: held.packed.points as u32,
             sample_count: held.samples as u32,
-            variant: compute::ComputeVariant::of(plan, self.drawn.model),
+            variant: ComputeVariant::of(plan, self.drawn.model),
             areas: self.areas,
         };
         let (targets, context) = (self.targets, &plan.context);

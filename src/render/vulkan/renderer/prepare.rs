@@ -11,8 +11,8 @@ use crate::render::vulkan::blended::fuzzy::FuzzyPasses;
 use crate::render::vulkan::device_cut::DeviceCut;
 use crate::render::vulkan::device_tree::DeviceTree;
 use crate::render::vulkan::expand_ids::IdExpansion;
-use crate::render::vulkan::opaque::compute;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
+use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::{OpaqueSplats, SplatSource};
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::renderer::VulkanRenderer;
@@ -90,8 +90,8 @@ impl VulkanRenderer {
                 Some(made) => made,
                 none => none.insert(ComputeRasterizer::new(&self.gpu, &self.targets)?),
             };
-            small.ensure(compute::ComputeVariant::of(plan, model))?;
-            small.ensure(compute::ComputeVariant::SAMPLES)?;
+            small.ensure(ComputeVariant::of(plan, model))?;
+            small.ensure(ComputeVariant::SAMPLES)?;
         }
         let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
         if self.splats.iter().all(|s| s.variant != variant) {

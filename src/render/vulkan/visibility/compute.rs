@@ -22,7 +22,7 @@ use crate::render::vulkan::NORMAL;
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::storage_ranges;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED};
+use crate::render::vulkan::visibility::targets::{FRONTS, PICKED};
 use std::sync::Arc;
 
 /// Pipelines and what is kept of each pixel.

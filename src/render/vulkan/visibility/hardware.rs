@@ -12,7 +12,7 @@
 use crate::abi::specialization::{IS_CENTER, IS_QUAD};
 use crate::abi::{Shader, shaders};
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
-use crate::gpu::image::{DeviceImage as Target, ImageFormat};
+use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::pipeline::{
     DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
 };
@@ -24,13 +24,9 @@ use crate::render::vulkan::raster_pass::{RasterList, RasterPipelines, RasterSpla
 use crate::render::vulkan::targets::{Context, FrameTargets};
 use crate::render::vulkan::visibility::compute::ComputeVisibility;
 use crate::render::vulkan::visibility::pull_push::ColorPyramid;
-use crate::render::vulkan::{COLOR, NORMAL, SPLAT, VERTEX, triangles};
+use crate::render::vulkan::visibility::targets::{FRONTS, PICKED, attach_last, last_pass};
+use crate::render::vulkan::{NORMAL, SPLAT, VERTEX};
 use std::sync::Arc;
-
-/// Colors, with the class in alpha.
-pub(crate) const PICKED: ImageFormat = ImageFormat::Rgba8;
-/// Distance along the view direction and depth offset.
-pub(crate) const FRONTS: ImageFormat = ImageFormat::Rg32Float;
 
 /// What a frame draws.
 #[derive(Debug, Clone, Copy)]
@@ -125,28 +121,6 @@ impl SplatPipelines {
             centers: first_pass(gpu, how, true, from, PrimitiveTopology::Points)?,
         })
     }
-}
-
-/// A pass over the whole picture that ends it.
-pub(crate) fn last_pass(
-    gpu: &Arc<Gpu>,
-    name: &str,
-    fragment: &Shader,
-) -> Result<ShaderPipeline, Error> {
-    ShaderPipeline::new(
-        gpu,
-        &PipelineDescription {
-            name,
-            vertex: &shaders::FILTERED_NORMALIZE_VERT,
-            fragment: Some(fragment),
-            constants: &[],
-            record: VertexRecord::NOTHING,
-            topology: PrimitiveTopology::Triangles,
-            colors: triangles::targets(COLOR, false),
-            depth: DepthMode::Nearest,
-            is_additive: false,
-        },
-    )
 }
 
 impl VisibilityPasses {
@@ -362,18 +336,4 @@ impl VisibilityPasses {
             raster_pass::draw(pass, list, pipelines, context, constants);
         }
     }
-}
-
-/// The description of a pass that ends the picture: color and depth anew.
-pub(crate) fn attach_last<'f>(
-    frame: &'f mut FrameRecorder<'_>,
-    name: &'static str,
-    targets: &FrameTargets,
-    context: &Context,
-) -> crate::gpu::frame::PassBuilder<'f> {
-    let [r, g, b] = context.background;
-    frame
-        .pass(name)
-        .color(targets.color(), TargetLoad::Clear([r, g, b, 0.0]))
-        .depth(targets.depth(), TargetLoad::Clear([0.0; 4]))
 }

@@ -3,3 +3,4 @@
 pub(crate) mod compute;
 pub(crate) mod hardware;
 mod pull_push;
+mod targets;

@@ -13,7 +13,7 @@ use crate::gpu::{Error, Gpu};
 use crate::render::vulkan::raster_pass;
 use crate::render::vulkan::raster_pass::ScreenDraw;
 use crate::render::vulkan::targets::{Context, FrameTargets};
-use crate::render::vulkan::visibility::hardware::{FRONTS, PICKED, attach_last, last_pass};
+use crate::render::vulkan::visibility::targets::{FRONTS, PICKED, attach_last, last_pass};
 use std::sync::Arc;
 
 /// Names of the passes by level: the profiler adds up nothing.

@@ -1,0 +1,19 @@
+//! What drawing costs, for commands that draw.
+
+use surfel::bench::calibrate;
+use surfel::render::Settings;
+use surfel::render::cost::model::DrawCosts;
+use surfel::render::engine::Backend;
+
+/// What drawing costs on the device that is to draw with these settings, measured now if it never was: the engine's to
+/// decide by. `None` of the mirror.
+pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<DrawCosts> {
+    let decided: Vec<Settings> = (settings.iter())
+        .filter(|settings| !backend.draws_by_cpu(settings))
+        .copied()
+        .collect();
+    match decided.is_empty() {
+        true => None,
+        false => calibrate::for_use(backend.device()?, &decided),
+    }
+}

@@ -1,0 +1,64 @@
+//! Draw lists that the device makes of numbers.
+
+use crate::gpu::buffer::{AnyBuffer as _, BufferUsage, DeviceBuffer};
+use crate::gpu::{Error, Gpu};
+use crate::render::vulkan::device_tree::fits_bindings;
+use std::sync::Arc;
+
+/// What the device makes of the lists of one slot.
+#[derive(Debug)]
+pub(super) struct ExpandedLists {
+    /// Records of splats.
+    pub(super) splats: DeviceBuffer,
+    /// Corners of triangles.
+    pub(super) indices: DeviceBuffer,
+    /// And of those that are small on screen.
+    pub(super) small: DeviceBuffer,
+}
+
+/// First size of each, bytes; it grows by half when a frame needs more.
+const FIRST_BYTES: u64 = 1 << 16;
+
+/// Whether records and corners of so many bytes can be bound as storage.
+pub(super) fn fits(gpu: &Gpu, bytes: [u64; 2]) -> bool {
+    fits_bindings(gpu, bytes).is_ok()
+}
+
+impl ExpandedLists {
+    /// Makes room for records and corners of so many bytes, where nothing reads what was there.
+    ///
+    /// # Errors
+    /// When memory runs out.
+    pub(super) fn reserve(
+        gpu: &Arc<Gpu>,
+        place: &mut Option<Self>,
+        [splats, triangles]: [u64; 2],
+    ) -> Result<(), Error> {
+        let made = |name, bytes| DeviceBuffer::new(gpu, name, BufferUsage::List, bytes);
+        let names = [
+            "splats by number",
+            "triangles by number",
+            "small triangles by number",
+        ];
+        let whole = match place {
+            Some(whole) => whole,
+            none => none.insert(Self {
+                splats: made(names[0], FIRST_BYTES)?,
+                indices: made(names[1], FIRST_BYTES)?,
+                small: made(names[2], FIRST_BYTES)?,
+            }),
+        };
+        let all = [
+            (&mut whole.splats, splats),
+            (&mut whole.indices, triangles),
+            (&mut whole.small, triangles),
+        ];
+        for ((buffer, bytes), name) in all.into_iter().zip(names) {
+            if bytes > buffer.bytes() {
+                let grown = (buffer.bytes() * 3 / 2).min(gpu.info().max_buffer);
+                *buffer = made(name, bytes.max(grown))?;
+            }
+        }
+        Ok(())
+    }
+}
