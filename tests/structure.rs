@@ -629,19 +629,10 @@ fn the_documents_name_only_what_is_there() {
             "gpu/frame.rs"
         ]
     );
-    for (document, at_least) in [
-        ("docs/ARCHITECTURE.md", 20),
-        ("docs/PERFORMANCE.md", 2),
-        ("README.md", 1),
-        ("assets/README.md", 0),
-    ] {
-        if !root().join(document).exists() {
-            println!("{document} is not there: nothing tested in it");
-            continue;
-        }
-        let source = text(document);
+    for document in documents() {
+        let source = text(&document);
         let paths = named_paths(&source);
-        let folder = Path::new(document).parent().unwrap();
+        let folder = Path::new(&document).parent().unwrap();
         for path in &paths {
             let places = [
                 root().join(path),
@@ -653,24 +644,159 @@ fn the_documents_name_only_what_is_there() {
                 "{document} names {path}, which is not there"
             );
         }
+        let at_least = NAMES_AT_LEAST
+            .iter()
+            .find(|(name, _)| *name == document)
+            .map_or(0, |(_, count)| *count);
         assert!(
             paths.len() >= at_least,
             "{document} names {} paths; the search or the document is broken",
             paths.len()
         );
-        // Links between brackets, to files of this repository.
-        for (at, _) in source.match_indices("](") {
-            let target = source[at + 2..].split(')').next().unwrap_or_default();
-            let file = target.split('#').next().unwrap_or_default();
-            if file.is_empty() || file.contains(':') || file.contains(char::is_whitespace) {
-                continue;
+        let wrong = broken_links(&source, folder);
+        assert!(wrong.is_empty(), "{document}: {wrong:#?}");
+    }
+}
+
+/// Documents that name paths of this repository, and how many at least.
+const NAMES_AT_LEAST: &[(&str, usize)] = &[
+    ("README.md", 1),
+    ("CONTRIBUTING.md", 20),
+    ("docs/ARCHITECTURE.md", 60),
+    ("docs/METHODS.md", 5),
+    ("docs/MEASURING.md", 3),
+    ("docs/PERFORMANCE.md", 1),
+];
+
+/// The documents for people, as paths from the root.
+fn documents() -> Vec<String> {
+    let mut all = files("docs", &["md"]);
+    all.extend(["README.md", "CONTRIBUTING.md", "assets/README.md"].map(str::to_owned));
+    all
+}
+
+/// Links between brackets to files of this repository that are not there, or to a heading that the file does not have.
+fn broken_links(source: &str, folder: &Path) -> Vec<String> {
+    let mut wrong = Vec::new();
+    for (at, _) in source.match_indices("](") {
+        let target = source[at + 2..].split(')').next().unwrap_or_default();
+        let (file, heading) = target.split_once('#').unwrap_or((target, ""));
+        if target.contains(':') || target.contains(char::is_whitespace) {
+            continue;
+        }
+        let path = root().join(folder).join(file);
+        if !file.is_empty() && !path.exists() {
+            wrong.push(format!("links to {file}, which is not there"));
+        } else if !heading.is_empty() {
+            let there = match file {
+                "" => source.to_owned(),
+                _ => std::fs::read_to_string(&path).unwrap_or_default(),
+            };
+            if !headings(&there).contains(heading) {
+                wrong.push(format!("links to {target}, a heading that is not there"));
             }
-            assert!(
-                root().join(folder).join(file).exists(),
-                "{document} links to {file}, which is not there"
-            );
         }
     }
+    wrong
+}
+
+/// The headings of a document as links name them: small letters, `-` for spaces, nothing else but letters and digits.
+fn headings(document: &str) -> BTreeSet<String> {
+    document
+        .lines()
+        .filter(|line| line.starts_with('#'))
+        .map(|line| {
+            let words = line.trim_start_matches('#').trim().to_lowercase();
+            let kept = words.chars().filter(|c| is_word(*c) || " -".contains(*c));
+            kept.map(|c| if c == ' ' { '-' } else { c }).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn broken_links_are_seen() {
+    let source =
+        "# Some words, *and* more\n[a](#some-words-and-more) [b](src/lib.rs) [c](https://a.org/#x)";
+    assert_eq!(broken_links(source, Path::new("")), Vec::<String>::new());
+    let source = "# Some words\n[a](#other-words) [b](src/none.rs) [c](README.md#no-such-heading)";
+    assert_eq!(broken_links(source, Path::new("")).len(), 3);
+}
+
+/// Most words that a document may have: one that says everything is read by nobody.
+const MOST_WORDS: &[(&str, usize)] = &[
+    ("README.md", 2700),
+    ("CONTRIBUTING.md", 1500),
+    ("docs/ARCHITECTURE.md", 2500),
+    ("docs/PERFORMANCE.md", 3500),
+];
+
+/// Most words of README, CONTRIBUTING and everything in docs together.
+const MOST_WORDS_TOGETHER: usize = 25_000;
+
+/// Most words of a page in docs/experiments.
+const MOST_WORDS_OF_AN_EXPERIMENT: usize = 300;
+
+/// Words of a document; the bars of tables are none.
+fn words(document: &str) -> usize {
+    let is_one = |word: &&str| word.chars().any(char::is_alphanumeric);
+    text(document).split_whitespace().filter(is_one).count()
+}
+
+#[test]
+fn documents_keep_to_their_words() {
+    let mut together = 0;
+    for document in documents() {
+        let count = words(&document);
+        let most = match MOST_WORDS.iter().find(|(name, _)| *name == document) {
+            Some((_, most)) => *most,
+            None if document.starts_with("docs/experiments/") => MOST_WORDS_OF_AN_EXPERIMENT,
+            None => MOST_WORDS_TOGETHER,
+        };
+        assert!(
+            count <= most,
+            "{document} has {count} words, more than {most}"
+        );
+        if document != "assets/README.md" {
+            together += count;
+        }
+    }
+    assert!(
+        together <= MOST_WORDS_TOGETHER,
+        "the documents have {together} words together, more than {MOST_WORDS_TOGETHER}"
+    );
+    assert!(
+        together > 10_000,
+        "only {together} words: the search is broken"
+    );
+}
+
+/// Folders of `src`, two levels deep, that hold more than unit tests.
+fn folders_of_src() -> BTreeSet<String> {
+    files("src", &["rs", "html"])
+        .iter()
+        .filter(|file| !file.ends_with("/tests.rs") && !file.contains("/tests/"))
+        .filter_map(|file| {
+            let parts: Vec<_> = file.split('/').collect();
+            (parts.len() > 2).then(|| parts[..parts.len().min(4) - 1].join("/"))
+        })
+        .collect()
+}
+
+#[test]
+fn the_architecture_names_every_folder_of_src() {
+    let folders = folders_of_src();
+    assert!(
+        folders.contains("src/render/vulkan") && folders.contains("src/cut") && folders.len() > 30,
+        "the search is broken: {folders:#?}"
+    );
+    let named: BTreeSet<_> = named_paths(&text("docs/ARCHITECTURE.md"))
+        .into_iter()
+        .collect();
+    let missing: Vec<_> = folders.iter().filter(|f| !named.contains(*f)).collect();
+    assert!(
+        missing.is_empty(),
+        "docs/ARCHITECTURE.md leaves out {missing:#?}"
+    );
 }
 
 /// The code lines of a Rust example in a document, without blank lines and comments.

@@ -1,5 +1,8 @@
-//! The methods: how a model becomes a picture. Each has its passes and shaders in a folder of its name, and a
-//! mirror on the CPU that tests compare it with.
+//! From a model and a view to a picture: settings, the plan of a frame, and three backends of which none knows another.
+//!
+//! A frame is planned ([`frame_plan`]), prepared, cut, packed, drawn (surface, resolve) and given a look. `vulkan` draws
+//! every technique by the hardware rasterizer and by compute; [`cpu`] is the fast renderer of the processor;
+//! [`mod@reference`] is exact and slow, and the oracle of the tests.
 
 pub(crate) mod backend_choice;
 pub(crate) mod capabilities;

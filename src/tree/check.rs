@@ -1,4 +1,11 @@
-//! Walks over a model and tests every promise that the cut and the renderer rely on.
+//! Walks over a model and tests every promise that the cut and the renderer rely on:
+//!
+//! * counts and links agree, and every leaf lies below exactly one node of each level;
+//! * each sphere contains the children's spheres, each leaf's sphere its triangle's corners;
+//! * each cone contains the geometric normals below and the children's cones;
+//! * each capsule contains the corners below, and no splat radius exceeds the bounding radius;
+//! * no corner below is farther along a node's mean normal than its thickness;
+//! * areas are sums of the children's, moments the means over what lies below; box and orbit enclose the used vertices.
 
 use super::{Model, Node, NodeAttributes, NodeStrip, NormalCone, Tree, moments, summary};
 use crate::math::octahedral;

@@ -1,4 +1,7 @@
-//! What covers the picture: panel, graph, list of keys, messages.
+//! Panel, graph, list of keys and messages over the picture.
+//!
+//! While the panel is shown, the picture is as wide as the panel leaves, and the model is framed in what is seen; camera,
+//! screenshots and photos are those of a window of that width. So no picture on file has a panel on it.
 
 use super::ViewerApp;
 use crate::viewer::panel::{self, PanelState, PanelWish};
