@@ -2,6 +2,11 @@
 //! long a file may be. Read from the sources as text, so that a wrong turn is found before it is built upon.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+#[path = "structure/circles.rs"]
+mod circles;
+#[path = "structure/names.rs"]
+mod names;
+
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 

@@ -170,6 +170,7 @@ fn host_ms(times: &FrameTimes) -> Option<f64> {
 }
 
 impl ProfileReport {
+    /// Sums up all views of a profile.
     pub fn of(profile: &FrameProfile) -> Self {
         let samples = &profile.samples;
         let wall: f64 = profile.frames().map(|t| t.frame_ms).sum();

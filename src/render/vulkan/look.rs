@@ -35,6 +35,7 @@ impl PictureLooks {
     }
 
     /// Forgets the last frame: what is drawn next is the picture itself.
+    #[cfg(feature = "viewer")]
     pub(super) fn forget(&mut self) {
         self.is_darkened = false;
     }
