@@ -10,7 +10,7 @@ mod tests;
 
 use crate::Error;
 use crate::generate::{self, ShapeSpec};
-use crate::input::{self, Counts, Format, InputStream, Warning};
+use crate::input::{self, Counts, FilePart, Format, InputStream, Warning};
 use crate::math::camera::Camera;
 use crate::mesh::Mesh;
 use crate::progress::Progress;
@@ -27,6 +27,8 @@ use std::time::Instant;
 pub struct OpenOptions {
     /// How files are read, and what is too much.
     pub input: input::Options,
+    /// Let the first view frame everything, however far off ([`Model::framed`] is then `None`).
+    pub frame_all: bool,
     /// How the tree is built.
     pub tree: BuildOptions,
 }
@@ -133,6 +135,8 @@ pub struct OpenedModel {
     pub counts: Counts,
     /// What was repaired or left out.
     pub warnings: Vec<Warning>,
+    /// What the file holds, part by part, and what became of it; empty where it is no model file.
+    pub parts: Vec<FilePart>,
     /// How it is looked at, where it is a scene.
     pub scene: Option<SceneView>,
     /// Time to read or generate it, milliseconds.
@@ -177,13 +181,25 @@ pub fn open_with_preview(
             (model, milliseconds_since(start))
         }
     };
+    let mut warnings = found.warnings;
+    let mut model = model;
+    if options.frame_all {
+        model.framed = None;
+    }
+    if let Some(part) = model.framed {
+        warnings.push(Warning::FarOff {
+            vertices: part.far_vertices,
+            sizes: part.farthest / (2.0 * part.radius).max(f32::MIN_POSITIVE),
+        });
+    }
     Ok(OpenedModel {
         model,
         name: source.display().to_string(),
         format: found.format,
         file_bytes: found.file_bytes,
         counts: found.counts,
-        warnings: found.warnings,
+        warnings,
+        parts: found.parts,
         scene: found.scene,
         load_ms,
         build_ms,
@@ -207,6 +223,7 @@ struct SourceContent {
     file_bytes: u64,
     counts: Counts,
     warnings: Vec<Warning>,
+    parts: Vec<FilePart>,
     scene: Option<SceneView>,
 }
 
@@ -221,6 +238,7 @@ impl SourceContent {
             format: SourceFormat::Generated,
             file_bytes: 0,
             warnings: Vec::new(),
+            parts: Vec::new(),
             scene,
         }
     }
@@ -235,6 +253,7 @@ impl SourceContent {
             format: SourceFormat::Tree,
             file_bytes,
             warnings: Vec::new(),
+            parts: Vec::new(),
             scene: None,
         }
     }
@@ -248,6 +267,7 @@ impl From<input::Loaded> for SourceContent {
             file_bytes: loaded.file_bytes,
             counts: loaded.counts,
             warnings: loaded.warnings,
+            parts: loaded.parts,
             scene: None,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::Source;
+use super::source::{Framing, Source};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
@@ -245,6 +245,7 @@ fn load(path: &Path, bar: &Bar) -> Result<OpenedModel, Failure> {
     let source = Source {
         model: path.to_owned(),
         weld: false,
+        frame: Framing::Robust,
     };
     let ready = source.open_with(bar)?;
     if !ready.model.kind().is_surface() {

@@ -3,7 +3,7 @@
 use super::costs::costs_of;
 use super::progress::Bar;
 use super::render::{DeviceArgs, parse_size, validated};
-use super::source::Source;
+use super::source::{Framing, Source};
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
@@ -272,6 +272,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         let source = Source {
             model: path.clone(),
             weld: args.weld,
+            frame: Framing::Robust,
         };
         let ready = source.open_with(&bar)?;
         if ready.model.vertices.is_empty() {

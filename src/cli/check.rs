@@ -1,6 +1,6 @@
 //! `surfel check`
 
-use super::source::Source;
+use super::source::{Framing, Source};
 use super::{Failure, Outcome, chain, count, print};
 use serde_json::json;
 use std::fmt::Write;
@@ -34,6 +34,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         let source = Source {
             model: path.clone(),
             weld: args.weld,
+            frame: Framing::Robust,
         };
         let ready = match source.open(quiet) {
             Ok(ready) => ready,

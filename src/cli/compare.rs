@@ -6,7 +6,8 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use surfel::image::{
-    Difference, FloatImage, Image, Picture, compare, contact_sheet, difference_picture,
+    ChannelComparison, Difference, FloatImage, Image, Picture, PictureChannels, compare,
+    compare_channels, contact_sheet, difference_picture,
 };
 use surfel::measure::{
     self, CoverageErrors, PIXELS_PER_DEGREE, PictureTile, SampleSpread, crop, flip, ssim,
@@ -16,7 +17,7 @@ use surfel::measure::{
 /// Compare two pictures.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Examples:\n  surfel compare reference.png picture.png\n  surfel compare reference.exr picture.exr --json\n  surfel compare a.png b.png --background black --difference d.png --gain 4 --worst worst.png\n  surfel compare a.png b.png --max-flip 0.01 --min-psnr 40\n\nPictures are PNG or EXR files of one size. Coverage and silhouette are compared where the pictures have alpha (the EXR\nfiles of surfel render do, both) or --background says what is not covered; normals where both files have them.\nExit codes: 0 within the bounds, 1 past one of them, 2 what cannot be compared."
+    after_help = "Examples:\n  surfel compare reference.png picture.png\n  surfel compare reference.exr picture.exr --json\n  surfel compare a.png b.png --background black --difference d.png --gain 4 --worst worst.png\n  surfel compare a.png b.png --max-flip 0.01 --min-psnr 40\n\nPictures are PNG or EXR files of one size. Coverage and silhouette are compared where the pictures have alpha (the EXR\nfiles of surfel render do, both) or --background says what is not covered; normals where both files have them. Every other channel (alpha, depth, any of an\nEXR file) is compared value by value, and what one file lacks is said: it never counts as equal (--equal).\nExit codes: 0 within the bounds, 1 past one of them, 2 what cannot be compared."
 )]
 pub(crate) struct Args {
     /// The picture that is right
@@ -74,7 +75,13 @@ struct Bounds {
     /// Smallest SSIM
     #[arg(long, value_name = "SSIM")]
     min_ssim: Option<f64>,
-    /// Largest difference of a color, levels of 255
+    /// Fail unless both files hold the same, in every channel
+    #[arg(long)]
+    equal: bool,
+    /// Largest difference of a value in any channel: color, alpha, depth
+    #[arg(long, value_name = "VALUE")]
+    max_difference: Option<f64>,
+    /// Largest difference of a color or alpha, levels of 255
     #[arg(long, value_name = "LEVELS")]
     max_level: Option<f64>,
     /// Most pixels that the picture lacks
@@ -101,6 +108,10 @@ struct Report {
     /// Coverage and silhouette, where pixels are told covered or not.
     shape: Option<(CoverageErrors, SampleSpread)>,
     normals: Option<SampleSpread>,
+    /// Every channel of the files.
+    channels: ChannelComparison,
+    /// Both files have colors: flip, psnr and ssim mean something.
+    has_colors: bool,
 }
 
 /// A difference up to this many levels is no difference to count.
@@ -116,22 +127,28 @@ impl Report {
             worst,
             shape,
             normals,
+            channels,
+            has_colors,
         } = self;
+        let of_colors = |value: f64| has_colors.then_some(value);
         json!({
+            "equal": channels.is_equal(),
+            "channels": channels.channels,
+            "not_compared": channels.not_compared,
             "width": width,
             "height": height,
-            "flip": flip,
-            "ssim": ssim,
-            "psnr_db": d.whole.psnr_db,
+            "flip": of_colors(*flip),
+            "ssim": of_colors(*ssim),
+            "psnr_db": of_colors(d.whole.psnr_db),
             "object_psnr_db": shape.as_ref().map(|_| d.object.psnr_db),
             "object_pixels": shape.as_ref().map(|_| d.object.pixels),
-            "max_level": d.whole.max_level,
-            "mean_level": 255.0 * d.whole.mean_abs,
-            "pixels_past_a_level": d.whole.past_level,
+            "max_level": of_colors(d.whole.max_level),
+            "mean_level": of_colors(255.0 * d.whole.mean_abs),
+            "pixels_past_a_level": has_colors.then_some(d.whole.past_level),
             "coverage": shape.as_ref().map(|(coverage, _)| coverage),
             "silhouette_px": shape.as_ref().map(|(_, silhouette)| silhouette),
             "normals_degrees": normals,
-            "worst_tile": worst,
+            "worst_tile": has_colors.then_some(worst),
         })
     }
 
@@ -143,6 +160,14 @@ impl Report {
             let _ = writeln!(text, "{name:<12}{value}");
         };
         line("size", format!("{} x {}", self.size[0], self.size[1]));
+        if !self.has_colors {
+            line(
+                "colors",
+                "not in both files: no flip, psnr and ssim".to_owned(),
+            );
+            self.write_channels(&mut line);
+            return text;
+        }
         line("flip", format!("{:.5} (mean; 0 is equal)", self.flip));
         let object = match &self.shape {
             Some(_) => format!(
@@ -199,7 +224,46 @@ impl Report {
                 255.0 * w.rmse
             ),
         );
+        self.write_channels(&mut line);
         text
+    }
+
+    /// The channels beside the colors, what was not compared, and the verdict.
+    fn write_channels(&self, line: &mut impl FnMut(&str, String)) {
+        let is_color = |name: &str| matches!(name, "R" | "G" | "B");
+        for channel in &self.channels.channels {
+            if is_color(&channel.name) && self.has_colors {
+                continue;
+            }
+            let unmatched = match channel.unmatched {
+                0 => String::new(),
+                count => format!(", {count} of them finite in one file alone"),
+            };
+            let (differing, values) = (channel.differing, channel.values);
+            let (mean, largest) = (channel.mean_abs, channel.largest);
+            line(
+                &format!("channel {}", channel.name),
+                format!(
+                    " {differing} of {values} values differ{unmatched}; {mean:.6} mean, {largest:.6} at most"
+                ),
+            );
+        }
+        for what in &self.channels.not_compared {
+            line("not compared", format!(" {what}"));
+        }
+        let differing = self.channels.channels.iter();
+        let differing: Vec<&str> = differing
+            .filter(|channel| channel.differing > 0)
+            .map(|channel| &channel.name[..])
+            .collect();
+        let verdict = if self.channels.is_equal() {
+            "equal in every channel".to_owned()
+        } else if differing.is_empty() {
+            "not known to be equal: not all was compared".to_owned()
+        } else {
+            format!("different in {}", differing.join(", "))
+        };
+        line("verdict", verdict);
     }
 
     /// The bounds that are missed, as a sentence.
@@ -219,10 +283,25 @@ impl Report {
             }
         };
         let d = &self.difference;
+        if !self.has_colors && bounds.need_colors() {
+            return Err(usage(
+                "no colors in both files, so there is no flip, psnr, ssim and level to bound: --max-difference bounds any channel",
+            ));
+        }
+        let channel = |name: &str| self.channels.channels.iter().find(|c| c.name == name);
+        let alpha = channel("A").map_or(0.0, |alpha| 255.0 * alpha.largest);
+        let max_level = d.whole.max_level.max(alpha);
+        for channel in &self.channels.channels {
+            let largest = match channel.unmatched {
+                0 => channel.largest,
+                _ => f64::INFINITY,
+            };
+            check("--max-difference", largest, bounds.max_difference, false);
+        }
         check("--max-flip", self.flip, bounds.max_flip, false);
         check("--min-psnr", d.whole.psnr_db, bounds.min_psnr, true);
         check("--min-ssim", self.ssim, bounds.min_ssim, true);
-        check("--max-level", d.whole.max_level, bounds.max_level, false);
+        check("--max-level", max_level, bounds.max_level, false);
         match &self.shape {
             Some((c, silhouette)) => {
                 let count = |bound: Option<u64>| bound.map(|b| b as f64);
@@ -259,12 +338,24 @@ impl Report {
             }
             None if bounds.need_coverage() => {
                 return Err(usage(
-                    "the pictures have no alpha, so nothing is known about coverage: give --background COLOR, or EXR files \
+                    "both pictures are opaque everywhere, so nothing is known about coverage: give --background COLOR, or EXR files \
                      of surfel render",
                 ));
             }
             None => {}
         }
+        let is_unequal = !self.channels.is_equal();
+        if is_unequal && bounds.equal {
+            missed.push("the files are not equal, which --equal asks for".to_owned());
+        }
+        let not_compared = &self.channels.not_compared;
+        if bounds.max_difference.is_some() && !not_compared.is_empty() {
+            let what = not_compared.join(", ");
+            missed.push(format!(
+                "--max-difference bounds what was not compared: {what}"
+            ));
+        }
+        missed.dedup();
         Ok((!missed.is_empty()).then(|| missed.join("; ")))
     }
 }
@@ -278,8 +369,17 @@ impl Bounds {
             || self.max_silhouette.is_some()
     }
 
-    fn all(&self) -> [(&'static str, Option<f64>); 6] {
+    fn need_colors(&self) -> bool {
+        self.max_flip.is_some()
+            || self.min_psnr.is_some()
+            || self.min_object_psnr.is_some()
+            || self.min_ssim.is_some()
+            || self.max_level.is_some()
+    }
+
+    fn all(&self) -> [(&'static str, Option<f64>); 7] {
         [
+            ("--max-difference", self.max_difference),
             ("--max-flip", self.max_flip),
             ("--min-psnr", self.min_psnr),
             ("--min-object-psnr", self.min_object_psnr),
@@ -341,8 +441,17 @@ impl Args {
 
     fn report(&self, reference: &FloatImage, picture: &FloatImage) -> Result<Report, Failure> {
         let has_coverage = self.background.is_some()
+            || !is_opaque(reference)
+            || !is_opaque(picture)
             || (tells_coverage(&self.reference, reference)
                 && tells_coverage(&self.picture, picture));
+        let files = [
+            PictureChannels::load(&self.reference)?,
+            PictureChannels::load(&self.picture)?,
+        ];
+        let names = [&self.reference, &self.picture].map(|path| path.display().to_string());
+        let channels = compare_channels([&files[0], &files[1]], [&names[0], &names[1]]);
+        let has_colors = files.iter().all(PictureChannels::has_colors);
         let has_normals = |image: &FloatImage| !image.normal.is_empty();
         let measured = || -> Result<Report, surfel::image::Error> {
             Ok(Report {
@@ -358,6 +467,8 @@ impl Args {
                     )),
                     false => None,
                 },
+                channels: channels.clone(),
+                has_colors,
                 normals: (has_normals(reference) && has_normals(picture))
                     .then(|| measure::normal_error(&reference.normal, &picture.normal)),
             })

@@ -2,7 +2,7 @@
 
 use super::costs::costs_of;
 use super::render::{DeviceArgs, orbit_camera, validated};
-use super::source::Source;
+use super::source::{Framing, Source};
 use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
@@ -141,6 +141,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let source = Source {
         model: args.model.clone(),
         weld: false,
+        frame: Framing::Robust,
     };
     let ready = source.open(quiet)?;
     let model = &ready.model;

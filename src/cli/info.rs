@@ -5,6 +5,7 @@ use super::{Failure, Outcome, bytes, count, print};
 use serde_json::json;
 use std::fmt::Write;
 use surfel::OpenedModel;
+use surfel::input::FilePart;
 
 /// Say what is in a model file.
 #[derive(Debug, clap::Args)]
@@ -48,9 +49,51 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
             "bytes": memory.tree(),
         },
         "memory_bytes": memory,
+        "parts": ready.parts.iter().map(part).collect::<Vec<_>>(),
+        "remarks": ready.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "load_ms": ready.load_ms,
         "build_ms": ready.build_ms,
     })
+}
+
+/// A part of the file, as JSON.
+fn part(part: &FilePart) -> serde_json::Value {
+    json!({
+        "name": part.name,
+        "count": part.count,
+        "fate": part.fate.name(),
+        "note": part.note,
+    })
+}
+
+/// Most lines of parts that are printed; the rest is in the JSON.
+const MOST_PARTS: usize = 60;
+
+/// The parts of the file, a line each, with what became of them.
+fn parts(parts: &[FilePart]) -> String {
+    let mut out = String::new();
+    if parts.is_empty() {
+        return out;
+    }
+    out += "  in the file:\n";
+    let shown = &parts[..parts.len().min(MOST_PARTS)];
+    let width = shown.iter().map(|part| part.name.chars().count());
+    let width = width.max().unwrap_or(0).min(44);
+    for part in shown {
+        let note = if part.note.is_empty() {
+            String::new()
+        } else {
+            format!(": {}", part.note)
+        };
+        let (name, rows, fate) = (&part.name, count(part.count), part.fate);
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "    {name:<width$} {rows:>12}  {fate}{note}");
+    }
+    if parts.len() > MOST_PARTS {
+        let more = parts.len() - MOST_PARTS;
+        let _ = writeln!(out, "    and {more} more, in the output of --json");
+    }
+    out
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
@@ -117,5 +160,6 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         "  read in {:.0} ms, built in {:.0} ms",
         ready.load_ms, ready.build_ms
     );
+    out += &parts(&ready.parts);
     print(&out)
 }

@@ -296,14 +296,31 @@ pub(crate) fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(Failure::Input(error)) => {
-            say(&format!("surfel: {}", chain(&error)));
+            say(&format!("surfel: {}", with_driver_hint(chain(&error))));
             ExitCode::from(2)
         }
         Err(Failure::Run(error)) => {
-            say(&format!("surfel: {}", chain(&error)));
+            say(&format!("surfel: {}", with_driver_hint(chain(&error))));
             ExitCode::from(1)
         }
     }
+}
+
+/// The text of an error, and where it says that Vulkan is missing, the variable that keeps drivers out of sight.
+pub(crate) fn with_driver_hint(text: String) -> String {
+    let is_missing = ["Vulkan driver", "Vulkan device", "Vulkan loader"];
+    if !is_missing.iter().any(|what| text.contains(what)) {
+        return text;
+    }
+    let variables = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+    let set = variables.into_iter().find_map(|name| {
+        let value = std::env::var_os(name).filter(|value| !value.is_empty())?;
+        Some(format!(
+            "{text} (the variable {name} allows only {}: unset it, or name a driver that is there)",
+            value.display()
+        ))
+    });
+    set.unwrap_or(text)
 }
 
 /// An error and its causes in one line, each said once: many errors of the library quote their cause already.

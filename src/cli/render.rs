@@ -93,7 +93,8 @@ impl DeviceArgs {
                 Err(error @ (GpuError::NoLoader(_) | GpuError::NoDevice(_)))
                     if self.device.is_none() && !self.validate =>
                 {
-                    eprintln!("surfel: warning: {error}; the processor draws");
+                    let reason = super::with_driver_hint(error.to_string());
+                    eprintln!("surfel: warning: {reason}; the processor draws");
                     Ok(Backend::WithoutDevice)
                 }
                 opened => Ok(opened?),

@@ -17,15 +17,28 @@ pub(crate) struct Source {
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
     pub(crate) weld: bool,
+    /// What the first view frames: without what lies far off, or all
+    #[arg(long, value_name = "WHAT", default_value = "robust")]
+    pub(crate) frame: Framing,
+}
+
+/// What the first view frames.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum Framing {
+    /// All but what lies far off.
+    Robust,
+    /// Everything.
+    All,
 }
 
 /// The options of opening that the arguments ask for.
-pub(crate) fn open_options(weld: bool) -> OpenOptions {
+pub(crate) fn open_options(weld: bool, frame: Framing) -> OpenOptions {
     OpenOptions {
         input: input::Options {
             weld,
             ..input::Options::default()
         },
+        frame_all: frame == Framing::All,
         ..OpenOptions::default()
     }
 }
@@ -38,7 +51,8 @@ impl Source {
 
     /// Opens the model, and says what was repaired or left out.
     pub(crate) fn open_with(&self, progress: &dyn Progress) -> Result<OpenedModel, Failure> {
-        let opened = surfel::open(&self.model, &open_options(self.weld), progress)?;
+        let options = open_options(self.weld, self.frame);
+        let opened = surfel::open(&self.model, &options, progress)?;
         for warning in &opened.warnings {
             super::say(&format!("surfel: {}: warning: {warning}", opened.name));
         }

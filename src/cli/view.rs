@@ -3,7 +3,7 @@
 use super::look::LookArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, parse_orbit, parse_size, read_camera, require_ending};
-use super::source::open_options;
+use super::source::{Framing, open_options};
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -32,6 +32,9 @@ pub(crate) struct Args {
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
     weld: bool,
+    /// What the first view frames: without what lies far off, or all
+    #[arg(long, value_name = "WHAT", default_value = "robust")]
+    frame: Framing,
     #[command(flatten)]
     look: LookArgs,
     /// Size of the window [default: as it was left, or 1024x768]
@@ -175,7 +178,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let options = ViewerOptions {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
-        opening: open_options(args.weld),
+        opening: open_options(args.weld, args.frame),
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,
         ui_scale: args.ui_scale,

@@ -13,8 +13,8 @@
 //! * The statue shares all its vertices.
 //!
 //! ```
-//! use surfel::generate::{self, Shape, Spec};
-//! let mesh = generate::mesh(&Spec::with_triangles(Shape::Statue, 50_000)?);
+//! use surfel::generate::{self, GeneratedShape, ShapeSpec};
+//! let mesh = generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Statue, 50_000)?);
 //! assert_eq!(mesh.triangles.len(), 12 * 65 * 65);
 //! # Ok::<(), generate::Error>(())
 //! ```

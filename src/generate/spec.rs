@@ -56,8 +56,8 @@ impl FromStr for GeneratedShape {
 /// A shape and its grid: two triangles in each cell. Its counts always fit 32-bit indices.
 ///
 /// ```
-/// use surfel::generate::{Shape, Spec};
-/// let spec = Spec::with_triangles(Shape::Sphere, 1_000_000)?;
+/// use surfel::generate::{GeneratedShape, ShapeSpec};
+/// let spec = ShapeSpec::with_triangles(GeneratedShape::Sphere, 1_000_000)?;
 /// assert_eq!(spec.grid(), (1000, 500));
 /// assert_eq!(spec.counts(), (501_501, 1_000_000));
 /// # Ok::<(), surfel::generate::Error>(())

@@ -148,25 +148,34 @@ impl FloatImage {
     /// [`Error::Read`] when the file cannot be read, is neither format, is damaged, or has a side above
     /// [`MAX_SIDE`].
     pub fn load(path: &Path) -> Result<Self, Error> {
-        let fail = |cause: String| Error::Read {
-            path: path.to_owned(),
-            cause,
-        };
-        let mut file = File::open(path).map_err(|e| fail(e.to_string()))?;
-        let mut magic = Vec::new();
-        (&mut file)
-            .take(4)
-            .read_to_end(&mut magic)
-            .and_then(|_| file.rewind())
-            .map_err(|e| fail(e.to_string()))?;
-        let reader = BufReader::new(file);
-        match magic.as_slice() {
-            [0x89, b'P', b'N', b'G'] => read_png(reader),
-            [0x76, 0x2f, 0x31, 0x01] => read_exr(reader),
-            _ => Err("it is neither a PNG nor an EXR file".into()),
-        }
-        .map_err(fail)
+        read_by_kind(path, read_png, read_exr)
     }
+}
+
+/// Reads a file by its first bytes.
+pub(super) fn read_by_kind<T>(
+    path: &Path,
+    png: impl FnOnce(BufReader<File>) -> Result<T, String>,
+    exr: impl FnOnce(BufReader<File>) -> Result<T, String>,
+) -> Result<T, Error> {
+    let fail = |cause: String| Error::Read {
+        path: path.to_owned(),
+        cause,
+    };
+    let mut file = File::open(path).map_err(|e| fail(e.to_string()))?;
+    let mut magic = Vec::new();
+    (&mut file)
+        .take(4)
+        .read_to_end(&mut magic)
+        .and_then(|_| file.rewind())
+        .map_err(|e| fail(e.to_string()))?;
+    let reader = BufReader::new(file);
+    match magic.as_slice() {
+        [0x89, b'P', b'N', b'G'] => png(reader),
+        [0x76, 0x2f, 0x31, 0x01] => exr(reader),
+        _ => Err("it is neither a PNG nor an EXR file".into()),
+    }
+    .map_err(fail)
 }
 
 /// Writes a file through a temporary one in the same folder, which takes its place when it is complete; what
@@ -268,30 +277,42 @@ fn write_exr(
         openexr::Encoding::SMALL_LOSSLESS,
         openexr::AnyChannels::sort(channels),
     );
+    let failed = |e| match e {
+        openexr::Error::Io(e) => e,
+        other => io::Error::other(other.to_string()),
+    };
+    let picture = openexr::Image::from_layer(layer);
+    // The table of offsets is written last, in the beginning, where a pipe cannot go back to.
+    let is_pipe = path.exists() && !path.is_file();
     write(path, |file| {
-        openexr::Image::from_layer(layer)
-            .write()
-            .to_buffered(file)
-            .map_err(|e| match e {
-                openexr::Error::Io(e) => e,
-                other => io::Error::other(other.to_string()),
-            })
+        if is_pipe {
+            let mut whole = io::Cursor::new(Vec::new());
+            picture.write().to_buffered(&mut whole).map_err(failed)?;
+            file.write_all(whole.get_ref())
+        } else {
+            picture.write().to_buffered(file).map_err(failed)
+        }
     })
 }
 
 fn read_png(reader: BufReader<File>) -> Result<FloatImage, String> {
-    let mut reader = ::image::ImageReader::with_format(reader, ::image::ImageFormat::Png);
-    let mut limits = ::image::Limits::no_limits();
-    limits.max_image_width = Some(MAX_SIDE);
-    limits.max_image_height = Some(MAX_SIDE);
-    reader.limits(limits);
-    let picture = reader.decode().map_err(|e| e.to_string())?.into_rgba32f();
+    let picture = decode_png(reader)?.into_rgba32f();
     Ok(FloatImage {
         width: picture.width(),
         height: picture.height(),
         color: picture.pixels().map(|p| p.0).collect(),
         ..FloatImage::default()
     })
+}
+
+/// The pixels of a PNG file.
+pub(super) fn decode_png(reader: BufReader<File>) -> Result<::image::DynamicImage, String> {
+    let mut reader = ::image::ImageReader::with_format(reader, ::image::ImageFormat::Png);
+    let mut limits = ::image::Limits::no_limits();
+    limits.max_image_width = Some(MAX_SIDE);
+    limits.max_image_height = Some(MAX_SIDE);
+    reader.limits(limits);
+    reader.decode().map_err(|e| e.to_string())
 }
 
 fn read_exr(reader: BufReader<File>) -> Result<FloatImage, String> {

@@ -5,11 +5,15 @@
 //! averaging and files give. Both are [`Picture`]s, which is all that [`compare()`] asks for.
 
 mod accumulate;
+mod channels;
 mod compare;
 mod file;
 mod sheet;
 
 pub use accumulate::{Accumulator, jittered, stratified};
+pub use channels::{
+    ChannelComparison, ChannelDifference, PictureChannel, PictureChannels, compare_channels,
+};
 pub use compare::{Difference, Figures, compare, difference_picture};
 pub(crate) use file::write;
 pub use sheet::contact_sheet;

@@ -1,9 +1,12 @@
 //! The last step of every reader: from the numbers of the file to a [`Mesh`] that keeps its promises.
 
+use std::collections::HashMap;
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::job::Job;
+use super::polygon::PolygonRuns;
 use super::{Counts, Error, Warning};
 use crate::mesh::Mesh;
 
@@ -26,6 +29,42 @@ impl Coordinates {
     }
 }
 
+/// Extents that are kept as they are; beyond, squares of lengths leave single precision.
+const LARGEST: f64 = 1e17;
+const SMALLEST: f64 = 1e-17;
+
+/// Vertices further off than this many sizes of the model are left out where the extent is over the largest.
+pub(super) const ABSURD: f64 = 1e12;
+
+impl Coordinates {
+    fn at(&self, index: usize) -> DVec3 {
+        match self {
+            Coordinates::Single(positions) => positions[index].as_dvec3(),
+            Coordinates::Double(positions) => positions[index],
+        }
+    }
+
+    /// Makes a position one that is dropped.
+    fn forget(&mut self, index: usize) {
+        match self {
+            Coordinates::Single(positions) => positions[index] = Vec3::NAN,
+            Coordinates::Double(positions) => positions[index] = DVec3::NAN,
+        }
+    }
+
+    /// Multiplies all positions.
+    fn scale(&mut self, factor: f64) {
+        match self {
+            Coordinates::Single(positions) => positions
+                .par_iter_mut()
+                .for_each(|point| *point = (point.as_dvec3() * factor).as_vec3()),
+            Coordinates::Double(positions) => {
+                positions.par_iter_mut().for_each(|point| *point *= factor);
+            }
+        }
+    }
+}
+
 /// What a reader found. `normals` and `colors` have the length of `coordinates` or are empty; the indices of
 /// `triangles` are in range.
 #[derive(Debug, Clone)]
@@ -36,25 +75,54 @@ pub(super) struct Raw {
     pub(super) absent_normals: u64,
     pub(super) colors: Vec<[u8; 4]>,
     pub(super) triangles: Vec<[u32; 3]>,
+    /// Which triangles are faces of more than three corners.
+    pub(super) polygons: PolygonRuns,
     pub(super) counts: Counts,
 }
 
-/// A color from numbers of 0 to 1; values outside are clamped, NaN is 0.
-pub(super) fn color_from_unit(value: f64) -> u8 {
-    // The cast saturates and takes NaN to zero.
-    (value.clamp(0.0, 1.0) * 255.0).round() as u8
-}
-
-/// Colors of a text format that does not say whether it means 0 to 1 or 0 to 255: any value above 1 in the whole
-/// file means the latter.
-pub(super) fn colors_by_range(values: &[[f64; 3]]) -> Vec<[u8; 4]> {
-    let bytes = values.iter().flatten().any(|&value| value > 1.0);
-    let scale = if bytes { 1.0 / 255.0 } else { 1.0 };
-    let convert = |color: &[f64; 3]| {
-        let [r, g, b] = color.map(|value| color_from_unit(value * scale));
-        [r, g, b, 255]
-    };
-    values.iter().map(convert).collect()
+impl Raw {
+    /// Gives every triangle its color: vertices between two colors are doubled, the further ones follow at the end.
+    /// Triangles of one color only give none: white is what they would be.
+    pub(super) fn color_faces(&mut self, colors: &[[u8; 4]]) {
+        const WHITE: [u8; 4] = [255; 4];
+        if colors.iter().all(|&color| color == WHITE) {
+            return;
+        }
+        let mut of_vertex: Vec<Option<[u8; 4]>> = vec![None; self.coordinates.len()];
+        let mut further: HashMap<(u32, [u8; 4]), u32> = HashMap::new();
+        let mut sources: Vec<u32> = Vec::new();
+        for (triangle, &color) in self.triangles.iter_mut().zip(colors) {
+            for corner in triangle {
+                if *of_vertex[*corner as usize].get_or_insert(color) == color {
+                    continue;
+                }
+                let next = of_vertex.len() as u32;
+                let vertex = *further.entry((*corner, color)).or_insert(next);
+                if vertex == next {
+                    of_vertex.push(Some(color));
+                    sources.push(*corner);
+                }
+                *corner = vertex;
+            }
+        }
+        fn repeat<T: Copy>(items: &mut Vec<T>, sources: &[u32]) {
+            if items.is_empty() {
+                return;
+            }
+            for &source in sources {
+                items.push(items[source as usize]);
+            }
+        }
+        match &mut self.coordinates {
+            Coordinates::Single(positions) => repeat(positions, &sources),
+            Coordinates::Double(positions) => repeat(positions, &sources),
+        }
+        repeat(&mut self.normals, &sources);
+        self.colors = of_vertex
+            .into_iter()
+            .map(|color| color.unwrap_or(WHITE))
+            .collect();
+    }
 }
 
 /// The box of all points that single precision can hold, and how far single precision would move them.
@@ -104,6 +172,65 @@ impl Bounds {
             .reduce(|| Bounds::EMPTY, Bounds::merge)
     }
 
+    /// The power of two that brings the extent to about 1, as an exponent; 0 when it is within what squares of single
+    /// precision hold, with room for products of a few of them.
+    fn exponent(&self) -> i32 {
+        let extent = (self.max - self.min).max_element();
+        if !(extent > 0.0 && extent.is_finite()) || (SMALLEST..=LARGEST).contains(&extent) {
+            return 0;
+        }
+        // The cast keeps the integer: exponents are within 2000.
+        -(extent.log2().floor() as i32)
+    }
+
+    fn scaled(self, factor: f64) -> Bounds {
+        Bounds {
+            min: self.min * factor,
+            max: self.max * factor,
+            rounding: self.rounding * factor,
+        }
+    }
+
+    /// Where a few vertices make the extent absurd, the bounds of the others; the few become not finite, `far` of them.
+    fn without_strays(&self, coordinates: &mut Coordinates, far: &mut u64) -> Option<Bounds> {
+        if (self.max - self.min).max_element() <= LARGEST {
+            return None;
+        }
+        let step = (coordinates.len() / 4096).max(1);
+        let mut sample: Vec<DVec3> = (0..coordinates.len())
+            .step_by(step)
+            .map(|index| coordinates.at(index))
+            .filter(|point| point.is_finite())
+            .collect();
+        let rank = sample.len() / 20;
+        if rank == 0 {
+            return None;
+        }
+        let (mut low, mut high) = (DVec3::ZERO, DVec3::ZERO);
+        for axis in 0..3 {
+            sample.sort_unstable_by(|a, b| a[axis].total_cmp(&b[axis]));
+            low[axis] = sample[rank][axis];
+            high[axis] = sample[sample.len() - 1 - rank][axis];
+        }
+        let size = (high - low).length();
+        let middle = 0.5 * (low + high);
+        if !(size > 0.0 && size * ABSURD < (self.max - self.min).max_element()) {
+            return None;
+        }
+        let is_far = |point: DVec3| point.distance(middle) > 0.5 * ABSURD * size;
+        let mut near = Bounds::EMPTY;
+        for index in 0..coordinates.len() {
+            let point = coordinates.at(index);
+            if point.is_finite() && is_far(point) {
+                *far += 1;
+                coordinates.forget(index);
+            } else {
+                near = near.with(point);
+            }
+        }
+        Some(near)
+    }
+
     /// Where the model-space zero should lie. Zero unless single precision would lose detail: some coordinate is
     /// over 1000 times the extent (a single step is then over 6e-5 of the extent), or rounding moves some point by
     /// more than a millionth of the extent. The origin is the middle of the box on a whole unit, or on a power of
@@ -133,8 +260,8 @@ impl Bounds {
     }
 }
 
-/// Makes the mesh: chooses the origin, drops what is not finite, normalizes the normals.
-pub(super) fn finish(job: &mut Job<'_>, raw: Raw) -> Result<Mesh, Error> {
+/// Makes the mesh: cuts its faces into triangles, chooses the origin, drops what is not finite, normalizes the normals.
+pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     let vertices = raw.coordinates.len() as u64;
     if vertices == 0 {
         return Err(job.empty("the file has no vertices"));
@@ -143,10 +270,34 @@ pub(super) fn finish(job: &mut Job<'_>, raw: Raw) -> Result<Mesh, Error> {
     debug_assert!(raw.normals.is_empty() || raw.normals.len() as u64 == vertices);
     debug_assert!(raw.colors.is_empty() || raw.colors.len() as u64 == vertices);
 
+    let triangles = &mut raw.triangles;
+    match &raw.coordinates {
+        Coordinates::Single(points) => raw
+            .polygons
+            .cut(job, triangles, |corner| points[corner as usize].as_dvec3()),
+        Coordinates::Double(points) => raw
+            .polygons
+            .cut(job, triangles, |corner| points[corner as usize]),
+    }?;
+
     let bounds = match &raw.coordinates {
         Coordinates::Single(positions) => Bounds::of(positions, |point| point.as_dvec3()),
         Coordinates::Double(positions) => Bounds::of(positions, |point| point),
     };
+    let mut far = 0;
+    let bounds = match bounds.without_strays(&mut raw.coordinates, &mut far) {
+        Some(near) => {
+            job.warn_count(far, |vertices| Warning::FarOffDropped { vertices });
+            near
+        }
+        None => bounds,
+    };
+    let exponent = bounds.exponent();
+    if exponent != 0 {
+        raw.coordinates.scale(f64::from(exponent).exp2());
+        job.warn(Warning::Scaled { exponent });
+    }
+    let bounds = bounds.scaled(f64::from(exponent).exp2());
     let origin = bounds.origin();
     let positions = match raw.coordinates {
         Coordinates::Single(mut positions) => {
@@ -183,9 +334,11 @@ pub(super) fn finish(job: &mut Job<'_>, raw: Raw) -> Result<Mesh, Error> {
         });
     }
     let triangles = (before - mesh.triangles.len()) as u64;
-    job.warn_count(dropped, |vertices| Warning::NotFiniteDropped {
-        vertices,
-        triangles,
+    job.warn_count(dropped.saturating_sub(far), |vertices| {
+        Warning::NotFiniteDropped {
+            vertices,
+            triangles,
+        }
     });
 
     let unknown = normalize(&mut mesh.normals);
@@ -330,24 +483,5 @@ mod tests {
         );
         assert_eq!(normals[4..], [Vec3::ZERO; 2]);
         assert_eq!(normalize(&mut [Vec3::INFINITY]), 1);
-    }
-
-    #[test]
-    fn colors_clamp_and_round() {
-        let cases = [
-            (0.0, 0),
-            (1.0, 255),
-            (0.5, 128),
-            (-3.0, 0),
-            (7.0, 255),
-            (f64::NAN, 0),
-            (f64::INFINITY, 255),
-        ];
-        assert_eq!(
-            cases.map(|(value, _)| color_from_unit(value)),
-            cases.map(|(_, byte)| byte)
-        );
-        assert_eq!(colors_by_range(&[[1.0, 0.5, 0.0]]), [[255, 128, 0, 255]]);
-        assert_eq!(colors_by_range(&[[2.0, 255.0, 0.0]]), [[2, 255, 0, 255]]);
     }
 }

@@ -2,8 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use super::part::{Fault, Inventory};
 use super::text::{line_of, shown};
 use super::{Error, Options, Place, Warning};
+use crate::mesh::faces::FaceRepairs;
 use crate::progress::Progress;
 
 /// Bytes between two looks at the progress: often enough to cancel at once, rare enough to cost nothing.
@@ -18,6 +20,7 @@ pub(super) struct Job<'a> {
     pub(super) options: &'a Options,
     pub(super) progress: &'a dyn Progress,
     pub(super) warnings: Vec<Warning>,
+    pub(super) inventory: Inventory,
     reported: usize,
 }
 
@@ -34,6 +37,7 @@ impl<'a> Job<'a> {
             options,
             progress,
             warnings: Vec::new(),
+            inventory: Inventory::default(),
             reported: 0,
         }
     }
@@ -74,6 +78,18 @@ impl<'a> Job<'a> {
         if count > 0 {
             self.warnings.push(warning(count));
         }
+    }
+
+    /// Counts a fault of something that decides no shape.
+    #[cold]
+    pub(super) fn fault(&mut self, fault: Fault, data: &[u8], at: usize) {
+        self.inventory.fault(fault, 1, || at_line(data, at));
+    }
+
+    /// Says what was done about faces.
+    pub(super) fn warn_repairs(&mut self, repairs: FaceRepairs) {
+        self.warn_count(repairs.opposed, |count| Warning::FacesOpposed { count });
+        self.warn_count(repairs.turned, |count| Warning::FacesTurned { count });
     }
 
     pub(super) fn empty(&self, what: &'static str) -> Error {

@@ -9,12 +9,15 @@
 //! vertices that are not finite, normalizes normals.
 
 mod assemble;
+mod color;
 mod error;
 mod job;
 mod mtl;
 mod obj;
 mod off;
+mod part;
 mod ply;
+mod polygon;
 mod sniff;
 mod source;
 mod stl;
@@ -27,9 +30,10 @@ use std::io::Read;
 use std::path::Path;
 
 pub use error::{Error, Place};
+pub use part::{FilePart, PartFate};
 pub use warning::Warning;
 
-use crate::mesh::{Mesh, weld};
+use crate::mesh::{Mesh, faces, weld};
 use crate::progress::Progress;
 use job::Job;
 use sniff::Kind;
@@ -47,6 +51,9 @@ pub struct Options {
     /// Vertices between two colors are then doubled; when the file has no normals, those computed later have a
     /// crease there.
     pub materials: bool,
+    /// Leave out the backs of sheets made two-sided by the same faces turned round, and turn faces that wind against
+    /// their neighbors ([`crate::mesh::faces`]).
+    pub repair_faces: bool,
     /// What is too much.
     pub limits: Limits,
 }
@@ -56,6 +63,7 @@ impl Default for Options {
         Self {
             weld: false,
             materials: true,
+            repair_faces: true,
             limits: Limits::default(),
         }
     }
@@ -149,6 +157,8 @@ pub struct Loaded {
     pub format: Format,
     /// What was repaired or left out.
     pub warnings: Vec<Warning>,
+    /// What the file holds, part by part, and what became of it.
+    pub parts: Vec<FilePart>,
     /// Size of the file as stored, in bytes (compressed when it is).
     pub file_bytes: u64,
     /// What the file holds by its own count.
@@ -278,15 +288,21 @@ fn load_from<'a>(
     };
     job.report(data.len())?;
     drop(bytes);
+    let remarks = job.inventory.remarks();
+    job.warnings.extend(remarks);
     let counts = raw.counts;
     let mut mesh = assemble::finish(&mut job, raw)?;
     if options.weld || matches!(format, Format::StlAscii | Format::StlBinary) {
         weld::weld(&mut mesh);
     }
+    if options.repair_faces {
+        job.warn_repairs(faces::repair(&mut mesh));
+    }
     Ok(Loaded {
         mesh,
         format,
         warnings: job.warnings,
+        parts: job.inventory.parts,
         file_bytes,
         counts,
     })

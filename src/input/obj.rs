@@ -9,64 +9,136 @@
 //! that no face names, and gives up on a material file with an empty `map_Kd`.
 
 use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
+use std::collections::HashMap;
 
 use glam::{DVec3, Vec3};
 
-use super::assemble::{Coordinates, Raw, color_from_unit};
+use super::assemble::{Coordinates, Raw};
+use super::color::{ColorRange, ColorSink};
 use super::job::{Job, at_line};
-use super::mtl::Materials;
+use super::mtl::{self, MaterialRun};
+use super::part::{Fault, PartFate};
+use super::polygon::{FaceList, without_repeated};
 use super::text::{Scanner, parse_f64, parse_i64, shown, words};
 use super::{Counts, Error, Warning};
 
 /// Index of a corner that names no normal.
 const NO_NORMAL: u32 = u32::MAX;
 
+/// An attribute that corners name and no shape depends on: its indices may be wrong.
+#[derive(Debug, Clone, Copy, Default)]
+struct Pointed {
+    /// The largest index, from 0, that a corner named before it appeared.
+    largest: u32,
+    /// How many such corners, and where the first stands.
+    count: u64,
+    first: usize,
+}
+
+impl Pointed {
+    /// The index from 0 that `part` writes from 1, or backwards from -1; `None` when it can be none. One beyond `count`
+    /// is noted: it may still come.
+    #[inline]
+    fn index(&mut self, part: &[u8], count: usize, at: usize) -> Option<u32> {
+        let index = parse_i64(part)?;
+        let from_one = if index < 0 {
+            index.saturating_add(count as i64 + 1)
+        } else {
+            index
+        };
+        if from_one <= 0 || from_one >= i64::from(NO_NORMAL) {
+            return None;
+        }
+        let index = (from_one - 1) as u32;
+        if from_one as u64 > count as u64 {
+            if self.count == 0 {
+                self.first = at;
+            }
+            self.count += 1;
+            self.largest = self.largest.max(index);
+        }
+        Some(index)
+    }
+
+    /// Whether corners name something that never came; `count` is how much did.
+    fn is_beyond(&self, count: u64) -> bool {
+        self.count > 0 && u64::from(self.largest) >= count
+    }
+}
+
 /// The file as it was written, with indices from 0.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 struct File {
     positions: Vec<DVec3>,
     /// Color of every position up to the last that has one.
-    colors: Vec<[u8; 4]>,
+    colors: ColorSink,
     normals: Vec<Vec3>,
-    triangles: Vec<[u32; 3]>,
+    /// How many texture coordinates.
+    textures: u64,
+    list: FaceList,
     /// Normals of the corners of every triangle up to the last that has one.
     corner_normals: Vec<[u32; 3]>,
-    /// First triangle and name of every run of one material.
-    material_runs: Vec<(usize, Vec<u8>)>,
+    material_runs: Vec<MaterialRun>,
     material_files: Vec<Vec<u8>>,
-    faces: u64,
-    small_faces: u64,
     ignored: u64,
-    /// The largest position and normal that a face names before they appear, and where.
-    ahead: [Option<(u64, usize)>; 2],
+    /// The largest position that a face names before it appears, and where.
+    ahead: Option<(u64, usize)>,
+    pointed_normals: Pointed,
+    pointed_textures: Pointed,
+    /// Other keywords, and on how many lines.
+    others: Vec<(Vec<u8>, u64)>,
 }
+
+/// Most different keywords that are listed.
+const MOST_KEYWORDS: usize = 40;
 
 /// Reads an OBJ file.
 pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
-    let file = File::parse(job, data)?;
-    for (what, count, ahead) in [
-        ("vertex", file.positions.len(), file.ahead[0]),
-        ("normal", file.normals.len(), file.ahead[1]),
-    ] {
-        if let Some((index, at)) = ahead
-            && index > count as u64
-        {
-            return Err(job.index(at_line(data, at), what, index as i64, count as u64, 1));
-        }
+    let mut file = File::parse(job, data)?;
+    let count = file.positions.len() as u64;
+    if let Some((index, at)) = file.ahead
+        && index > count
+    {
+        return Err(job.index(at_line(data, at), "vertex", index as i64, count, 1));
     }
-    job.warn_count(file.small_faces, |count| Warning::FacesTooSmall { count });
+    file.forget_missing(job, data);
+    file.list.warn(job);
     job.warn_count(file.ignored, |count| Warning::PartsIgnored {
         what: "lines, points and curves",
         count,
     });
-    let colors = material_colors(job, &file);
+    if let Some(remark) = file.colors.remark() {
+        job.warn(remark);
+    }
+    file.list_parts(job);
+    let colors = if file.colors.colors.is_empty() {
+        let count = file.list.triangles.len();
+        mtl::colors_of(job, &file.material_files, &file.material_runs, count)
+    } else {
+        job.inventory
+            .left_materials(&file.material_files, "vertices have colors");
+        Vec::new()
+    };
     Ok(file.split(colors))
 }
 
 impl File {
     fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<File, Error> {
-        let mut file = File::default();
+        let mut file = File {
+            positions: Vec::new(),
+            colors: ColorSink::new([ColorRange::FLOAT; 3]),
+            normals: Vec::new(),
+            textures: 0,
+            list: FaceList::default(),
+            corner_normals: Vec::new(),
+            material_runs: Vec::new(),
+            material_files: Vec::new(),
+            ignored: 0,
+            ahead: None,
+            pointed_normals: Pointed::default(),
+            pointed_textures: Pointed::default(),
+            others: Vec::new(),
+        };
         let mut scanner = Scanner::new(data, 0);
         let mut corners = Vec::new();
         while let Some((line, at)) = scanner.line() {
@@ -77,19 +149,29 @@ impl File {
             };
             match keyword {
                 b"v" => file.vertex(job, data, at, line_words)?,
+                b"vt" => file.textures += 1,
                 b"vn" => {
-                    let [x, y, z] = three(job, data, at, &mut line_words)?;
-                    file.normals.push(Vec3::new(x as f32, y as f32, z as f32));
+                    let mut number = || line_words.next().and_then(parse_f64);
+                    let normal = [number(), number(), number()];
+                    file.normals
+                        .push(if let [Some(x), Some(y), Some(z)] = normal {
+                            Vec3::new(x as f32, y as f32, z as f32)
+                        } else {
+                            job.fault(Fault::NORMAL, data, at);
+                            Vec3::ZERO
+                        });
                 }
                 b"f" | b"fo" => file.face(job, data, at, line_words, &mut corners)?,
                 b"usemtl" => {
-                    file.material_runs
-                        .push((file.triangles.len(), after_keyword(&line).to_vec()));
+                    file.material_runs.push(MaterialRun {
+                        first: file.list.triangles.len(),
+                        name: after_keyword(&line).to_vec(),
+                    });
                 }
                 b"mtllib" => file.material_files.push(after_keyword(&line).to_vec()),
                 b"l" | b"p" | b"curv" | b"curv2" | b"surf" => file.ignored += 1,
-                // Texture coordinates, groups, smoothing, names, and whatever programs add of their own.
-                _ => {}
+                // Groups, smoothing, names, and whatever programs add of their own.
+                _ => file.other(keyword),
             }
             job.reach(scanner.at)?;
         }
@@ -97,10 +179,23 @@ impl File {
         Ok(file)
     }
 
+    /// Counts a line that is not read.
+    fn other(&mut self, keyword: &[u8]) {
+        if keyword.starts_with(b"#") {
+            return;
+        }
+        let known = self.others.iter().position(|other| other.0 == keyword);
+        if let Some(index) = known {
+            self.others[index].1 += 1;
+        } else if self.others.len() < MOST_KEYWORDS {
+            self.others.push((keyword.to_vec(), 1));
+        }
+    }
+
     /// `v x y z`, with a weight, or with a color (and an alpha, which is ignored).
     fn vertex<'a>(
         &mut self,
-        job: &Job<'_>,
+        job: &mut Job<'_>,
         data: &[u8],
         at: usize,
         mut line_words: impl Iterator<Item = &'a [u8]>,
@@ -110,25 +205,29 @@ impl File {
         let mut extra = [0.0; 4];
         let mut count = 0;
         for word in line_words.take_while(|word| !word.starts_with(b"#")) {
-            let number =
-                parse_f64(word).ok_or_else(|| job.number(at_line(data, at), word, "a number"))?;
+            let Some(number) = parse_f64(word) else {
+                job.fault(Fault::EXTRA, data, at);
+                return Ok(());
+            };
             if let Some(slot) = extra.get_mut(count) {
                 *slot = number;
             }
             count += 1;
         }
         if count >= 3 {
-            self.colors.resize(self.positions.len() - 1, [255; 4]);
-            let [r, g, b] = [extra[0], extra[1], extra[2]].map(color_from_unit);
-            self.colors.push([r, g, b, 255]);
+            self.colors
+                .colors
+                .resize(self.positions.len() - 1, [255; 4]);
+            self.colors.push([extra[0], extra[1], extra[2]]);
         }
         Ok(())
     }
 
-    /// `f` with corners `p`, `p/t`, `p//n` or `p/t/n`; a fan of triangles about its first corner.
+    /// `f` with corners `p`, `p/t`, `p//n` or `p/t/n`. Only the positions decide the shape: what is wrong with the others is
+    /// a remark.
     fn face<'a>(
         &mut self,
-        job: &Job<'_>,
+        job: &mut Job<'_>,
         data: &[u8],
         at: usize,
         line_words: impl Iterator<Item = &'a [u8]>,
@@ -138,40 +237,50 @@ impl File {
         for word in line_words.take_while(|word| !word.starts_with(b"#")) {
             let mut parts = word.split(|&byte| byte == b'/');
             let position = parts.next().unwrap_or_default();
-            let position = self.resolve(job, data, at, word, position, 0)?;
+            let position = self.resolve(job, data, at, word, position)?;
             let texture = parts.next().unwrap_or_default();
-            if !texture.is_empty() && parse_i64(texture).is_none() {
-                return Err(job.number(at_line(data, at), word, "a corner of a face"));
+            if !texture.is_empty() {
+                let known = self.textures as usize;
+                if self.pointed_textures.index(texture, known, at).is_none() {
+                    job.fault(Fault::TEXTURE_INDEX, data, at);
+                }
             }
             let normal = match parts.next() {
                 Some(normal) if !normal.is_empty() => {
-                    self.resolve(job, data, at, word, normal, 1)?
+                    let known = self.normals.len();
+                    let normal = self.pointed_normals.index(normal, known, at);
+                    if normal.is_none() {
+                        job.fault(Fault::NORMAL_INDEX, data, at);
+                    }
+                    normal.unwrap_or(NO_NORMAL)
                 }
                 _ => NO_NORMAL,
             };
             if parts.next().is_some() {
-                return Err(job.number(at_line(data, at), word, "a corner of a face"));
+                job.fault(Fault::CORNER, data, at);
             }
             corners.push((position, normal));
         }
-        self.faces += 1;
-        let Some((&first, fan)) = corners.split_first().filter(|_| corners.len() >= 3) else {
-            self.small_faces += 1;
+        self.list.faces += 1;
+        let length = without_repeated(corners, |corner| corner.0);
+        self.list.closed += u64::from(length < corners.len());
+        let Some((&first, fan)) = corners[..length].split_first().filter(|_| length >= 3) else {
+            self.list.small += 1;
             return Ok(());
         };
+        let triangles = &mut self.list.triangles;
         if corners.iter().any(|corner| corner.1 != NO_NORMAL) {
-            self.corner_normals
-                .resize(self.triangles.len(), [NO_NORMAL; 3]);
+            self.corner_normals.resize(triangles.len(), [NO_NORMAL; 3]);
             self.corner_normals
                 .extend(fan.windows(2).map(|pair| [first.1, pair[0].1, pair[1].1]));
         }
-        self.triangles
-            .extend(fan.windows(2).map(|pair| [first.0, pair[0].0, pair[1].0]));
+        self.list.polygons.push(triangles.len(), length);
+        triangles.extend(fan.windows(2).map(|pair| [first.0, pair[0].0, pair[1].0]));
         Ok(())
     }
 
-    /// An index from 0 of a position (`list` 0) or normal (1), written from 1 or backwards from -1. One that points
-    /// ahead is noted and checked when the file has been read.
+    /// The index from 0 of a position, written from 1 or backwards from -1. One that points ahead is noted and checked when
+    /// the file has been read.
     #[inline]
     fn resolve(
         &mut self,
@@ -180,12 +289,8 @@ impl File {
         at: usize,
         word: &[u8],
         part: &[u8],
-        list: usize,
     ) -> Result<u32, Error> {
-        let (what, count) = [
-            ("vertex", self.positions.len()),
-            ("normal", self.normals.len()),
-        ][list];
+        let count = self.positions.len();
         let index = parse_i64(part)
             .ok_or_else(|| job.number(at_line(data, at), word, "a corner of a face"))?;
         let from_one = if index < 0 {
@@ -194,14 +299,86 @@ impl File {
             index
         };
         if from_one <= 0 || from_one >= i64::from(NO_NORMAL) {
-            return Err(job.index(at_line(data, at), what, index, count as u64, 1));
+            return Err(job.index(at_line(data, at), "vertex", index, count as u64, 1));
         }
         let from_one = from_one as u64;
-        if from_one > count as u64 && self.ahead[list].is_none_or(|(largest, _)| from_one > largest)
-        {
-            self.ahead[list] = Some((from_one, at));
+        if from_one > count as u64 && self.ahead.is_none_or(|(largest, _)| from_one > largest) {
+            self.ahead = Some((from_one, at));
         }
         Ok((from_one - 1) as u32)
+    }
+
+    /// Takes back what corners say of normals and texture coordinates that the file does not have.
+    fn forget_missing(&mut self, job: &mut Job<'_>, data: &[u8]) {
+        let normals = self.normals.len() as u64;
+        let (pointed, textures) = (self.pointed_normals, self.pointed_textures);
+        if textures.is_beyond(self.textures) {
+            job.inventory
+                .fault(Fault::TEXTURE_INDEX, textures.count, || {
+                    at_line(data, textures.first)
+                });
+        }
+        if !pointed.is_beyond(normals) {
+            return;
+        }
+        let mut missing = 0;
+        for normal in self.corner_normals.iter_mut().flatten() {
+            if *normal != NO_NORMAL && u64::from(*normal) >= normals {
+                *normal = NO_NORMAL;
+                missing += 1;
+            }
+        }
+        // In triangles, corners count more than once.
+        let count = pointed.count.min(missing).max(1);
+        job.inventory
+            .fault(Fault::NORMAL_INDEX, count, || at_line(data, pointed.first));
+    }
+
+    /// Lists what the file holds, but for materials.
+    fn list_parts(&self, job: &mut Job<'_>) {
+        let inventory = &mut job.inventory;
+        let count = |length: usize| length as u64;
+        inventory.add(
+            "v (vertices)",
+            count(self.positions.len()),
+            PartFate::Used,
+            "",
+        );
+        let colors = count(self.colors.colors.len());
+        inventory.add_some("colors of vertices", colors, PartFate::Used, "");
+        let normals = count(self.normals.len());
+        inventory.add_some("vn (normals)", normals, PartFate::Used, "");
+        let textures = "textures are not read";
+        inventory.add_some(
+            "vt (texture coordinates)",
+            self.textures,
+            PartFate::LeftOut,
+            textures,
+        );
+        inventory.add_some("f (faces)", self.list.faces, PartFate::Used, "");
+        let what = "l, p, curv, surf (lines, points and curves)";
+        inventory.add_some(what, self.ignored, PartFate::LeftOut, "not drawn");
+        let mut unknown = Vec::new();
+        for (keyword, lines) in &self.others {
+            let (meaning, fate) = match &keyword[..] {
+                b"g" => (" (groups)", PartFate::Unneeded),
+                b"o" => (" (objects)", PartFate::Unneeded),
+                b"s" => (" (smoothing groups)", PartFate::LeftOut),
+                b"vp" => (" (points of curves)", PartFate::LeftOut),
+                _ => ("", PartFate::LeftOut),
+            };
+            let name = shown(keyword);
+            if meaning.is_empty() {
+                unknown.push(name.clone());
+            }
+            inventory.add(format!("{name}{meaning}"), *lines, fate, "");
+        }
+        if self.textures > 0 {
+            inventory.leave_out("texture coordinates");
+        }
+        if !unknown.is_empty() {
+            inventory.leave_out(format!("lines that begin with {}", unknown.join(", ")));
+        }
     }
 
     /// Gives every combination of position, normal and color a vertex. `colors` holds a color per triangle, or
@@ -209,19 +386,19 @@ impl File {
     fn split(mut self, colors: Vec<[u8; 4]>) -> Raw {
         let counts = Counts {
             vertices: self.positions.len() as u64,
-            faces: self.faces,
+            faces: self.list.faces,
         };
-        if !self.colors.is_empty() {
-            self.colors.resize(self.positions.len(), [255; 4]);
+        if !self.colors.colors.is_empty() {
+            self.colors.colors.resize(self.positions.len(), [255; 4]);
         }
         if self.normals.is_empty() || self.corner_normals.is_empty() {
             self.corner_normals = Vec::new();
         } else {
             self.corner_normals
-                .resize(self.triangles.len(), [NO_NORMAL; 3]);
+                .resize(self.list.triangles.len(), [NO_NORMAL; 3]);
         }
         // A cloud with a normal per point, as some scanners write: the lists run side by side.
-        if self.triangles.is_empty() && self.normals.len() == self.positions.len() {
+        if self.list.triangles.is_empty() && self.normals.len() == self.positions.len() {
             return self.raw(counts);
         }
         self.normals.push(Vec3::ZERO);
@@ -235,10 +412,10 @@ impl File {
         type Attributes = ([u32; 3], [u8; 4]);
         let mut of_vertex: Vec<Option<Attributes>> = vec![None; self.positions.len()];
         let mut further: HashMap<(u32, Attributes), u32> = HashMap::new();
-        for index in 0..self.triangles.len() {
+        for index in 0..self.list.triangles.len() {
             let color = colors.get(index).copied().unwrap_or([255; 4]);
             for corner in 0..3 {
-                let position = self.triangles[index][corner];
+                let position = self.list.triangles[index][corner];
                 let normal = self
                     .corner_normals
                     .get(index)
@@ -254,12 +431,12 @@ impl File {
                 let vertex = *further.entry((position, wanted)).or_insert(next);
                 if vertex == next {
                     self.positions.push(self.positions[position as usize]);
-                    if let Some(&color) = self.colors.get(position as usize) {
-                        self.colors.push(color);
+                    if let Some(&color) = self.colors.colors.get(position as usize) {
+                        self.colors.colors.push(color);
                     }
                     of_vertex.push(Some(wanted));
                 }
-                self.triangles[index][corner] = vertex;
+                self.list.triangles[index][corner] = vertex;
             }
         }
         if has_normals {
@@ -276,7 +453,7 @@ impl File {
             absent = of_vertex.iter().filter(is_absent).count() as u64;
         }
         if !colors.is_empty() {
-            self.colors = of_vertex
+            self.colors.colors = of_vertex
                 .iter()
                 .map(|attributes| attributes.map_or([255; 4], |(_, color)| color))
                 .collect();
@@ -292,8 +469,9 @@ impl File {
             coordinates: Coordinates::Double(self.positions),
             normals: self.normals,
             absent_normals: 0,
-            colors: self.colors,
-            triangles: self.triangles,
+            colors: self.colors.colors,
+            triangles: self.list.triangles,
+            polygons: self.list.polygons,
             counts,
         }
     }
@@ -338,84 +516,4 @@ fn three<'a>(
         *number = parse_f64(word).ok_or_else(|| job.number(at_line(data, at), word, "a number"))?;
     }
     Ok(numbers)
-}
-
-/// A color per triangle from the materials; empty when vertices have colors, when not wanted, or when there is
-/// nothing but white.
-fn material_colors(job: &mut Job<'_>, file: &File) -> Vec<[u8; 4]> {
-    if !job.options.materials || !file.colors.is_empty() || file.triangles.is_empty() {
-        return Vec::new();
-    }
-    let materials = read_materials(job, &file.material_files);
-    if materials.diffuse.is_empty() {
-        return Vec::new();
-    }
-    let mut colors = vec![[255; 4]; file.triangles.len()];
-    let mut unknown: Vec<&[u8]> = Vec::new();
-    let mut seen = HashSet::new();
-    for (run, (start, name)) in file.material_runs.iter().enumerate() {
-        let end = file
-            .material_runs
-            .get(run + 1)
-            .map_or(colors.len(), |next| next.0);
-        if *start == end {
-            continue;
-        }
-        match materials.diffuse.get(name) {
-            Some(&color) => colors[*start..end].fill(color),
-            None if seen.insert(name) => unknown.push(name),
-            None => {}
-        }
-    }
-    if let Some(name) = unknown.first() {
-        job.warn(Warning::MaterialUnknown {
-            name: shown(name),
-            count: unknown.len() as u64,
-        });
-    }
-    if colors.iter().all(|&color| color == [255; 4]) {
-        Vec::new()
-    } else {
-        colors
-    }
-}
-
-/// Most names of material files that are looked for: a model made for harm could name millions.
-const MOST_MATERIAL_FILES: usize = 100;
-
-fn read_materials(job: &mut Job<'_>, lines: &[Vec<u8>]) -> Materials {
-    let mut materials = Materials::default();
-    let mut seen = HashSet::new();
-    let mut names = Vec::new();
-    for line in lines.iter().filter(|line| seen.insert(*line)) {
-        if names.len() >= MOST_MATERIAL_FILES {
-            break;
-        }
-        // One name with spaces, or several names.
-        let whole = String::from_utf8_lossy(line).replace('\\', "/");
-        if job
-            .folder
-            .is_some_and(|folder| folder.join(&whole).is_file())
-        {
-            names.push(whole);
-        } else {
-            names.extend(whole.split_whitespace().map(str::to_owned));
-        }
-    }
-    names.truncate(MOST_MATERIAL_FILES);
-    for name in names {
-        let result = match job.folder {
-            Some(folder) => materials.add_file(&folder.join(&name)),
-            None => Err("the model was not read from a file".to_owned()),
-        };
-        if let Err(reason) = result {
-            let name = shown(name.as_bytes());
-            job.warn(Warning::MaterialFileMissing { name, reason });
-        }
-    }
-    if let Some(name) = materials.textures.first() {
-        let (name, count) = (name.clone(), materials.textures.len() as u64);
-        job.warn(Warning::TextureIgnored { name, count });
-    }
-    materials
 }

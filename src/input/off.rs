@@ -1,12 +1,17 @@
 //! OFF, the object file format of Geomview (its manual, section "OFF Files"): `[C][N]OFF`, comments, polygons.
 //!
 //! The keyword may be missing when the name ends in `.off`. Vertices and faces stand on lines of their own, which is
-//! how everyone writes them; what follows the corners of a face (its color) is ignored.
+//! how everyone writes them. What follows the position of a vertex or the corners of a face is its color (three or four
+//! numbers, of 0 to 1 or to 255); an index into a table of colors is left out. Colors and normals decide no shape: what is
+//! wrong with them is a remark.
 
 use glam::{DVec3, Vec3};
 
-use super::assemble::{Coordinates, Raw, colors_by_range};
+use super::assemble::{Coordinates, Raw};
+use super::color::{ColorRange, ColorSink};
 use super::job::{Job, at_line};
+use super::part::{Fault, PartFate};
+use super::polygon::FaceList;
 use super::sniff::is_off_keyword;
 use super::text::{Scanner, parse_f64, parse_i64, words};
 use super::{Counts, Error, Warning};
@@ -67,33 +72,55 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
 
     let mut positions = Vec::with_capacity(vertices as usize);
     let mut normals = Vec::with_capacity(if has_normals { vertices as usize } else { 0 });
-    let mut colors = Vec::with_capacity(if has_colors { vertices as usize } else { 0 });
+    let mut colors = ColorSink::new([ColorRange::EITHER; 3]);
+    let has_textures = keyword.starts_with(b"ST");
+    let (mut wide_rows, mut alphas) = (0, 0);
     for _ in 0..vertices {
         let (line, at) = scanner
             .meaningful_line()
             .ok_or_else(|| missing(job, "vertices are"))?;
         let mut line_words = words(line);
-        let mut number = || -> Result<f64, Error> {
+        let mut position = [0.0; 3];
+        for number in &mut position {
             let word = line_words.next().unwrap_or_default();
-            parse_f64(word)
-                .ok_or_else(|| job.number(at_line(data, at), word, "a number of a vertex"))
-        };
-        positions.push(DVec3::new(number()?, number()?, number()?));
-        if has_normals {
-            normals.push(Vec3::new(
-                number()? as f32,
-                number()? as f32,
-                number()? as f32,
-            ));
+            *number = parse_f64(word)
+                .ok_or_else(|| job.number(at_line(data, at), word, "a number of a vertex"))?;
         }
-        if has_colors {
-            colors.push([number()?, number()?, number()?]);
+        positions.push(DVec3::from_array(position));
+        if has_normals {
+            let normal = [(); 3].map(|()| line_words.next().and_then(parse_f64));
+            normals.push(if let [Some(x), Some(y), Some(z)] = normal {
+                Vec3::new(x as f32, y as f32, z as f32)
+            } else {
+                job.fault(Fault::NORMAL, data, at);
+                Vec3::ZERO
+            });
+        }
+        // Writers add colors without saying so in the keyword.
+        let color = Extra::of(&mut line_words);
+        let is_likely = matches!(color.count, 3 | 4) && !has_textures && color.rgb.is_some();
+        let is_color = has_colors || is_likely;
+        if is_color {
+            colors.colors.resize(positions.len() - 1, WHITE);
+            match color.rgb {
+                Some(rgb) => colors.push(rgb),
+                None => job.fault(Fault::COLOR, data, at),
+            }
+            alphas += u64::from(color.is_transparent);
+        } else {
+            wide_rows += u64::from(color.count > 0);
         }
         job.reach(scanner.at)?;
     }
+    if !colors.colors.is_empty() {
+        colors.colors.resize(positions.len(), WHITE);
+    }
 
-    let mut triangles = Vec::with_capacity(faces as usize);
-    let mut small = 0;
+    let mut list = FaceList::default();
+    list.triangles.reserve(faces as usize);
+    let mut corners = Vec::new();
+    let mut face_colors = ColorSink::new([ColorRange::EITHER; 3]);
+    let (mut colored, mut indexed) = (0, 0);
     for _ in 0..faces {
         let (line, at) = scanner
             .meaningful_line()
@@ -103,38 +130,138 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         let length = parse_i64(word)
             .filter(|&length| length >= 0)
             .ok_or_else(|| job.number(at_line(data, at), word, "a count of corners"))?;
-        let mut corner = || -> Result<u32, Error> {
+        corners.clear();
+        for _ in 0..if length < 3 { 0 } else { length } {
             let word = line_words.next().unwrap_or_default();
             let index = parse_i64(word)
                 .ok_or_else(|| job.number(at_line(data, at), word, "the index of a vertex"))?;
             match u32::try_from(index) {
-                Ok(small) if u64::from(small) < vertices => Ok(small),
-                _ => Err(job.index(at_line(data, at), "vertex", index, vertices, 0)),
+                Ok(small) if u64::from(small) < vertices => corners.push(small),
+                _ => return Err(job.index(at_line(data, at), "vertex", index, vertices, 0)),
             }
-        };
+        }
+        let before = list.triangles.len();
+        list.push(&corners);
         if length < 3 {
-            small += 1;
             continue;
         }
-        let (first, mut previous) = (corner()?, corner()?);
-        for _ in 2..length {
-            let next = corner()?;
-            triangles.push([first, previous, next]);
-            previous = next;
+        let color = Extra::of(&mut line_words);
+        match color.rgb {
+            Some(rgb) => {
+                face_colors.colors.resize(before, WHITE);
+                let color = face_colors.convert(rgb);
+                face_colors.colors.resize(list.triangles.len(), color);
+                colored += 1;
+            }
+            None if color.count >= 3 => job.fault(Fault::COLOR, data, at),
+            None => indexed += u64::from(color.count > 0),
         }
+        alphas += u64::from(color.is_transparent);
         job.reach(scanner.at)?;
     }
-    job.warn_count(small, |count| Warning::FacesTooSmall { count });
+    list.warn(job);
     if scanner.meaningful_line().is_some() {
         let bytes = (data.len() - scanner.at) as u64;
         job.warn_count(bytes, |bytes| Warning::TrailingBytes { bytes });
     }
-    Ok(Raw {
+    if let Some(remark) = [&colors, &face_colors]
+        .iter()
+        .find_map(|sink| sink.remark())
+    {
+        job.warn(remark);
+    }
+    let inventory = &mut job.inventory;
+    inventory.add("vertices", vertices, PartFate::Used, "positions");
+    if has_normals {
+        inventory.add("normals of vertices", vertices, PartFate::Used, "");
+    }
+    let colored_vertices = colors.colors.len() as u64;
+    inventory.add_some("colors of vertices", colored_vertices, PartFate::Used, "");
+    inventory.add_some(
+        "values after a vertex",
+        wide_rows,
+        PartFate::LeftOut,
+        "not known",
+    );
+    inventory.add("faces", faces, PartFate::Used, "");
+    let has_both = colored > 0 && colored_vertices > 0;
+    let fate = if has_both {
+        PartFate::LeftOut
+    } else {
+        PartFate::Used
+    };
+    inventory.add_some("colors of faces", colored, fate, "");
+    inventory.add_some(
+        "indices into a table of colors",
+        indexed,
+        PartFate::LeftOut,
+        "the file has no table",
+    );
+    inventory.add_some(
+        "transparent colors",
+        alphas,
+        PartFate::LeftOut,
+        "drawn opaque",
+    );
+    for (what, count) in [
+        ("values after vertices", wide_rows),
+        (
+            "colors of faces (vertices have their own)",
+            u64::from(has_both) * colored,
+        ),
+        ("color indices of faces", indexed),
+        ("transparency", alphas),
+    ] {
+        if count > 0 {
+            inventory.leave_out(what);
+        }
+    }
+    let mut raw = Raw {
         coordinates: Coordinates::Double(positions),
         normals,
         absent_normals: 0,
-        colors: colors_by_range(&colors),
-        triangles,
+        colors: colors.colors,
+        triangles: list.triangles,
+        polygons: list.polygons,
         counts: Counts { vertices, faces },
-    })
+    };
+    if colored > 0 && !has_both {
+        face_colors.colors.resize(raw.triangles.len(), WHITE);
+        raw.color_faces(&face_colors.colors);
+    }
+    Ok(raw)
+}
+
+/// The color of what has none.
+const WHITE: [u8; 4] = [255; 4];
+
+/// What follows on a line.
+struct Extra {
+    /// How many words.
+    count: usize,
+    /// The first three, when there are so many numbers.
+    rgb: Option<[f64; 3]>,
+    /// The fourth says that the color is not opaque.
+    is_transparent: bool,
+}
+
+impl Extra {
+    fn of<'a>(line_words: &mut impl Iterator<Item = &'a [u8]>) -> Self {
+        let mut values = [0.0; 4];
+        let (mut count, mut are_numbers) = (0, true);
+        for word in line_words {
+            if let Some(slot) = values.get_mut(count) {
+                let value = parse_f64(word);
+                are_numbers &= value.is_some();
+                *slot = value.unwrap_or(0.0);
+            }
+            count += 1;
+        }
+        let [red, green, blue, alpha] = values;
+        Self {
+            count,
+            rgb: (count >= 3 && are_numbers).then_some([red, green, blue]),
+            is_transparent: count == 4 && alpha != 1.0 && alpha != 255.0,
+        }
+    }
 }

@@ -12,9 +12,12 @@
 
 use glam::{DVec3, Vec3};
 
-use super::assemble::{Coordinates, Raw, colors_by_range};
+use super::assemble::{Coordinates, Raw};
+use super::color::{ColorRange, ColorSink};
 use super::job::{Job, at_line};
-use super::text::{Scanner, parse_f64, parse_i64, words};
+use super::part::{Fault, PartFate};
+use super::polygon::PolygonRuns;
+use super::text::{Scanner, parse_f64, parse_i64, shown, words};
 use super::{Counts, Error, Warning};
 
 /// Reads a TRI file of either kind, told apart by the first line.
@@ -56,13 +59,13 @@ fn read_public(
         job.truncated(at_line(data, data.len()), format!("{what} are missing"))
     };
     let mut positions = Vec::with_capacity(vertices as usize);
-    let (mut normals, mut colors) = (Vec::new(), Vec::new());
+    let (mut normals, mut colors) = (Vec::new(), ColorSink::new([ColorRange::EITHER; 3]));
     let mut width = None;
     for _ in 0..vertices {
         let (line, at) = scanner
             .meaningful_line()
             .ok_or_else(|| missing(job, "vertices"))?;
-        let (row, found) = numbers_of(job, data, line, at)?;
+        let (row, found) = numbers_of(job, data, line, at, 3)?;
         let width = *width.get_or_insert(found);
         if found != width || !matches!(width, 3 | 6 | 9) {
             return Err(job.syntax(
@@ -88,12 +91,21 @@ fn read_public(
         job.reach(scanner.at)?;
     }
     let indices = check_indices(job, data, indices, vertices, 0)?;
+    if let Some(remark) = colors.remark() {
+        job.warn(remark);
+    }
+    let inventory = &mut job.inventory;
+    inventory.add("vertices", vertices, PartFate::Used, "");
+    inventory.add_some("normals", normals.len() as u64, PartFate::Used, "");
+    inventory.add_some("colors", colors.colors.len() as u64, PartFate::Used, "");
+    inventory.add("triangles", triangles, PartFate::Used, "");
     Ok(Raw {
         coordinates: Coordinates::Double(positions),
         normals,
         absent_normals: 0,
-        colors: colors_by_range(&colors),
+        colors: colors.colors,
         triangles: indices,
+        polygons: PolygonRuns::default(),
         counts: Counts {
             vertices,
             faces: triangles,
@@ -133,8 +145,8 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
     let mut normals: Vec<Vec3> = Vec::new();
     let mut indices: Vec<([i64; 3], usize)> = Vec::new();
     let mut has_triangles = false;
-    // The count stated for each part and where.
-    let mut stated: [Option<(u64, usize)>; 3] = [None; 3];
+    // The count stated for each part.
+    let mut stated: [Option<u64>; 3] = [None; 3];
     let mut at_start = false;
     while let Some((line, at)) = scanner.meaningful_line() {
         job.reach(scanner.at)?;
@@ -142,13 +154,22 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             && parse_f64(words(line).next().unwrap_or_default()).is_none()
         {
             part = Part::of(line);
+            if part == Part::Other {
+                job.inventory.add(
+                    format!("part `{}`", shown(line)),
+                    1,
+                    PartFate::LeftOut,
+                    "not known",
+                );
+                job.inventory.leave_out(format!("part `{}`", shown(line)));
+            }
             has_triangles |= part == Part::Triangles;
             at_start = true;
             // A count on the same line is its only word of digits.
             if part != Part::Other
                 && let Some(count) = words(line).find_map(|word| parse_i64(word.trim_ascii()))
             {
-                stated[part as usize] = Some((count.max(0) as u64, at));
+                stated[part as usize] = Some(count.max(0) as u64);
                 at_start = false;
             }
             continue;
@@ -163,44 +184,45 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             let count = parse_i64(word).filter(|&count| count >= 0);
             let count =
                 count.ok_or_else(|| job.number(at_line(data, at), word, "a count of rows"))?;
-            stated[part as usize] = Some((count as u64, at));
+            stated[part as usize] = Some(count as u64);
             continue;
         }
         if part == Part::Triangles {
             indices.push((triangle_of(job, data, line, at)?, at));
             continue;
         }
-        let (row, found) = numbers_of(job, data, line, at)?;
+        if part == Part::Normals {
+            let (row, found) = numbers_of(job, data, line, at, 0)?;
+            if found != 3 {
+                job.fault(Fault::NORMAL, data, at);
+            }
+            normals.push(DVec3::new(row[0], row[1], row[2]).as_vec3());
+            continue;
+        }
+        let (row, found) = numbers_of(job, data, line, at, 3)?;
         if found != 3 {
             return Err(job.syntax(
                 at_line(data, at),
                 format!("a row of {found} numbers where three belong"),
             ));
         }
-        let row = DVec3::new(row[0], row[1], row[2]);
-        if part == Part::Vertices {
-            positions.push(row)
-        } else {
-            normals.push(row.as_vec3())
-        }
+        positions.push(DVec3::new(row[0], row[1], row[2]));
     }
 
     let vertices = positions.len() as u64;
     let found = [vertices, normals.len() as u64, indices.len() as u64];
-    for ((stated, found), name) in
-        stated
-            .into_iter()
-            .zip(found)
-            .zip(["vertices", "normals", "triangles"])
-    {
-        if let Some((count, at)) = stated
-            && count != found
+    let names = ["vertices", "normals", "triangles"];
+    for ((stated, found), what) in stated.into_iter().zip(found).zip(names) {
+        if let Some(promised) = stated
+            && promised != found
         {
-            return Err(job.syntax(
-                at_line(data, at),
-                format!("{count} {name} promised, {found} found"),
-            ));
+            job.warn(Warning::CountContradicts {
+                what,
+                promised,
+                found,
+            });
         }
+        job.inventory.add_some(what, found, PartFate::Used, "");
     }
     if vertices == 0 {
         return Err(job.empty("the file has no vertices"));
@@ -214,8 +236,12 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
             what: "the part `Vertices' Normals` is",
         });
     } else if normals.len() as u64 != vertices {
-        let reason = format!("{} normals for {vertices} vertices", normals.len());
-        return Err(job.syntax(at_line(data, data.len()), reason));
+        job.warn(Warning::CountContradicts {
+            what: "vertices with a normal",
+            promised: vertices,
+            found: normals.len() as u64,
+        });
+        normals.resize(positions.len(), Vec3::ZERO);
     }
     let corners = || indices.iter().flat_map(|(triangle, _)| triangle);
     let one_based =
@@ -228,22 +254,30 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         absent_normals: 0,
         colors: Vec::new(),
         triangles,
+        polygons: PolygonRuns::default(),
         counts: Counts { vertices, faces },
     })
 }
 
-/// The numbers of a line, at most nine, and how many there are.
+/// The numbers of a line, at most nine, and how many there are; a word after the first `needed` that is no number is zero.
 fn numbers_of(
-    job: &Job<'_>,
+    job: &mut Job<'_>,
     data: &[u8],
     line: &[u8],
     at: usize,
+    needed: usize,
 ) -> Result<([f64; 9], usize), Error> {
     let mut row = [0.0; 9];
     let mut found = 0;
     for word in words(line) {
-        let number =
-            parse_f64(word).ok_or_else(|| job.number(at_line(data, at), word, "a number"))?;
+        let number = match parse_f64(word) {
+            Some(number) => number,
+            None if found >= needed => {
+                job.fault(Fault::EXTRA, data, at);
+                0.0
+            }
+            None => return Err(job.number(at_line(data, at), word, "a number")),
+        };
         if let Some(slot) = row.get_mut(found) {
             *slot = number;
         }

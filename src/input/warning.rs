@@ -4,6 +4,8 @@ use std::fmt;
 
 use glam::DVec3;
 
+use super::Place;
+
 /// A remark about a file that could be read all the same. Counts are of the whole file.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -31,6 +33,18 @@ pub enum Warning {
     FacesTooSmall {
         /// How many.
         count: u64,
+    },
+    /// Faces name their first corner again at their end; it counts once.
+    FirstCornerRepeated {
+        /// How many.
+        count: u64,
+    },
+    /// Faces of so many corners that they are drawn as fans, which is wrong where they are concave.
+    PolygonsTooLong {
+        /// How many.
+        count: u64,
+        /// The most corners that are looked at.
+        most: u64,
     },
     /// Lines, points, curves or other parts that are not drawn were left out.
     PartsIgnored {
@@ -70,6 +84,68 @@ pub enum Warning {
         /// World position of the model-space zero.
         origin: DVec3,
     },
+    /// Something is wrong that decides no shape; the rest was read.
+    PartFaulty {
+        /// What is wrong, in the plural.
+        what: &'static str,
+        /// What was done.
+        outcome: &'static str,
+        /// How often.
+        count: u64,
+        /// The first.
+        place: Place,
+    },
+    /// The header counts something else than the file holds; what is there was read.
+    CountContradicts {
+        /// What is counted.
+        what: &'static str,
+        /// The number in the header.
+        promised: u64,
+        /// The number in the file.
+        found: u64,
+    },
+    /// The values of the colors have a range that their type does not tell.
+    ColorRange {
+        /// The largest value of the range.
+        largest: u32,
+    },
+    /// Parts that would change the picture were left out.
+    LeftOut {
+        /// Their names.
+        parts: Vec<String>,
+    },
+    /// A trained Gaussian-splat file, drawn as the points in the middle of the splats.
+    GaussianSplats {
+        /// How many splats.
+        count: u64,
+    },
+    /// A sheet was made two-sided by its triangles turned round; these were left out.
+    FacesOpposed {
+        /// How many.
+        count: u64,
+    },
+    /// Triangles that wind against their neighbors were turned round.
+    FacesTurned {
+        /// How many.
+        count: u64,
+    },
+    /// Coordinates beyond what squares of single precision hold were multiplied by a power of two.
+    Scaled {
+        /// The exponent of that power.
+        exponent: i32,
+    },
+    /// Vertices lie so far off that the first view does not frame them.
+    FarOff {
+        /// How many.
+        vertices: u64,
+        /// Distance of the farthest from the middle of the others, over the size of these.
+        sizes: f32,
+    },
+    /// Vertices lie so far off that nothing else could be told apart; they were left out with their triangles.
+    FarOffDropped {
+        /// How many.
+        vertices: u64,
+    },
     /// A part that the format asks for is missing; the mesh is usable without.
     PartMissing {
         /// Its name.
@@ -99,6 +175,14 @@ impl fmt::Display for Warning {
             Warning::FacesTooSmall { count } => {
                 write!(f, "{count} faces with fewer than three corners left out")
             }
+            Warning::FirstCornerRepeated { count } => write!(
+                f,
+                "{count} faces name their first corner again at their end; it counts once"
+            ),
+            Warning::PolygonsTooLong { count, most } => write!(
+                f,
+                "{count} faces of over {most} corners are drawn as fans; where they are concave, divide them"
+            ),
             Warning::PartsIgnored { what, count } => write!(f, "{count} {what} left out"),
             Warning::TrailingBytes { bytes } => {
                 write!(f, "{bytes} bytes after the end of the model ignored")
@@ -122,6 +206,68 @@ impl fmt::Display for Warning {
                 f,
                 "coordinates are large against the extent; stored relative to ({}, {}, {})",
                 origin.x, origin.y, origin.z
+            ),
+            Warning::PartFaulty {
+                what,
+                outcome,
+                count,
+                place,
+            } => match (count, place) {
+                // The phrases are in the plural, or say what is missing.
+                (1, Place::Line(line)) => write!(f, "line {line}: {what}; {outcome}"),
+                (_, Place::Line(line)) => {
+                    write!(f, "{count} {what}, the first on line {line}; {outcome}")
+                }
+                (_, Place::Byte(byte)) => {
+                    write!(f, "{count} {what}, the first at byte {byte}; {outcome}")
+                }
+            },
+            Warning::CountContradicts {
+                what,
+                promised,
+                found,
+            } => write!(
+                f,
+                "the header says {promised} {what}, the file holds {found}; all that is there was read{}",
+                if promised > found {
+                    ": check that the file has not been cut short"
+                } else {
+                    ""
+                }
+            ),
+            Warning::ColorRange { largest } => {
+                write!(
+                    f,
+                    "colors are read as numbers of 0 to {largest}, as their values say"
+                )
+            }
+            Warning::LeftOut { parts } => write!(f, "left out: {}", parts.join(", ")),
+            Warning::GaussianSplats { count } => write!(
+                f,
+                "a trained Gaussian-splat file: the middles of its {count} splats are drawn as points in their base color; \
+                 sizes, rotations, opacity and what changes with the view are left out"
+            ),
+            Warning::FacesOpposed { count } => write!(
+                f,
+                "{count} triangles are others turned round, a sheet made two-sided; it is drawn once, from both sides"
+            ),
+            Warning::FacesTurned { count } => write!(
+                f,
+                "{count} triangles were turned round to wind as their neighbors do"
+            ),
+            Warning::Scaled { exponent } => write!(
+                f,
+                "coordinates are beyond single precision; multiplied by 2^{exponent}, in all that is said of places too"
+            ),
+            Warning::FarOff { vertices, sizes } => write!(
+                f,
+                "{vertices} vertices lie up to {sizes:.0} times the model's size away; the first view frames the rest \
+                 (--frame all frames everything)"
+            ),
+            Warning::FarOffDropped { vertices } => write!(
+                f,
+                "{vertices} vertices lie more than {:e} times the model's size away; left out with their triangles",
+                super::assemble::ABSURD
             ),
             Warning::PartMissing { what } => write!(f, "{what} missing"),
         }

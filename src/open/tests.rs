@@ -412,3 +412,37 @@ fn the_mesh_is_shown_before_its_tree_is_built() {
     let (seen, stages) = see(&folder.path().join("a.surfel"));
     assert!(seen.is_empty() && stages == ["read tree"], "{stages:?}");
 }
+
+#[test]
+fn what_lies_far_off_is_said_and_framed_when_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("stray.obj");
+    let mut text: String = (0..400)
+        .map(|i| format!("v {} {} 0\n", i % 20, i / 20))
+        .collect();
+    text += "v 50000 0 0\nv 50001 0 0\nv 50000 1 0\nf 401 402 403\n";
+    text.extend((1..380).map(|i| format!("f {} {} {}\n", i, i + 1, i + 20)));
+    std::fs::write(&path, text).unwrap();
+    let open_framing = |frame_all| {
+        let options = OpenOptions {
+            frame_all,
+            ..OpenOptions::default()
+        };
+        open(&path, &options, &Silent).unwrap()
+    };
+    let robust = open_framing(false);
+    assert!(robust.model.orbit_sphere().radius < 20.0);
+    let [Warning::FarOff { vertices: 3, sizes }] = robust.warnings[..] else {
+        panic!("{:?}", robust.warnings)
+    };
+    assert!((1500.0..2500.0).contains(&sizes), "{sizes}");
+    assert_eq!(robust.parts.len(), 2);
+    let all = open_framing(true);
+    assert!(all.model.orbit_sphere().radius > 20_000.0 && all.warnings.is_empty());
+    // A tree file knows it, too.
+    let tree_path = folder.path().join("stray.surfel");
+    tree::file::write(&all.model, &tree_path).unwrap();
+    let tree = open(&tree_path, &OpenOptions::default(), &Silent).unwrap();
+    assert_eq!(tree.model.framed, robust.model.framed);
+    assert_eq!(tree.warnings.len(), 1);
+}

@@ -10,8 +10,8 @@ use super::partition::TreePartition;
 use super::shape::TreeShape;
 use super::sort_item::SortItem;
 use super::{
-    AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, NormalCone, Tree, moments, order,
-    spacing,
+    AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, NormalCone, Tree, framed, moments,
+    order, spacing,
 };
 use crate::math::sphere;
 use crate::mesh::normals::{self, Weighting};
@@ -307,7 +307,7 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<ArrangedMesh, Error> {
             .fold(0.0, f64::max);
         farthest.fetch_max(square.to_bits(), Ordering::Relaxed);
     });
-    let model = Model {
+    let mut model = Model {
         used_vertices: used,
         triangles,
         tree: Tree::default(),
@@ -316,10 +316,12 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<ArrangedMesh, Error> {
         max,
         orbit_center: center.as_vec3(),
         orbit_radius: f64::from_bits(farthest.into_inner()).sqrt() as f32,
+        framed: None,
         is_closed: false,
         has_colors,
         vertices,
     };
+    model.framed = framed::of(&model);
     Ok(ArrangedMesh { model, normals })
 }
 

@@ -5,7 +5,7 @@
 //! word changes for certain and any other damage with a probability of all but 2^-64. A reader believes nothing: lengths
 //! are compared with the file before memory is asked for, and all links are tested before the model is handed out.
 
-use super::{AlignedRecords, Error, Leaf, Model, Moments, NodeAttributes, Tree, check};
+use super::{AlignedRecords, Error, Leaf, Model, Moments, NodeAttributes, Tree, check, framed};
 use crate::abi::Vertex;
 use crate::progress::{Progress, Silent};
 use bytemuck::{Pod, Zeroable};
@@ -79,7 +79,8 @@ pub fn is_tree_file(start: &[u8]) -> bool {
     start.starts_with(&MAGIC)
 }
 
-/// Writes a model; the file appears whole or not at all.
+/// Writes a model; the file appears whole or not at all. A link is followed, and what is no plain file (a device, a pipe)
+/// is written, not replaced.
 ///
 /// # Errors
 ///
@@ -117,7 +118,24 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
     header.file_length = end;
     header.checksum = header_checksum(&header);
 
-    let folder = match path.parent() {
+    let fill = |file: &mut File| -> std::io::Result<()> {
+        let mut out = BufWriter::new(file);
+        out.write_all(bytemuck::bytes_of(&header))?;
+        let mut at = HEADER as u64;
+        for (section, (bytes, _)) in header.sections.iter().zip(arrays) {
+            let padding = (section.offset - at) as usize;
+            out.write_all(&[0; ALIGNMENT as usize][..padding])?;
+            out.write_all(bytes)?;
+            at = section.offset + bytes.len() as u64;
+        }
+        out.flush()
+    };
+    let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    if target.exists() && !target.is_file() && !target.is_dir() {
+        let mut file = File::options().write(true).open(&target).map_err(failed)?;
+        return fill(&mut file).map_err(failed);
+    }
+    let folder = match target.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
     };
@@ -130,20 +148,8 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
         builder.permissions(std::fs::Permissions::from_mode(0o666));
     }
     let mut file = builder.tempfile_in(folder).map_err(failed)?;
-    {
-        let mut out = BufWriter::new(file.as_file_mut());
-        out.write_all(bytemuck::bytes_of(&header)).map_err(failed)?;
-        let mut at = HEADER as u64;
-        for (section, (bytes, _)) in header.sections.iter().zip(arrays) {
-            let padding = (section.offset - at) as usize;
-            out.write_all(&[0; ALIGNMENT as usize][..padding])
-                .map_err(failed)?;
-            out.write_all(bytes).map_err(failed)?;
-            at = section.offset + bytes.len() as u64;
-        }
-        out.flush().map_err(failed)?;
-    }
-    file.persist(path).map_err(|error| failed(error.error))?;
+    fill(file.as_file_mut()).map_err(failed)?;
+    file.persist(&target).map_err(|error| failed(error.error))?;
     Ok(())
 }
 
@@ -231,7 +237,7 @@ pub fn read_from(
         path,
         progress,
     };
-    let model = Model {
+    let mut model = Model {
         vertices: reader.section::<Vertex>()?,
         triangles: reader.section::<[u32; 3]>()?,
         tree: Tree {
@@ -249,6 +255,7 @@ pub fn read_from(
         max: Vec3::from_array(header.max),
         orbit_center: Vec3::from_array(header.orbit_center),
         orbit_radius: header.orbit_radius,
+        framed: None,
         is_closed: header.flags & CLOSED != 0,
         has_colors: header.flags & COLORS != 0,
     };
@@ -267,6 +274,7 @@ pub fn read_from(
             "a position that is not finite".to_owned(),
         ));
     }
+    model.framed = framed::of(&model);
     Ok(model)
 }
 

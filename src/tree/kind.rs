@@ -32,7 +32,7 @@ impl ModelKind {
 /// The sphere that the standard orbit frames, world space.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct OrbitSphere {
-    /// Middle of the model's box.
+    /// Middle of the box of what is framed.
     pub center: DVec3,
     /// Largest distance of a used vertex from the center; 0 for a single point.
     pub radius: f64,
@@ -59,11 +59,15 @@ impl Model {
         self.kind().is_points() && samples.all(|vertex| vertex.color[3] == 0)
     }
 
-    /// The sphere that the standard orbit frames.
+    /// The sphere that the standard orbit frames: without what lies far off ([`Model::framed`]).
     pub fn orbit_sphere(&self) -> OrbitSphere {
+        let (center, radius) = match self.framed {
+            Some(part) => (part.center, part.radius),
+            None => (self.orbit_center, self.orbit_radius),
+        };
         OrbitSphere {
-            center: self.origin + self.orbit_center.as_dvec3(),
-            radius: f64::from(self.orbit_radius),
+            center: self.origin + center.as_dvec3(),
+            radius: f64::from(radius),
         }
     }
 

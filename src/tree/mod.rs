@@ -10,6 +10,7 @@ mod build;
 mod check;
 mod closed;
 pub mod file;
+mod framed;
 mod inside;
 mod kind;
 mod moments;
@@ -28,6 +29,7 @@ mod thickness;
 pub use access::MemoryBytes;
 pub use build::{BuildOptions, build};
 pub use check::{CheckReport, check};
+pub use framed::FramedPart;
 pub use kind::{ModelKind, OrbitSphere};
 pub use moments::area_of_point;
 pub use node::{Leaf, Node, NodeAttributes, NodeStrip, NormalCone};
@@ -62,6 +64,8 @@ pub struct Model {
     pub orbit_center: Vec3,
     /// See `orbit_center`.
     pub orbit_radius: f32,
+    /// What a first view frames where something lies far off; `None` frames all.
+    pub framed: Option<FramedPart>,
     /// The surface is closed and consistently oriented outward, so what faces away is never seen.
     pub is_closed: bool,
     /// The file had vertex colors.

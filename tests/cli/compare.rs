@@ -274,3 +274,81 @@ fn every_scene_is_listed() {
     let sheets = scenes.iter().find(|s| s["name"] == "sheets-1").unwrap();
     assert_eq!(sheets["expected"]["gap"], 1.0);
 }
+
+#[test]
+fn alpha_depth_and_every_other_channel_are_compared() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let mut image = Image::filled(40, 30, [90, 90, 90, 255]);
+    image.depth = vec![2.0; 1200];
+    image.normal = vec![[0.0, 0.0, 1.0]; 1200];
+    let mut other = image.clone();
+    other.depth.fill(2.5);
+    for pixel in &mut other.color[..600] {
+        pixel[3] = 127;
+    }
+    for (image, name) in [(&image, "a"), (&other, "b")] {
+        let path = |what: &str| at.join(format!("{name}{what}"));
+        image.save_png(&path(".png")).unwrap();
+        image.save_png_with_coverage(&path("-alpha.png")).unwrap();
+        image.save_depth_exr(&path("-depth.exr")).unwrap();
+        image.save_normal_exr(&path("-normal.exr")).unwrap();
+    }
+    for (words, equal, wanted) in [
+        ("a.png b.png", true, "equal in every channel"),
+        ("a-depth.exr a-depth.exr", true, "equal in every channel"),
+        (
+            "a.png b-alpha.png",
+            false,
+            "channel A    600 of 1200 values differ",
+        ),
+        ("b-alpha.png a.png", false, "different in A"),
+        (
+            "a-depth.exr b-depth.exr",
+            false,
+            "1200 of 1200 values differ; 0.500000 mean, 0.500000 at most",
+        ),
+        (
+            "a-depth.exr b-depth.exr",
+            false,
+            "not in both files: no flip",
+        ),
+        (
+            "a-depth.exr a-normal.exr",
+            false,
+            "Z is only in a-depth.exr",
+        ),
+        ("a.png a-depth.exr", false, "R is only in a.png"),
+    ] {
+        let text = expect(at, 0, &format!("compare {words}")).text();
+        assert!(text.contains(wanted), "{words}: {text}");
+        assert_eq!(
+            text.contains("equal in every channel"),
+            equal,
+            "{words}: {text}"
+        );
+        let json = expect(at, 0, &format!("compare {words} --json")).json();
+        assert_eq!(json["equal"], equal, "{words}: {json}");
+        let code = i32::from(!equal);
+        expect(at, code, &format!("compare {words} --equal"));
+        expect(at, code, &format!("compare {words} --max-difference 0"));
+    }
+    for (bound, code) in [
+        ("a-depth.exr b-depth.exr --max-difference 0.5", 0),
+        ("a-depth.exr b-depth.exr --max-difference 0.4", 1),
+        ("a.png b-alpha.png --max-level 128", 0),
+        ("a.png b-alpha.png --max-level 127", 1),
+        ("a-depth.exr b-depth.exr --max-level 1", 2),
+        // Half transparent is not covered; 127 of 255 is less than that.
+        ("a.png b-alpha.png --max-missing 600", 0),
+        ("a.png b-alpha.png --max-missing 599", 1),
+    ] {
+        expect(at, code, &format!("compare {bound}"));
+    }
+    let json = expect(at, 0, "compare a-depth.exr b-depth.exr --json").json();
+    assert!(
+        json["flip"].is_null() && json["max_level"].is_null(),
+        "{json}"
+    );
+    assert_eq!(json["channels"][0]["name"], "Z");
+}

@@ -17,7 +17,7 @@ fn broken_files_are_told_with_their_place() {
     let corners = "0 0 0\n1 0 0\n0 1 0\n";
     let mut stl = vec![b' '; 80];
     stl.extend(7_u32.to_le_bytes());
-    stl.extend([0; 50]);
+    stl.extend([0; 60]);
     let huge = u64::from(u32::MAX) - 5;
     let cases: Vec<(&str, Vec<u8>, &str)> = vec![
         (

@@ -257,3 +257,49 @@ fn interrupting_leaves_nothing_half_written() {
         surfel::image::FloatImage::load(&at.join(&name)).unwrap_or_else(|e| panic!("{e}"));
     }
 }
+
+/// A pipe in the place of each file: what is written arrives there, and the pipe stays.
+#[test]
+#[cfg(unix)]
+fn a_pipe_is_written_to_and_stays() {
+    use std::os::unix::fs::FileTypeExt;
+    let folder = prepared();
+    let at = folder.path();
+    for (words, file) in WRITERS {
+        let path = at.join(file);
+        let made = std::process::Command::new("mkfifo").arg(&path).status();
+        assert!(made.unwrap().success(), "{file}");
+        let reader = {
+            let path = path.clone();
+            std::thread::spawn(move || std::fs::read(path).unwrap().len())
+        };
+        expect(at, 0, &fill(words, ""));
+        assert!(reader.join().unwrap() > 100, "{words}");
+        let kind = path.symlink_metadata().unwrap().file_type();
+        assert!(kind.is_fifo(), "{words} replaced the pipe");
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(names(at), ["model.ply"], "surfel {words} left something");
+    }
+}
+
+#[test]
+fn a_variable_that_hides_the_drivers_is_named() {
+    use super::harness::{command, run_with};
+    let folder = prepared();
+    for (name, words, code) in [
+        ("VK_ICD_FILENAMES", "render model.ply -o out.png", 0),
+        ("VK_DRIVER_FILES", "devices", 1),
+    ] {
+        let mut command = command();
+        command
+            .args(words.split(' '))
+            .current_dir(folder.path())
+            .env_remove("VK_ICD_FILENAMES")
+            .env_remove("VK_DRIVER_FILES")
+            .env(name, "/nonexistent.json");
+        let run = run_with(command, None);
+        let wanted = format!("the variable {name} allows only /nonexistent.json");
+        assert!(run.err.contains(&wanted), "{}", run.err);
+        assert_eq!(run.code, code, "{}", run.err);
+    }
+}

@@ -136,7 +136,12 @@ fn every_truncation_is_read_or_refused() {
         let read = (0..bytes.len())
             .filter(|&length| survives(name, &bytes[..length]))
             .count();
-        let binary = matches!(name, "a.ply" | "b.ply" | "a.stl" | "a.ply.gz");
+        if name == "a.stl" {
+            // Cut after a whole triangle it is read, with a remark.
+            assert_eq!(read, 1);
+            continue;
+        }
+        let binary = matches!(name, "a.ply" | "b.ply" | "a.ply.gz");
         // Text can lose its last line end or digits, OBJ whole lines, and stays good; binary cannot.
         assert!(
             if binary {

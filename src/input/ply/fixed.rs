@@ -1,14 +1,18 @@
 //! Binary PLY rows of a fixed size, in parallel: vertices without lists, and faces that are all triangles.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::super::Error;
 use super::super::assemble::Coordinates;
+use super::super::color::{ColorRange, ColorSink, unite};
 use super::super::job::Job;
 use super::Sink;
-use super::header::{Column, Element, Property, Role, Type, VertexColumns};
-use super::rows::decode;
+use super::columns::{ColorColumns, Column, Role, VertexColumns};
+use super::header::{Element, Property, Type};
+use super::rows::{decode, is_opaque, of_harmonics, packed_bits, unpacked};
 
 /// Rows per parallel piece, about a megabyte; progress and cancelling go by pieces.
 const PIECE: usize = 1 << 16;
@@ -40,8 +44,8 @@ pub(super) fn read<const BIG: bool>(
             let bytes = (element.count as u128 * stride as u128).min(usize::MAX as u128) as usize;
             Ok(data.get(..bytes).map(<[u8]>::len))
         }
-        (Role::Faces(list), _) => {
-            let Some(layout) = TriangleLayout::of(element, list) else {
+        (Role::Faces(columns), _) => {
+            let Some(layout) = TriangleLayout::of(element, columns.corners) else {
                 return Ok(None);
             };
             let Some(data) = count
@@ -58,12 +62,17 @@ pub(super) fn read<const BIG: bool>(
                     Ok(None)
                 };
             };
-            if sink.triangles.is_empty() {
-                sink.triangles = triangles;
+            if sink.list.triangles.is_empty() {
+                sink.list.triangles = triangles;
             } else {
-                sink.triangles.extend(triangles);
+                sink.list.triangles.extend(triangles);
             }
-            sink.faces += element.count;
+            sink.list.faces += element.count;
+            if let Some(color) = columns.color {
+                let offsets =
+                    color.map(|column| (offset_of(element, column.property), column.kind));
+                sink.face_colors = colors::<BIG>(data, layout.stride, offsets, None).0;
+            }
             Ok(Some(data.len()))
         }
         _ => Ok(None),
@@ -77,20 +86,8 @@ fn read_vertices<const BIG: bool>(
     columns: &VertexColumns,
     sink: &mut Sink,
 ) {
-    let offset_of = |column: Column| -> usize {
-        let before = &element.properties[..column.property];
-        before
-            .iter()
-            .map(|property| {
-                if let Property::Scalar(kind) = property {
-                    kind.size()
-                } else {
-                    0
-                }
-            })
-            .sum()
-    };
-    let offsets = |columns: [Column; 3]| columns.map(|column| (offset_of(column), column.kind));
+    let offset = |column: Column| (offset_of(element, column.property), column.kind);
+    let offsets = |columns: [Column; 3]| columns.map(offset);
     let single = |columns: [(usize, Type); 3]| columns.iter().all(|&(_, kind)| kind == Type::F32);
 
     let position = offsets(columns.position);
@@ -108,14 +105,103 @@ fn read_vertices<const BIG: bool>(
             })
         };
     }
-    if let Some(color) = columns.color.map(offsets) {
-        sink.colors = rows(data, stride, |row| {
-            let [r, g, b] = color.map(|(offset, kind)| match kind {
-                Type::U8 => row[offset],
-                _ => kind.color(decode::<BIG>(&row[offset..], kind)),
+    match columns.color {
+        Some(ColorColumns::Channels { rgb, alpha }) => {
+            let read = colors::<BIG>(data, stride, offsets(rgb), alpha.map(offset));
+            (sink.colors, sink.is_transparent) = read;
+        }
+        Some(ColorColumns::Packed(column)) => {
+            let (at, kind) = offset(column);
+            sink.colors.colors = rows(data, stride, |row| {
+                unpacked(packed_bits::<BIG>(&row[at..], kind))
             });
-            [r, g, b, 255]
+        }
+        Some(ColorColumns::Harmonics(columns)) => {
+            let columns = offsets(columns);
+            sink.colors.colors = rows(data, stride, |row| {
+                of_harmonics(columns.map(|(at, kind)| decode::<BIG>(&row[at..], kind)))
+            });
+        }
+        None => {}
+    }
+}
+
+/// Offset of a property in a row whose lists have three items.
+fn offset_of(element: &Element, property: usize) -> usize {
+    let size = |property: &Property| match property {
+        Property::Scalar(kind) => kind.size(),
+        Property::List { count, item } => count.size() + 3 * item.size(),
+    };
+    element.properties[..property].iter().map(size).sum()
+}
+
+/// The colors of all rows, and whether an alpha is not opaque. Two passes where the range has to be found: most files
+/// have bytes.
+fn colors<const BIG: bool>(
+    data: &[u8],
+    stride: usize,
+    columns: [(usize, Type); 3],
+    alpha: Option<(usize, Type)>,
+) -> (ColorSink, bool) {
+    let mut sink = ColorSink::new(columns.map(|(_, kind)| kind.color_range()));
+    let before = sink.ranges;
+    let value =
+        |row: &[u8], (at, kind): (usize, Type)| kind.color_value(decode::<BIG>(&row[at..], kind));
+    if before != [ColorRange::BYTE; 3] {
+        for (range, &column) in sink.ranges.iter_mut().zip(&columns) {
+            let seen = data
+                .par_chunks(PIECE * stride)
+                .map(|piece| {
+                    let mut seen = Seen::default();
+                    let rows = piece.chunks_exact(stride);
+                    rows.for_each(|row| seen.add(value(row, column)));
+                    seen
+                })
+                .reduce(Seen::default, Seen::join);
+            range.see_all(seen.largest, seen.has_fraction);
+        }
+        unite(&mut sink.ranges, before);
+    }
+    let ranges = sink.ranges;
+    let is_transparent = AtomicBool::new(false);
+    sink.colors = rows(data, stride, |row| {
+        if let Some(alpha) = alpha
+            && !is_opaque(value(row, alpha))
+            && !is_transparent.load(Relaxed)
+        {
+            is_transparent.store(true, Relaxed);
+        }
+        let [r, g, b] = [0, 1, 2].map(|channel: usize| match columns[channel] {
+            (at, Type::U8) => row[at],
+            column => ranges[channel].byte(value(row, column)),
         });
+        [r, g, b, 255]
+    });
+    (sink, is_transparent.into_inner())
+}
+
+/// What the values of a channel say about its range.
+#[derive(Debug, Clone, Copy, Default)]
+struct Seen {
+    /// The largest that is finite, at least 0.
+    largest: f64,
+    has_fraction: bool,
+}
+
+impl Seen {
+    #[inline]
+    fn add(&mut self, value: f64) {
+        if value > self.largest && value.is_finite() {
+            self.largest = value;
+        }
+        self.has_fraction |= value > 0.0 && value < 1.0;
+    }
+
+    fn join(self, other: Self) -> Self {
+        Self {
+            largest: self.largest.max(other.largest),
+            has_fraction: self.has_fraction || other.has_fraction,
+        }
     }
 }
 

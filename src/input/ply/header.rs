@@ -1,8 +1,10 @@
-//! The header of a PLY file: encoding, elements, properties, and which of them we know.
+//! The header of a PLY file: encoding, elements, properties.
 
+use super::super::color::ColorRange;
 use super::super::job::{Job, at_line};
 use super::super::text::{Scanner, shown, words};
 use super::super::{Error, Place};
+use super::columns::{self, Role};
 
 /// How the numbers are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,15 +60,24 @@ impl Type {
         matches!(self, Type::F32 | Type::F64)
     }
 
-    /// A color channel as a byte: floats run from 0 to 1, 16-bit integers over their range, all other integers are
-    /// bytes already.
-    pub(super) fn color(self, value: f64) -> u8 {
-        let unit = match self {
-            Type::F32 | Type::F64 => value,
-            Type::U16 => value / 65535.0,
-            _ => value / 255.0,
-        };
-        super::super::assemble::color_from_unit(unit)
+    /// The range of a color channel before its values are known.
+    pub(super) fn color_range(self) -> ColorRange {
+        match self {
+            Type::F32 | Type::F64 => ColorRange::FLOAT,
+            Type::I8 | Type::U8 => ColorRange::BYTE,
+            Type::I16 | Type::U16 => ColorRange::WORD,
+            _ => ColorRange::INTEGER,
+        }
+    }
+
+    /// A color channel: bytes that were written with a sign have none.
+    #[inline]
+    pub(super) fn color_value(self, value: f64) -> f64 {
+        if self == Type::I8 && value < 0.0 {
+            value + 256.0
+        } else {
+            value
+        }
     }
 }
 
@@ -76,38 +87,13 @@ pub(super) enum Property {
     List { count: Type, item: Type },
 }
 
-/// A number of every row that is kept.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Column {
-    /// Which property.
-    pub(super) property: usize,
-    pub(super) kind: Type,
-}
-
-/// Where the parts of a vertex are.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct VertexColumns {
-    pub(super) position: [Column; 3],
-    pub(super) normal: Option<[Column; 3]>,
-    pub(super) color: Option<[Column; 3]>,
-}
-
-/// What an element is to us.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Role {
-    Vertices(VertexColumns),
-    /// Faces, with the number of the list property that holds the corners.
-    Faces(usize),
-    /// Triangle strips, likewise.
-    Strips(usize),
-    Other,
-}
-
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Element {
     pub(super) name: String,
     pub(super) count: u64,
     pub(super) properties: Vec<Property>,
+    /// Their names.
+    pub(super) names: Vec<String>,
     pub(super) role: Role,
 }
 
@@ -139,10 +125,10 @@ pub(super) struct Header {
 const LONGEST_HEADER: usize = 1 << 20;
 
 /// A property list while the header is read.
-type Named = Vec<(String, Property)>;
+pub(super) type Named = Vec<(String, Property)>;
 
 impl Header {
-    pub(super) fn parse(job: &Job<'_>, data: &[u8]) -> Result<Header, Error> {
+    pub(super) fn parse(job: &mut Job<'_>, data: &[u8]) -> Result<Header, Error> {
         let head = &data[..data.len().min(LONGEST_HEADER)];
         let mut scanner = Scanner::new(head, 0);
         let mut encoding = None;
@@ -226,19 +212,18 @@ impl Header {
             let role = if again {
                 Role::Other
             } else {
-                role_of(job, place, &name, count, &properties)?
+                columns::role_of(job, place, &name, count, &properties)?
             };
-            let properties = properties
-                .into_iter()
-                .map(|(_, property)| property)
-                .collect();
+            let (names, properties) = properties.into_iter().unzip();
             elements.push(Element {
                 name,
                 count,
                 properties,
+                names,
                 role,
             });
         }
+        columns::settle_colors(job, &mut elements);
         let vertices = elements
             .iter()
             .find(|element| matches!(element.role, Role::Vertices(_)))
@@ -292,62 +277,5 @@ fn parse_property(
         [b"list", ..] => Err(job.syntax(place(), "a list property needs two types and a name")),
         [type_name, name, ..] => Ok((shown(name), Property::Scalar(kind(type_name)?))),
         _ => Err(job.syntax(place(), "a property line needs a type and a name")),
-    }
-}
-
-fn role_of(
-    job: &Job<'_>,
-    place: Place,
-    name: &str,
-    count: u64,
-    properties: &[(String, Property)],
-) -> Result<Role, Error> {
-    let column = |wanted: &str| {
-        properties
-            .iter()
-            .enumerate()
-            .find_map(|(index, (name, property))| match property {
-                Property::Scalar(kind) if name == wanted => Some(Column {
-                    property: index,
-                    kind: *kind,
-                }),
-                _ => None,
-            })
-    };
-    let three = |[a, b, c]: [&str; 3]| Some([column(a)?, column(b)?, column(c)?]);
-    let corners = || {
-        let is_list = |property: &Property| matches!(property, Property::List { .. });
-        let known = ["vertex_indices", "vertex_index", "vertex_indexes"];
-        known.iter().find_map(|wanted| {
-            properties
-                .iter()
-                .position(|(name, property)| name == wanted && is_list(property))
-        })
-    };
-    match name {
-        "vertex" => {
-            let Some(position) = three(["x", "y", "z"]) else {
-                return Err(job.syntax(place, "element `vertex` has no properties x, y, z"));
-            };
-            let normal = three(["nx", "ny", "nz"]);
-            let color = three(["red", "green", "blue"])
-                .or_else(|| three(["r", "g", "b"]))
-                .or_else(|| three(["diffuse_red", "diffuse_green", "diffuse_blue"]));
-            Ok(Role::Vertices(VertexColumns {
-                position,
-                normal,
-                color,
-            }))
-        }
-        "face" | "tristrips" => match corners() {
-            Some(list) if name == "face" => Ok(Role::Faces(list)),
-            Some(list) => Ok(Role::Strips(list)),
-            None if count == 0 => Ok(Role::Other),
-            None => Err(job.syntax(
-                place,
-                format!("element `{name}` has no list `vertex_indices`"),
-            )),
-        },
-        _ => Ok(Role::Other),
     }
 }

@@ -1,20 +1,26 @@
 //! PLY, the Stanford polygon format (G. Turk, "The PLY Polygon File Format", 1994): text and both binary orders,
 //! any extra elements and properties.
 //!
-//! Known are element `vertex` (x y z, nx ny nz, red green blue or r g b), element `face` with the list
-//! `vertex_indices` or `vertex_index` (polygons become fans), and `tristrips` (-1 ends a strip, every other triangle
-//! is turned). All else is skipped. Rows of a fixed size, which are nearly all, are read in parallel.
+//! Known are element `vertex` (x y z, nx ny nz, and colors under many names, packed or as the spherical harmonics of
+//! Gaussian splats), element `face` with the list `vertex_indices` or `vertex_index` (of polygons) and colors, and
+//! `tristrips` (-1 ends a strip, every other triangle is turned). All else is skipped, and said. Rows of a fixed size,
+//! which are nearly all, are read in parallel.
 
+mod columns;
 mod fixed;
 mod header;
 mod rows;
 
 use glam::{DVec3, Vec3};
 
-use self::header::{Element, Encoding, Header, Role};
+use self::columns::Role;
+use self::header::{Element, Encoding, Header};
 use self::rows::{Ascii, Binary, Source};
 use super::assemble::{Coordinates, Raw};
+use super::color::{ColorRange, ColorSink};
 use super::job::Job;
+use super::part::PartFate;
+use super::polygon::FaceList;
 use super::{Counts, Error, Format, Place, Warning};
 
 /// What has been read so far.
@@ -22,10 +28,12 @@ use super::{Counts, Error, Format, Place, Warning};
 struct Sink {
     coordinates: Coordinates,
     normals: Vec<Vec3>,
-    colors: Vec<[u8; 4]>,
-    triangles: Vec<[u32; 3]>,
-    faces: u64,
-    small_faces: u64,
+    colors: ColorSink,
+    /// A color is not opaque.
+    is_transparent: bool,
+    /// Colors of the triangles, up to the last that has one.
+    face_colors: ColorSink,
+    list: FaceList,
     /// Vertices by the header, for index checks: faces may come before the vertices.
     vertices: u64,
 }
@@ -51,10 +59,10 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     let mut sink = Sink {
         coordinates: Coordinates::Double(Vec::new()),
         normals: Vec::new(),
-        colors: Vec::new(),
-        triangles: Vec::new(),
-        faces: 0,
-        small_faces: 0,
+        colors: ColorSink::new([ColorRange::BYTE; 3]),
+        is_transparent: false,
+        face_colors: ColorSink::new([ColorRange::BYTE; 3]),
+        list: FaceList::default(),
         vertices: header.vertices,
     };
     // What follows the last known element is of no use; it may be anything.
@@ -85,29 +93,27 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     if wanted == header.elements.len() {
         job.warn_count(rest, |bytes| Warning::TrailingBytes { bytes });
     }
-    job.warn_count(sink.small_faces, |count| Warning::FacesTooSmall { count });
+    sink.list.warn(job);
+    sink.remark(job, &header);
     let counts = Counts {
         vertices: header.vertices,
-        faces: sink.faces,
+        faces: sink.list.faces,
     };
-    let Sink {
-        coordinates,
-        normals,
-        colors,
-        triangles,
-        ..
-    } = sink;
-    Ok((
-        format,
-        Raw {
-            coordinates,
-            normals,
-            absent_normals: 0,
-            colors,
-            triangles,
-            counts,
-        },
-    ))
+    let mut raw = Raw {
+        coordinates: sink.coordinates,
+        normals: sink.normals,
+        absent_normals: 0,
+        colors: sink.colors.colors,
+        triangles: sink.list.triangles,
+        polygons: sink.list.polygons,
+        counts,
+    };
+    if !sink.face_colors.colors.is_empty() {
+        let mut colors = sink.face_colors.colors;
+        colors.resize(raw.triangles.len(), [255; 4]);
+        raw.color_faces(&colors);
+    }
+    Ok((format, raw))
 }
 
 fn read_elements<S: Source>(
@@ -152,12 +158,42 @@ impl Sink {
     fn reserve_vertices(&mut self, count: usize, has_normals: bool, has_colors: bool) {
         self.coordinates = Coordinates::Double(Vec::with_capacity(count));
         self.normals = Vec::with_capacity(if has_normals { count } else { 0 });
-        self.colors = Vec::with_capacity(if has_colors { count } else { 0 });
+        self.colors
+            .colors
+            .reserve_exact(if has_colors { count } else { 0 });
     }
 
     fn push_position(&mut self, position: DVec3) {
         if let Coordinates::Double(positions) = &mut self.coordinates {
             positions.push(position);
+        }
+    }
+}
+
+impl Sink {
+    /// Says what the colors were read as.
+    fn remark(&self, job: &mut Job<'_>, header: &Header) {
+        let remarks = [&self.colors, &self.face_colors].map(ColorSink::remark);
+        job.warnings.extend(remarks.into_iter().flatten());
+        for element in &header.elements {
+            let Role::Vertices(columns) = element.role else {
+                continue;
+            };
+            if columns.are_splats {
+                let count = element.count;
+                job.warn(Warning::GaussianSplats { count });
+            }
+            if let Some(alpha) = columns::alpha_of(&columns) {
+                let part = format!("property {} of {}", element.names[alpha], element.name);
+                let (fate, note) = if self.is_transparent {
+                    job.inventory
+                        .leave_out(format!("{} of {}", element.names[alpha], element.name));
+                    (PartFate::LeftOut, "drawn opaque")
+                } else {
+                    (PartFate::Unneeded, "opaque everywhere")
+                };
+                job.inventory.add(part, element.count, fate, note);
+            }
         }
     }
 }

@@ -2,16 +2,23 @@
 
 use glam::{DVec3, Vec3};
 
+use super::super::color::{ColorSink, color_from_unit};
 use super::super::job::{Job, at_line};
+use super::super::part::Fault;
 use super::super::text::{Scanner, parse_f64};
 use super::super::{Error, Place};
-use super::header::{Element, Property, Role, Type, VertexColumns};
+use super::columns::{ColorColumns, FaceColumns, Role, VertexColumns};
+use super::header::{Element, Property, Type};
 use super::{Sink, fixed, index_error};
 
 /// Gives the numbers of a body in order. All types fit a double but 64-bit integers, which no index reaches.
 pub(super) trait Source {
     /// The next number.
     fn number(&mut self, job: &Job<'_>, kind: Type) -> Result<f64, Error>;
+    /// The next number, where no shape depends on it: what is no number is 0, with a note of the fault.
+    fn dispensable(&mut self, job: &mut Job<'_>, kind: Type, fault: Fault) -> Result<f64, Error>;
+    /// The next number of four bytes as bits that hold a packed color.
+    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error>;
     /// Offset of the next byte.
     fn at(&self) -> usize;
     /// Bytes left.
@@ -59,6 +66,27 @@ impl Source for Ascii<'_> {
             return Err(job.truncated(self.place(self.scanner.data.len()), "a number is missing"));
         };
         parse_f64(word).ok_or_else(|| job.number(self.place(at), word, "a number"))
+    }
+
+    #[inline]
+    fn dispensable(&mut self, job: &mut Job<'_>, _: Type, fault: Fault) -> Result<f64, Error> {
+        let Some((word, at)) = self.scanner.word() else {
+            return Err(job.truncated(self.place(self.scanner.data.len()), "a number is missing"));
+        };
+        Ok(parse_f64(word).unwrap_or_else(|| {
+            job.fault(fault, self.scanner.data, at);
+            0.0
+        }))
+    }
+
+    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error> {
+        let value = self.dispensable(job, kind, Fault::COLOR)?;
+        Ok(if kind.is_float() && value.fract() != 0.0 {
+            (value as f32).to_bits()
+        } else {
+            // The bits of an integer, whatever its sign.
+            value as i64 as u32
+        })
     }
 
     fn at(&self) -> usize {
@@ -122,6 +150,44 @@ pub(super) fn decode<const BIG: bool>(bytes: &[u8], kind: Type) -> f64 {
     }
 }
 
+/// The bits of a packed color of four bytes at the start of `bytes`. A float may hold the bits or their number.
+#[inline]
+pub(super) fn packed_bits<const BIG: bool>(bytes: &[u8], kind: Type) -> u32 {
+    let bits = match bytes.first_chunk() {
+        Some(&chunk) if BIG => u32::from_be_bytes(chunk),
+        Some(&chunk) => u32::from_le_bytes(chunk),
+        None => 0,
+    };
+    let value = f32::from_bits(bits);
+    let is_number = (1.0..=16_777_215.0).contains(&value) && value.fract() == 0.0;
+    if kind.is_float() && is_number {
+        value as u32
+    } else {
+        bits
+    }
+}
+
+/// The color in the bits of a number.
+#[inline]
+pub(super) fn unpacked(bits: u32) -> [u8; 4] {
+    let [blue, green, red, _] = bits.to_le_bytes();
+    [red, green, blue, 255]
+}
+
+/// The color of the constant part of spherical harmonics: 0.5 and Y00 = 1 / (2 sqrt(pi)) of it.
+#[inline]
+pub(super) fn of_harmonics(values: [f64; 3]) -> [u8; 4] {
+    const Y00: f64 = 0.282_094_791_773_878_14;
+    let [red, green, blue] = values.map(|value| color_from_unit(0.5 + Y00 * value));
+    [red, green, blue, 255]
+}
+
+/// Whether an alpha means opaque in any of the ranges.
+#[inline]
+pub(super) fn is_opaque(alpha: f64) -> bool {
+    matches!(alpha, -1.0 | 1.0 | 255.0 | 65535.0)
+}
+
 impl<const BIG: bool> Source for Binary<'_, BIG> {
     #[inline]
     fn number(&mut self, job: &Job<'_>, kind: Type) -> Result<f64, Error> {
@@ -132,6 +198,17 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
             }
             None => Err(job.truncated(Place::Byte(self.at as u64), "a number is missing")),
         }
+    }
+
+    #[inline]
+    fn dispensable(&mut self, job: &mut Job<'_>, kind: Type, _: Fault) -> Result<f64, Error> {
+        self.number(job, kind)
+    }
+
+    fn packed(&mut self, job: &mut Job<'_>, kind: Type) -> Result<u32, Error> {
+        let start = self.at;
+        self.number(job, kind)?;
+        Ok(packed_bits::<BIG>(&self.data[start..], kind))
     }
 
     fn at(&self) -> usize {
@@ -174,71 +251,93 @@ pub(super) fn read<S: Source>(
     }
     match element.role {
         Role::Vertices(columns) => read_vertices(job, source, element, &columns, sink),
-        Role::Faces(list) => {
-            // The smallest row has been checked to fit, so this is in proportion to the file.
-            sink.triangles.reserve(element.count as usize);
-            for _ in 0..element.count {
-                read_row(
-                    job,
-                    source,
-                    element,
-                    Some(list),
-                    |job, source, length, kind| {
-                        sink.faces += 1;
-                        read_polygon(job, source, length, kind, sink)
-                    },
-                )?;
-            }
-            Ok(())
-        }
+        Role::Faces(columns) => read_faces(job, source, element, &columns, sink),
         Role::Strips(list) => {
             for _ in 0..element.count {
-                read_row(
-                    job,
-                    source,
-                    element,
-                    Some(list),
-                    |job, source, length, kind| read_strips(job, source, length, kind, sink),
-                )?;
+                for (index, property) in element.properties.iter().enumerate() {
+                    match *property {
+                        Property::List { count, item } if index == list => {
+                            let length = read_length(job, source, count, item)?;
+                            read_strips(job, source, length, item, sink)?;
+                        }
+                        property => skip(job, source, property)?,
+                    }
+                }
+                job.reach(source.at())?;
             }
             Ok(())
         }
         Role::Other => {
             for _ in 0..element.count {
-                read_row(job, source, element, None, |_, _, _, _| Ok(()))?;
+                for &property in &element.properties {
+                    skip(job, source, property)?;
+                }
+                job.reach(source.at())?;
             }
             Ok(())
         }
     }
 }
 
-/// Reads a row; the property `list` goes to `take` with its length and item type, all else is skipped.
+/// Passes a property that is not read.
 #[inline]
-fn read_row<S: Source>(
-    job: &mut Job<'_>,
-    source: &mut S,
-    element: &Element,
-    list: Option<usize>,
-    mut take: impl FnMut(&Job<'_>, &mut S, u64, Type) -> Result<(), Error>,
-) -> Result<(), Error> {
-    for (index, property) in element.properties.iter().enumerate() {
-        match *property {
-            Property::Scalar(kind) => {
-                source.number(job, kind)?;
-            }
-            Property::List { count, item } => {
-                let length = read_length(job, source, count, item)?;
-                if Some(index) == list {
-                    take(job, source, length, item)?;
-                } else {
-                    for _ in 0..length {
-                        source.number(job, item)?;
-                    }
-                }
+fn skip<S: Source>(job: &mut Job<'_>, source: &mut S, property: Property) -> Result<(), Error> {
+    match property {
+        Property::Scalar(kind) => {
+            source.dispensable(job, kind, Fault::EXTRA)?;
+        }
+        Property::List { count, item } => {
+            for _ in 0..read_length(job, source, count, item)? {
+                source.dispensable(job, item, Fault::EXTRA)?;
             }
         }
     }
-    job.reach(source.at())
+    Ok(())
+}
+
+fn read_faces<S: Source>(
+    job: &mut Job<'_>,
+    source: &mut S,
+    element: &Element,
+    columns: &FaceColumns,
+    sink: &mut Sink,
+) -> Result<(), Error> {
+    // The smallest row has been checked to fit, so this is in proportion to the file.
+    sink.list.triangles.reserve(element.count as usize);
+    if let Some(color) = columns.color {
+        sink.face_colors = ColorSink::new(color.map(|column| column.kind.color_range()));
+    }
+    let mut corners = Vec::new();
+    let mut color = [0.0; 3];
+    for _ in 0..element.count {
+        let before = sink.list.triangles.len();
+        for (index, &property) in element.properties.iter().enumerate() {
+            match property {
+                Property::List { count, item } if index == columns.corners => {
+                    let length = read_length(job, source, count, item)?;
+                    read_polygon(job, source, length, item, sink, &mut corners)?;
+                }
+                Property::Scalar(kind) => {
+                    let value = source.dispensable(job, kind, Fault::EXTRA)?;
+                    let channels = columns.color.iter().flatten().zip(&mut color);
+                    for (column, channel) in channels {
+                        if column.property == index {
+                            *channel = kind.color_value(value);
+                        }
+                    }
+                }
+                property => skip(job, source, property)?,
+            }
+        }
+        if columns.color.is_some() {
+            let color = sink.face_colors.convert(color);
+            sink.face_colors.colors.resize(before, [255; 4]);
+            let length = sink.list.triangles.len();
+            sink.face_colors.colors.resize(length, color);
+        }
+        job.reach(source.at())?;
+    }
+    Ok(())
 }
 
 /// Reads the length of a list and checks that so many items can follow.
@@ -293,7 +392,7 @@ fn read_index<S: Source>(
     }
 }
 
-/// Reads a polygon as a fan about its first corner.
+/// Reads a polygon; `corners` is memory to use.
 #[inline]
 fn read_polygon<S: Source>(
     job: &Job<'_>,
@@ -301,21 +400,21 @@ fn read_polygon<S: Source>(
     length: u64,
     kind: Type,
     sink: &mut Sink,
+    corners: &mut Vec<u32>,
 ) -> Result<(), Error> {
     if length < 3 {
-        sink.small_faces += 1;
+        sink.list.faces += 1;
+        sink.list.small += 1;
         for _ in 0..length {
             source.number(job, kind)?;
         }
         return Ok(());
     }
-    let first = read_index(job, source, kind, sink.vertices)?;
-    let mut previous = read_index(job, source, kind, sink.vertices)?;
-    for _ in 2..length {
-        let next = read_index(job, source, kind, sink.vertices)?;
-        sink.triangles.push([first, previous, next]);
-        previous = next;
+    corners.clear();
+    for _ in 0..length {
+        corners.push(read_index(job, source, kind, sink.vertices)?);
     }
+    sink.list.push(corners);
     Ok(())
 }
 
@@ -344,12 +443,12 @@ fn read_strips<S: Source>(
             ));
         }
         if in_strip >= 2 && a != b && b != c && c != a {
-            sink.triangles.push(if in_strip.is_multiple_of(2) {
+            sink.list.triangles.push(if in_strip.is_multiple_of(2) {
                 [a, b, c]
             } else {
                 [b, a, c]
             });
-            sink.faces += 1;
+            sink.list.faces += 1;
         }
         (a, b, in_strip) = (b, c, in_strip + 1);
     }
@@ -368,25 +467,53 @@ fn read_vertices<S: Source>(
         columns.normal.is_some(),
         columns.color.is_some(),
     );
-    // Every property writes its number to a slot: position, normal, color, or the one that nobody reads.
-    const IGNORED: usize = 9;
+    // Every property writes its number to a slot: position, normal, color, alpha, or the one that nobody reads.
+    const ALPHA: usize = 9;
+    const IGNORED: usize = 10;
     let mut slot_of = vec![IGNORED; element.properties.len()];
-    let groups = [Some(columns.position), columns.normal, columns.color];
+    let (mut color, mut packed) = (None, None);
+    match columns.color {
+        Some(ColorColumns::Channels { rgb, alpha }) => {
+            sink.colors.ranges = rgb.map(|column| column.kind.color_range());
+            color = Some(rgb);
+            if let Some(column) = alpha {
+                slot_of[column.property] = ALPHA;
+            }
+        }
+        Some(ColorColumns::Harmonics(harmonics)) => color = Some(harmonics),
+        Some(ColorColumns::Packed(column)) => packed = Some(column.property),
+        None => {}
+    }
+    let groups = [Some(columns.position), columns.normal, color];
     for (group, columns) in groups.into_iter().enumerate() {
         for (channel, column) in columns.into_iter().flatten().enumerate() {
             slot_of[column.property] = group * 3 + channel;
         }
     }
     let mut values = [0.0; IGNORED + 1];
+    values[ALPHA] = 1.0;
     for _ in 0..element.count {
-        for (property, &slot) in element.properties.iter().zip(&slot_of) {
-            match *property {
-                Property::Scalar(kind) => values[slot] = source.number(job, kind)?,
-                Property::List { count, item } => {
-                    for _ in 0..read_length(job, source, count, item)? {
-                        source.number(job, item)?;
-                    }
+        for (index, (&property, &slot)) in element.properties.iter().zip(&slot_of).enumerate() {
+            match property {
+                Property::Scalar(kind) if slot < 3 => values[slot] = source.number(job, kind)?,
+                Property::Scalar(kind) if Some(index) == packed => {
+                    let color = unpacked(source.packed(job, kind)?);
+                    sink.colors.colors.push(color);
                 }
+                Property::Scalar(kind) => {
+                    let fault = match slot {
+                        3..6 => Fault::NORMAL,
+                        6..9 => Fault::COLOR,
+                        _ => Fault::EXTRA,
+                    };
+                    let value = source.dispensable(job, kind, fault)?;
+                    values[slot] = if fault == Fault::COLOR {
+                        kind.color_value(value)
+                    } else {
+                        value
+                    };
+                }
+                Property::List { .. } => skip(job, source, property)?,
             }
         }
         sink.push_position(DVec3::new(values[0], values[1], values[2]));
@@ -397,14 +524,14 @@ fn read_vertices<S: Source>(
                 values[5] as f32,
             ));
         }
-        if let Some([red, green, blue]) = columns.color {
-            let [r, g, b] = [(red, values[6]), (green, values[7]), (blue, values[8])];
-            sink.colors.push([
-                r.0.kind.color(r.1),
-                g.0.kind.color(g.1),
-                b.0.kind.color(b.1),
-                255,
-            ]);
+        let rgb = [values[6], values[7], values[8]];
+        match columns.color {
+            Some(ColorColumns::Channels { .. }) => {
+                sink.colors.push(rgb);
+                sink.is_transparent |= !is_opaque(values[ALPHA]);
+            }
+            Some(ColorColumns::Harmonics(_)) => sink.colors.colors.push(of_harmonics(rgb)),
+            _ => {}
         }
         job.reach(source.at())?;
     }

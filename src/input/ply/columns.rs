@@ -1,0 +1,377 @@
+//! Which elements and properties of a PLY file we know, and under what names.
+
+use super::super::job::Job;
+use super::super::part::{PartFate, grouped};
+use super::super::{Error, Place};
+use super::header::{Element, Named, Property, Type};
+
+/// A number of every row that is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Column {
+    /// Which property.
+    pub(super) property: usize,
+    pub(super) kind: Type,
+}
+
+/// Where the color of a vertex is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum ColorColumns {
+    /// Red, green and blue; whether a color is opaque is only looked at.
+    Channels {
+        rgb: [Column; 3],
+        alpha: Option<Column>,
+    },
+    /// Three bytes in the bits of a number, as the Point Cloud Library has them: 0xRRGGBB.
+    Packed(Column),
+    /// The constant part of spherical harmonics.
+    Harmonics([Column; 3]),
+}
+
+/// Where the parts of a vertex are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct VertexColumns {
+    pub(super) position: [Column; 3],
+    pub(super) normal: Option<[Column; 3]>,
+    pub(super) color: Option<ColorColumns>,
+    /// A trained Gaussian-splat file.
+    pub(super) are_splats: bool,
+}
+
+/// Where the parts of a face are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct FaceColumns {
+    /// The list property that holds the corners.
+    pub(super) corners: usize,
+    pub(super) color: Option<[Column; 3]>,
+}
+
+/// What an element is to us.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Role {
+    Vertices(VertexColumns),
+    Faces(FaceColumns),
+    /// Triangle strips, with the number of the list property that holds the corners.
+    Strips(usize),
+    Other,
+}
+
+/// The properties of an element, looked up by name, whatever the case.
+struct Lookup<'a>(&'a [(String, Property)]);
+
+impl Lookup<'_> {
+    fn column(&self, wanted: &str) -> Option<Column> {
+        let mut all = self.0.iter().enumerate();
+        all.find_map(|(property, (name, kind))| match *kind {
+            Property::Scalar(kind) if name.eq_ignore_ascii_case(wanted) => {
+                Some(Column { property, kind })
+            }
+            _ => None,
+        })
+    }
+
+    fn three(&self, [a, b, c]: [&str; 3]) -> Option<[Column; 3]> {
+        Some([self.column(a)?, self.column(b)?, self.column(c)?])
+    }
+
+    /// Red, green and blue under the names that programs give them: alone, shortened, or with something before or after,
+    /// the same for all three. Diffuse ones go first; ambient and specular ones are none.
+    fn rgb(&self) -> Option<[Column; 3]> {
+        let known = [
+            ["red", "green", "blue"],
+            ["r", "g", "b"],
+            ["diffuse_red", "diffuse_green", "diffuse_blue"],
+        ];
+        if let Some(found) = known.into_iter().find_map(|names| self.three(names)) {
+            return Some(found);
+        }
+        self.0.iter().find_map(|(name, _)| {
+            let frame = Frame::of(name, ["red", "r"])?;
+            let channel = |names: [&str; 2]| {
+                self.0
+                    .iter()
+                    .find(|(name, _)| Frame::of(name, names).as_ref() == Some(&frame))
+                    .and_then(|(name, _)| self.column(name))
+            };
+            Some([
+                channel(["red", "r"])?,
+                channel(["green", "g"])?,
+                channel(["blue", "b"])?,
+            ])
+        })
+    }
+
+    fn vertex_color(&self) -> Option<ColorColumns> {
+        if let Some(rgb) = self.rgb() {
+            let names = ["alpha", "a", "diffuse_alpha", "opacity"];
+            let alpha = names.into_iter().find_map(|name| self.column(name));
+            return Some(ColorColumns::Channels { rgb, alpha });
+        }
+        if let Some(columns) = self.three(["f_dc_0", "f_dc_1", "f_dc_2"]) {
+            return Some(ColorColumns::Harmonics(columns));
+        }
+        let names = ["rgb", "rgba", "packed_rgb", "color", "colour"];
+        let mut packed = names.into_iter().filter_map(|name| self.column(name));
+        packed
+            .find(|column| matches!(column.kind, Type::F32 | Type::I32 | Type::U32))
+            .map(ColorColumns::Packed)
+    }
+
+    /// The list of corners: by its name, or because no other list of integers is there.
+    fn corners(&self) -> Option<usize> {
+        let is_list = |property: &Property| matches!(property, Property::List { .. });
+        let known = ["vertex_indices", "vertex_index", "vertex_indexes"];
+        let named = known.iter().find_map(|wanted| {
+            self.0
+                .iter()
+                .position(|(name, property)| name.eq_ignore_ascii_case(wanted) && is_list(property))
+        });
+        named.or_else(|| {
+            let is_integers =
+                |property: &Property| matches!(property, Property::List { item, .. } if !item.is_float());
+            let mut lists = (0..self.0.len()).filter(|&index| is_integers(&self.0[index].1));
+            let first = lists.next()?;
+            lists.next().is_none().then_some(first)
+        })
+    }
+}
+
+/// What stands before and after the channel in a property's name, in lower case.
+#[derive(Debug, PartialEq, Eq)]
+struct Frame(String, String);
+
+impl Frame {
+    /// The frame of a name that holds one of the spellings of a channel, long or (between marks) short.
+    fn of(name: &str, [long, short]: [&str; 2]) -> Option<Frame> {
+        let name = name.to_ascii_lowercase();
+        if ["ambient", "specular", "emissi", "reflect"]
+            .iter()
+            .any(|other| name.contains(other))
+        {
+            return None;
+        }
+        let frame = |at: usize, length: usize| {
+            Some(Frame(name[..at].to_owned(), name[at + length..].to_owned()))
+        };
+        if let Some(at) = name.find(long)
+            && (at == 0 || at + long.len() == name.len())
+        {
+            return frame(at, long.len());
+        }
+        let is_mark = |byte: u8| !byte.is_ascii_alphanumeric();
+        let bytes = name.as_bytes();
+        (0..bytes.len())
+            .find(|&at| {
+                bytes[at..].starts_with(short.as_bytes())
+                    && (at == 0 || is_mark(bytes[at - 1]))
+                    && bytes.get(at + 1).is_none_or(|&byte| is_mark(byte))
+            })
+            .and_then(|at| frame(at, short.len()))
+    }
+}
+
+/// What an element is to us.
+pub(super) fn role_of(
+    job: &Job<'_>,
+    place: Place,
+    name: &str,
+    count: u64,
+    properties: &Named,
+) -> Result<Role, Error> {
+    let lookup = Lookup(properties);
+    match &name.to_ascii_lowercase()[..] {
+        "vertex" | "vertices" => {
+            let Some(position) = lookup.three(["x", "y", "z"]) else {
+                if lookup.column("packed_position").is_some() {
+                    return Err(job.unread("a compressed Gaussian-splat file"));
+                }
+                return Err(job.syntax(place, "element `vertex` has no properties x, y, z"));
+            };
+            let are_splats = lookup.three(["f_dc_0", "f_dc_1", "f_dc_2"]).is_some()
+                && lookup.column("opacity").is_some();
+            let names = [["nx", "ny", "nz"], ["normal_x", "normal_y", "normal_z"]];
+            let normal = names.into_iter().find_map(|names| lookup.three(names));
+            Ok(Role::Vertices(VertexColumns {
+                position,
+                // Splats have zeros there.
+                normal: normal.filter(|_| !are_splats),
+                color: lookup.vertex_color(),
+                are_splats,
+            }))
+        }
+        "face" | "faces" => match lookup.corners() {
+            Some(corners) => Ok(Role::Faces(FaceColumns {
+                corners,
+                color: lookup.rgb(),
+            })),
+            None if count == 0 => Ok(Role::Other),
+            None => Err(no_corners(job, place, name)),
+        },
+        "tristrips" => match lookup.corners() {
+            Some(list) => Ok(Role::Strips(list)),
+            None if count == 0 => Ok(Role::Other),
+            None => Err(no_corners(job, place, name)),
+        },
+        _ => Ok(Role::Other),
+    }
+}
+
+fn no_corners(job: &Job<'_>, place: Place, name: &str) -> Error {
+    job.syntax(
+        place,
+        format!("element `{name}` has no list `vertex_indices`"),
+    )
+}
+
+/// Lets the colors of vertices go before those of faces, and lists all elements and properties.
+pub(super) fn settle_colors(job: &mut Job<'_>, elements: &mut [Element]) {
+    let has_vertex_colors = elements
+        .iter()
+        .any(|element| matches!(element.role, Role::Vertices(columns) if columns.color.is_some()));
+    for element in elements {
+        let mut left_colors = Vec::new();
+        if let Role::Faces(columns) = &mut element.role
+            && has_vertex_colors
+        {
+            left_colors.extend(
+                columns
+                    .color
+                    .take()
+                    .into_iter()
+                    .flatten()
+                    .map(|c| c.property),
+            );
+        }
+        list(job, element, &left_colors);
+    }
+}
+
+/// Lists an element and its properties; `left_colors` are colors of faces that are left out.
+fn list(job: &mut Job<'_>, element: &Element, left_colors: &[usize]) {
+    let Element { name, count, .. } = element;
+    let fate = match element.role {
+        Role::Other => PartFate::LeftOut,
+        _ => PartFate::Used,
+    };
+    job.inventory
+        .add(format!("element {name}"), *count, fate, "");
+    let mut left_out = Vec::new();
+    for (index, property) in element.names.iter().enumerate() {
+        let (fate, note) = match use_of(element, index) {
+            Some(note) => (PartFate::Used, note),
+            None if left_colors.contains(&index) => (PartFate::LeftOut, "the vertices have colors"),
+            None => (PartFate::LeftOut, ""),
+        };
+        // Looked at when all is read.
+        if matches!(element.role, Role::Vertices(columns) if alpha_of(&columns) == Some(index)) {
+            continue;
+        }
+        if fate == PartFate::LeftOut {
+            left_out.push(&property[..]);
+        }
+        let part = format!("property {property} of {name}");
+        job.inventory.add(part, *count, fate, note);
+    }
+    if *count == 0 {
+        return;
+    }
+    if element.role == Role::Other {
+        job.inventory
+            .leave_out(format!("element {name} ({count} rows)"));
+    } else if !left_out.is_empty()
+        && !matches!(
+            element.role,
+            Role::Vertices(VertexColumns {
+                are_splats: true,
+                ..
+            })
+        )
+    {
+        let names = grouped(left_out).join(", ");
+        job.inventory.leave_out(format!("{names} of {name}"));
+    }
+}
+
+/// The property that says whether colors are opaque.
+pub(super) fn alpha_of(columns: &VertexColumns) -> Option<usize> {
+    match columns.color {
+        Some(ColorColumns::Channels { alpha, .. }) if !columns.are_splats => {
+            alpha.map(|alpha| alpha.property)
+        }
+        _ => None,
+    }
+}
+
+/// What a property is read as; `None` when it is not.
+fn use_of(element: &Element, property: usize) -> Option<&'static str> {
+    let has = |columns: &[Column]| columns.iter().any(|column| column.property == property);
+    match element.role {
+        Role::Vertices(columns) if has(&columns.position) => Some("position"),
+        Role::Vertices(columns) if columns.normal.is_some_and(|normal| has(&normal)) => {
+            Some("normal")
+        }
+        Role::Vertices(columns) => match columns.color? {
+            ColorColumns::Channels { rgb, .. } if has(&rgb) => Some("color"),
+            ColorColumns::Packed(column) if has(&[column]) => Some("color, packed"),
+            ColorColumns::Harmonics(columns) if has(&columns) => Some("color, 0.5 + 0.2821 of it"),
+            _ => None,
+        },
+        Role::Faces(columns) if columns.corners == property => Some("corners"),
+        Role::Faces(columns) => columns.color.filter(|color| has(color)).map(|_| "color"),
+        Role::Strips(list) => (list == property).then_some("corners"),
+        Role::Other => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rgb(names: &[&str]) -> Option<[usize; 3]> {
+        let properties: Vec<(String, Property)> = names
+            .iter()
+            .map(|name| (name.to_string(), Property::Scalar(Type::U8)))
+            .collect();
+        Lookup(&properties)
+            .rgb()
+            .map(|columns| columns.map(|column| column.property))
+    }
+
+    #[test]
+    fn colors_have_many_names() {
+        for names in [
+            ["x", "red", "green", "blue"],
+            ["x", "Red", "GREEN", "Blue"],
+            ["x", "R", "G", "B"],
+            ["x", "diffuse_red", "diffuse_green", "diffuse_blue"],
+            ["x", "diffuseRed", "diffuseGreen", "diffuseBlue"],
+            ["x", "color_r", "color_g", "color_b"],
+            ["x", "red_value", "green_value", "blue_value"],
+            ["x", "vertex.r", "vertex.g", "vertex.b"],
+            [
+                "scared",
+                "base_color_red",
+                "base_color_green",
+                "base_color_blue",
+            ],
+        ] {
+            assert_eq!(rgb(&names), Some([1, 2, 3]), "{names:?}");
+        }
+        for names in [
+            ["x", "ambient_red", "ambient_green", "ambient_blue"],
+            ["x", "red", "green", "blur"],
+            ["x", "a_red", "b_green", "a_blue"],
+            ["radius", "gain", "bias", "x"],
+        ] {
+            assert_eq!(rgb(&names), None, "{names:?}");
+        }
+        let mixed = [
+            "ambient_red",
+            "ambient_green",
+            "ambient_blue",
+            "diffuse_r",
+            "diffuse_g",
+            "diffuse_b",
+        ];
+        assert_eq!(rgb(&mixed), Some([3, 4, 5]));
+    }
+}
