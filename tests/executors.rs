@@ -82,6 +82,10 @@ const NO_DEVICE_CUT: PromiseProof = test(
     "tests/device_cut.rs",
     "what_the_device_cannot_choose_is_refused_by_name",
 );
+const FLOATS: PromiseProof = test(
+    "tests/reference.rs",
+    "a_shade_between_two_levels_stays_between_them",
+);
 const NO_CUT: PromiseProof = Nothing("there is no cut to choose");
 
 const TABLE: &[ExecutorPromise] = &[
@@ -182,6 +186,25 @@ const TABLE: &[ExecutorPromise] = &[
         reference: test("tests/oracle.rs", "smooth_and_rough_surfaces_from_outside"),
     },
     ExecutorPromise {
+        name: "samples that are averaged are floats",
+        hardware: FLOATS,
+        compute: FLOATS,
+        host: FLOATS,
+        device_cut: Nothing("its lists are drawn by the hardware as others are"),
+        reference: FLOATS,
+    },
+    ExecutorPromise {
+        name: "normals beside the color",
+        hardware: test("tests/oracle.rs", "smooth_and_rough_surfaces_from_outside"),
+        compute: test(
+            "tests/paths.rs",
+            "compute_and_rasterizer_draw_the_same_picture",
+        ),
+        host: test("tests/processor.rs", "normals_are_those_of_the_reference"),
+        device_cut: Nothing("its records are those of the hardware, which has them"),
+        reference: test("tests/oracle.rs", "smooth_and_rough_surfaces_from_outside"),
+    },
+    ExecutorPromise {
         name: "scans with open borders, needles and triangles without area",
         hardware: test("tests/oracle.rs", "scans_and_real_models"),
         compute: test(
@@ -221,7 +244,7 @@ const TABLE: &[ExecutorPromise] = &[
             "tests/paths.rs",
             "what_compute_cannot_draw_is_refused_by_name_only_where_it_is_insisted_on",
         ),
-        host: Nothing("the device draws in its place"),
+        host: Golden(&["points-2", "ellipse", "gauss", "overdraw"]),
         device_cut: NO_DEVICE_CUT,
         reference: test(
             "tests/falsecolor.rs",

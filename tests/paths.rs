@@ -6,6 +6,8 @@ mod common;
 mod ellipses;
 #[path = "paths/large.rs"]
 mod large;
+#[path = "paths/lit.rs"]
+mod lit;
 #[path = "paths/visibility.rs"]
 mod visibility;
 
@@ -213,13 +215,8 @@ fn the_processor_draws_what_the_device_does() {
                 tinted += usize::from(color_by == ColorBy::Primitive && triangles > 0);
             }
         }
-        let lamp = Settings {
-            light: Lighting::Phong(Phong::default()),
-            ..Settings::default()
-        };
         let view = orbit(model, size, 30.0, 20.0, 1.0);
-        let refused = ours.draw(&view, &lamp).unwrap_err().to_string();
-        assert!(refused.contains("headlight"), "{refused}");
+        lit::assert_same(&mut theirs, &mut ours, &view, name);
     }
     println!("{drawn} pictures, {with_triangles} with triangles, {tinted} of these tinted");
     println!("{strict} of splats alone by compute");

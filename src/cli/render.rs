@@ -30,7 +30,7 @@ pub(crate) enum BackendChoice {
     Auto,
     /// The Vulkan device alone
     Vulkan,
-    /// The processor alone, without Vulkan: squares, discs and filtered splats, triangles, headlight
+    /// The processor alone, without Vulkan: squares, discs and filtered splats, triangles
     Cpu,
     /// The reference on the processor, without Vulkan: exact and slow
     Reference,

@@ -111,9 +111,18 @@ struct DeviceEngine {
 /// The part of an engine that draws on the processor.
 #[derive(Debug)]
 struct CpuEngine {
-    renderer: Box<CpuRenderer>,
+    pictures: CpuPictures,
+    /// Draws what is averaged, once anything was.
+    samples: Option<CpuPictures>,
     /// Facts of the model, where there is no scene that has them.
     facts: Option<ModelFacts>,
+}
+
+/// A renderer of the processor, and the picture that it draws into.
+#[derive(Debug)]
+struct CpuPictures {
+    renderer: Box<CpuRenderer>,
+    outputs: PictureOutputs,
     words: Vec<u32>,
     area: DrawnArea,
 }
@@ -145,10 +154,9 @@ impl<'m> Engine<'m> {
         outputs: PictureOutputs,
     ) -> Result<Self, Error> {
         let cpu = |facts: Option<ModelFacts>| CpuEngine {
-            renderer: Box::new(CpuRenderer::new(width, height)),
+            pictures: CpuPictures::new([width, height], outputs),
+            samples: None,
             facts,
-            words: Vec::new(),
-            area: DrawnArea::unknown(width, height),
         };
         let mut engine = Self {
             model,
@@ -199,6 +207,15 @@ impl<'m> Engine<'m> {
         self
     }
 
+    /// The backends that it has.
+    fn available(&self) -> AvailableBackends {
+        AvailableBackends {
+            has_device: self.device.is_some(),
+            has_cpu: self.cpu.is_some(),
+            has_reference: self.reference.is_some(),
+        }
+    }
+
     /// Draws a frame and waits until it is finished.
     ///
     /// # Errors
@@ -208,12 +225,9 @@ impl<'m> Engine<'m> {
         if self.device.is_none() {
             check(self.model, settings, self.outputs, f32::INFINITY)?;
         }
-        let available = AvailableBackends {
-            has_device: self.device.is_some(),
-            has_cpu: self.cpu.is_some(),
-            has_reference: self.reference.is_some(),
-        };
-        self.last = available.choose(settings, self.outputs, [view.width, view.height])?;
+        self.last = self
+            .available()
+            .choose(settings, self.outputs, [view.width, view.height])?;
         match (
             self.last,
             &mut self.cpu,
@@ -222,7 +236,12 @@ impl<'m> Engine<'m> {
         ) {
             (FrameBackend::Cpu, Some(cpu), device, _) => {
                 let scene = device.as_ref().map(|device| &device.scene);
-                cpu.draw(self.model, scene, view, (settings, self.outputs))
+                let facts = CpuEngine::facts_of(scene, &cpu.facts);
+                let drawn = FactedModel {
+                    model: self.model,
+                    facts,
+                };
+                cpu.pictures.draw(drawn, view, settings)
             }
             (FrameBackend::Device, _, Some(device), _) => {
                 let DeviceEngine {
@@ -244,7 +263,7 @@ impl<'m> Engine<'m> {
             device.renderer.keep_lists(keep);
         }
         if let Some(cpu) = &mut self.cpu {
-            cpu.renderer.keep_frames(keep);
+            cpu.pictures.renderer.keep_frames(keep);
         }
     }
 
@@ -272,14 +291,7 @@ impl<'m> Engine<'m> {
     /// As [`VulkanRenderer::read`].
     pub fn read(&mut self, view: &View) -> Result<Image, Error> {
         match (self.last, &mut self.cpu, &mut self.device, &self.reference) {
-            (FrameBackend::Cpu, Some(cpu), ..) => {
-                let [width, _] = cpu.renderer.size();
-                let pixels = PixelWords {
-                    words: &mut cpu.words,
-                    pitch: width as usize,
-                };
-                Ok(cpu.renderer.read(view, &pixels, self.outputs.depth))
-            }
+            (FrameBackend::Cpu, Some(cpu), ..) => Ok(cpu.pictures.read(view)),
             (FrameBackend::Device, _, Some(device), _) => device.renderer.read(view),
             (.., Some(reference)) => Ok(reference.image.clone()),
             // Nothing was drawn yet.
@@ -308,7 +320,7 @@ impl<'m> Engine<'m> {
 
     /// Draws and reads one picture to be averaged with others: with [`Image::values`], so that only the mean is rounded,
     /// and without depth and normals. (Visibility splats are put together from pixels of eight bits, and have none.) On a
-    /// device it goes to targets of its own, which stay.
+    /// device and by the processor it goes to targets of its own, which stay.
     ///
     /// # Errors
     /// As [`Engine::draw`] and [`Engine::read`].
@@ -316,37 +328,47 @@ impl<'m> Engine<'m> {
         if settings.draws_visibility() {
             return self.render(view, settings);
         }
-        if let Some(device) = &mut self.device {
-            let DeviceEngine {
-                renderer,
-                samples,
-                scene,
-            } = device;
-            let samples = match samples {
-                Some(made) => made,
-                none => none.insert(Box::new(renderer.of_values()?)),
-            };
-            if samples.costs() != renderer.costs() {
-                samples.set_costs(renderer.costs());
-            }
-            samples.draw(self.model, scene, view, settings)?;
-            return samples.read(view);
-        }
-        let Some(reference) = &mut self.reference else {
-            // The processor's renderer has pictures of eight bits.
-            return self.render(view, settings);
-        };
         let values = PictureOutputs {
             values: true,
             ..PictureOutputs::default()
         };
-        check(self.model, settings, values, f32::INFINITY)?;
-        let outputs = std::mem::replace(&mut reference.outputs, values);
-        let settings = resolve_settings(settings, self.model, view);
-        reference.draw(self.model, view, &settings);
-        reference.outputs = outputs;
-        self.last = FrameBackend::Reference;
-        Ok(reference.image.clone())
+        if self.device.is_none() {
+            check(self.model, settings, values, f32::INFINITY)?;
+        }
+        let backend = self
+            .available()
+            .choose(settings, values, [view.width, view.height])?;
+        match (
+            backend,
+            &mut self.cpu,
+            &mut self.device,
+            &mut self.reference,
+        ) {
+            (FrameBackend::Cpu, Some(cpu), device, _) => {
+                let size = cpu.pictures.renderer.size();
+                let samples = cpu
+                    .samples
+                    .get_or_insert_with(|| CpuPictures::new(size, values));
+                let scene = device.as_ref().map(|device| &device.scene);
+                let facts = CpuEngine::facts_of(scene, &cpu.facts);
+                let drawn = FactedModel {
+                    model: self.model,
+                    facts,
+                };
+                samples.draw(drawn, view, settings)?;
+                Ok(samples.read(view))
+            }
+            (FrameBackend::Device, _, Some(device), _) => device.sample(self.model, view, settings),
+            (FrameBackend::Reference, .., Some(reference)) => {
+                let outputs = std::mem::replace(&mut reference.outputs, values);
+                let settings = resolve_settings(settings, self.model, view);
+                reference.draw(self.model, view, &settings);
+                reference.outputs = outputs;
+                self.last = FrameBackend::Reference;
+                Ok(reference.image.clone())
+            }
+            _ => unreachable!("a backend that is there was chosen"),
+        }
     }
 
     /// The box-filtered mean of `k` x `k` pictures, each shifted by a part of a pixel: `k * k` regular samples a
@@ -378,13 +400,54 @@ impl<'m> Engine<'m> {
     }
 }
 
+impl DeviceEngine {
+    /// As [`Engine::sample`].
+    fn sample(&mut self, model: &Model, view: &View, settings: &Settings) -> Result<Image, Error> {
+        let Self {
+            renderer,
+            samples,
+            scene,
+        } = self;
+        let samples = match samples {
+            Some(made) => made,
+            none => none.insert(Box::new(renderer.of_values()?)),
+        };
+        if samples.costs() != renderer.costs() {
+            samples.set_costs(renderer.costs());
+        }
+        samples.draw(model, scene, view, settings)?;
+        samples.read(view)
+    }
+}
+
 impl CpuEngine {
+    /// Those of the scene, or its own.
+    fn facts_of<'a>(scene: Option<&'a DeviceScene>, own: &'a Option<ModelFacts>) -> &'a ModelFacts {
+        match (scene, own) {
+            (Some(scene), _) => scene.facts(),
+            (None, Some(facts)) => facts,
+            (None, None) => unreachable!("one of them is made"),
+        }
+    }
+}
+
+impl CpuPictures {
+    /// Pictures of this size, with these outputs.
+    fn new([width, height]: [u32; 2], outputs: PictureOutputs) -> Self {
+        let renderer = CpuRenderer::new(width, height).with_outputs(outputs);
+        Self {
+            renderer: Box::new(renderer),
+            outputs,
+            words: Vec::new(),
+            area: DrawnArea::unknown(width, height),
+        }
+    }
+
     fn draw(
         &mut self,
-        model: &Model,
-        scene: Option<&DeviceScene>,
+        drawn: FactedModel<'_>,
         view: &View,
-        (settings, outputs): (&Settings, PictureOutputs),
+        settings: &Settings,
     ) -> Result<FrameTimes, Error> {
         let [width, height] = self.renderer.size();
         for (what, value, limit) in [
@@ -399,23 +462,26 @@ impl CpuEngine {
                 });
             }
         }
-        let facts = match (scene, &self.facts) {
-            (Some(scene), _) => scene.facts(),
-            (None, Some(facts)) => facts,
-            (None, None) => unreachable!("one of them is made"),
-        };
         self.words.resize(width as usize * height as usize, 0);
         let pixels = PixelWords {
             words: &mut self.words,
             pitch: width as usize,
         };
         let start = Instant::now();
-        let drawn = FactedModel { model, facts };
-        let plan = FramePlan::for_processor(settings, drawn, view, outputs)?;
+        let plan = FramePlan::for_processor(settings, drawn, view, self.outputs)?;
         let area = &mut self.area;
         let mut times = self.renderer.draw(drawn, &plan, pixels, area);
         times.starts.frame = Some(start);
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(times)
+    }
+
+    fn read(&mut self, view: &View) -> Image {
+        let [width, _] = self.renderer.size();
+        let pixels = PixelWords {
+            words: &mut self.words,
+            pitch: width as usize,
+        };
+        self.renderer.read(view, &pixels, self.outputs.depth)
     }
 }

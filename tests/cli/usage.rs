@@ -359,7 +359,10 @@ fn a_device_that_is_not_there() {
         assert!(made.contains(&"a.png".to_owned()), "{how}: {made:?}");
         std::fs::remove_file(at.join("a.png")).unwrap();
     }
-    let run = without_vulkan("render generate:square:8 -o a.png --backend cpu --normals n.exr");
+    let normals = "render generate:square:8 -o a.png --backend cpu --normals n.exr";
+    let run = without_vulkan(normals);
+    assert_eq!(run.code, 0, "{}", run.err);
+    let run = without_vulkan(&format!("{normals} --splat filtered"));
     assert_eq!(run.code, 2, "{}", run.err);
     assert!(run.err.contains("leave --normals out"), "{}", run.err);
 

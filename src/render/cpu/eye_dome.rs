@@ -12,6 +12,18 @@ const REACH: usize = 2;
 /// Rows that one thread takes at a time.
 const ROWS: usize = 16;
 
+/// Rows and columns of the neighbors, counted from two above and two left of the pixel.
+const NEIGHBORS: [[usize; 2]; 8] = [
+    [0, 2],
+    [1, 1],
+    [1, 3],
+    [2, 0],
+    [2, 4],
+    [3, 1],
+    [3, 3],
+    [4, 2],
+];
+
 /// Logarithm that stands for nothing: farther than everything, so that it is never in front.
 const NOWHERE: f32 = f32::MAX;
 
@@ -34,8 +46,14 @@ pub(crate) struct DrawnRectangle<'a> {
 }
 
 impl EyeDome {
-    /// Darkens a picture. Beside the rectangle nothing is.
-    pub(crate) fn darken(&mut self, frame: &FrameConstants, picture: DrawnRectangle<'_>) {
+    /// Darkens a picture, and its colors as floats where there are any, row by row of the rectangle. Beside the rectangle
+    /// nothing is.
+    pub(crate) fn darken(
+        &mut self,
+        frame: &FrameConstants,
+        picture: DrawnRectangle<'_>,
+        values: &mut [[f32; 4]],
+    ) {
         let DrawnRectangle {
             colors,
             pitch,
@@ -72,6 +90,10 @@ impl EyeDome {
             background: [red, green, blue],
             exponent: frame.eye_dome,
         };
+        for (row, values) in values.chunks_mut(width).enumerate() {
+            let around = &levels[row * stride..(row + 2 * REACH + 1) * stride];
+            darken_values(&shade, around, stride, values);
+        }
         let end = (height - 1) * pitch + width;
         let bands = colors[..end].chunks_mut(ROWS * pitch).enumerate();
         parallel::share(depths.len(), bands, |(band, colors)| {
@@ -131,19 +153,9 @@ fn levels_of(params: &DistanceParams, levels: &mut [f32], depths: &[f32]) {
 #[inline(always)]
 fn darken_row(params: &ShadeParams, around: &[f32], stride: usize, colors: &mut [u32]) {
     let width = colors.len();
-    let row = |rows: usize, column: usize| &around[rows * stride + column..][..width];
-    // Two above, one above at both sides, two at both sides, one below, two below.
-    let neighbors = [
-        row(0, 2),
-        row(1, 1),
-        row(1, 3),
-        row(2, 0),
-        row(2, 4),
-        row(3, 1),
-        row(3, 3),
-        row(4, 2),
-    ];
-    let own = row(2, 2);
+    let row = |[rows, column]: [usize; 2]| &around[rows * stride + column..][..width];
+    let neighbors = NEIGHBORS.map(row);
+    let own = row([REACH, REACH]);
     let [red, green, blue] = params.background.map(|value| 255.0 * value);
     for (x, color) in colors.iter_mut().enumerate() {
         let level = own[x];
@@ -164,6 +176,25 @@ fn darken_row(params: &ShadeParams, around: &[f32], stride: usize, colors: &mut 
         let darkened = byte(0, red) | byte(8, green) << 8 | byte(16, blue) << 16 | alpha << 24;
         let is_drawn = level < NOWHERE && alpha > 0;
         *color = if is_drawn { darkened } else { word };
+    }
+}
+
+/// Darkens a row of colors as floats: see [`darken_row`].
+fn darken_values(params: &ShadeParams, around: &[f32], stride: usize, values: &mut [[f32; 4]]) {
+    let level_at = |rows: usize, column: usize| around[rows * stride + column];
+    for (x, value) in values.iter_mut().enumerate() {
+        let level = level_at(REACH, x + REACH);
+        let [.., alpha] = *value;
+        if level >= NOWHERE || alpha <= 0.0 {
+            continue;
+        }
+        let neighbors = NEIGHBORS.map(|[row, column]| level_at(row, x + column));
+        let nearer: f32 = neighbors.iter().map(|near| (level - near).max(0.0)).sum();
+        let light = exp2(-params.exponent * nearer);
+        for (color, background) in value.iter_mut().zip(params.background) {
+            let behind = background * (1.0 - alpha);
+            *color = behind + (*color - behind) * light;
+        }
     }
 }
 
@@ -262,6 +293,7 @@ mod tests {
                         .push(if is_drawn { distance } else { f32::INFINITY });
                 }
             }
+            let before = image.color.clone();
             darken(&mut image, [0.2, 0.4, 0.9], frame.eye_dome);
             let picture = DrawnRectangle {
                 colors: &mut words,
@@ -269,7 +301,15 @@ mod tests {
                 depths: &depths,
                 width,
             };
-            EyeDome::default().darken(&frame, picture);
+            let mut values: Vec<[f32; 4]> = before
+                .iter()
+                .map(|color| color.map(|byte| f32::from(byte) / 255.0))
+                .collect();
+            EyeDome::default().darken(&frame, picture, &mut values);
+            for (value, wanted) in values.iter().zip(&image.color) {
+                let off = (0..4).map(|c| (255.0 * value[c] - f32::from(wanted[c])).abs());
+                assert!(off.fold(0.0, f32::max) < 0.51, "{value:?}, {wanted:?}");
+            }
             let mut dark = 0;
             for (i, wanted) in image.color.iter().enumerate() {
                 let found = words[i / width * pitch + i % width].to_le_bytes();

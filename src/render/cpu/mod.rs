@@ -4,6 +4,8 @@
 pub(crate) mod clip;
 pub(crate) mod eye_dome;
 pub mod filtered;
+pub(crate) mod float_planes;
+pub(crate) mod frame_shading;
 pub mod opaque;
 pub mod picture;
 #[cfg(feature = "viewer")]

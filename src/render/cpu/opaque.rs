@@ -14,12 +14,16 @@ mod deferred_shading;
 mod framebuffer;
 mod headlight;
 mod splat_bounds;
+mod surface_pass;
 mod triangles;
 mod viewport;
 
 pub use crate::render::cpu::opaque::bands::Places;
 pub use crate::render::cpu::opaque::framebuffer::Picture;
 pub use crate::render::cpu::opaque::headlight::Light;
+pub(crate) use crate::render::cpu::opaque::surface_pass::{
+    SurfaceList, SurfacePlanes, draw_surfaces,
+};
 pub use crate::render::cpu::opaque::triangles::draw as draw_triangles;
 pub use crate::render::cpu::opaque::viewport::Screen;
 
@@ -51,6 +55,8 @@ pub(super) enum Source<'a> {
     Surface(&'a Writer<'a>, Part<'a>),
     /// Those that are written already.
     List(&'a [Splat]),
+    /// Those that are written already. What they look like is not asked for.
+    Places(&'a [Splat]),
 }
 
 /// Where a frame is drawn, and how it is lit.

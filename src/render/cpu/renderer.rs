@@ -1,5 +1,7 @@
 //! Whole frames on the processor: cut, pack and draw, triangles of any size included. No device is needed.
 
+mod surfaces;
+
 use crate::abi::{FilteredSplat, FrameConstants, Splat};
 use crate::cut::{Cut, CutSelector};
 use crate::image::Image;
@@ -11,6 +13,7 @@ use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::Canvas;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
+use crate::render::cpu::float_planes::{FloatPlanes, word_of};
 use crate::render::cpu::opaque;
 use crate::render::cpu::opaque::{Picture, Places};
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
@@ -27,7 +30,7 @@ use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::{CutAhead, FrameStage, KeptWork};
 use crate::render::technique::Technique;
-use crate::render::{Method, Settings, SplatKind};
+use crate::render::{Method, PictureOutputs, Settings, SplatKind};
 use bytemuck::Zeroable;
 use std::time::Instant;
 
@@ -69,6 +72,7 @@ pub struct CpuRenderer {
     tiles: Vec<[f32; 2]>,
     /// Reversed depths of the rectangle, row by row.
     depths: Vec<f32>,
+    planes: FloatPlanes,
     rect_px: [u32; 4],
     eye_dome: EyeDome,
 }
@@ -105,9 +109,17 @@ impl CpuRenderer {
             sums: Vec::new(),
             tiles: Vec::new(),
             depths: Vec::new(),
+            planes: FloatPlanes::default(),
             rect_px: [0; 4],
             eye_dome: EyeDome::default(),
         }
+    }
+
+    /// The same, whose pictures hold these besides color.
+    #[must_use]
+    pub fn with_outputs(mut self, outputs: PictureOutputs) -> Self {
+        self.planes = FloatPlanes::of(outputs);
+        self
     }
 
     /// Width and height of its pictures, pixels.
@@ -172,6 +184,7 @@ impl CpuRenderer {
         self.rect_px = context.rect_px;
         let rect_pixels = screen_bounds::pixels(context.rect_px) as usize;
         self.depths.resize(rect_pixels.max(self.depths.len()), 0.0);
+        self.planes.begin(context.rect_px, context.background);
         let light = opaque::Light::new(&plan.constants);
         area.begin(&mut pixels, self.size, context.rect_px, light.background());
         let frame = CpuFrame {
@@ -183,6 +196,7 @@ impl CpuRenderer {
         };
         let counts = match plan.technique {
             Technique::Filtered => self.draw_filtered(&frame, &mut pixels),
+            _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
         if plan.constants.eye_dome > 0.0 {
@@ -194,7 +208,8 @@ impl CpuRenderer {
                 depths: &self.depths[..rect_pixels],
                 width: (right - left) as usize,
             };
-            self.eye_dome.darken(&plan.constants, picture);
+            let values = self.planes.planes().values;
+            self.eye_dome.darken(&plan.constants, picture, values);
         }
         packing.end(&mut times);
         times.host_ms = times.pack_ms;
@@ -371,9 +386,9 @@ impl CpuRenderer {
             };
             self.triangle_ids.extend(ids);
         }
-        let light = Light::new(frame.constants, frame.corner_screen());
-        let is_lit = self.triangles.set(model, &self.triangle_ids, light);
-        debug_assert!(is_lit, "lamps and data are not supported");
+        let light = Light::of_frame(frame.constants, frame.corner_screen());
+        let is_lit = self.triangles.set(model, &self.triangle_ids, Some(light));
+        debug_assert!(is_lit, "there is a light");
     }
 
     /// Filtered splats and triangles: depths, sums, and their quotients.
@@ -394,9 +409,9 @@ impl CpuRenderer {
             Method::Pop => &self.cut.triangles,
             _ => &[],
         };
-        let light = Light::new(frame.constants, frame.corner_screen());
-        let is_lit = self.triangles.set(model, ids, light);
-        debug_assert!(is_lit, "lamps and data are not supported");
+        let light = Light::of_frame(frame.constants, frame.corner_screen());
+        let is_lit = self.triangles.set(model, ids, Some(light));
+        debug_assert!(is_lit, "there is a light");
         let canvas = Canvas {
             rect_px: frame.context.rect_px,
             is_gray: settings.color_by == ColorBy::Shading
@@ -413,19 +428,31 @@ impl CpuRenderer {
         };
         let (front, sums) = (&mut self.front[..count], &mut self.sums[..words]);
         filtered::draw(list, canvas, front, sums, &mut self.tiles);
+        let params = NormalizeParams::new(frame.constants);
+        let depths = &mut self.depths[..count];
         let pitch = pixels.pitch;
-        let picture = NormalizedPicture {
-            colors: pixels.from(canvas.rect_px),
-            pitch,
-            depths: &mut self.depths[..count],
-        };
-        normalize(
-            canvas,
-            &NormalizeParams::new(frame.constants),
-            front,
-            sums,
-            picture,
-        );
+        let colors = pixels.from(canvas.rect_px);
+        if self.planes.outputs().values {
+            let width = canvas.width();
+            let values = self.planes.planes().values;
+            let picture = NormalizedPicture {
+                colors: &mut *values,
+                pitch: width,
+                depths,
+            };
+            normalize(canvas, &params, front, sums, picture);
+            let rows = colors.chunks_mut(pitch).zip(values.chunks(width.max(1)));
+            for (word, &value) in rows.flat_map(|(words, values)| words.iter_mut().zip(values)) {
+                *word = word_of(value.into());
+            }
+        } else {
+            let picture = NormalizedPicture {
+                colors,
+                pitch,
+                depths,
+            };
+            normalize(canvas, &params, front, sums, picture);
+        }
         DrawnCounts {
             splats: written.count(),
             triangles: ids.len(),
@@ -477,7 +504,8 @@ impl CpuRenderer {
             height,
             color,
             depth,
-            ..Image::default()
+            normal: self.planes.whole_normals(self.size),
+            values: self.planes.whole_values(self.size),
         }
     }
 }

@@ -15,18 +15,14 @@ pub fn unsupported_reason(
     outputs: PictureOutputs,
     size: [u32; 2],
 ) -> Option<&'static str> {
-    if outputs.normal {
-        Some("it has no normals as output; leave --normals out")
-    } else if outputs.values {
-        Some("its pictures have eight bits a channel")
-    } else if size.into_iter().any(|side| side > LARGEST_SIDE_PX) {
+    if size.into_iter().any(|side| side > LARGEST_SIDE_PX) {
         Some("a side of the picture is longer than 8192 pixels")
     } else if settings.cut_on == CutOn::Device {
         Some("the cut on the device is for a device; leave --cut-on out")
     } else if settings.method == Method::Points {
         Some("it draws no vertices as points; use --method pop or splats")
-    } else if !settings.has_headlight() {
-        Some("it knows the headlight only, and no colors by level, normal, depth or overdraw")
+    } else if settings.color_by == ColorBy::Overdraw {
+        Some("it counts no overdraw; use --color-by shading")
     } else if settings.color_by == ColorBy::Classification {
         Some("only visibility splats have a classification, and it does not draw those")
     } else {
@@ -39,6 +35,9 @@ pub fn unsupported_reason(
             Technique::Filtered if settings.threshold_px > LARGEST_SMALL_BLENDED_PX => {
                 Some("filtered splats of more than 16 pixels are a device's; use a lower threshold")
             }
+            Technique::Filtered if outputs.normal => Some(
+                "filtered splats are sums over a pixel and have no normal; leave --normals out",
+            ),
             Technique::Filtered => None,
             Technique::Fuzzy => Some("it blends filtered splats only; use --splat filtered"),
             Technique::Visibility => Some("it draws no visibility splats"),

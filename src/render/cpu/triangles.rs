@@ -6,21 +6,20 @@
 //! shader's root need not be exact.
 
 use crate::abi::constants::{
-    COARSE_STEPS, FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL,
-    FLAG_COLOR_BY_PRIMITIVE, FLAG_PARALLEL_LIGHT, FLAG_PHONG, FLAG_TWO_SIDED, FLAG_USE_COLORS,
+    COARSE_STEPS, FLAG_COLOR_BY_PRIMITIVE, FLAG_PARALLEL_LIGHT, FLAG_TWO_SIDED, FLAG_USE_COLORS,
 };
 use crate::abi::{FrameConstants, Vertex};
 use crate::math::octahedral;
 use crate::pack::{ALBEDO, parallel};
 use crate::render::cpu::clip;
 use crate::render::cpu::filtered::{Band, Canvas};
+use crate::render::cpu::frame_shading::{
+    FrameShading, ShadedPoint, TRIANGLE_TINT, TrianglePoint, unit_or_zero,
+};
 use crate::render::cpu::small_triangles::{Placed, Screen};
 use crate::tree::Model;
 use glam::{Mat3, Vec2, Vec3};
 use prefetch_index::prefetch_index;
-
-/// What triangles are tinted with when coloring by primitive.
-const TINT: Vec3 = Vec3::new(0.2, 0.35, 1.0);
 
 /// Corners farther out, 16,384 pixels, are clipped. Up to there a sum with [`WHOLE`] has no places behind the point, and
 /// is rounded to even.
@@ -33,10 +32,11 @@ const GROUP: usize = 16;
 /// How far ahead of a triangle the memory of another one is asked for: first its corners, then their vertices.
 const AHEAD: usize = 2 * parallel::AHEAD;
 
-/// The headlight of a frame, and where the device places corners.
+/// The light of a frame, and where the device places corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
     screen: Screen,
+    shading: FrameShading,
     /// From model to view space.
     turn: Mat3,
     /// As [`FrameConstants::ray_scale`] and `ray_offset`.
@@ -52,26 +52,31 @@ pub struct Light {
 impl Light {
     /// That of a frame; none where it shows data, or has a lamp, which is the device's.
     pub fn new(frame: &FrameConstants, screen: Screen) -> Option<Self> {
-        const OTHERS: u32 =
-            FLAG_PHONG | FLAG_COLOR_BY_LEVEL | FLAG_COLOR_BY_NORMAL | FLAG_COLOR_BY_DEPTH;
+        let light = Self::of_frame(frame, screen);
+        light.shading.has_headlight().then_some(light)
+    }
+
+    /// That of a frame, which may have a lamp or show data.
+    pub(super) fn of_frame(frame: &FrameConstants, screen: Screen) -> Self {
         let has = |flag: u32| frame.flags & flag != 0;
         let is_tinted = has(FLAG_COLOR_BY_PRIMITIVE);
         let [x, y, z, _] = frame.view_from_model;
         let column = |[x, y, z, _]: [f32; 4]| Vec3::new(x, y, z);
-        (!has(OTHERS)).then(|| Self {
+        Self {
             screen,
+            shading: FrameShading::new(frame),
             turn: Mat3::from_cols(column(x), column(y), column(z)),
             ray_scale: frame.ray_scale.into(),
             ray_offset: frame.ray_offset.into(),
             is_parallel: has(FLAG_PARALLEL_LIGHT),
             is_two_sided: has(FLAG_TWO_SIDED),
             albedo: if is_tinted {
-                ALBEDO * TINT
+                ALBEDO * TRIANGLE_TINT
             } else {
                 Vec3::splat(ALBEDO)
             },
             has_colors: has(FLAG_USE_COLORS) && !is_tinted,
-        })
+        }
     }
 }
 
@@ -94,6 +99,14 @@ pub(super) struct Face {
 /// The index of a triangle that is not clipped.
 const WHOLE_TRIANGLE: u32 = u32::MAX;
 
+/// A triangle with the part that it is of, and its number among those of all parts.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct NumberedFace<'a> {
+    pub(super) part: &'a Part,
+    pub(super) face: &'a Face,
+    pub(super) number: u32,
+}
+
 /// The triangles of a cut, as [`crate::render::cpu::filtered::draw`] draws them; none by default. Memory is kept from cut to cut.
 #[derive(Debug, Default)]
 pub struct Triangles {
@@ -105,6 +118,8 @@ pub struct Triangles {
 /// What one thread sets up.
 #[derive(Debug, Default)]
 pub(super) struct Part {
+    /// Number of the first among those of all parts.
+    first: u32,
     faces: Vec<Face>,
     /// The first row that those of each [`GROUP`] may cover, and one past the last.
     rows: Vec<[u32; 2]>,
@@ -126,6 +141,11 @@ impl Triangles {
             .resize_with(ids.len().div_ceil(parallel::PART), Part::default);
         let jobs = ids.chunks(parallel::PART).zip(&mut self.parts);
         parallel::share(ids.len(), jobs, |(ids, part)| light.fill(part, model, ids));
+        let mut first = 0;
+        for part in &mut self.parts {
+            part.first = first;
+            first += part.faces.len() as u32;
+        }
         true
     }
 
@@ -139,16 +159,25 @@ impl Triangles {
         (self.light).is_none_or(|light| light.screen.rect_px() == rect_px)
     }
 
-    /// Those that may cover a pixel of some rows, in their order, each with the part that it is of.
-    pub(super) fn near(&self, rows: [u32; 2]) -> impl Iterator<Item = (&Part, &Face)> {
+    /// Those that may cover a pixel of some rows, in their order.
+    pub(super) fn near(&self, rows: [u32; 2]) -> impl Iterator<Item = NumberedFace<'_>> {
         let are_near = move |[first, end]: [u32; 2]| first < rows[1] && end > rows[0];
         self.parts.iter().flat_map(move |part| {
-            let groups = part.faces.chunks(GROUP).zip(&part.rows);
-            let near = groups.filter(move |(_, rows)| are_near(**rows));
-            near.flat_map(|(faces, _)| faces)
-                .filter(move |face| are_near(face.rows()))
-                .map(move |face| (part, face))
+            let groups = part.faces.chunks(GROUP).zip((part.first..).step_by(GROUP));
+            let near = groups.zip(&part.rows);
+            let near = near.filter(move |(_, rows)| are_near(**rows));
+            near.flat_map(|((faces, first), _)| faces.iter().zip(first..))
+                .filter(move |(face, _)| are_near(face.rows()))
+                .map(move |(face, number)| NumberedFace { part, face, number })
         })
+    }
+
+    /// The one of a number that [`Triangles::near`] gave.
+    pub(super) fn numbered(&self, number: u32) -> Option<NumberedFace<'_>> {
+        let parts = self.parts.partition_point(|part| part.first <= number);
+        let part = self.parts.get(parts.checked_sub(1)?)?;
+        let face = part.faces.get((number - part.first) as usize)?;
+        Some(NumberedFace { part, face, number })
     }
 
     /// The light that they are in; none where there are none.
@@ -158,7 +187,7 @@ impl Triangles {
 
     /// Leaves their depths in the pixels that they cover.
     pub(super) fn leave_depths(&self, canvas: &Canvas, band: &mut Band<'_>) {
-        for (_, face) in self.near(band.rows) {
+        for NumberedFace { face, .. } in self.near(band.rows) {
             face.for_each_pixel(band.rows, |[x, y], weights| {
                 let depth = face.depth_at(weights).to_bits();
                 let at = canvas.index(band.rows, [x, y]);
@@ -170,17 +199,23 @@ impl Triangles {
     /// Adds their shades with weight 1 where nothing hides them.
     pub(super) fn blend(&self, vertices: &[Vertex], canvas: &Canvas, band: &mut Band<'_>) {
         let Some(light) = &self.light else { return };
-        for (part, face) in self.near(band.rows) {
+        for NumberedFace { part, face, .. } in self.near(band.rows) {
             // Most are hidden, or share what they are like with no other pixel.
             let mut surface = None;
             face.for_each_pixel(band.rows, |[x, y], weights| {
                 let at = canvas.index(band.rows, [x, y]);
-                if band.front[at] > face.depth_at(weights).to_bits() {
+                let depth = face.depth_at(weights);
+                if band.front[at] > depth.to_bits() {
                     return;
                 }
                 let surface =
                     surface.get_or_insert_with(|| Surface::of(face, part, vertices, light));
-                let color = light.shade(surface, [x, y], weights * face.inverse_w);
+                let place = SurfacePlace {
+                    pixel: [x, y],
+                    weights: weights * face.inverse_w,
+                    depth,
+                };
+                let color = light.color_at(surface, &place);
                 let [red, green, blue] = color.to_array().map(in_steps);
                 let weight = in_steps(1.0);
                 let words = canvas.words();
@@ -259,6 +294,17 @@ impl Face {
         (area, edges)
     }
 
+    /// Where the surface is at the center of a pixel that it covers.
+    pub(super) fn place_at(&self, pixel: [u32; 2], depth: f32) -> SurfacePlace {
+        let (area, edges) = self.edges_from(pixel);
+        let [a, b, c] = edges.map(|edge| edge.first as f32 / area);
+        SurfacePlace {
+            pixel,
+            weights: Vec3::new(a, b, c) * self.inverse_w,
+            depth,
+        }
+    }
+
     #[inline]
     fn depth_at(&self, weights: Vec3) -> f32 {
         let of = weights * self.depth;
@@ -296,6 +342,16 @@ fn is_within_reach(placed: &Placed) -> bool {
     placed.steps.iter().all(|steps| steps.abs() <= MOST_STEPS)
 }
 
+/// A place on a triangle, at the center of a pixel.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct SurfacePlace {
+    pixel: [u32; 2],
+    /// Of the corners, in proportion to these; their sum is 1 over the last component of clip space.
+    weights: Vec3,
+    /// Reversed.
+    depth: f32,
+}
+
 /// What the corners of a triangle are like.
 pub(super) struct Surface {
     /// In view space; zero where there is none, which leaves the others to decide.
@@ -323,6 +379,12 @@ impl Surface {
             },
             None => Self { normals, colors },
         }
+    }
+}
+
+impl SurfacePlace {
+    fn inverse_w(&self) -> f32 {
+        self.weights.x + self.weights.y + self.weights.z
     }
 }
 
@@ -423,7 +485,33 @@ impl Light {
         })
     }
 
-    /// What it makes of a surface at a pixel, where corners have weights in proportion to these.
+    /// Color and normal of a surface.
+    pub(super) fn point_at(&self, surface: &Surface, place: &SurfacePlace) -> ShadedPoint {
+        let normal = unit_or_zero(surface.normals * (place.weights / place.inverse_w()));
+        ShadedPoint {
+            color: self.color_at(surface, place),
+            normal: self.shading.in_model(normal),
+        }
+    }
+
+    /// Color of a surface.
+    #[inline]
+    fn color_at(&self, surface: &Surface, place: &SurfacePlace) -> Vec3 {
+        if self.shading.has_headlight() {
+            return self.shade(surface, place.pixel, place.weights);
+        }
+        let inverse_w = place.inverse_w();
+        let weights = place.weights / inverse_w;
+        self.shading.of_triangle(&TrianglePoint {
+            normal: unit_or_zero(surface.normals * weights),
+            color: surface.colors * weights,
+            pixel: place.pixel,
+            depth: place.depth,
+            inverse_w,
+        })
+    }
+
+    /// What the headlight makes of a surface at a pixel, where corners have weights in proportion to these.
     #[inline]
     fn shade(&self, surface: &Surface, [x, y]: [u32; 2], weights: Vec3) -> Vec3 {
         let weights = weights / (weights.x + weights.y + weights.z);

@@ -8,6 +8,7 @@ use crate::abi::constants::{
 };
 use crate::pack::parallel;
 use crate::render::cpu::filtered::Canvas;
+use crate::render::cpu::float_planes::word_of;
 use fearless_simd::{Level, Simd, dispatch};
 use glam::{Vec3, Vec4};
 
@@ -91,10 +92,32 @@ struct PassResults<'a> {
     is_gray: bool,
 }
 
+/// A pixel of a picture that sums become.
+pub(crate) trait NormalizedPixel: Copy + Send {
+    /// That of a color with its coverage.
+    fn of(color: Vec4) -> Self;
+}
+
+/// Red in the lowest byte, coverage in the highest.
+impl NormalizedPixel for u32 {
+    #[inline(always)]
+    fn of(color: Vec4) -> Self {
+        word_of(color)
+    }
+}
+
+/// Red, green, blue and coverage, not rounded.
+impl NormalizedPixel for [f32; 4] {
+    #[inline(always)]
+    fn of(color: Vec4) -> Self {
+        color.clamp(Vec4::ZERO, Vec4::ONE).to_array()
+    }
+}
+
 /// Colors and depths of the canvas, which lies in a larger picture.
-pub(crate) struct NormalizedPicture<'a> {
-    /// From the first pixel of the canvas on: red in the lowest byte, coverage in the highest.
-    pub(crate) colors: &'a mut [u32],
+pub(crate) struct NormalizedPicture<'a, P> {
+    /// From the first pixel of the canvas on.
+    pub(crate) colors: &'a mut [P],
     /// From a row of colors to the next, pixels.
     pub(crate) pitch: usize,
     /// Reversed; 0 where nothing is. Row by row.
@@ -105,12 +128,12 @@ pub(crate) struct NormalizedPicture<'a> {
 ///
 /// # Panics
 /// When the picture, `front` or `sums` is smaller than the canvas.
-pub(crate) fn normalize(
+pub(crate) fn normalize<P: NormalizedPixel>(
     canvas: Canvas,
     params: &NormalizeParams,
     front: &[u32],
     sums: &[u64],
-    picture: NormalizedPicture<'_>,
+    picture: NormalizedPicture<'_, P>,
 ) {
     let (width, pixels) = (canvas.width(), canvas.pixels());
     if pixels == 0 {
@@ -135,29 +158,21 @@ pub(crate) fn normalize(
             let y = number * ROWS + row;
             let colors = &mut colors[..width];
             match results.is_gray {
-                true => row_of::<_, true>(simd, results, params, y, (colors, depths)),
-                false => row_of::<_, false>(simd, results, params, y, (colors, depths)),
+                true => row_of::<_, P, true>(simd, results, params, y, (colors, depths)),
+                false => row_of::<_, P, false>(simd, results, params, y, (colors, depths)),
             }
         });
     });
 }
 
-/// A color as four bytes, rounded as a target of eight bits does.
-#[inline(always)]
-fn word_of(color: Vec4) -> u32 {
-    let byte = |value: f32| (value.clamp(0.0, 1.0) * 255.0).round_ties_even() as u32;
-    let [red, green, blue, alpha] = color.to_array().map(byte);
-    red | green << 8 | blue << 16 | alpha << 24
-}
-
 /// A row. Inside of a surface it is written at once; other pixels are looked at one by one.
 #[inline(always)]
-fn row_of<S: Simd, const GRAY: bool>(
+fn row_of<S: Simd, P: NormalizedPixel, const GRAY: bool>(
     _: S,
     results: &PassResults<'_>,
     params: &NormalizeParams,
     y: usize,
-    (colors, depths): (&mut [u32], &mut [f32]),
+    (colors, depths): (&mut [P], &mut [f32]),
 ) {
     let width = results.width;
     let row = |y: usize| &results.front[y * width..][..width];
@@ -168,7 +183,7 @@ fn row_of<S: Simd, const GRAY: bool>(
     );
     let words = if GRAY { 2 } else { 4 };
     let sums = &results.sums[y * width * words..][..width * words];
-    let background = word_of(params.background.extend(0.0));
+    let background = P::of(params.background.extend(0.0));
     // Depths are not negative, so as bits they are ordered as they are.
     let least = |x: usize| above[x].min(own[x]).min(below[x]);
     for x in 0..width {
@@ -182,11 +197,11 @@ fn row_of<S: Simd, const GRAY: bool>(
             && sum.w > LEAST_WEIGHT
             && f32::from_bits(around) >= params.farthest_of_part(depth);
         colors[x] = if is_inside {
-            word_of((sum.truncate() / sum.w).extend(1.0))
+            P::of((sum.truncate() / sum.w).extend(1.0))
         } else if own[x] == 0 && sum.w <= LEAST_WEIGHT {
             background
         } else {
-            word_of(results.at_rim::<GRAY>(params, [x as i32, y as i32], depth, sum))
+            P::of(results.at_rim::<GRAY>(params, [x as i32, y as i32], depth, sum))
         };
     }
 }

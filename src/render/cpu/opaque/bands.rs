@@ -46,6 +46,8 @@ pub(super) enum Known {
     /// Where splats are. Instead of a color pixels get what compute has in its keys, of the number in the list, and which
     /// splats are seen is marked.
     Places,
+    /// The same, but nothing is marked.
+    Numbers,
     /// What they look like as well.
     Colors,
 }
@@ -62,7 +64,10 @@ pub(super) fn draw_by(
     let count = own_count + sampled.len();
     let sampled = sampled.chunks(parallel::PART);
     let sampled: Vec<_> = sampled
-        .map(|part| (Source::List(part), part.len()))
+        .map(|part| match known {
+            Known::Numbers => (Source::Places(part), part.len()),
+            _ => (Source::List(part), part.len()),
+        })
         .collect();
     let groups_of = |parts: &[(Source<'_>, usize)]| -> usize {
         parts.iter().map(|part| part.1.div_ceil(GROUP)).sum()
@@ -146,7 +151,7 @@ pub(super) fn draw_by(
             }
             band.write(simd, light.background, &mut picture);
         });
-        if !has_colors {
+        if matches!(known, Known::Places) {
             mark(&picture, width, seen);
         }
     });

@@ -190,7 +190,7 @@ pub(super) fn part(
     let mut placer = Placer {
         level,
         screen,
-        light: (!matches!(source, Source::Cut(..))).then_some(light),
+        light: (!matches!(source, Source::Cut(..) | Source::Places(_))).then_some(light),
         look,
         is_one_pixel,
         first,
@@ -214,6 +214,11 @@ pub(super) fn part(
         Source::List(splats) => {
             for splat in splats {
                 placer.put(splat);
+            }
+        }
+        Source::Places(splats) => {
+            for splat in splats {
+                placer.push(splat.center, splat.radius);
             }
         }
         Source::Surface(writer, part) => {

@@ -7,9 +7,10 @@
 use crate::abi::Vertex;
 use crate::pack::parallel;
 use crate::render::cpu::opaque::bands::BAND_PX;
+use crate::render::cpu::opaque::bands::SPLAT_BIT;
 use crate::render::cpu::opaque::framebuffer::Picture;
 use crate::render::cpu::opaque::viewport::Screen;
-use crate::render::cpu::triangles::{Edge, Face, Light, Surface, Triangles};
+use crate::render::cpu::triangles::{Edge, Face, Light, NumberedFace, Surface, Triangles};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use glam::Vec3;
@@ -39,19 +40,46 @@ pub fn draw(
     background: u32,
     picture: Picture<'_>,
 ) {
+    let shown = ShownFaces::Colors(vertices);
     draw_by(
         Level::new(),
-        (triangles, vertices),
+        (triangles, shown),
         screen,
         background,
         picture,
     );
 }
 
+/// As [`draw`], but a pixel becomes the number of its triangle in [`Triangles::numbered`] with [`SPLAT_BIT`] set.
+pub(super) fn draw_numbers(
+    triangles: &Triangles,
+    screen: &Screen,
+    background: u32,
+    picture: Picture<'_>,
+) {
+    let shown = ShownFaces::Numbers;
+    draw_by(
+        Level::new(),
+        (triangles, shown),
+        screen,
+        background,
+        picture,
+    );
+}
+
+/// What pixels show of their triangle.
+#[derive(Clone, Copy)]
+enum ShownFaces<'a> {
+    /// Its color in the headlight, of these vertices.
+    Colors(&'a [Vertex]),
+    /// Its number.
+    Numbers,
+}
+
 /// The same by vectors of a level.
 fn draw_by(
     level: Level,
-    (triangles, vertices): (&Triangles, &[Vertex]),
+    (triangles, shown): (&Triangles, ShownFaces<'_>),
     screen: &Screen,
     background: u32,
     picture: Picture<'_>,
@@ -83,12 +111,20 @@ fn draw_by(
             width,
             corner: [left, first],
         };
-        dispatch!(level, simd => {
-            for (part, face) in triangles.near(rows) {
-                let surface = || Surface::of(face, part, vertices, light);
-                target.draw(simd, (face, rows), light, surface);
-            }
-        });
+        match shown {
+            ShownFaces::Colors(vertices) => dispatch!(level, simd => {
+                for NumberedFace { part, face, .. } in triangles.near(rows) {
+                    let surface = || Surface::of(face, part, vertices, light);
+                    let ink = LitInk { light, surface: Some(surface), shade: None };
+                    target.draw(simd, (face, rows), ink);
+                }
+            }),
+            ShownFaces::Numbers => dispatch!(level, simd => {
+                for NumberedFace { face, number, .. } in triangles.near(rows) {
+                    target.draw(simd, (face, rows), NumberInk(number | SPLAT_BIT));
+                }
+            }),
+        }
     });
 }
 
@@ -98,6 +134,52 @@ struct BandTarget<'b, 'p> {
     width: usize,
     /// The pixel of the picture that is the band's first.
     corner: [u32; 2],
+}
+
+/// What the pixels of one triangle become.
+trait FaceInk<S: Simd> {
+    /// Of pixels of a row, whose corners have weights in proportion to these.
+    fn words(
+        &mut self,
+        simd: S,
+        perspective: [Numbers<S>; 3],
+        pixels: ([u32; 2], Numbers<S>),
+    ) -> S::i32s;
+}
+
+/// Colors in the headlight. Most triangles are hidden: what their surface is like is asked for at the first pixel.
+struct LitInk<'a, S: Simd, F> {
+    light: &'a Light,
+    surface: Option<F>,
+    shade: Option<FaceShade<S>>,
+}
+
+impl<S: Simd, F: FnOnce() -> Surface> FaceInk<S> for LitInk<'_, S, F> {
+    #[inline(always)]
+    fn words(
+        &mut self,
+        simd: S,
+        perspective: [Numbers<S>; 3],
+        pixels: ([u32; 2], Numbers<S>),
+    ) -> S::i32s {
+        if let Some(surface) = self.surface.take() {
+            self.shade = Some(FaceShade::new(simd, &surface()));
+        }
+        match &self.shade {
+            Some(shade) => shade.words(simd, self.light, perspective, pixels),
+            None => S::i32s::splat(simd, 0),
+        }
+    }
+}
+
+/// The same word everywhere.
+struct NumberInk(u32);
+
+impl<S: Simd> FaceInk<S> for NumberInk {
+    #[inline(always)]
+    fn words(&mut self, simd: S, _: [Numbers<S>; 3], _: ([u32; 2], Numbers<S>)) -> S::i32s {
+        S::i32s::splat(simd, self.0 as i32)
+    }
 }
 
 /// What is the same in all pixels of a triangle.
@@ -114,16 +196,13 @@ impl BandTarget<'_, '_> {
         &mut self,
         simd: S,
         (face, rows): (&Face, [u32; 2]),
-        light: &Light,
-        surface: impl FnOnce() -> Surface,
+        mut ink: impl FaceInk<S>,
     ) {
         let [left, _, right, _] = face.pixels;
         let (top, bottom) = (face.pixels[1].max(rows[0]), face.pixels[3].min(rows[1]));
         let (area, edges) = face.edges_from([left, top]);
         let span = SpanFinder::new(edges, i64::from(right - left));
         let inverse_area = 1.0 / area;
-        let mut surface = Some(surface);
-        let mut shade = None;
         let mut starts = edges.map(|edge| edge.first);
         for y in top..bottom {
             let [first, end] = span.of_row(starts);
@@ -143,13 +222,7 @@ impl BandTarget<'_, '_> {
                     edges: &edges,
                     inverse_area,
                 };
-                self.row(
-                    simd,
-                    &row,
-                    &weights,
-                    face,
-                    (light, &mut surface, &mut shade),
-                );
+                self.row(simd, &row, &weights, face, &mut ink);
             }
             for (start, edge) in starts.iter_mut().zip(&edges) {
                 *start += edge.down;
@@ -165,11 +238,7 @@ impl BandTarget<'_, '_> {
         row: &Row,
         weights: &Weights<'_>,
         face: &Face,
-        (light, surface, shade): (
-            &Light,
-            &mut Option<impl FnOnce() -> Surface>,
-            &mut Option<FaceShade<S>>,
-        ),
+        ink: &mut impl FaceInk<S>,
     ) {
         let step = Numbers::<S>::LEN;
         let lanes = Numbers::<S>::from_slice(simd, &LANE[..step]);
@@ -189,17 +258,13 @@ impl BandTarget<'_, '_> {
                     &mut self.picture.depths[at..],
                     count,
                 );
-                if let Some(surface) = surface.take() {
-                    *shade = Some(FaceShade::new(simd, &surface()));
-                }
-                let Some(shade) = shade else { return };
                 let perspective = [
                     a * face.inverse_w.x,
                     b * face.inverse_w.y,
                     c * face.inverse_w.z,
                 ];
                 let pixel = [row.pixel[0] + first as u32, row.pixel[1]];
-                let words = shade.words(simd, light, perspective, (pixel, lanes));
+                let words = ink.words(simd, perspective, (pixel, lanes));
                 let at = row.at + first;
                 let colors = &mut self.picture.colors[at..];
                 let mut own = [0; LANES];

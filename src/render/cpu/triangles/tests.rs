@@ -1,6 +1,9 @@
 //! Sheets and planes, whose pixels, depths and shades are known in closed form.
 #![allow(clippy::expect_used, reason = "a failing test panics")]
 
+use crate::abi::constants::{
+    FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL, FLAG_PHONG,
+};
 use crate::pack::filtered::ScreenGroups;
 use crate::render::cpu::filtered::{List, draw};
 use crate::render::cpu::triangles::*;
@@ -182,7 +185,7 @@ fn depth_and_shade_are_those_of_the_plane() {
         let drawn = drawn(&triangles, &model, Canvas { rect_px, is_gray });
         let albedo = match flags {
             FLAG_USE_COLORS => ALBEDO * Vec3::new(1.0, 0.2, 0.0),
-            _ if !is_gray => ALBEDO * TINT,
+            _ if !is_gray => ALBEDO * TRIANGLE_TINT,
             _ => Vec3::splat(ALBEDO),
         };
         for (at, front) in drawn.front.iter().enumerate() {
@@ -239,7 +242,7 @@ fn what_the_near_plane_cuts_is_clipped() {
     let mut alone = |id: u32| {
         assert!(triangles.set(&model, &[id], Some(light)));
         let mut pixels = Vec::new();
-        for (part, face) in triangles.near([0, SIZE]) {
+        for NumberedFace { part, face, .. } in triangles.near([0, SIZE]) {
             assert_eq!(part.clipped.is_empty(), id == whole, "{id}");
             face.for_each_pixel([0, SIZE], |pixel, _| pixels.push(pixel));
         }
