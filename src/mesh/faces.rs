@@ -6,7 +6,7 @@
 //! neighbors are turned where that is possible: along edges of two faces, part by part, and a part that cannot be oriented
 //! (a Möbius strip) stays.
 //!
-//! Sorting all edges takes longer than reading a large model. From [`SMALL`] triangles on the faces around some thousand
+//! Sorting all edges takes longer than reading a large model. From `SMALL` triangles on the faces around some thousand
 //! vertices are looked at first, and the rest only when some of them are at fault.
 
 use glam::DVec3;

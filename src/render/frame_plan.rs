@@ -2,7 +2,7 @@
 //! the renderer can do, and everything after it obeys. No device is asked, and what cannot be drawn is refused here.
 //!
 //! One thing can only be decided once the cut is there, since it depends on how much that is: which passes draw it
-//! ([`PassSelection`](crate::render::cost::select_passes::PassSelection)).
+//! (`PassSelection` in `src/render/cost/select_passes.rs`).
 
 use crate::abi::FrameConstants;
 use crate::gpu::Error;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 /// The file in words. Keys that are missing have their defaults, unknown ones are ignored, so that older and newer
 /// programs read each other's files.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct StoredSettings {
     /// The window.
@@ -70,15 +70,6 @@ pub struct StoredLook {
     ambient: f32,
     specular: f32,
     shininess: f32,
-}
-
-impl Default for StoredSettings {
-    fn default() -> Self {
-        Self {
-            window: StoredWindow::default(),
-            look: StoredLook::default(),
-        }
-    }
 }
 
 impl Default for StoredWindow {

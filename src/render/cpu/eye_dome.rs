@@ -275,8 +275,8 @@ mod tests {
                         1 => 5.0 - 0.02 * y as f32,
                         _ => 9.0,
                     };
-                    let is_drawn = i % 13 != 0;
-                    let alpha = if i % 5 == 0 { 100 } else { 255 };
+                    let is_drawn = !i.is_multiple_of(13);
+                    let alpha = if i.is_multiple_of(5) { 100 } else { 255 };
                     let color = match is_drawn {
                         true => [(i % 256) as u8, (i / 3 % 256) as u8, 250, alpha],
                         false => [51, 102, 230, 0],

@@ -11,6 +11,5 @@ pub mod picture;
 #[cfg(feature = "viewer")]
 pub(crate) mod predict;
 pub mod renderer;
-pub mod small_triangles;
 pub mod supported;
 pub(crate) mod triangles;

@@ -8,6 +8,8 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
 use crate::pack::ColorBy;
+use crate::pack::small_triangles;
+use crate::pack::small_triangles::LargeTriangles;
 use crate::pack::splats::{Packed, Plan};
 use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
 use crate::render::cpu::filtered;
@@ -17,8 +19,6 @@ use crate::render::cpu::float_planes::{FloatPlanes, word_of};
 use crate::render::cpu::opaque;
 use crate::render::cpu::opaque::{Picture, Places};
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::small_triangles;
-use crate::render::cpu::small_triangles::Rest;
 use crate::render::cpu::triangles::{Light, Triangles};
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::FrameContext;
@@ -62,7 +62,7 @@ pub struct CpuRenderer {
     pub(super) ahead: Option<CutAhead>,
     visited: u64,
     splats: Vec<Splat>,
-    rest: Rest,
+    rest: LargeTriangles,
     triangle_ids: Vec<u32>,
     triangles: Triangles,
     places: Places,
@@ -100,7 +100,7 @@ impl CpuRenderer {
             ahead: None,
             visited: 0,
             splats: Vec::new(),
-            rest: Rest::new(),
+            rest: LargeTriangles::new(),
             triangle_ids: Vec::new(),
             triangles: Triangles::default(),
             places: Places::default(),
@@ -347,7 +347,7 @@ impl CpuRenderer {
         &mut self,
         frame: &CpuFrame<'_>,
         plan: &Plan,
-        corners: &small_triangles::Screen,
+        corners: &small_triangles::CornerScreen,
         [own, samples_triangles]: [usize; 2],
     ) -> (usize, usize) {
         let (model, view) = (frame.drawn.model, frame.view);
@@ -521,8 +521,8 @@ struct CpuFrame<'a> {
 
 impl CpuFrame<'_> {
     /// Where corners of triangles are placed.
-    fn corner_screen(&self) -> small_triangles::Screen {
-        small_triangles::Screen::new(
+    fn corner_screen(&self) -> small_triangles::CornerScreen {
+        small_triangles::CornerScreen::new(
             self.constants,
             (self.context.width, self.context.height),
             self.context.guard_px,

@@ -10,13 +10,13 @@ use crate::abi::constants::{
 };
 use crate::abi::{FrameConstants, Vertex};
 use crate::math::octahedral;
+use crate::pack::small_triangles::{CornerScreen, PlacedCorner};
 use crate::pack::{ALBEDO, parallel};
 use crate::render::cpu::clip;
 use crate::render::cpu::filtered::{Band, Canvas};
 use crate::render::cpu::frame_shading::{
     FrameShading, ShadedPoint, TRIANGLE_TINT, TrianglePoint, unit_or_zero,
 };
-use crate::render::cpu::small_triangles::{Placed, Screen};
 use crate::tree::Model;
 use glam::{Mat3, Vec2, Vec3};
 use prefetch_index::prefetch_index;
@@ -35,7 +35,7 @@ const AHEAD: usize = 2 * parallel::AHEAD;
 /// The light of a frame, and where the device places corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Light {
-    screen: Screen,
+    screen: CornerScreen,
     shading: FrameShading,
     /// From model to view space.
     turn: Mat3,
@@ -51,13 +51,13 @@ pub struct Light {
 
 impl Light {
     /// That of a frame; none where it shows data, or has a lamp, which is the device's.
-    pub fn new(frame: &FrameConstants, screen: Screen) -> Option<Self> {
+    pub fn new(frame: &FrameConstants, screen: CornerScreen) -> Option<Self> {
         let light = Self::of_frame(frame, screen);
         light.shading.has_headlight().then_some(light)
     }
 
     /// That of a frame, which may have a lamp or show data.
-    pub(super) fn of_frame(frame: &FrameConstants, screen: Screen) -> Self {
+    pub(super) fn of_frame(frame: &FrameConstants, screen: CornerScreen) -> Self {
         let has = |flag: u32| frame.flags & flag != 0;
         let is_tinted = has(FLAG_COLOR_BY_PRIMITIVE);
         let [x, y, z, _] = frame.view_from_model;
@@ -338,7 +338,7 @@ impl Edge {
 }
 
 /// Whether whole steps can say where a corner is.
-fn is_within_reach(placed: &Placed) -> bool {
+fn is_within_reach(placed: &PlacedCorner) -> bool {
     placed.steps.iter().all(|steps| steps.abs() <= MOST_STEPS)
 }
 
@@ -445,7 +445,11 @@ impl Light {
     }
 
     /// A triangle of corners that are within reach, if it may cover a pixel.
-    fn face(&self, placed: [Placed; 3], [first, mut second, mut third]: [u32; 3]) -> Option<Face> {
+    fn face(
+        &self,
+        placed: [PlacedCorner; 3],
+        [first, mut second, mut third]: [u32; 3],
+    ) -> Option<Face> {
         let steps = placed.map(|corner| corner.steps.map(|steps| (steps + WHOLE - WHOLE) as i32));
         let [a, mut b, mut c] = placed;
         let origin = steps[0];

@@ -7,13 +7,13 @@ use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
 use crate::cut::{Cut, CutStats};
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
+use crate::pack::small_triangles;
+use crate::pack::small_triangles::CornerScreen;
 use crate::pack::splats;
 use crate::pack::splats::Packed;
 use crate::pack::{filtered, fuzzy, ids};
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cost::select_passes::PassSelection;
-use crate::render::cpu::small_triangles;
-use crate::render::cpu::small_triangles::Screen;
 use crate::render::frame_plan::{FramePlan, PackKey, RecordFormat};
 use crate::render::stats::FrameCounts;
 use crate::render::vulkan::expanded_lists;
@@ -34,7 +34,7 @@ pub(super) struct DrawLists {
     small: UploadBuffer,
     pub(super) small_runs: Vec<PageRange>,
     /// Triangles that stay such where others become samples.
-    rest: small_triangles::Rest,
+    rest: small_triangles::LargeTriangles,
     rest_ids: Vec<u32>,
     /// What the device makes of numbers.
     whole: Option<ExpandedLists>,
@@ -91,7 +91,7 @@ impl DrawLists {
             runs: Vec::new(),
             small: list("small triangles")?,
             small_runs: Vec::new(),
-            rest: small_triangles::Rest::new(),
+            rest: small_triangles::LargeTriangles::new(),
             rest_ids: Vec::new(),
             whole: None,
             held: None,
@@ -364,9 +364,9 @@ impl WrittenSplats {
 }
 
 /// Where the device places corners of triangles.
-fn corner_screen(plan: &FramePlan) -> Screen {
+fn corner_screen(plan: &FramePlan) -> CornerScreen {
     let context = &plan.context;
-    Screen::new(
+    CornerScreen::new(
         &plan.constants,
         (context.width, context.height),
         context.guard_px,

@@ -33,7 +33,7 @@ fn frame(flags: u32) -> FrameConstants {
 }
 
 fn light(frame: &FrameConstants, rect_px: [u32; 4], dropped_sign: i32) -> Light {
-    let screen = Screen::new(frame, (SIZE, SIZE), 0, rect_px, dropped_sign);
+    let screen = CornerScreen::new(frame, (SIZE, SIZE), 0, rect_px, dropped_sign);
     Light::new(frame, screen).expect("a headlight")
 }
 

@@ -167,15 +167,15 @@ impl VulkanRenderer {
         scene: &DeviceScene,
     ) -> Result<bool, Error> {
         let settings = &plan.settings;
-        if plan.cut_place == CutPlace::Device {
-            if let Err(error) = self.make_device_cut(model, scene) {
-                if settings.cut_on == CutOn::Device {
-                    return Err(error);
-                }
-                tracing::info!(%error, "the processor chooses cuts");
-                self.too_large[0] = Some(scene.id());
-                return Ok(false);
+        if plan.cut_place == CutPlace::Device
+            && let Err(error) = self.make_device_cut(model, scene)
+        {
+            if settings.cut_on == CutOn::Device {
+                return Err(error);
             }
+            tracing::info!(%error, "the processor chooses cuts");
+            self.too_large[0] = Some(scene.id());
+            return Ok(false);
         }
         if plan.uploads_ids {
             if let Err(error) = self.tree_on_device(model, scene) {

@@ -18,8 +18,8 @@ mod shading;
 use crate::abi::{FrameConstants, Splat};
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
-use crate::render::cpu::small_triangles::coverage::Covered;
-use crate::render::cpu::small_triangles::shading::Queue;
+use crate::pack::small_triangles::coverage::CoveredCenters;
+use crate::pack::small_triangles::shading::ShadingQueue;
 use crate::tree::Model;
 use fearless_simd::{Level, Simd, SimdBase, dispatch};
 use glam::{Vec3, Vec4};
@@ -27,7 +27,7 @@ use prefetch_index::prefetch_index;
 
 /// Where the device places corners.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Screen {
+pub struct CornerScreen {
     /// From model to view space: rows.
     view: [[f32; 4]; 3],
     /// Factors of x and y in clip space; and of z and what is added, for all four components.
@@ -43,7 +43,7 @@ pub struct Screen {
     dropped_sign: f32,
 }
 
-impl Screen {
+impl CornerScreen {
     /// That of a frame, whose triangles of `dropped_sign` are not drawn.
     pub fn new(
         frame: &FrameConstants,
@@ -67,15 +67,15 @@ impl Screen {
         }
     }
 
-    /// Where a corner is, in the steps of [`Covered::ask`]; none before the near or behind the far plane.
+    /// Where a corner is, in the steps of [`CoveredCenters::ask`]; none before the near or behind the far plane.
     #[inline]
-    pub(super) fn place(&self, position: Vec3) -> Option<Placed> {
+    pub(crate) fn place(&self, position: Vec3) -> Option<PlacedCorner> {
         self.place_clip(self.clip(position))
     }
 
     /// A position in the clip space of the viewport: x, y, z (reversed depth times w) and w.
     #[inline]
-    pub(super) fn clip(&self, position: Vec3) -> Vec4 {
+    pub(crate) fn clip(&self, position: Vec3) -> Vec4 {
         let Vec3 { x, y, z } = position;
         let [x, y, z] = (self.view).map(|row| x * row[0] + (y * row[1] + (z * row[2] + row[3])));
         let [to_x, to_y, to_z, to_w] = self.along.map(|row| z * row[0] + row[1]);
@@ -87,14 +87,14 @@ impl Screen {
         )
     }
 
-    /// As [`Screen::place`], of a position in clip space.
+    /// As [`CornerScreen::place`], of a position in clip space.
     #[inline]
-    pub(super) fn place_clip(&self, clip: Vec4) -> Option<Placed> {
+    pub(crate) fn place_clip(&self, clip: Vec4) -> Option<PlacedCorner> {
         let [x, y, z, w] = clip.to_array();
         let step = |v: f32, axis: usize| {
             ((v / w * 0.5 + 0.5) * self.viewport_px[axis] - self.guard_px) * 256.0
         };
-        (w > 0.0 && z >= 0.0 && z <= w).then(|| Placed {
+        (w > 0.0 && z >= 0.0 && z <= w).then(|| PlacedCorner {
             steps: [step(x, 0), step(y, 1)],
             depth: z / w,
             inverse_w: 1.0 / w,
@@ -102,29 +102,29 @@ impl Screen {
     }
 
     /// Width and height of the viewport, pixels.
-    pub(super) fn viewport_px(&self) -> [f32; 2] {
+    pub(crate) fn viewport_px(&self) -> [f32; 2] {
         self.viewport_px
     }
 
     /// The part of the picture that is drawn: left, top, and one past right and bottom, pixels.
-    pub(super) fn rect_px(&self) -> [u32; 4] {
+    pub(crate) fn rect_px(&self) -> [u32; 4] {
         self.rect_px.map(|edge| edge as u32)
     }
 
     /// Whether triangles whose signed area (clockwise is positive) has this sign are not drawn.
-    pub(super) fn is_dropped(&self, sign: i64) -> bool {
+    pub(crate) fn is_dropped(&self, sign: i64) -> bool {
         sign as f32 == self.dropped_sign
     }
 }
 
 /// Where the device places a corner.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Placed {
+pub(crate) struct PlacedCorner {
     /// Window position, steps of 1/256 pixel, before it is rounded to whole ones.
-    pub(super) steps: [f32; 2],
+    pub(crate) steps: [f32; 2],
     /// Reversed depth.
-    pub(super) depth: f32,
-    pub(super) inverse_w: f32,
+    pub(crate) depth: f32,
+    pub(crate) inverse_w: f32,
 }
 
 /// Triangles whose corners are farther than this many steps apart are left to the device: products of whole numbers stay
@@ -138,10 +138,10 @@ const MOST_PIXELS: f32 = 32.0;
 const FRONT: f64 = 1.5;
 
 /// Triangles that stay such, part by part.
-pub type Rest = Vec<Vec<u32>>;
+pub type LargeTriangles = Vec<Vec<u32>>;
 
 /// Room for the samples of so many triangles on a screen. Where more are found, triangles stay such.
-pub fn room(triangles: usize, screen: &Screen) -> usize {
+pub fn room(triangles: usize, screen: &CornerScreen) -> usize {
     let of_one = room_of_one(triangles, screen);
     let whole = triangles / parallel::PART * part_room(parallel::PART, of_one);
     whole + part_room(triangles % parallel::PART, of_one)
@@ -149,7 +149,7 @@ pub fn room(triangles: usize, screen: &Screen) -> usize {
 
 /// Samples that there is room for of each of so many triangles: one, another for those that cover several pixels, and beyond that
 /// a share of [`FRONT`] times the pixels that are drawn.
-fn room_of_one(triangles: usize, screen: &Screen) -> f64 {
+fn room_of_one(triangles: usize, screen: &CornerScreen) -> f64 {
     let [left, top, right, bottom] = screen.rect_px;
     let pixels = f64::from((right - left) * (bottom - top));
     let share = FRONT * pixels / triangles.max(1) as f64;
@@ -169,8 +169,8 @@ fn part_room(triangles: usize, of_one: f64) -> usize {
 pub fn pack(
     model: &Model,
     ids: &[u32],
-    screen: &Screen,
-    rest: &mut Rest,
+    screen: &CornerScreen,
+    rest: &mut LargeTriangles,
     out: &mut [Splat],
 ) -> usize {
     pack_by(Level::new(), model, ids, screen, (rest, out))
@@ -180,8 +180,8 @@ fn pack_by(
     level: Level,
     model: &Model,
     ids: &[u32],
-    screen: &Screen,
-    (rest, out): (&mut Rest, &mut [Splat]),
+    screen: &CornerScreen,
+    (rest, out): (&mut LargeTriangles, &mut [Splat]),
 ) -> usize {
     rest.resize_with(ids.len().div_ceil(parallel::PART), Vec::new);
     let of_one = room_of_one(ids.len(), screen);
@@ -198,13 +198,13 @@ fn pack_by(
 const BLOCK: usize = 64;
 
 /// Numbers of one kind of a block.
-type Row = [f32; BLOCK];
+type SampleRow = [f32; BLOCK];
 
 /// Where the corners of a block are, axis by axis: written long before they are read as vectors, for which the processor
 /// would wait otherwise.
-struct Positions([[Row; 3]; 3]);
+struct CornerPositions([[SampleRow; 3]; 3]);
 
-impl Positions {
+impl CornerPositions {
     /// Those of up to a block of triangles. What was there before stays after them.
     #[inline(always)]
     fn gather(&mut self, model: &Model, ids: &[u32]) {
@@ -224,13 +224,13 @@ fn part<S: Simd>(
     simd: S,
     model: &Model,
     ids: &[u32],
-    screen: &Screen,
+    screen: &CornerScreen,
     (rest, sink): (&mut Vec<u32>, &mut Sink<'_, Splat>),
 ) {
     let width = <S::f32s as SimdBase<S>>::LEN;
-    let mut positions = Positions([[[0.0; BLOCK]; 3]; 3]);
-    let mut covered = Covered::NOTHING;
-    let mut queue = Queue::new();
+    let mut positions = CornerPositions([[[0.0; BLOCK]; 3]; 3]);
+    let mut covered = CoveredCenters::NOTHING;
+    let mut queue = ShadingQueue::new();
     for (number, block) in ids.chunks(BLOCK).enumerate() {
         positions.gather(model, block);
         for at in (0..block.len()).step_by(width) {

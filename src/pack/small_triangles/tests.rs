@@ -5,15 +5,15 @@ use crate::abi::Vertex;
 use crate::generate::{self, GeneratedShape, ShapeSpec};
 use crate::math::octahedral;
 use crate::pack::for_tests::levels;
+use crate::pack::small_triangles::coverage::LANES;
+use crate::pack::small_triangles::*;
 use crate::progress::Silent;
-use crate::render::cpu::small_triangles::coverage::LANES;
-use crate::render::cpu::small_triangles::*;
 use crate::tree::{self, BuildOptions};
 use bytemuck::Zeroable;
 use glam::DVec3;
 
 /// A view along y from so far away, as the device has it: the near plane, where depth is 1, at a distance of 0.5.
-fn screen(distance: f32, size: u32) -> Screen {
+fn screen(distance: f32, size: u32) -> CornerScreen {
     let frame = FrameConstants {
         view_from_model: [
             [0.8, 0.1, 0.6, 0.0],
@@ -29,7 +29,7 @@ fn screen(distance: f32, size: u32) -> Screen {
         ],
         ..FrameConstants::zeroed()
     };
-    Screen::new(&frame, (size, size), 3, [10, 0, size - 10, size], 1)
+    CornerScreen::new(&frame, (size, size), 3, [10, 0, size - 10, size], 1)
 }
 
 /// Small triangles, needles, triangles of many pixels and none, more samples than there is room for, and what is behind
@@ -54,7 +54,7 @@ fn every_width_of_vectors_writes_the_same_bytes() {
             let screen = screen(distance, size);
             let pack = |level| {
                 let mut out = vec![Splat::zeroed(); room(ids.len(), &screen)];
-                let mut rest = Rest::new();
+                let mut rest = LargeTriangles::new();
                 let count = pack_by(level, &model, &ids, &screen, (&mut rest, &mut out));
                 let bytes: Vec<u8> = bytemuck::cast_slice(&out[..count]).to_vec();
                 (bytes, rest)
@@ -84,7 +84,7 @@ fn there_is_room_where_a_surface_is_seen_from_the_front() {
         let screen = screen(4.0, size);
         let room = room(ids.len(), &screen);
         let mut out = vec![Splat::zeroed(); room];
-        let mut rest = Rest::new();
+        let mut rest = LargeTriangles::new();
         let samples = pack(&model, &ids, &screen, &mut rest, &mut out);
         (samples, rest.iter().flatten().count(), room)
     };
@@ -133,7 +133,7 @@ fn weights_are_those_of_triangles_as_they_are() {
     };
     let mut compared = 0;
     for _ in 0..3000 {
-        let mut positions = Positions([[[0.0; BLOCK]; 3]; 3]);
+        let mut positions = CornerPositions([[[0.0; BLOCK]; 3]; 3]);
         let mut corners = [[[0.0; 3]; 3]; LANES];
         for (lane, corners) in corners.iter_mut().enumerate() {
             let middle = [0, 1, 2].map(|_| 0.6 * next() - 0.3);
@@ -146,7 +146,7 @@ fn weights_are_those_of_triangles_as_they_are() {
             }
         }
         for level in levels() {
-            let mut covered = Covered::NOTHING;
+            let mut covered = CoveredCenters::NOTHING;
             dispatch!(level, simd => covered.ask(simd, &screen, &positions, 0));
             for lane in set_bits(covered.some & covered.known) {
                 let [a, b, c] = corners[lane].map(|corner| in_window(&corner));
@@ -226,7 +226,7 @@ fn what_stands_for_a_pixel_is_at_its_center() {
     }
     let ids: Vec<u32> = (0..mesh.triangles.len() as u32).collect();
     let mut out = vec![Splat::zeroed(); room(ids.len(), &screen)];
-    let count = pack(&mesh, &ids, &screen, &mut Rest::new(), &mut out);
+    let count = pack(&mesh, &ids, &screen, &mut LargeTriangles::new(), &mut out);
     assert!(count > 500, "{count}");
     for splat in &out[..count] {
         let placed = screen.place(splat.center).unwrap();
@@ -280,7 +280,7 @@ fn a_normal_is_as_exact_as_that_of_a_triangle() {
     for level in levels() {
         let (mut worst, mut without) = (0.0f64, 0);
         for round in 0..200 {
-            let mut queue = Queue::new();
+            let mut queue = ShadingQueue::new();
             let vertices: Vec<Vertex> = (round * 40..round * 40 + 39).map(vertex).collect();
             let of = |i: usize| {
                 let corners = [&vertices[i], &vertices[i + 1], &vertices[i + 2]];

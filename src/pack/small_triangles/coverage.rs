@@ -1,6 +1,6 @@
 //! Which pixels triangles cover, a vector of them at a time.
 
-use crate::render::cpu::small_triangles::{MOST_PIXELS, MOST_STEPS, Positions, Screen};
+use crate::pack::small_triangles::{CornerPositions, CornerScreen, MOST_PIXELS, MOST_STEPS};
 use fearless_simd::prelude::*;
 use glam::Vec3;
 
@@ -14,7 +14,7 @@ fn rounded<S: Simd>(v: Numbers<S>) -> Numbers<S> {
 }
 
 /// Corners of some triangles.
-struct Corners<S: Simd> {
+struct TriangleCorners<S: Simd> {
     /// Window position, steps of 1/256 pixel.
     x: Numbers<S>,
     y: Numbers<S>,
@@ -29,10 +29,10 @@ struct Corners<S: Simd> {
 #[inline(always)]
 fn corners<S: Simd>(
     simd: S,
-    screen: &Screen,
-    rows: &[crate::render::cpu::small_triangles::Row; 3],
+    screen: &CornerScreen,
+    rows: &[crate::pack::small_triangles::SampleRow; 3],
     at: usize,
-) -> Corners<S> {
+) -> TriangleCorners<S> {
     let end = at + Numbers::<S>::LEN;
     let [x, y, z] = rows;
     let x = Numbers::<S>::from_slice(simd, &x[at..end]);
@@ -53,7 +53,7 @@ fn corners<S: Simd>(
     let in_window_y = ((y / w * 0.5 + 0.5) * screen.viewport_px[1] - screen.guard_px) * 256.0;
     let (snapped_x, snapped_y) = (rounded::<S>(in_window_x), rounded::<S>(in_window_y));
     let within = w.simd_gt(0.0) & z.simd_ge(0.0) & z.simd_le(w);
-    Corners {
+    TriangleCorners {
         x: snapped_x,
         y: snapped_y,
         off_x: in_window_x - snapped_x,
@@ -80,7 +80,7 @@ pub(super) const LANES: usize = 16;
 
 /// What some triangles cover. Masks have a bit a triangle.
 #[derive(Debug)]
-pub(super) struct Covered {
+pub(super) struct CoveredCenters {
     /// Those that are all there are to ask for; the device decides about others.
     pub(super) known: u64,
     /// Of those, the ones that cover anything.
@@ -97,7 +97,7 @@ pub(super) struct Covered {
     pub(super) inverse_w: [[f32; LANES]; 3],
 }
 
-impl Covered {
+impl CoveredCenters {
     pub(super) const NOTHING: Self = Self {
         known: 0,
         some: 0,
@@ -115,8 +115,8 @@ impl Covered {
     pub(super) fn ask<S: Simd>(
         &mut self,
         simd: S,
-        screen: &Screen,
-        positions: &Positions,
+        screen: &CornerScreen,
+        positions: &CornerPositions,
         at: usize,
     ) {
         let a = corners(simd, screen, &positions.0[0], at);
@@ -203,8 +203,9 @@ impl Covered {
         }
         // What is covered goes by steps, as it does on the device. What is seen there need not: a triangle of 50 steps would be
         // shaded as one that is a fiftieth of its size elsewhere. Of one as thin as a step that is not known any better.
-        let exact =
-            |corner: &Corners<S>| (corner.x - a.x + corner.off_x, corner.y - a.y + corner.off_y);
+        let exact = |corner: &TriangleCorners<S>| {
+            (corner.x - a.x + corner.off_x, corner.y - a.y + corner.off_y)
+        };
         let ((ax, ay), (ex, ey), (fx, fy)) = (exact(&a), exact(&b), exact(&c));
         let exact_area = (ex - ax) * (fy - ay) - (ey - ay) * (fx - ax);
         let is_thick = (exact_area * sign).simd_gt(area * sign * 0.5);
@@ -237,7 +238,7 @@ impl Covered {
 /// needle would be those of a place that is a part of its length away. The pixel: column and row from the first of the triangle.
 #[cold]
 #[inline(never)]
-pub(super) fn in_steps(screen: &Screen, corners: [Vec3; 3], pixel: [f32; 2]) -> [f32; 3] {
+pub(super) fn in_steps(screen: &CornerScreen, corners: [Vec3; 3], pixel: [f32; 2]) -> [f32; 3] {
     let [Some(a), Some(b), Some(c)] = corners.map(|corner| screen.place(corner)) else {
         // What is asked for lies within the view volume.
         return [1.0; 3];

@@ -1,28 +1,28 @@
 //! What of the surface is at the center of a pixel, a vector of them at a time.
 
 use crate::abi::{Splat, Vertex};
-use crate::render::cpu::small_triangles::coverage::LANES;
+use crate::pack::small_triangles::coverage::LANES;
 use fearless_simd::prelude::*;
 
 type Numbers<S> = <S as Simd>::f32s;
 
 /// So many may wait, with room for what a vector of triangles covers.
 const MANY: usize = 64;
-const ROOM: usize = MANY + LANES * crate::render::cpu::small_triangles::MOST_PIXELS as usize;
+const ROOM: usize = MANY + LANES * crate::pack::small_triangles::MOST_PIXELS as usize;
 
-type Row<T> = [T; ROOM];
+type ShadedRow<T> = [T; ROOM];
 
 /// Pixels whose surface is not yet known: numbers of one kind in a row each, corner by corner.
 #[derive(Debug)]
-pub(super) struct Queue {
+pub(super) struct ShadingQueue {
     len: usize,
-    weights: [Row<f32>; 3],
-    positions: [[Row<f32>; 3]; 3],
-    normals: [Row<u32>; 3],
-    colors: [Row<u32>; 3],
+    weights: [ShadedRow<f32>; 3],
+    positions: [[ShadedRow<f32>; 3]; 3],
+    normals: [ShadedRow<u32>; 3],
+    colors: [ShadedRow<u32>; 3],
 }
 
-impl Queue {
+impl ShadingQueue {
     pub(super) fn new() -> Self {
         Self {
             len: 0,
@@ -82,10 +82,10 @@ impl Queue {
 
     /// Those number `at` and on.
     #[inline(always)]
-    fn surface<S: Simd>(&self, simd: S, at: usize) -> Surface {
+    fn surface<S: Simd>(&self, simd: S, at: usize) -> SampledSurface {
         let end = at + Numbers::<S>::LEN;
-        let numbers = |row: &Row<f32>| Numbers::<S>::from_slice(simd, &row[at..end]);
-        let words = |row: &Row<u32>| S::u32s::from_slice(simd, &row[at..end]);
+        let numbers = |row: &ShadedRow<f32>| Numbers::<S>::from_slice(simd, &row[at..end]);
+        let words = |row: &ShadedRow<u32>| S::u32s::from_slice(simd, &row[at..end]);
         let zero = Numbers::<S>::splat(simd, 0.0);
         let one = Numbers::<S>::splat(simd, 1.0);
         let (a, b, c) = (
@@ -95,7 +95,7 @@ impl Queue {
         );
         let sum = a + b + c;
         let w = [a / sum, b / sum, c / sum];
-        let mut surface = Surface {
+        let mut surface = SampledSurface {
             center: [[0.0; LANES]; 3],
             normal: [0; LANES],
             fine: [0; LANES],
@@ -149,7 +149,7 @@ impl Queue {
 }
 
 /// The surface at some pixels, as [`Splat`] has it.
-struct Surface {
+struct SampledSurface {
     center: [[f32; LANES]; 3],
     normal: [u32; LANES],
     fine: [u32; LANES],
