@@ -247,6 +247,8 @@ fn what_is_drawn_stays_the_same() {
             let counted = engine.render(&view, &settings).unwrap();
             let usual = Settings {
                 color_by: ColorBy::Depth,
+                // By the device too, whose depths these are.
+                path: Path::Raster,
                 ..settings
             };
             let usual = engine.render(&view, &usual).unwrap();

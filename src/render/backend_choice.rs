@@ -61,7 +61,7 @@ mod tests {
     #![allow(clippy::unwrap_used, reason = "a failing test panics")]
 
     use super::*;
-    use crate::render::{Method, SplatKind};
+    use crate::render::{Blend, Method, SplatKind};
 
     #[test]
     fn the_processor_draws_what_it_can_and_nobody_insists_on() {
@@ -100,6 +100,13 @@ mod tests {
                 .map(|settings| available.choose(&settings, outputs, [100, 100]).ok());
             assert_eq!(found, wanted, "{available:?}");
         }
+        // Where they are not blended they lie in the plane of the surface, as ellipses do.
+        let flat = Settings {
+            blend: Some(Blend::Opaque),
+            ..fuzzy
+        };
+        let chosen = of(true, true, false).choose(&flat, outputs, [100, 100]);
+        assert_eq!(chosen.ok(), device);
         let error = of(false, true, false).choose(&fuzzy, outputs, [100, 100]);
         assert!(error.unwrap_err().to_string().contains("filtered"));
     }

@@ -1,10 +1,10 @@
 //! What this renderer can draw.
 
 use crate::abi::constants::LARGEST_SMALL_BLENDED_PX;
-use crate::pack::ColorBy;
+use crate::pack::{ColorBy, Footprint};
 use crate::render::PictureOutputs;
 use crate::render::technique::Technique;
-use crate::render::{CutOn, Method, Settings, SplatKind};
+use crate::render::{CutOn, Method, Settings};
 
 /// Longest side of a picture, pixels: beyond it corners of triangles do not fit whole steps.
 pub const LARGEST_SIDE_PX: u32 = 8192;
@@ -28,7 +28,7 @@ pub fn unsupported_reason(
     } else {
         match Technique::of(settings) {
             Technique::Nothing => None,
-            Technique::Opaque if settings.splat == SplatKind::Ellipse => {
+            Technique::Opaque if settings.footprint() == Footprint::Oriented => {
                 Some("it draws no discs in the plane of the surface; use --splat square or disc")
             }
             Technique::Opaque => None,
