@@ -150,7 +150,7 @@ pub struct FrameConstants {
     pub model_scale: f32,
     /// Bits `FLAG_*` of [`constants`].
     pub flags: u32,
-    /// What a pixel shows where nothing is drawn; the last component is 0.
+    /// Color of pixels where nothing is drawn; the last component is 0.
     pub background: [f32; 4],
     /// The lamp in view space: a position (last component 1), or the unit vector towards it (0).
     pub lamp: [f32; 4],

@@ -7,7 +7,7 @@
 //! Of several frames the least counts: other work on the machine only ever adds. Where they differ much, that is not enough,
 //! and at first use nothing is kept.
 //!
-//! It is measured in [`CalibrationPart`]s, at first use of what each decides, so that no shader is compiled that is not drawn with
+//! Costs are measured in [`CalibrationPart`]s, at first use of what each decides, so that no shader is compiled that is not drawn with
 //! anyway; kept in the user's cache folder ([`crate::measure::store`]); and it decides nothing but times: all paths and
 //! primitives draw the same picture.
 

@@ -1,11 +1,11 @@
-//! What drawing costs, for commands that draw.
+//! Costs of drawing, for commands that draw.
 
 use surfel::bench::calibrate;
 use surfel::render::Settings;
 use surfel::render::cost::model::DrawCosts;
 use surfel::render::engine::Backend;
 
-/// What drawing costs on the device that is to draw with these settings, measured now if it never was: the engine's to
+/// Costs of drawing on the device that is to draw with these settings, measured now if they never were: the engine's to
 /// decide by. `None` of the mirror.
 pub(crate) fn costs_of(backend: &Backend, settings: &[Settings]) -> Option<DrawCosts> {
     let decided: Vec<Settings> = (settings.iter())
