@@ -13,6 +13,7 @@ use crate::generate::{self, ShapeSpec};
 use crate::input::{self, Counts, FilePart, Format, InputStream, Warning};
 use crate::math::camera::Camera;
 use crate::mesh::Mesh;
+use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
 use crate::tree::{self, BuildOptions, Model};
@@ -29,7 +30,8 @@ pub struct OpenOptions {
     pub input: input::Options,
     /// Let the first view frame everything, however far off ([`Model::framed`] is then `None`).
     pub frame_all: bool,
-    /// How the tree is built.
+    /// How the tree is built. A crease angle replaces the normals of the file; without one these are kept, and where there
+    /// are none the angle is [`USUAL_CREASE_DEGREES`].
     pub tree: BuildOptions,
 }
 
@@ -174,10 +176,16 @@ pub fn open_with_preview(
     let load_ms = milliseconds_since(start);
     let (model, build_ms) = match found.content {
         Content::Model(model) => (*model, 0.0),
-        Content::Mesh(mesh) => {
+        Content::Mesh(mut mesh) => {
+            let mut building = options.tree;
+            match building.crease_degrees {
+                Some(_) if !mesh.is_cloud() => mesh.normals = Vec::new(),
+                Some(_) => {}
+                None => building.crease_degrees = Some(USUAL_CREASE_DEGREES),
+            }
             on_mesh(&mesh);
             let start = Instant::now();
-            let model = tree::build(mesh, &options.tree, progress)?;
+            let model = tree::build(mesh, &building, progress)?;
             (model, milliseconds_since(start))
         }
     };

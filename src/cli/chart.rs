@@ -1,9 +1,10 @@
 //! `surfel chart`
 
+use super::cameras::parse_size;
 use super::costs::costs_of;
 use super::progress::Bar;
-use super::render::{DeviceArgs, parse_size, validated};
-use super::source::{Framing, Source};
+use super::render::{DeviceArgs, validated};
+use super::source::{Framing, Source, SurfaceArgs};
 use super::{Failure, Outcome, count, print, say, usage, write_text};
 use serde_json::json;
 use std::fmt::Write;
@@ -273,6 +274,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             model: path.clone(),
             weld: args.weld,
             frame: Framing::Robust,
+            surface: SurfaceArgs::default(),
         };
         let ready = source.open_with(&bar)?;
         if ready.model.vertices.is_empty() {

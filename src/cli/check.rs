@@ -1,6 +1,6 @@
 //! `surfel check`
 
-use super::source::{Framing, Source};
+use super::source::{Framing, Source, SurfaceArgs};
 use super::{Failure, Outcome, chain, count, print};
 use serde_json::json;
 use std::fmt::Write;
@@ -35,6 +35,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             model: path.clone(),
             weld: args.weld,
             frame: Framing::Robust,
+            surface: SurfaceArgs::default(),
         };
         let ready = match source.open(quiet) {
             Ok(ready) => ready,

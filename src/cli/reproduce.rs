@@ -2,7 +2,7 @@
 
 use super::progress::Bar;
 use super::render::{DeviceArgs, validated};
-use super::source::{Framing, Source};
+use super::source::{Framing, Source, SurfaceArgs};
 use super::{Failure, Outcome, print, say, usage, write_text};
 use clap::ValueEnum;
 use serde_json::json;
@@ -60,6 +60,7 @@ fn squares(bar: &Bar) -> Result<Vec<(u64, u64)>, Failure> {
                 model: PathBuf::from(format!("generate:square:{triangles}")),
                 weld: false,
                 frame: Framing::Robust,
+                surface: SurfaceArgs::default(),
             };
             let tree = source.open_with(bar)?.model.tree;
             Ok((triangles, (tree.nodes.len() + tree.leaves.len()) as u64))
@@ -95,6 +96,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             model: path.clone(),
             weld: false,
             frame: Framing::Robust,
+            surface: SurfaceArgs::default(),
         };
         let ready = source.open_with(&bar)?;
         if ready.model.vertices.is_empty() {

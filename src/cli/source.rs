@@ -6,13 +6,14 @@ use clap::Args;
 use std::path::PathBuf;
 use surfel::input;
 use surfel::progress::Progress;
+use surfel::tree::BuildOptions;
 use surfel::{OpenOptions, OpenedModel};
 
 /// The model of a command.
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Source {
     /// Model file, - for standard input, generate:SHAPE[:TRIANGLES], or scene:NAME
-    #[arg(value_name = "MODEL")]
+    #[arg(value_name = "MODEL", index = 1)]
     pub(crate) model: PathBuf,
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
@@ -20,6 +21,23 @@ pub(crate) struct Source {
     /// What the first view frames: without what lies far off, or all
     #[arg(long, value_name = "WHAT", default_value = "robust")]
     pub(crate) frame: Framing,
+    #[command(flatten)]
+    pub(crate) surface: SurfaceArgs,
+}
+
+/// How surfaces are shaded where triangles meet.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub(crate) struct SurfaceArgs {
+    /// Edges of more than this angle are sharp; 0 shades each triangle flat, 180 smooths all, both without the file's normals [default: the file's normals, else 40]
+    #[arg(long, value_name = "DEGREES", value_parser = parse_crease)]
+    crease: Option<f32>,
+}
+
+fn parse_crease(text: &str) -> Result<f32, String> {
+    match text.parse() {
+        Ok(degrees) if (0.0..=180.0).contains(&degrees) => Ok(degrees),
+        _ => Err("expected an angle from 0 to 180 degrees".into()),
+    }
 }
 
 /// What the first view frames.
@@ -32,14 +50,17 @@ pub(crate) enum Framing {
 }
 
 /// The options of opening that the arguments ask for.
-pub(crate) fn open_options(weld: bool, frame: Framing) -> OpenOptions {
+pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> OpenOptions {
     OpenOptions {
         input: input::Options {
             weld,
             ..input::Options::default()
         },
         frame_all: frame == Framing::All,
-        ..OpenOptions::default()
+        tree: BuildOptions {
+            crease_degrees: surface.crease,
+            ..BuildOptions::default()
+        },
     }
 }
 
@@ -51,7 +72,7 @@ impl Source {
 
     /// Opens the model, and says what was repaired or left out.
     pub(crate) fn open_with(&self, progress: &dyn Progress) -> Result<OpenedModel, Failure> {
-        let options = open_options(self.weld, self.frame);
+        let options = open_options(self.weld, self.frame, self.surface);
         let opened = surfel::open(&self.model, &options, progress)?;
         for warning in &opened.warnings {
             super::say(&format!("surfel: {}: warning: {warning}", opened.name));

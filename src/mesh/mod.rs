@@ -1,6 +1,7 @@
 //! The triangle mesh or point cloud as loaded: plain arrays, in file order.
 
 mod center;
+pub mod creases;
 pub mod faces;
 pub mod normals;
 pub mod weld;

@@ -38,7 +38,7 @@ pub fn compute(mesh: &mut Mesh, weighting: Weighting) {
     mesh.normals = if mesh.triangles.is_empty() {
         Vec::new()
     } else {
-        of_triangles(mesh, weighting)
+        of_vertices(mesh, weighting)
     };
 }
 
@@ -59,7 +59,7 @@ pub fn complete(mesh: &mut Mesh, weighting: Weighting) -> usize {
     if !mesh.normals.contains(&Vec3::ZERO) {
         return 0;
     }
-    let computed = of_triangles(mesh, weighting);
+    let computed = of_vertices(mesh, weighting);
     let mut set = 0;
     for (normal, new) in mesh.normals.iter_mut().zip(computed) {
         if *normal == Vec3::ZERO && new != Vec3::ZERO {
@@ -88,11 +88,13 @@ impl Sum {
     }
 }
 
+/// Finds the normal of each vertex from its triangles.
+///
 /// The vertices are cut into ranges, one task each, and every task walks all triangles in order but takes only the
 /// corners in its range: no atomics, no merging, one order of addition. Blocks of triangles know the lowest and
 /// highest vertex they name, so that on a mesh with any order in it a task visits little more than its share; on
 /// shuffled triangles every task reads all indices, still cheaper than sorting them.
-fn of_triangles(mesh: &Mesh, weighting: Weighting) -> Vec<Vec3> {
+pub(super) fn of_vertices(mesh: &Mesh, weighting: Weighting) -> Vec<Vec3> {
     let Mesh {
         positions,
         triangles,

@@ -67,6 +67,9 @@ fn options_reach_the_reader() {
     .unwrap();
     let used = |options: &OpenOptions| open(&path, options, &Silent).map(|o| o.model.used_vertices);
     let mut options = OpenOptions::default();
+    // Back to back: both edges and corners that they share are sharp.
+    assert_eq!(used(&options).unwrap(), 6);
+    options.tree.crease_degrees = Some(180.0);
     assert_eq!(used(&options).unwrap(), 4);
     options.input.weld = true;
     assert_eq!(used(&options).unwrap(), 3);
@@ -78,6 +81,39 @@ fn options_reach_the_reader() {
             Err(Error::Input(InputError::TooLarge { limit: 8, .. }))
         ),
         "{found:?}"
+    );
+}
+
+/// A folded sheet whose file says that all its normals point up.
+#[test]
+fn normals_of_a_file_stay_unless_a_crease_angle_is_given() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("fold.obj");
+    let text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 1 0 1\nv 1 1 1\nvn 0 0 1\n\
+        f 1//1 2//1 3//1 4//1\nf 2//1 5//1 6//1 3//1\n";
+    std::fs::write(&path, text).unwrap();
+    let normals = |crease_degrees: Option<f32>| {
+        let mut options = OpenOptions::default();
+        options.tree.crease_degrees = crease_degrees;
+        let model = open(&path, &options, &Silent).unwrap().model;
+        let of = |v: &crate::abi::Vertex| crate::math::octahedral::decode(v.normal);
+        model.vertices.iter().map(of).collect::<Vec<_>>()
+    };
+    let kept = normals(None);
+    assert_eq!(kept.len(), 6);
+    assert!(kept.iter().all(|normal| normal.z > 0.999));
+    let flat = normals(Some(40.0));
+    assert_eq!(flat.len(), 8);
+    assert!(
+        flat.iter()
+            .all(|normal| normal.z > 0.999 || normal.x < -0.999 || normal.x > 0.999)
+    );
+    let smooth = normals(Some(180.0));
+    assert_eq!(smooth.len(), 6);
+    assert!(
+        smooth
+            .iter()
+            .any(|normal| normal.z > 0.4 && normal.z < 0.95)
     );
 }
 

@@ -14,6 +14,7 @@ use super::{
     order, spacing,
 };
 use crate::math::sphere;
+use crate::mesh::creases;
 use crate::mesh::normals::{self, Weighting};
 use crate::mesh::{self, Mesh};
 use crate::progress::Progress;
@@ -21,14 +22,18 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
-/// Choices of the build. There are none at present.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct BuildOptions {}
+/// Choices of the build.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct BuildOptions {
+    /// Angle beyond which an edge of a mesh without normals is sharp, degrees ([`creases::split`]); `None` smooths all.
+    pub crease_degrees: Option<f32>,
+    /// Leave the model-space zero where the mesh has it, however far that is.
+    pub keeps_origin: bool,
+}
 
 /// Builds the tree. Colors and normals of nodes are means weighted by area; colors are averaged as the values they are
-/// (value / 255, no decoding), as pictures are. Vertex normals that are missing or zero are computed (area-weighted) if the mesh has triangles; a cloud
-/// without normals stays without.
+/// (value / 255, no decoding), as pictures are. Vertex normals that are missing or zero are computed (area-weighted, vertices
+/// on sharp edges split) if the mesh has triangles; a cloud without normals stays without.
 ///
 /// What lies far from the model-space zero is moved to it first ([`mesh::recenter`]); the world positions stay.
 ///
@@ -43,7 +48,7 @@ pub struct BuildOptions {}
 /// cancelled.
 pub fn build(
     mut mesh: Mesh,
-    _options: &BuildOptions,
+    options: &BuildOptions,
     progress: &dyn Progress,
 ) -> Result<Model, Error> {
     let is_cloud = mesh.is_cloud();
@@ -90,7 +95,9 @@ pub fn build(
 
     // The leaves travel in the memory in which they will stay.
     progress.stage("bounding triangles", count as u64);
-    mesh::recenter(&mut mesh);
+    if !options.keeps_origin {
+        mesh::recenter(&mut mesh);
+    }
     let mut leaves = AlignedRecords::<Leaf>::zeroed(count);
     leaf_centers(&mesh, bytemuck::cast_slice_mut(&mut leaves))?;
     progress.advance(count as u64);
@@ -116,8 +123,10 @@ pub fn build(
         level_starts.push(level_starts[level_starts.len() - 1] + level.len() as u32);
     }
     // Both go through long lists one by one for most of their time.
-    let (arranged, (parents, first_leaf)) =
-        rayon::join(|| arrange(mesh, &leaves), || links(&shape, &level_starts));
+    let (arranged, (parents, first_leaf)) = rayon::join(
+        || arrange(mesh, &leaves, options),
+        || links(&shape, &level_starts),
+    );
     let ArrangedMesh { mut model, normals } = arranged?;
     progress.advance(count as u64);
     check_stop()?;
@@ -249,7 +258,10 @@ struct ArrangedMesh {
 }
 
 /// Triangles in tree order, vertices in the order of their first use; frees the mesh.
-fn arrange(mut mesh: Mesh, leaves: &[Leaf]) -> Result<ArrangedMesh, Error> {
+fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<ArrangedMesh, Error> {
+    if let Some(degrees) = options.crease_degrees {
+        creases::split(&mut mesh, degrees);
+    }
     normals::complete(&mut mesh, Weighting::Area);
     let items: &[SortItem] = bytemuck::cast_slice(leaves);
     let (triangles, old_of_new, used) = if mesh.triangles.is_empty() {
