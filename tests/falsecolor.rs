@@ -183,7 +183,7 @@ fn the_depth_of_a_tilted_plane_is_a_ramp() {
     let view = tilted(2.0);
     let radius = 0.5f32.hypot(0.5);
     let range = [2.0 - radius, 2.0 + radius];
-    let ours = falsecolor::depth_range(&model, &view);
+    let ours = falsecolor::depth_range(model.orbit_center, model.orbit_radius, &view);
     assert!(
         (0..2).all(|i| (ours[i] - range[i]).abs() < 1e-5),
         "{ours:?}"

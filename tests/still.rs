@@ -469,7 +469,7 @@ fn what_was_predicted_for_other_settings_is_not_drawn() {
         for (foreseen, drawn) in [(square, square), (square, disc), (disc, square)] {
             let ahead = stand
                 .renderer
-                .predict(&model, &stand.scene, &view, &foreseen);
+                .predict(&[&model], &stand.scene, &view, &foreseen);
             assert!(ahead.counts.nodes_visited > 0);
             let before = stand.renderer.nodes_visited();
             let times = stand.draw(&view, &drawn);

@@ -29,6 +29,9 @@ fn render(arguments: &[&str], file: &Path) -> image::RgbImage {
     // Both ways to draw differ by a level here and there.
     command.env("SURFEL_CALIBRATE", "off");
     command.arg("render").args(arguments);
+    if !arguments.contains(&"--samples") {
+        command.args(["--samples", "1"]);
+    }
     command.args(["-o", file.to_str().unwrap()]);
     must_succeed(&run(&mut command));
     load(file)

@@ -39,7 +39,7 @@ impl<'m> Window<'m> {
 
     fn draw(&mut self, view: &View, settings: &Settings) -> FrameTimes {
         let shown = ShownModel {
-            model: self.model,
+            models: &[self.model],
             scene: &mut self.scene,
         };
         let submitted = self.renderer.submit(shown, view, settings, nowhere());
@@ -147,7 +147,7 @@ fn who_is_insisted_on_draws_or_says_why_not() {
     let mut window = Window::new(&device, &model, WindowBackend::Cpu);
     assert!(window.draw(&view, &square).host_ms > 0.0);
     let shown = ShownModel {
-        model: &model,
+        models: &[&model],
         scene: &mut window.scene,
     };
     let gauss = of_splat(SplatKind::Gauss, 2.0);
@@ -168,7 +168,7 @@ fn what_was_predicted_is_drawn_of_the_same_settings_alone() {
     let mut window = Window::new(&device, &model, WindowBackend::Cpu);
     for (predicted, drawn) in [(square, square), (square, disc), (disc, square)] {
         let shown = ShownModel {
-            model: &model,
+            models: &[&model],
             scene: &mut window.scene,
         };
         let ahead = window.renderer.predict(&shown, &view, &predicted);

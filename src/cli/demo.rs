@@ -1,8 +1,9 @@
 //! `surfel demo`
 
+use super::cameras::orbit_camera;
 use super::costs::costs_of;
-use super::render::{DeviceArgs, orbit_camera, validated};
-use super::source::{Framing, Source};
+use super::render::{DeviceArgs, validated};
+use super::source::{Framing, Source, SurfaceArgs};
 use super::{Failure, Outcome, count, say};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
@@ -27,7 +28,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "MODEL", default_value = "generate:statue:2000000")]
     model: PathBuf,
     /// Size of each picture in pixels
-    #[arg(long, value_name = "WxH", default_value = "500x500", value_parser = super::render::parse_size)]
+    #[arg(long, value_name = "WxH", default_value = "500x500", value_parser = super::cameras::parse_size)]
     size: (u32, u32),
     /// Frames timed for each picture
     #[arg(long, value_name = "N", default_value_t = 9, value_parser = clap::value_parser!(u32).range(1..=1000))]
@@ -142,6 +143,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         model: args.model.clone(),
         weld: false,
         frame: Framing::Robust,
+        surface: SurfaceArgs::default(),
     };
     let ready = source.open(quiet)?;
     let model = &ready.model;

@@ -4,6 +4,7 @@
 mod auto;
 mod bench;
 mod build;
+mod cameras;
 mod chart;
 mod check;
 mod compare;

@@ -1,8 +1,9 @@
 //! `surfel motion`
 
+use super::cameras::{CameraArgs, orbit_cameras, parse_orbit};
 use super::look::LookArgs;
 use super::progress::Bar;
-use super::render::{CameraArgs, DeviceArgs, orbit_cameras, parse_orbit, validated};
+use super::render::{DeviceArgs, validated};
 use super::source::Source;
 use super::stats::{device_of, settings_of};
 use super::{Failure, Outcome, print, usage, write_text};
@@ -205,7 +206,13 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let fits_planes = camera.is_none();
     let start = match camera {
         Some(camera) => camera,
-        None => orbit_cameras(&ready, args.camera.size(), args.orbit, 1).remove(0),
+        None => orbit_cameras(
+            ready.model.orbit_sphere(),
+            args.camera.size(),
+            args.orbit,
+            1,
+        )
+        .remove(0),
     };
     let steps = MotionSteps {
         path: args.along.into(),

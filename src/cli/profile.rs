@@ -1,9 +1,10 @@
 //! `surfel profile`
 
+use super::cameras::{CameraArgs, orbit_cameras, parse_orbit};
 use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::Bar;
-use super::render::{CameraArgs, DeviceArgs, orbit_cameras, parse_orbit, validated};
+use super::render::{DeviceArgs, validated};
 use super::source::Source;
 use super::stats::{device_of, settings_of};
 use super::{Failure, Outcome, bytes, count, print, say, usage, write_text};
@@ -96,7 +97,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let ready = args.source.open(quiet)?;
     let cameras = match camera {
         Some(camera) => vec![camera; args.frames as usize],
-        None => orbit_cameras(&ready, args.camera.size(), args.orbit, args.frames),
+        None => orbit_cameras(
+            ready.model.orbit_sphere(),
+            args.camera.size(),
+            args.orbit,
+            args.frames,
+        ),
     };
     let size = (cameras[0].width, cameras[0].height);
     let views = cameras

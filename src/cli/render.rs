@@ -1,6 +1,7 @@
 //! `surfel render`
 
 use super::auto::AutoArgs;
+use super::cameras::{orbit_cameras, parse_orbit, parse_size, read_camera, resized};
 use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
@@ -11,16 +12,16 @@ use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::gpu::{DeviceOptions as GpuOptions, Error as GpuError, Gpu};
 use surfel::image::{FloatImage, Image};
-use surfel::math::camera::Camera;
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
-use surfel::render::PictureOutputs;
 use surfel::render::engine::{Backend, Engine};
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::OverdrawSummary;
 use surfel::render::vulkan::overdraw;
 #[cfg(feature = "viewer")]
 use surfel::render::window_renderer::WindowBackend;
+use surfel::render::{Method, PictureOutputs, Settings, SplatKind};
+use surfel::tree::OrbitSphere;
 
 /// Backends that can be asked for.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -130,6 +131,7 @@ Examples:
   surfel render horse.ply --frames 36 --stats -          times only
   surfel render horse.ply -o horse.png --backend cpu     without Vulkan
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
+  surfel render house.ply trees.ply -o place.png         several models in one picture
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 
 /// Draw a model into a picture file.
@@ -140,6 +142,9 @@ Examples:
 pub(crate) struct Args {
     #[command(flatten)]
     source: Source,
+    /// More models, drawn in the same picture
+    #[arg(value_name = "MODEL", index = 2)]
+    more: Vec<PathBuf>,
     /// Draw a built-in scene with its own camera, picture size and threshold, unless those are given; `list` lists them
     #[arg(long, value_name = "NAME", conflicts_with = "model")]
     scene: Option<String>,
@@ -174,9 +179,9 @@ pub(crate) struct Args {
     look: LookArgs,
     #[command(flatten)]
     auto: AutoArgs,
-    /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    samples: u32,
+    /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64 [default: 16, or 64 where those differ much; 1 with --depth, --normals, --scene and colors that are data]
+    #[arg(long, value_name = "N")]
+    samples: Option<u32>,
     /// Draw N views of the standard orbit in one process (azimuth (k + 1/2) 360/N degrees)
     #[arg(long, value_name = "N", default_value_t = 1, conflicts_with = "camera")]
     frames: u32,
@@ -185,33 +190,6 @@ pub(crate) struct Args {
     stats: Option<PathBuf>,
     #[command(flatten)]
     device: DeviceArgs,
-}
-
-pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
-    let sides = text
-        .split_once('x')
-        .and_then(|(w, h)| Some((w.parse().ok()?, h.parse().ok()?)));
-    match sides {
-        Some((w, h)) if (1..=16_384).contains(&w) && (1..=16_384).contains(&h) => Ok((w, h)),
-        Some(_) => Err("each side must be 1 to 16384 pixels".into()),
-        None => Err("expected width x height such as 1024x768".into()),
-    }
-}
-
-pub(crate) fn parse_orbit(text: &str) -> Result<[f64; 3], String> {
-    let numbers: Option<Vec<f64>> = text.split(',').map(|p| p.trim().parse().ok()).collect();
-    let [azimuth, elevation, fill] = match numbers.as_deref() {
-        Some(&[a, e]) => [a, e, 1.0],
-        Some(&[a, e, f]) => [a, e, f],
-        _ => return Err("expected AZIMUTH,ELEVATION or AZIMUTH,ELEVATION,FILL".into()),
-    };
-    if !azimuth.is_finite() || !(-90.0..=90.0).contains(&elevation) {
-        return Err("the azimuth must be finite and the elevation -90 to 90 degrees".into());
-    }
-    if !(fill > 1e-6 && fill <= 1e4) {
-        return Err("the fill must be above 0 (1 fills the picture)".into());
-    }
-    Ok([azimuth, elevation, fill])
 }
 
 pub(crate) fn ending(path: &Path) -> String {
@@ -243,104 +221,20 @@ fn numbered(path: &Path, frame: u32, frames: u32) -> PathBuf {
     path.with_file_name(format!("{stem}-{frame:0digits$}.{extension}"))
 }
 
-/// The size of the picture, and a camera file.
-#[derive(Debug, Clone, ClapArgs)]
-pub(crate) struct CameraArgs {
-    /// Size of the picture in pixels [default: 500x500, or the camera's]
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
-    size: Option<(u32, u32)>,
-    /// Camera file to begin with (JSON: width, height, view, proj)
-    #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
-    camera: Option<PathBuf>,
-}
-
-impl CameraArgs {
-    /// The camera of the file, in the size asked for; none where an orbit decides.
-    pub(crate) fn read(&self) -> Result<Option<Camera>, Failure> {
-        let camera = self.camera.as_deref().map(read_camera).transpose()?;
-        camera.map(|camera| resized(camera, self.size)).transpose()
-    }
-
-    /// The size asked for.
-    pub(crate) fn size(&self) -> Option<(u32, u32)> {
-        self.size
-    }
-}
-
-/// The camera of `orbit` for a model.
-pub(crate) fn orbit_camera(
-    ready: &OpenedModel,
-    size: (u32, u32),
-    [azimuth, elevation, fill]: [f64; 3],
-) -> Camera {
-    let (azimuth, elevation) = (azimuth.to_radians(), elevation.to_radians());
-    ready.model.orbit_camera(size, azimuth, elevation, fill)
-}
-
-/// Reads a camera file; every error names it.
-pub(crate) fn read_camera(path: &Path) -> Result<Camera, Failure> {
-    Camera::read(path).map_err(|error| match error {
-        error @ surfel::math::camera::Error::Value(_) => {
-            Failure::Input(anyhow::Error::new(error).context(path.display().to_string()))
-        }
-        other => other.into(),
-    })
-}
-
-/// The camera of a file, in the size asked for.
-fn resized(mut camera: Camera, size: Option<(u32, u32)>) -> Result<Camera, Failure> {
-    if let Some((width, height)) = size {
-        if u64::from(width) * u64::from(camera.height)
-            != u64::from(height) * u64::from(camera.width)
-        {
-            return Err(usage(format!(
-                "--size {width}x{height} has another shape than the camera's {}x{}",
-                camera.width, camera.height
-            )));
-        }
-        (camera.width, camera.height) = (width, height);
-    }
-    Ok(camera)
-}
-
-/// `frames` cameras of the standard orbit, or the one of `--orbit`.
-pub(crate) fn orbit_cameras(
-    ready: &OpenedModel,
-    size: Option<(u32, u32)>,
-    orbit: Option<[f64; 3]>,
-    frames: u32,
-) -> Vec<Camera> {
-    let size = size.unwrap_or((500, 500));
-    if frames == 1 {
-        return vec![orbit_camera(
-            ready,
-            size,
-            orbit.unwrap_or([30.0, 20.0, 1.0]),
-        )];
-    }
-    let [azimuth, elevation, fill] = orbit.unwrap_or([0.0, 20.0, 1.0]);
-    (0..frames)
-        .map(|k| {
-            let turn = (f64::from(k) + 0.5) * 360.0 / f64::from(frames);
-            orbit_camera(ready, size, [azimuth + turn, elevation, fill])
-        })
-        .collect()
-}
-
 impl Args {
     fn check(&self) -> Outcome {
         require_ending("--output", self.output.as_ref(), &["png", "exr"])?;
         require_ending("--depth", self.depth.as_ref(), &["exr", "npy"])?;
         require_ending("--normals", self.normals.as_ref(), &["exr"])?;
         require_ending("--coverage", self.coverage.as_ref(), &["png"])?;
-        let root = f64::from(self.samples).sqrt().round() as u32;
-        if self.samples == 0 || root * root != self.samples || self.samples > 64 {
+        let samples = self.samples.unwrap_or(1);
+        let root = f64::from(samples).sqrt().round() as u32;
+        if samples == 0 || root * root != samples || samples > 64 {
             return Err(usage(format!(
-                "--samples {}: expected a square from 1 to 64",
-                self.samples
+                "--samples {samples}: expected a square from 1 to 64"
             )));
         }
-        if self.samples > 1 && (self.depth.is_some() || self.normals.is_some()) {
+        if samples > 1 && (self.depth.is_some() || self.normals.is_some()) {
             return Err(usage(
                 "--depth and --normals are those of one sample at the pixel center; leave --samples out",
             ));
@@ -365,7 +259,40 @@ impl Args {
                 "nothing to write: give -o FILE.png (or --depth, --normals, --coverage, --stats)",
             ));
         }
-        super::check_outputs(&paths, &self.source.model)
+        if !self.more.is_empty() && self.look.is_auto() {
+            return Err(usage(
+                "--method auto chooses for one model; name a method for several",
+            ));
+        }
+        for model in [&self.source.model].into_iter().chain(&self.more) {
+            super::check_outputs(&paths, model)?;
+        }
+        Ok(())
+    }
+
+    /// Opens the models after the first, and moves them to the space of that.
+    fn open_others(&self, first: &OpenedModel, quiet: bool) -> Result<Vec<OpenedModel>, Failure> {
+        let mut others = Vec::with_capacity(self.more.len());
+        for path in &self.more {
+            let source = Source {
+                model: path.clone(),
+                ..self.source.clone()
+            };
+            let mut other = source.open(quiet)?;
+            let moving = Bar::new(quiet);
+            other.model = (other.model).moved_to(first.model.origin, &moving)?;
+            others.push(other);
+        }
+        Ok(others)
+    }
+
+    /// Whether the picture has as many samples as it takes to be smooth: nobody says how many, and it shows what is seen
+    /// rather than data.
+    fn is_smooth(&self, settings: &Settings) -> bool {
+        let shows_light = matches!(settings.color_by, ColorBy::Shading | ColorBy::Primitive);
+        let is_single = self.depth.is_some() || self.normals.is_some() || self.scene.is_some();
+        let is_named = self.samples.is_some() || self.look.is_auto();
+        !is_named && shows_light && !is_single && self.wants_picture()
     }
 
     fn wants_picture(&self) -> bool {
@@ -413,6 +340,10 @@ fn tell_overdraw(times: &[FrameTimes]) {
     }
 }
 
+/// Threshold of smooth pictures of surfaces by squares, pixels. Splats of a pixel would widen what their samples share;
+/// of smaller ones those that contain no sample are dropped, so that they cost no more.
+const SMOOTH_THRESHOLD_PX: f32 = 0.125;
+
 enum Picture {
     Single(Image),
     Mean(FloatImage),
@@ -431,7 +362,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     args.auto.check(args.look.is_auto())?;
     args.look.default_eye_dome();
     let mut settings = args.look.settings_to_choose()?;
-    if args.samples > 1 && settings.color_by == ColorBy::Overdraw {
+    if args.samples.is_some_and(|samples| samples > 1) && settings.color_by == ColorBy::Overdraw {
         return Err(usage(
             "--color-by overdraw: a mean of the colors of counts is the color of no count; leave --samples out",
         ));
@@ -444,6 +375,12 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         ));
     }
     let ready = args.source.open(quiet)?;
+    let others = args.open_others(&ready, quiet)?;
+    let mut models = vec![&ready.model];
+    models.extend(others.iter().map(|other| &other.model));
+    let sphere = (models.iter().map(|model| model.orbit_sphere()))
+        .reduce(OrbitSphere::joined)
+        .unwrap_or_else(|| ready.model.orbit_sphere());
     // A scene that is named as a model is looked at as any model.
     let scene = ready.scene.as_ref().filter(|_| args.scene.is_some());
     if let Some(scene) = scene
@@ -452,13 +389,19 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         args.look.default_threshold(scene.threshold_px);
         settings = args.look.settings_to_choose()?;
     }
+    let is_smooth = args.is_smooth(&settings);
+    let has_squares = settings.method == Method::Pop && settings.splat == SplatKind::Square;
+    if is_smooth && has_squares && ready.model.kind().is_surface() {
+        args.look.default_threshold(SMOOTH_THRESHOLD_PX);
+        settings = args.look.settings_to_choose()?;
+    }
     // Another view of the scene is one of its model.
     let is_its_own = args.camera.is_none() && args.orbit.is_none() && args.frames == 1;
     let own = scene.filter(|_| is_its_own).map(|s| s.camera.clone());
     let camera = read.or(own);
     let cameras = match camera {
         Some(camera) => vec![resized(camera, args.size)?],
-        None => orbit_cameras(&ready, args.size, args.orbit, args.frames),
+        None => orbit_cameras(sphere, args.size, args.orbit, args.frames),
     };
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);
@@ -467,7 +410,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         normal: args.normals.is_some(),
         values: false,
     };
-    let mut engine = Engine::new(&backend, &ready.model, size, outputs)?;
+    let mut engine = Engine::of_models(&backend, &models, size, outputs)?;
     let views = cameras
         .iter()
         .map(|c| c.view(ready.model.origin))
@@ -501,11 +444,13 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         }
         times.push(engine.draw(view, &settings)?);
         if args.wants_picture() {
-            let picture = if args.samples > 1 {
-                let k = f64::from(args.samples).sqrt().round() as u32;
-                Picture::Mean(engine.supersample(view, &settings, k)?)
-            } else {
-                Picture::Single(engine.read(view)?)
+            let picture = match args.samples {
+                None if is_smooth => Picture::Mean(engine.smooth(view, &settings)?),
+                None | Some(1) => Picture::Single(engine.read(view)?),
+                Some(samples) => {
+                    let k = f64::from(samples).sqrt().round() as u32;
+                    Picture::Mean(engine.supersample(view, &settings, k)?)
+                }
             };
             args.write_picture(&picture, index as u32)?;
         }
@@ -516,7 +461,10 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         tell_overdraw(&times);
     }
     if let Some(path) = &args.stats {
-        let stats = super::stats::of(&ready, &backend, &settings, size, &times);
+        let mut stats = super::stats::of(&ready, &backend, &settings, size, &times);
+        if !others.is_empty() {
+            stats["more_models"] = others.iter().map(super::info::facts).collect();
+        }
         let text = serde_json::to_string_pretty(&stats).map_err(|e| Failure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
@@ -526,23 +474,6 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn values_of_options_are_read_as_documented() {
-        assert_eq!(parse_size("1024x768"), Ok((1024, 768)));
-        assert!(
-            parse_size("0x5").is_err()
-                && parse_size("5").is_err()
-                && parse_size("99999x1").is_err()
-        );
-        assert_eq!(parse_orbit("30,20"), Ok([30.0, 20.0, 1.0]));
-        assert_eq!(parse_orbit("-30,-20,0.5"), Ok([-30.0, -20.0, 0.5]));
-        assert!(
-            parse_orbit("1,91,1").is_err()
-                && parse_orbit("1,2,0").is_err()
-                && parse_orbit("x").is_err()
-        );
-    }
 
     #[test]
     fn frames_are_numbered_only_when_there_are_several() {

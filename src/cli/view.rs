@@ -1,9 +1,10 @@
 //! `surfel MODEL`
 
+use super::cameras::{parse_orbit, parse_size, read_camera};
 use super::look::LookArgs;
 use super::progress::is_interrupted;
-use super::render::{DeviceArgs, parse_orbit, parse_size, read_camera, require_ending};
-use super::source::{Framing, open_options};
+use super::render::{DeviceArgs, require_ending};
+use super::source::{Framing, SurfaceArgs, open_options};
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -27,14 +28,19 @@ enum Switch {
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
     /// Model to look at in a window: a file, - for standard input, or generate:SHAPE[:TRIANGLES] [default: a generated statue]
-    #[arg(value_name = "MODEL")]
+    #[arg(value_name = "MODEL", index = 1)]
     model: Option<PathBuf>,
+    /// More models, shown with the first
+    #[arg(value_name = "MODEL", index = 2)]
+    more: Vec<PathBuf>,
     /// Merge vertices that are equal in position, normal and color
     #[arg(long)]
     weld: bool,
     /// What the first view frames: without what lies far off, or all
     #[arg(long, value_name = "WHAT", default_value = "robust")]
     frame: Framing,
+    #[command(flatten)]
+    surface: SurfaceArgs,
     #[command(flatten)]
     look: LookArgs,
     /// Size of the window [default: as it was left, or 1024x768]
@@ -178,7 +184,8 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let options = ViewerOptions {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
-        opening: open_options(args.weld, args.frame),
+        more: args.more,
+        opening: open_options(args.weld, args.frame, args.surface),
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,
         ui_scale: args.ui_scale,

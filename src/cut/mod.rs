@@ -152,7 +152,7 @@ pub struct CutStats {
 
 impl CutStats {
     /// Adds those of another part of the tree.
-    fn add(&mut self, more: &Self) {
+    pub(crate) fn add(&mut self, more: &Self) {
         self.visited += more.visited;
         self.outside += more.outside;
         self.facing_away += more.facing_away;

@@ -59,6 +59,32 @@ impl Accumulator {
         Ok(())
     }
 
+    /// Adds all pictures of another accumulator.
+    ///
+    /// # Errors
+    /// [`Error::Size`] when its pictures have another size; the sums stay as they were.
+    pub fn join(&mut self, other: &Self) -> Result<(), Error> {
+        match (self.count, other.count) {
+            (_, 0) => return Ok(()),
+            (0, _) => *self = other.clone(),
+            _ if (self.width, self.height) != (other.width, other.height) => {
+                return Err(Error::Size {
+                    first: [self.width, self.height],
+                    second: [other.width, other.height],
+                });
+            }
+            _ => {
+                for (sum, more) in self.sum.iter_mut().zip(&other.sum) {
+                    for (s, v) in sum.iter_mut().zip(more) {
+                        *s += v;
+                    }
+                }
+                self.count += other.count;
+            }
+        }
+        Ok(())
+    }
+
     /// The mean color and covered fraction; an empty picture when nothing was added.
     pub fn mean(&self) -> FloatImage {
         let scale = 255.0 * UNITS * f64::from(self.count.max(1));

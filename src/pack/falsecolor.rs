@@ -6,7 +6,7 @@
 
 use crate::abi::constants::MOST_OVERDRAW;
 use crate::math::camera::View;
-use crate::tree::{Model, Tree};
+use crate::tree::Tree;
 use glam::Vec3;
 
 /// Where on the ramp leaves are: triangles, and splats of single leaves.
@@ -53,11 +53,11 @@ pub fn of_normal(normal: Vec3) -> [f32; 3] {
     (normal * 0.5 + Vec3::splat(0.5)).to_array()
 }
 
-/// The distances along the view direction, in view space, between which the ramp goes: those of the bounding sphere of
-/// the model, what lies before the near plane left out.
-pub fn depth_range(model: &Model, view: &View) -> [f32; 2] {
-    let middle = view.distance(model.orbit_center);
-    let radius = model.orbit_radius * view.model_scale;
+/// The distances along the view direction, in view space, between which the ramp goes: those of a sphere around
+/// everything (model space), what lies before the near plane left out.
+pub fn depth_range(center: Vec3, radius: f32, view: &View) -> [f32; 2] {
+    let middle = view.distance(center);
+    let radius = radius * view.model_scale;
     let near = if view.is_perspective {
         (middle - radius).max(view.near)
     } else {

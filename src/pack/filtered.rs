@@ -56,7 +56,7 @@ use crate::pack::filtered::triangle_patches::Triangle;
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
-use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::pack::{ColorBy, Lighting, Phong, Source};
 use crate::tree::{Leaf, Model, Node, Tree};
 use glam::{Vec3, Vec4};
 use prefetch_index::prefetch_index;
@@ -96,6 +96,8 @@ pub struct Shade {
     pub use_colors: bool,
     /// What decides the color.
     pub color_by: ColorBy,
+    /// Distances of [`ColorBy::Depth`]: [`falsecolor::depth_range`](crate::pack::falsecolor::depth_range).
+    pub depth_range: [f32; 2],
     /// How surfaces are lit; positions in model space.
     pub light: Lighting,
 }
@@ -115,8 +117,6 @@ struct Eye<'a> {
     /// To the right and up in the picture, unit vectors in model space.
     right: Vec3,
     up: Vec3,
-    /// [`falsecolor::depth_range`].
-    depth_range: [f32; 2],
     /// What surfaces make of the lamp, and the lamp; none with the headlight.
     lamp: Option<(Phong, Source)>,
 }
@@ -236,7 +236,6 @@ pub fn write(
         offset_px: shade.depth_offset,
         right: axis(0),
         up: axis(1),
-        depth_range: falsecolor::depth_range(model, view),
         lamp: match shade.light {
             Lighting::Headlight => None,
             Lighting::Phong(phong) => Some((phong, phong.lamp.in_model(view))),

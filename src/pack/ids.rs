@@ -32,7 +32,7 @@ pub fn pack(
     out: &mut [SplatId],
 ) -> Packed {
     // Then nothing but the number decides where it goes.
-    let is_plain = plan.fits_always(model) && plan.size == SizeMetric::Exact;
+    let is_plain = plan.fits_always(model.kind()) && plan.size == SizeMetric::Exact;
     if !is_plain {
         return splats::pack(model, cut, view, plan, out);
     }

@@ -8,7 +8,7 @@ use crate::math::octahedral;
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
 use crate::pack::{Footprint, falsecolor};
-use crate::tree::{Leaf, Model, Node, NodeAttributes};
+use crate::tree::{Leaf, Model, ModelKind, Node, NodeAttributes};
 use glam::Vec3;
 use prefetch_index::prefetch_index;
 
@@ -97,22 +97,22 @@ impl Plan {
     ///
     /// A node is a splat when the ellipse of its ball has a major axis of at most the threshold t. Its disc lies in
     /// that ball, and the ellipse contains the projected center: the footprint reaches at most t from there.
-    pub(crate) fn fits_always(&self, model: &Model) -> bool {
+    pub(crate) fn fits_always(&self, kind: ModelKind) -> bool {
         self.bound_px() <= self.max_point_px
             && !self.draws_large_leaves
             && self.cut_view.is_none()
             && (self.footprint != Footprint::Oriented || self.size == SizeMetric::Exact)
-            && model.kind().is_surface()
+            && kind.is_surface()
     }
 
     /// Whether no splat has a radius of its own. Of a leaf that is small by [`SizeMetric::Exact`] the size at its center
     /// is at most the threshold too.
-    pub(crate) fn has_one_size(&self, model: &Model) -> bool {
+    pub(crate) fn has_one_size(&self, kind: ModelKind) -> bool {
         self.footprint != Footprint::Oriented
             && self.size == SizeMetric::Exact
             && !self.draws_large_leaves
             && self.cut_view.is_none()
-            && model.kind().is_surface()
+            && kind.is_surface()
     }
 
     fn bound_px(&self) -> f32 {
@@ -129,8 +129,8 @@ impl Plan {
 
     /// Largest side of a point of this plan, pixels: half of it must fit between the picture and the border of the
     /// view volume, or centers beside the picture are lost.
-    pub fn largest_point_px(&self, model: &Model) -> f32 {
-        if self.fits_always(model) {
+    pub fn largest_point_px(&self, kind: ModelKind) -> f32 {
+        if self.fits_always(kind) {
             self.bound_px()
         } else {
             self.max_point_px
@@ -326,7 +326,7 @@ impl<'a> Writer<'a> {
             view,
             plan,
             is_oriented: plan.footprint == Footprint::Oriented,
-            is_checked: !plan.fits_always(model),
+            is_checked: !plan.fits_always(model.kind()),
             has_triangles: model.kind().is_surface(),
         }
     }

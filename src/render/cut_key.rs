@@ -4,6 +4,7 @@ use crate::cut;
 use crate::cut::SizeMetric;
 use crate::math::camera::View;
 use crate::pack::Footprint;
+use crate::render::model_facts::DrawnFacts;
 use crate::render::technique::Technique;
 use crate::render::{Method, Occlusion, Path, Settings, SplatKind, Traversal};
 use crate::tree::Model;
@@ -21,10 +22,11 @@ pub(crate) fn knows_footprints(settings: &Settings) -> bool {
 }
 
 /// The cut settings of a frame.
-pub fn cut_settings(settings: &Settings, model: &Model) -> cut::CutSettings {
+pub fn cut_settings(settings: &Settings, facts: impl Into<DrawnFacts>) -> cut::CutSettings {
+    let facts = facts.into();
     cut::CutSettings {
         threshold_px: settings.threshold_px,
-        cull_back: settings.culls_back(model.is_closed) && model.kind().is_surface(),
+        cull_back: settings.culls_back(facts.is_closed) && facts.kind.is_surface(),
         cull_frustum: true,
         size: settings.size,
     }
@@ -37,7 +39,7 @@ pub fn cut_settings(settings: &Settings, model: &Model) -> cut::CutSettings {
 /// however fine they are. Points of a cloud are no surface that others would close: none is left out.
 ///
 /// `Auto` leaves large ones alone: few of them fall into one pixel, and to look at all of their pixels costs what is saved.
-fn footprints(settings: &Settings, model: &Model) -> Option<cut::SplatFootprints> {
+fn footprints(settings: &Settings, facts: &DrawnFacts) -> Option<cut::SplatFootprints> {
     let is_wanted = match settings.occlusion {
         Occlusion::Auto => {
             let is_costly = settings.splat == SplatKind::Square
@@ -47,7 +49,7 @@ fn footprints(settings: &Settings, model: &Model) -> Option<cut::SplatFootprints
         Occlusion::On => true,
         Occlusion::Off => false,
     };
-    let is_cloud = !model.kind().is_surface();
+    let is_cloud = !facts.kind.is_surface();
     // A disc of this diameter contains a pixel's center wherever it lies.
     let may_miss = settings.threshold_px < std::f32::consts::SQRT_2 && !is_cloud;
     (knows_footprints(settings) && (is_wanted || may_miss)).then(|| cut::SplatFootprints {
@@ -72,12 +74,12 @@ pub(crate) struct CutKey {
 
 impl CutKey {
     /// That of a frame; of settings that [`resolve_settings`](crate::render::frame_plan::resolve_settings) gave.
-    pub(crate) fn of(settings: &Settings, model: &Model, view: &View) -> Self {
+    pub(crate) fn of(settings: &Settings, facts: &DrawnFacts, view: &View) -> Self {
         Self {
             view: *settings.view_of_cut(view),
-            settings: cut_settings(settings, model),
+            settings: cut_settings(settings, *facts),
             // From elsewhere what the cut's own view does not show is seen.
-            seen: footprints(settings, model).filter(|_| !settings.holds_cut()),
+            seen: footprints(settings, facts).filter(|_| !settings.holds_cut()),
             traversal: settings.traversal,
         }
     }

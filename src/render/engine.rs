@@ -11,8 +11,8 @@ use crate::render::cost::model::DrawCosts;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::cpu::supported::unsupported_reason;
-use crate::render::frame_plan::{FramePlan, resolve_settings};
-use crate::render::model_facts::{FactedModel, ModelFacts};
+use crate::render::frame_plan::{FramePlan, resolve_of_parts};
+use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::stats::FrameTimes;
@@ -87,16 +87,24 @@ impl Backend {
     }
 }
 
-/// Draws one model in one picture size.
+/// Draws one model, or several in one space, in one picture size.
 #[derive(Debug)]
 pub struct Engine<'m> {
-    model: &'m Model,
+    models: Vec<EngineModel<'m>>,
     outputs: PictureOutputs,
     device: Option<DeviceEngine>,
     cpu: Option<CpuEngine>,
     reference: Option<Box<MirrorEngine>>,
     /// What drew the last frame.
     last: FrameBackend,
+}
+
+/// A model of an engine.
+#[derive(Debug)]
+struct EngineModel<'m> {
+    model: &'m Model,
+    facts: Arc<ModelFacts>,
+    is_shown: bool,
 }
 
 /// The part of an engine that draws on a device.
@@ -114,8 +122,6 @@ struct CpuEngine {
     pictures: CpuPictures,
     /// Draws what is averaged, once anything was.
     samples: Option<CpuPictures>,
-    /// Facts of the model, where there is no scene that has them.
-    facts: Option<ModelFacts>,
 }
 
 /// A renderer of the processor, and the picture that it draws into.
@@ -138,28 +144,40 @@ impl<'m> Engine<'m> {
         size: (u32, u32),
         outputs: PictureOutputs,
     ) -> Result<Self, Error> {
-        Self::of_scene(backend, model, &mut None, size, outputs)
+        Self::of_scene(backend, &[model], &mut None, size, outputs)
     }
 
-    /// Readies a model whose copy may be on the backend's device already: `scene` is taken unless this fails, and given
+    /// Readies models that share one space ([`Model::origin`]), to be drawn together.
+    ///
+    /// # Errors
+    /// As [`Engine::new`].
+    pub fn of_models(
+        backend: &Backend,
+        models: &[&'m Model],
+        size: (u32, u32),
+        outputs: PictureOutputs,
+    ) -> Result<Self, Error> {
+        Self::of_scene(backend, models, &mut None, size, outputs)
+    }
+
+    /// Readies models whose copies may be on the backend's device already: `scene` is taken unless this fails, and given
     /// back by [`Engine::into_scene`].
     ///
     /// # Errors
     /// As [`Engine::new`].
     pub(crate) fn of_scene(
         backend: &Backend,
-        model: &'m Model,
+        models: &[&'m Model],
         scene: &mut Option<DeviceScene>,
         (width, height): (u32, u32),
         outputs: PictureOutputs,
     ) -> Result<Self, Error> {
-        let cpu = |facts: Option<ModelFacts>| CpuEngine {
+        let cpu = || CpuEngine {
             pictures: CpuPictures::new([width, height], outputs),
             samples: None,
-            facts,
         };
         let mut engine = Self {
-            model,
+            models: Vec::new(),
             outputs,
             device: None,
             cpu: None,
@@ -174,21 +192,44 @@ impl<'m> Engine<'m> {
                     samples: None,
                     scene: match scene.take() {
                         Some(scene) => scene,
-                        None => DeviceScene::new(gpu, model)?,
+                        None => DeviceScene::of_models(gpu, models)?,
                     },
                 });
                 let is_alone = matches!(backend, Backend::Vulkan(_));
-                engine.cpu = (gpu.info().is_cpu() && !is_alone).then(|| cpu(None));
+                engine.cpu = (gpu.info().is_cpu() && !is_alone).then(cpu);
             }
             Backend::Cpu | Backend::WithoutDevice => {
-                engine.cpu = Some(cpu(Some(ModelFacts::of(model))));
+                engine.cpu = Some(cpu());
             }
             Backend::Mirror => {}
         }
         if matches!(backend, Backend::Mirror | Backend::WithoutDevice) {
             engine.reference = Some(Box::new(MirrorEngine::new(outputs)));
         }
+        let scene = engine.device.as_ref().map(|device| &device.scene);
+        let facts_of = |index: usize, model: &Model| match scene {
+            Some(scene) => scene.facts_of(index),
+            None => Arc::new(ModelFacts::of(model)),
+        };
+        let all = models.iter().enumerate();
+        engine.models = all
+            .map(|(index, &model)| EngineModel {
+                model,
+                facts: facts_of(index, model),
+                is_shown: true,
+            })
+            .collect();
         Ok(engine)
+    }
+
+    /// Draws a model from the next frame on, or leaves it out; nothing where there is no model of this index.
+    pub fn show(&mut self, index: usize, is_shown: bool) {
+        if let Some(model) = self.models.get_mut(index) {
+            model.is_shown = is_shown;
+        }
+        if let Some(device) = &mut self.device {
+            device.scene.show(index, is_shown);
+        }
     }
 
     /// The copy of the model on the device, if there is one.
@@ -223,35 +264,29 @@ impl<'m> Engine<'m> {
     pub fn draw(&mut self, view: &View, settings: &Settings) -> Result<FrameTimes, Error> {
         // What no backend can draw is refused before one is looked for.
         if self.device.is_none() {
-            check(self.model, settings, self.outputs, f32::INFINITY)?;
+            check(settings, self.outputs, f32::INFINITY)?;
         }
         self.last = self
             .available()
             .choose(settings, self.outputs, [view.width, view.height])?;
+        let (models, parts) = drawn(&self.models);
+        let parts = DrawnParts::new(&parts);
         match (
             self.last,
             &mut self.cpu,
             &mut self.device,
             &mut self.reference,
         ) {
-            (FrameBackend::Cpu, Some(cpu), device, _) => {
-                let scene = device.as_ref().map(|device| &device.scene);
-                let facts = CpuEngine::facts_of(scene, &cpu.facts);
-                let drawn = FactedModel {
-                    model: self.model,
-                    facts,
-                };
-                cpu.pictures.draw(drawn, view, settings)
-            }
+            (FrameBackend::Cpu, Some(cpu), ..) => cpu.pictures.draw(parts, view, settings),
             (FrameBackend::Device, _, Some(device), _) => {
                 let DeviceEngine {
                     renderer, scene, ..
                 } = device;
-                renderer.draw(self.model, scene, view, settings)
+                renderer.draw_models(&models, scene, view, settings)
             }
             (FrameBackend::Reference, .., Some(reference)) => {
-                let settings = resolve_settings(settings, self.model, view);
-                Ok(reference.draw(self.model, view, &settings))
+                let settings = resolve_of_parts(settings, parts, view);
+                Ok(reference.draw(parts, view, &settings))
             }
             _ => unreachable!("a backend that is there was chosen"),
         }
@@ -333,36 +368,32 @@ impl<'m> Engine<'m> {
             ..PictureOutputs::default()
         };
         if self.device.is_none() {
-            check(self.model, settings, values, f32::INFINITY)?;
+            check(settings, values, f32::INFINITY)?;
         }
         let backend = self
             .available()
             .choose(settings, values, [view.width, view.height])?;
+        let (models, parts) = drawn(&self.models);
+        let parts = DrawnParts::new(&parts);
         match (
             backend,
             &mut self.cpu,
             &mut self.device,
             &mut self.reference,
         ) {
-            (FrameBackend::Cpu, Some(cpu), device, _) => {
+            (FrameBackend::Cpu, Some(cpu), ..) => {
                 let size = cpu.pictures.renderer.size();
                 let samples = cpu
                     .samples
                     .get_or_insert_with(|| CpuPictures::new(size, values));
-                let scene = device.as_ref().map(|device| &device.scene);
-                let facts = CpuEngine::facts_of(scene, &cpu.facts);
-                let drawn = FactedModel {
-                    model: self.model,
-                    facts,
-                };
-                samples.draw(drawn, view, settings)?;
+                samples.draw(parts, view, settings)?;
                 Ok(samples.read(view))
             }
-            (FrameBackend::Device, _, Some(device), _) => device.sample(self.model, view, settings),
+            (FrameBackend::Device, _, Some(device), _) => device.sample(&models, view, settings),
             (FrameBackend::Reference, .., Some(reference)) => {
                 let outputs = std::mem::replace(&mut reference.outputs, values);
-                let settings = resolve_settings(settings, self.model, view);
-                reference.draw(self.model, view, &settings);
+                let settings = resolve_of_parts(settings, parts, view);
+                reference.draw(parts, view, &settings);
                 reference.outputs = outputs;
                 self.last = FrameBackend::Reference;
                 Ok(reference.image.clone())
@@ -400,9 +431,62 @@ impl<'m> Engine<'m> {
     }
 }
 
+/// Sides of the grids of samples in each pixel that [`Engine::smooth`] draws.
+const SMOOTH_SIDES: [u32; 2] = [4, 8];
+
+/// Mean difference of covered pixels between two halves of the samples above which more are drawn, 1 is white. Their mean is
+/// off by about half of it.
+const SMOOTH_DIFFERENCE: f64 = 2.0 / 255.0;
+
+impl Engine<'_> {
+    /// The mean of 16 samples a pixel, or of 64 where 16 are too few: where two halves of them, which alternate in each pixel,
+    /// differ by more than two levels of 255 in the mean of all covered pixels. Each is as [`Engine::sample`] draws it.
+    ///
+    /// # Errors
+    /// As [`Engine::render`].
+    pub fn smooth(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
+        let [k, most] = SMOOTH_SIDES;
+        let mut halves = [Accumulator::new(), Accumulator::new()];
+        for i in 0..k * k {
+            let image = self.sample(&jittered(view, i, k), settings)?;
+            let half = &mut halves[((i + i / k) % 2) as usize];
+            if let Err(error) = half.add(&image) {
+                unreachable!("pictures of one view: {error}");
+            }
+        }
+        let [mut all, other] = halves;
+        if mean_difference(&all.mean(), &other.mean()) > SMOOTH_DIFFERENCE {
+            return self.supersample(view, settings, most);
+        }
+        if let Err(error) = all.join(&other) {
+            unreachable!("pictures of one view: {error}");
+        }
+        Ok(all.mean())
+    }
+}
+
+/// Mean over the pixels that either picture covers of the largest difference of a color, 1 is white; 0 where none is.
+fn mean_difference(one: &FloatImage, other: &FloatImage) -> f64 {
+    let (mut sum, mut count) = (0.0, 0u64);
+    for (a, b) in one.color.iter().zip(&other.color) {
+        if a[3] > 0.0 || b[3] > 0.0 {
+            sum += (0..3)
+                .map(|i| f64::from((a[i] - b[i]).abs()))
+                .fold(0.0, f64::max);
+            count += 1;
+        }
+    }
+    sum / count.max(1) as f64
+}
+
 impl DeviceEngine {
     /// As [`Engine::sample`].
-    fn sample(&mut self, model: &Model, view: &View, settings: &Settings) -> Result<Image, Error> {
+    fn sample(
+        &mut self,
+        models: &[&Model],
+        view: &View,
+        settings: &Settings,
+    ) -> Result<Image, Error> {
         let Self {
             renderer,
             samples,
@@ -415,20 +499,22 @@ impl DeviceEngine {
         if samples.costs() != renderer.costs() {
             samples.set_costs(renderer.costs());
         }
-        samples.draw(model, scene, view, settings)?;
+        samples.draw_models(models, scene, view, settings)?;
         samples.read(view)
     }
 }
 
-impl CpuEngine {
-    /// Those of the scene, or its own.
-    fn facts_of<'a>(scene: Option<&'a DeviceScene>, own: &'a Option<ModelFacts>) -> &'a ModelFacts {
-        match (scene, own) {
-            (Some(scene), _) => scene.facts(),
-            (None, Some(facts)) => facts,
-            (None, None) => unreachable!("one of them is made"),
-        }
-    }
+/// All models, and the parts that are drawn.
+fn drawn<'a, 'm>(models: &'a [EngineModel<'m>]) -> (Vec<&'m Model>, Vec<FactedModel<'a>>) {
+    let shown = models.iter().filter(|model| model.is_shown);
+    let part = |own: &'a EngineModel<'m>| FactedModel {
+        model: own.model,
+        facts: &own.facts,
+    };
+    (
+        models.iter().map(|own| own.model).collect(),
+        shown.map(part).collect(),
+    )
 }
 
 impl CpuPictures {
@@ -445,7 +531,7 @@ impl CpuPictures {
 
     fn draw(
         &mut self,
-        drawn: FactedModel<'_>,
+        parts: DrawnParts<'_>,
         view: &View,
         settings: &Settings,
     ) -> Result<FrameTimes, Error> {
@@ -468,9 +554,9 @@ impl CpuPictures {
             pitch: width as usize,
         };
         let start = Instant::now();
-        let plan = FramePlan::for_processor(settings, drawn, view, self.outputs)?;
+        let plan = FramePlan::for_processor(settings, parts, view, self.outputs)?;
         let area = &mut self.area;
-        let mut times = self.renderer.draw(drawn, &plan, pixels, area);
+        let mut times = self.renderer.draw(parts, &plan, pixels, area);
         times.starts.frame = Some(start);
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(times)

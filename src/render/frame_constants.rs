@@ -3,8 +3,8 @@
 use crate::abi::{FrameConstants, constants};
 use crate::math::camera::{Light, View};
 use crate::pack::{ColorBy, Lighting, Phong, Source, falsecolor};
+use crate::render::model_facts::DrawnFacts;
 use crate::render::{EyeDome, Settings, screen_bounds};
-use crate::tree::Model;
 use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 
 /// What every pass of a frame needs besides its resources.
@@ -34,7 +34,7 @@ pub(crate) fn margin_px(largest_px: f32) -> f32 {
 impl FrameContext {
     /// Values of a frame whose splats have at most `largest_px` pixels, drawn with a guard band of `guard_px`.
     pub(crate) fn new(
-        model: &Model,
+        facts: &DrawnFacts,
         view: &View,
         settings: &Settings,
         largest_px: f32,
@@ -45,12 +45,12 @@ impl FrameContext {
             width: view.width,
             height: view.height,
             guard_px,
-            rect_px: screen_bounds::rect_px(model, view, margin_px(largest_px)),
+            rect_px: screen_bounds::rect_px(facts, view, margin_px(largest_px)),
             background: settings.background,
-            cull_back: settings.draws_fronts_only(model.is_closed),
+            cull_back: settings.draws_fronts_only(facts.is_closed),
             is_mirrored: (linear.determinant() * view.scale[0] * view.scale[1]).is_sign_negative(),
-            light: settings.light.in_model(model.origin),
-            depth_range: falsecolor::depth_range(model, view),
+            light: settings.light.in_model(facts.origin),
+            depth_range: falsecolor::depth_range(facts.orbit_center, facts.orbit_radius, view),
         }
     }
 

@@ -1,13 +1,14 @@
 //! How much a frame would draw, counted from its cut before it is drawn.
 
-use crate::cut::{Cut, StripRun};
-use crate::math::camera::View;
+use crate::cut::StripRun;
 use crate::pack::filtered::drawn_counts;
+use crate::render::Method;
+use crate::render::frame_plan::FramePlan;
+use crate::render::model_facts::DrawnParts;
 use crate::render::pack_params::filtered_shade;
+use crate::render::part_cuts::PartCuts;
 use crate::render::stats::FrameCounts;
 use crate::render::technique::Technique;
-use crate::render::{Method, Settings};
-use crate::tree::Model;
 
 /// The work of a frame that is not drawn yet.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -26,29 +27,38 @@ pub struct FrameEstimate {
     pub largest_by_compute_px: f32,
 }
 
-/// Counts what a frame of these settings draws of a cut.
-pub(crate) fn counts_of_cut(
-    settings: &Settings,
-    model: &Model,
-    view: &View,
-    cut: &Cut,
+/// Counts what a planned frame draws of the cuts of its parts.
+pub(crate) fn counts_of_cuts(
+    plan: &FramePlan,
+    parts: DrawnParts<'_>,
+    cuts: &PartCuts,
 ) -> FrameCounts {
-    let (splats, large) = match Technique::of(settings) {
-        Technique::Filtered => {
-            let shade = filtered_shade(settings, model, f32::INFINITY);
-            let [splats, triangles] = drawn_counts(model, view, &shade, cut);
-            (splats as u64, triangles as u64)
+    let settings = &plan.settings;
+    let (mut splats, mut large) = (0, 0);
+    let shade = filtered_shade(
+        settings,
+        &plan.facts,
+        plan.context.depth_range,
+        f32::INFINITY,
+    );
+    for (part, cut) in parts.iter().zip(cuts.iter()) {
+        match plan.technique {
+            Technique::Filtered => {
+                let drawn = drawn_counts(part.model, &plan.view, &shade, cut);
+                splats += drawn[0] as u64;
+                large += drawn[1] as u64;
+            }
+            _ => {
+                let strips = StripRun::splats_of(&cut.strips);
+                splats += (cut.nodes.len() + cut.leaves.len() + strips) as u64;
+                large += cut.triangles.len() as u64;
+            }
         }
-        _ => {
-            let strips = StripRun::splats_of(&cut.strips);
-            let splats = (cut.nodes.len() + cut.leaves.len() + strips) as u64;
-            (splats, cut.triangles.len() as u64)
-        }
-    };
+    }
     // Splats alone: what would be a triangle is one as well.
     let is_whole = settings.method == Method::Splats;
     FrameCounts {
-        nodes_visited: cut.stats.visited,
+        nodes_visited: cuts.stats().visited,
         splats: if is_whole { splats + large } else { splats },
         triangles: if is_whole { 0 } else { large },
         ..FrameCounts::default()

@@ -16,7 +16,7 @@ use crate::render::cost::choose;
 use crate::render::cost::model::DrawCosts;
 use crate::render::cut_key::{CutKey, knows_footprints};
 use crate::render::frame_constants::{FrameContext, frame_constants};
-use crate::render::model_facts::{FactedModel, ModelFacts};
+use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
 use crate::render::supported::{check, device_cut_refusal, ids_refusal};
 use crate::render::technique::Technique;
@@ -34,19 +34,41 @@ const AS_A_PIXEL_PX: f32 = 1.5;
 /// what is seen from there is what faces away; thresholds of little more than a pixel are a pixel, where that is better and
 /// faster; and with [`EyeDome::Auto`] points without normals are darkened by what is nearer beside them.
 pub fn resolve_settings(settings: &Settings, model: &Model, view: &View) -> Settings {
+    let surrounds = |view: &View| surrounds_eye(model, view);
+    resolved(settings, &model.into(), view, surrounds)
+}
+
+/// Resolves settings as [`resolve_settings`] does, of several models.
+pub(crate) fn resolve_of_parts(
+    settings: &Settings,
+    parts: DrawnParts<'_>,
+    view: &View,
+) -> Settings {
+    let surrounds = |view: &View| {
+        let mut models = parts.iter().map(|part| part.model);
+        models.any(|model| surrounds_eye(model, view))
+    };
+    resolved(settings, &parts.facts(), view, surrounds)
+}
+
+/// Resolves settings as [`resolve_settings`] does, of all that is drawn; `surrounds` tells whether a closed surface does
+/// so to the eye of a view.
+fn resolved(
+    settings: &Settings,
+    facts: &DrawnFacts,
+    view: &View,
+    surrounds: impl FnOnce(&View) -> bool,
+) -> Settings {
     let of_cut = settings.view_of_cut(view);
-    let is_inside = settings.culling == Culling::Auto
-        && model.is_closed
-        && of_cut.is_perspective
-        && model.surrounds(of_cut.eye);
+    let is_inside = settings.culling == Culling::Auto && surrounds(of_cut);
     let as_a_pixel = settings.method == Method::Pop
         && knows_footprints(settings)
-        && model.kind().is_surface()
+        && facts.kind.is_surface()
         && settings.threshold_px > 1.0
         && settings.threshold_px <= AS_A_PIXEL_PX;
     let is_dark_between = match settings.eye_dome {
         _ if settings.color_by.is_data() => false,
-        EyeDome::Auto => settings.color_by == ColorBy::Shading && model.lacks_normals(),
+        EyeDome::Auto => settings.color_by == ColorBy::Shading && facts.lacks_normals,
         EyeDome::On => true,
         EyeDome::Off => false,
     };
@@ -69,12 +91,15 @@ pub fn resolve_settings(settings: &Settings, model: &Model, view: &View) -> Sett
     }
 }
 
-/// A model with its facts, seen in a view, and the renderer that is to draw it.
+/// Tells whether a closed surface surrounds the eye of a perspective view.
+fn surrounds_eye(model: &Model, view: &View) -> bool {
+    view.is_perspective && model.is_closed && model.surrounds(view.eye)
+}
+
+/// What is drawn, seen in a view, and the renderer that is to draw it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct PlanInput<'a> {
-    pub(crate) model: &'a Model,
-    /// Facts of this model.
-    pub(crate) facts: &'a ModelFacts,
+    pub(crate) parts: DrawnParts<'a>,
     pub(crate) view: &'a View,
     pub(crate) outputs: PictureOutputs,
     pub(crate) capabilities: &'a RendererCapabilities,
@@ -128,13 +153,15 @@ pub(crate) struct PlannedPrimitives {
 /// A frame, planned.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FramePlan {
-    /// [`ModelFacts::id`].
-    pub(crate) model: u64,
+    /// [`DrawnParts::id`].
+    pub(crate) drawn: u64,
+    /// Facts of all that is drawn.
+    pub(crate) facts: DrawnFacts,
     pub(crate) view: View,
     /// As [`resolve_settings`] gives them.
     pub(crate) settings: Settings,
     pub(crate) technique: Technique,
-    /// What decides the cut, where there is one.
+    /// What decides the cut, where there is one, of all parts alike; [`FramePlan::cut_of`] has that of each.
     pub(crate) cut: CutKey,
     pub(crate) cut_place: CutPlace,
     pub(crate) primitives: PlannedPrimitives,
@@ -154,7 +181,7 @@ pub(crate) struct FramePlan {
 /// what cut and packing are told, and they are told nothing else but what follows from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PackKey {
-    model: u64,
+    drawn: u64,
     cut: CutKey,
     view: View,
     records: RecordFormat,
@@ -165,14 +192,20 @@ pub(crate) struct PackKey {
 }
 
 impl RecordFormat {
-    /// Those of a technique, with points of at most `max_point_px` pixels.
-    fn of(settings: &Settings, model: &Model, max_point_px: f32, may_use_compute: bool) -> Self {
-        let plan = splat_plan(settings, max_point_px);
-        match Technique::of(settings) {
-            Technique::Opaque | Technique::Visibility => Self::Splats(plan),
-            Technique::Fuzzy if may_use_compute => Self::Fuzzy(plan, fuzzy_look(settings, model)),
-            Technique::Fuzzy => Self::Weighted(plan),
-            Technique::Filtered => Self::Filtered(filtered_shade(settings, model, max_point_px)),
+    /// Those of a planned frame, with points of at most `max_point_px` pixels.
+    fn of(plan: &FramePlan, max_point_px: f32) -> Self {
+        let (settings, facts) = (&plan.settings, &plan.facts);
+        let splats = splat_plan(settings, max_point_px);
+        match plan.technique {
+            Technique::Opaque | Technique::Visibility => Self::Splats(splats),
+            Technique::Fuzzy if plan.may_use_compute => {
+                Self::Fuzzy(splats, fuzzy_look(settings, facts))
+            }
+            Technique::Fuzzy => Self::Weighted(splats),
+            Technique::Filtered => {
+                let depth_range = plan.context.depth_range;
+                Self::Filtered(filtered_shade(settings, facts, depth_range, max_point_px))
+            }
             Technique::Nothing => Self::Nothing,
         }
     }
@@ -185,15 +218,15 @@ impl FramePlan {
     /// [`Error::Unsupported`] or [`Error::Limit`] with what cannot be drawn, why, and what to do.
     pub(crate) fn new(settings: &Settings, input: &PlanInput<'_>) -> Result<Self, Error> {
         let PlanInput {
-            model,
-            facts,
+            parts,
             view,
             outputs,
             capabilities,
             costs,
         } = *input;
-        check(model, settings, outputs, capabilities.max_point_px)?;
-        let mut settings = resolve_settings(settings, model, view);
+        check(settings, outputs, capabilities.max_point_px)?;
+        let facts = parts.facts();
+        let mut settings = resolve_of_parts(settings, parts, view);
         let technique = Technique::of(&settings);
         let is_slow_to_hide = settings.threshold_px > capabilities.largest_hidden_px;
         if settings.occlusion == Occlusion::Auto
@@ -203,12 +236,22 @@ impl FramePlan {
             settings.occlusion = Occlusion::Off;
         }
         let size = [view.width, view.height];
-        let may_use_compute = may_use_compute(&settings, outputs, size, capabilities)?;
-        let cut_place = cut_place(&settings, model, capabilities)?;
-        let uploads_ids =
-            cut_place != CutPlace::Device && uploads_ids(&settings, may_use_compute, capabilities)?;
+        let is_one = parts.single().is_some();
+        let may_use_compute = match (technique, settings.path) {
+            (Technique::Fuzzy, Path::Compute) if !is_one => {
+                return Err(Error::Unsupported {
+                    what: "fuzzy splats by compute",
+                    why: "several models are drawn together; leave --path compute out".into(),
+                });
+            }
+            (Technique::Fuzzy, _) if !is_one => false,
+            _ => may_use_compute(&settings, outputs, size, capabilities)?,
+        };
+        let cut_place = cut_place(&settings, &facts, is_one, capabilities)?;
+        let uploads_ids = cut_place != CutPlace::Device
+            && uploads_ids(&settings, may_use_compute, is_one, capabilities)?;
         let is_whole = settings.method == Method::Splats;
-        let has_own_sizes = is_whole || !model.kind().is_surface() || settings.holds_cut();
+        let has_own_sizes = is_whole || !facts.kind.is_surface() || settings.holds_cut();
         let is_by_compute =
             cut_place == CutPlace::Host && technique == Technique::Opaque && may_use_compute;
         let max_point_px = match is_by_compute {
@@ -225,7 +268,7 @@ impl FramePlan {
                 let usual = match technique {
                     Technique::Filtered if has_own_sizes => max_point_px,
                     Technique::Filtered => settings.threshold_px.max(3.0) + 2.0,
-                    _ => splat_plan(&settings, max_point_px).largest_point_px(model),
+                    _ => splat_plan(&settings, max_point_px).largest_point_px(facts.kind),
                 };
                 // Without a limit nothing is larger than the picture.
                 let side_px = view.width.max(view.height) as f32;
@@ -246,13 +289,14 @@ impl FramePlan {
             None => max_point_px,
         };
         let is_shaded = settings.color_by == ColorBy::Shading;
-        let context = FrameContext::new(model, view, &settings, largest_px, guard_px);
+        let context = FrameContext::new(&facts, view, &settings, largest_px, guard_px);
         Ok(Self {
-            model: facts.id(),
+            drawn: parts.id(),
+            facts,
             view: *view,
             settings,
             technique,
-            cut: CutKey::of(&settings, model, view),
+            cut: CutKey::of(&settings, &facts, view),
             cut_place,
             primitives: PlannedPrimitives {
                 has_triangles: settings.method == Method::Pop,
@@ -263,9 +307,10 @@ impl FramePlan {
                     && settings.method == Method::Pop
                     && is_shaded
                     && !settings.holds_cut()
-                    && !uploads_ids,
+                    && !uploads_ids
+                    && is_one,
                 binds_vertices: capabilities.binds_vertices,
-                is_gray: is_shaded && !(settings.use_colors && facts.has_colors()),
+                is_gray: is_shaded && !(settings.use_colors && parts.has_colors()),
                 are_quads: settings.method == Method::Points && vertex_px > cheapest_px,
             },
             may_use_compute,
@@ -283,7 +328,7 @@ impl FramePlan {
     /// As [`FramePlan::new`].
     pub(crate) fn for_processor(
         settings: &Settings,
-        drawn: FactedModel<'_>,
+        parts: DrawnParts<'_>,
         view: &View,
         outputs: PictureOutputs,
     ) -> Result<Self, Error> {
@@ -293,8 +338,7 @@ impl FramePlan {
             ..*settings
         };
         let input = PlanInput {
-            model: drawn.model,
-            facts: drawn.facts,
+            parts,
             view,
             outputs,
             capabilities: &RendererCapabilities::PROCESSOR,
@@ -304,17 +348,22 @@ impl FramePlan {
     }
 
     /// The records of its splats, where points have at most `max_point_px` pixels.
-    pub(crate) fn records(&self, model: &Model, max_point_px: f32) -> RecordFormat {
-        RecordFormat::of(&self.settings, model, max_point_px, self.may_use_compute)
+    pub(crate) fn records(&self, max_point_px: f32) -> RecordFormat {
+        RecordFormat::of(self, max_point_px)
+    }
+
+    /// What decides the cut of one of its parts.
+    pub(crate) fn cut_of(&self, part: FactedModel<'_>) -> CutKey {
+        CutKey::of(&self.settings, &part.facts.drawn(), &self.view)
     }
 
     /// What decides its draw lists.
-    pub(crate) fn pack_key(&self, model: &Model) -> PackKey {
+    pub(crate) fn pack_key(&self) -> PackKey {
         PackKey {
-            model: self.model,
+            drawn: self.drawn,
             cut: self.cut,
             view: self.view,
-            records: self.records(model, self.max_point_px),
+            records: self.records(self.max_point_px),
             path: self.settings.path,
             primitives: self.primitives,
             may_use_compute: self.may_use_compute,
@@ -328,13 +377,14 @@ impl FramePlan {
     }
 }
 
-/// Decides who chooses the cut.
+/// Decides who chooses the cut; `is_one`: of one model.
 ///
 /// # Errors
 /// When the device is asked for and cannot.
 fn cut_place(
     settings: &Settings,
-    model: &Model,
+    facts: &DrawnFacts,
+    is_one: bool,
     capabilities: &RendererCapabilities,
 ) -> Result<CutPlace, Error> {
     let usual = match settings.has_cut() {
@@ -342,7 +392,11 @@ fn cut_place(
         false => CutPlace::Nowhere,
     };
     let plan = splat_plan(settings, capabilities.max_point_px);
-    match (settings.cut_on, device_cut_refusal(settings, model, &plan)) {
+    let refusal = match is_one {
+        true => device_cut_refusal(settings, facts, &plan),
+        false => Some("several models are drawn together"),
+    };
+    match (settings.cut_on, refusal) {
         (CutOn::Host, _) | (CutOn::Auto, Some(_)) => Ok(usual),
         (CutOn::Device, Some(why)) => Err(Error::Unsupported {
             what: "the cut on the device",
@@ -355,17 +409,21 @@ fn cut_place(
     }
 }
 
-/// Decides whether draw lists hold numbers.
+/// Decides whether draw lists hold numbers; `is_one`: of one model.
 ///
 /// # Errors
 /// When they are asked to and cannot.
 fn uploads_ids(
     settings: &Settings,
     may_use_compute: bool,
+    is_one: bool,
     capabilities: &RendererCapabilities,
 ) -> Result<bool, Error> {
     let plan = splat_plan(settings, capabilities.max_point_px);
-    let refusal = ids_refusal(settings, &plan, may_use_compute);
+    let refusal = match is_one {
+        true => ids_refusal(settings, &plan, may_use_compute),
+        false => Some("several models are drawn together"),
+    };
     match (settings.list_of, refusal) {
         (ListOf::Records, _) | (ListOf::Auto, Some(_)) => Ok(false),
         (ListOf::Ids, Some(why)) => Err(Error::Unsupported {

@@ -1,9 +1,10 @@
-//! Facts of a model that frames ask for again and again, found once.
+//! Facts of what is drawn, found once: of each model, and of several that are drawn together.
 
 use crate::cut::ZeroAreaSet;
-use crate::tree::Model;
-use std::sync::OnceLock;
+use crate::tree::{Model, ModelKind};
+use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, OnceLock};
 
 /// Number of models whose facts were asked for in this process.
 static MODELS: AtomicU64 = AtomicU64::new(0);
@@ -13,6 +14,7 @@ static MODELS: AtomicU64 = AtomicU64::new(0);
 pub struct ModelFacts {
     id: u64,
     has_colors: bool,
+    drawn: DrawnFacts,
     undrawn: OnceLock<ZeroAreaSet>,
 }
 
@@ -25,12 +27,78 @@ pub struct FactedModel<'a> {
     pub facts: &'a ModelFacts,
 }
 
+/// Facts on which a plan rests, of a model or of several that are drawn together; lengths and places in model space.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct DrawnFacts {
+    /// What leaves are. Parts of different kinds are together [`ModelKind::Points`]: nothing holds of them that holds of
+    /// triangles alone.
+    pub kind: ModelKind,
+    /// All surfaces are closed.
+    pub is_closed: bool,
+    /// These are points without normals.
+    pub lacks_normals: bool,
+    /// Smallest corner of the axis-aligned box.
+    pub min: Vec3,
+    /// Largest corner of that box.
+    pub max: Vec3,
+    /// Center of a sphere around everything.
+    pub orbit_center: Vec3,
+    /// Its radius.
+    pub orbit_radius: f32,
+    /// World position of the model-space zero.
+    pub origin: DVec3,
+}
+
+impl From<&Model> for DrawnFacts {
+    fn from(model: &Model) -> Self {
+        Self {
+            kind: model.kind(),
+            is_closed: model.is_closed,
+            lacks_normals: model.lacks_normals(),
+            min: model.min,
+            max: model.max,
+            orbit_center: model.orbit_center,
+            orbit_radius: model.orbit_radius,
+            origin: model.origin,
+        }
+    }
+}
+
+impl DrawnFacts {
+    /// Facts of both together; empty models add nothing.
+    fn joined(self, other: Self) -> Self {
+        match (self.kind, other.kind) {
+            (ModelKind::Empty, _) => return other,
+            (_, ModelKind::Empty) => return self,
+            _ => {}
+        }
+        let (min, max) = (self.min.min(other.min), self.max.max(other.max));
+        let orbit_center = 0.5 * (min + max);
+        let reach = |part: Self| part.orbit_center.distance(orbit_center) + part.orbit_radius;
+        Self {
+            kind: match self.kind == other.kind {
+                true => self.kind,
+                false => ModelKind::Points,
+            },
+            is_closed: self.is_closed && other.is_closed,
+            lacks_normals: self.lacks_normals && other.lacks_normals,
+            min,
+            max,
+            orbit_center,
+            // The sphere around the box contains everything too.
+            orbit_radius: reach(self).max(reach(other)).min(0.5 * min.distance(max)),
+            origin: self.origin,
+        }
+    }
+}
+
 impl ModelFacts {
     /// Looks at the vertices of a model.
     pub fn of(model: &Model) -> Self {
         Self {
             id: MODELS.fetch_add(1, Ordering::Relaxed),
             has_colors: model.vertices.iter().any(|v| v.color != [255; 4]),
+            drawn: model.into(),
             undrawn: OnceLock::new(),
         }
     }
@@ -40,13 +108,148 @@ impl ModelFacts {
         self.id
     }
 
-    /// Whether some vertex has a color other than white, or no normal.
-    pub(crate) fn has_colors(&self) -> bool {
-        self.has_colors
+    /// Facts on which a plan rests.
+    pub(crate) fn drawn(&self) -> DrawnFacts {
+        self.drawn
     }
 
     /// Nodes and leaves without area; found at the first call.
     pub(crate) fn undrawn(&self, model: &Model) -> &ZeroAreaSet {
         self.undrawn.get_or_init(|| ZeroAreaSet::new(model))
+    }
+}
+
+/// Models that are shown, with facts that a scene shares.
+pub(crate) fn facted<'a>(shown: &'a [(&'a Model, Arc<ModelFacts>)]) -> Vec<FactedModel<'a>> {
+    let of = |(model, facts): &'a (&'a Model, Arc<ModelFacts>)| FactedModel { model, facts };
+    shown.iter().map(of).collect()
+}
+
+/// Models that a frame draws together, in one model space. Each is a part.
+#[derive(Debug, Clone, Copy)]
+pub struct DrawnParts<'a> {
+    parts: &'a [FactedModel<'a>],
+}
+
+impl<'a> DrawnParts<'a> {
+    /// Parts with a common [`Model::origin`].
+    pub fn new(parts: &'a [FactedModel<'a>]) -> Self {
+        debug_assert!(
+            parts
+                .windows(2)
+                .all(|two| two[0].model.origin == two[1].model.origin),
+            "parts share one space"
+        );
+        Self { parts }
+    }
+
+    /// The parts, in their order.
+    pub fn iter(self) -> impl ExactSizeIterator<Item = FactedModel<'a>> {
+        self.parts.iter().copied()
+    }
+
+    /// Number of parts.
+    pub fn count(self) -> usize {
+        self.parts.len()
+    }
+
+    /// The only part; `None` where there are several or none.
+    pub fn single(self) -> Option<FactedModel<'a>> {
+        match self.parts {
+            [part] => Some(*part),
+            _ => None,
+        }
+    }
+
+    /// A number that stands for these parts: that of the model where there is one, else a hash of those of all.
+    pub(crate) fn id(self) -> u64 {
+        match self.parts {
+            [part] => part.facts.id,
+            // FNV-1a over the numbers, in the upper half of all: models are counted from 0.
+            parts => {
+                parts.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, part| {
+                    (hash ^ part.facts.id).wrapping_mul(0x0000_0100_0000_01b3)
+                }) | 1 << 63
+            }
+        }
+    }
+
+    /// Facts of all parts together; those of an empty model where there are none.
+    pub fn facts(self) -> DrawnFacts {
+        let all = self.parts.iter().map(|part| part.facts.drawn);
+        all.reduce(DrawnFacts::joined)
+            .unwrap_or_else(|| DrawnFacts::from(&Model::default()))
+    }
+
+    /// Whether some vertex has a color other than white, or no normal.
+    pub(crate) fn has_colors(self) -> bool {
+        self.parts.iter().any(|part| part.facts.has_colors)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn facts(kind: ModelKind, x: f32) -> DrawnFacts {
+        DrawnFacts {
+            kind,
+            is_closed: true,
+            lacks_normals: kind.is_points(),
+            min: Vec3::new(x - 1.0, -1.0, -1.0),
+            max: Vec3::new(x + 1.0, 1.0, 1.0),
+            orbit_center: Vec3::X * x,
+            orbit_radius: 1.0,
+            ..DrawnFacts::from(&Model::default())
+        }
+    }
+
+    #[test]
+    fn parts_together_are_as_little_as_any_of_them() {
+        let (left, right) = (
+            facts(ModelKind::Surface, -3.0),
+            facts(ModelKind::Surface, 3.0),
+        );
+        let both = left.joined(right);
+        assert_eq!((both.kind, both.is_closed), (ModelKind::Surface, true));
+        assert_eq!((both.min.x, both.max.x), (-4.0, 4.0));
+        assert_eq!((both.orbit_center, both.orbit_radius), (Vec3::ZERO, 4.0));
+        let open = DrawnFacts {
+            is_closed: false,
+            ..right
+        };
+        assert!(!left.joined(open).is_closed);
+        let points = facts(ModelKind::Points, 0.0);
+        let mixed = left.joined(points);
+        assert_eq!(
+            (mixed.kind, mixed.lacks_normals),
+            (ModelKind::Points, false)
+        );
+        assert!(points.joined(points).lacks_normals);
+        let nothing = DrawnFacts::from(&Model::default());
+        assert_eq!(left.joined(nothing), left);
+        assert_eq!(nothing.joined(left), left);
+    }
+
+    #[test]
+    fn parts_have_a_number_of_their_own() {
+        let models = [Model::default(), Model::default()];
+        let found = models.each_ref().map(ModelFacts::of);
+        let part = |i: usize| FactedModel {
+            model: &models[i],
+            facts: &found[i],
+        };
+        let id = |parts: &[FactedModel<'_>]| DrawnParts::new(parts).id();
+        let all = [
+            id(&[]),
+            id(&[part(0)]),
+            id(&[part(1)]),
+            id(&[part(0), part(1)]),
+            id(&[part(1), part(0)]),
+        ];
+        for (i, a) in all.iter().enumerate() {
+            assert!(all[..i].iter().all(|b| a != b), "{all:?}");
+        }
+        assert_eq!(id(&[part(0)]), found[0].id());
     }
 }

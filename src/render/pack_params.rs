@@ -2,13 +2,13 @@
 
 use crate::pack;
 use crate::pack::ColorBy;
+use crate::render::model_facts::DrawnFacts;
 use crate::render::{Method, Settings, SplatKind};
-use crate::tree::Model;
 
 /// No splat is larger than this, pixels: infinite where splats have sizes of their own.
-pub(crate) fn largest_splat_px(model: &Model, settings: &Settings) -> f32 {
+pub(crate) fn largest_splat_px(facts: &DrawnFacts, settings: &Settings) -> f32 {
     let have_own = settings.method == Method::Splats || settings.holds_cut();
-    if have_own || (settings.has_cut() && !model.kind().is_surface()) {
+    if have_own || (settings.has_cut() && !facts.kind.is_surface()) {
         f32::INFINITY
     } else {
         settings.threshold_px.max(1.0)
@@ -30,25 +30,27 @@ pub fn splat_plan(settings: &Settings, max_point_px: f32) -> pack::splats::Plan 
 }
 
 /// What the packing of fuzzy splats for compute needs of the settings besides [`splat_plan`].
-pub fn fuzzy_look(settings: &Settings, model: &Model) -> pack::fuzzy::Look {
+pub fn fuzzy_look(settings: &Settings, facts: &DrawnFacts) -> pack::fuzzy::Look {
     pack::fuzzy::Look {
         is_gauss: settings.splat == SplatKind::Gauss,
         depth_offset: settings.depth_offset(),
         two_sided: settings.two_sided,
-        cull_back: settings.draws_fronts_only(model.is_closed),
+        cull_back: settings.draws_fronts_only(facts.is_closed),
         use_colors: settings.use_colors,
         color_by: settings.color_by,
-        light: settings.light.in_model(model.origin),
+        light: settings.light.in_model(facts.origin),
     }
 }
 
-/// What the packing of filtered splats needs of the settings.
+/// What the packing of filtered splats needs of the settings; `depth_range` is that of
+/// [`falsecolor::depth_range`](pack::falsecolor::depth_range).
 pub fn filtered_shade(
     settings: &Settings,
-    model: &Model,
+    facts: &DrawnFacts,
+    depth_range: [f32; 2],
     max_size_px: f32,
 ) -> pack::filtered::Shade {
-    let cull_back = settings.draws_fronts_only(model.is_closed) && model.kind().is_surface();
+    let cull_back = settings.draws_fronts_only(facts.is_closed) && facts.kind.is_surface();
     pack::filtered::Shade {
         side_px: settings.threshold_px.max(1.0),
         max_size_px,
@@ -61,6 +63,7 @@ pub fn filtered_shade(
         cull_back,
         use_colors: settings.use_colors,
         color_by: settings.color_by,
-        light: settings.light.in_model(model.origin),
+        depth_range,
+        light: settings.light.in_model(facts.origin),
     }
 }

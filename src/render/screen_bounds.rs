@@ -1,20 +1,21 @@
 //! The part of the picture that a model can be seen in: work on whole pictures is done there only.
 
 use crate::math::camera::View;
-use crate::tree::Model;
+use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use glam::Vec3;
+use std::ops::Range;
 
-/// The pixels that the box of a model covers, and `margin_px` more on every side: left, top, and one past right and
+/// The pixels that the box of what is drawn covers, and `margin_px` more on every side: left, top, and one past right and
 /// bottom. Never empty. All of the picture where a corner of the box is beside or behind the eye.
-pub(crate) fn rect_px(model: &Model, view: &View, margin_px: f32) -> [u32; 4] {
+pub(crate) fn rect_px(facts: &DrawnFacts, view: &View, margin_px: f32) -> [u32; 4] {
     let whole = [0, 0, view.width, view.height];
     let (mut low, mut high) = ([f32::INFINITY; 2], [f32::NEG_INFINITY; 2]);
     for corner in 0..8 {
         let side = |axis: usize| {
             let end = if corner >> axis & 1 == 0 {
-                model.min
+                facts.min
             } else {
-                model.max
+                facts.max
             };
             end[axis]
         };
@@ -48,23 +49,32 @@ const LEAST_GAP: usize = 2;
 /// rim, and take as long to ask as that spares.
 const LEAST_NODES: usize = 512;
 
-/// Parts of `rect_px` ([`rect_px`] of the same margin) in which the model can be seen, disjoint. A software device goes over
+/// Parts of `rect_px` ([`rect_px`] of the same margin) in which something can be seen, disjoint. A software device goes over
 /// each pixel that it is told to, whether anything is there or not.
 pub(crate) fn areas(
-    model: &Model,
+    parts: DrawnParts<'_>,
     view: &View,
     rect_px: [u32; 4],
     margin_px: f32,
 ) -> Vec<[u32; 4]> {
-    let tree = &model.tree;
-    let levels = (0..tree.level_count()).map(|level| tree.level(level));
-    let level = levels
-        .into_iter()
-        .find(|nodes| nodes.len() >= LEAST_NODES && nodes.len() as u64 <= pixels(rect_px));
-    level
-        .and_then(|level| {
-            let nodes = level.filter_map(|node| tree.nodes.get(node as usize));
-            let spheres = nodes.map(|node| (node.center, node.radius));
+    let most = pixels(rect_px) / parts.count().max(1) as u64;
+    let level_of = |part: FactedModel<'_>| {
+        let tree = &part.model.tree;
+        let mut levels = (0..tree.level_count()).map(|level| tree.level(level));
+        levels.find(|nodes| nodes.len() >= LEAST_NODES && nodes.len() as u64 <= most)
+    };
+    let levels: Option<Vec<Range<u32>>> = parts.iter().map(level_of).collect();
+    levels
+        .and_then(|levels| {
+            let spheres = parts.iter().zip(levels).flat_map(|(part, level)| {
+                let nodes = part
+                    .model
+                    .tree
+                    .nodes
+                    .get(level.start as usize..level.end as usize);
+                let nodes = nodes.unwrap_or_default().iter();
+                nodes.map(|node| (node.center, node.radius))
+            });
             areas_of(spheres, view, rect_px, margin_px)
         })
         .unwrap_or_else(|| vec![rect_px])
@@ -175,15 +185,16 @@ mod tests {
 
     use super::*;
     use crate::math::camera::Camera;
+    use crate::tree::Model;
     use glam::DVec3;
 
     fn of_box(min: Vec3, max: Vec3, view: &View, margin: f32) -> [u32; 4] {
-        let model = Model {
+        let facts = DrawnFacts {
             min,
             max,
-            ..Model::default()
+            ..DrawnFacts::from(&Model::default())
         };
-        rect_px(&model, view, margin)
+        rect_px(&facts, view, margin)
     }
 
     #[test]

@@ -4,21 +4,16 @@ use crate::cut::SizeMetric;
 use crate::gpu::Error;
 use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, Footprint, ids};
+use crate::render::model_facts::DrawnFacts;
 use crate::render::technique::Technique;
 use crate::render::{Blend, EyeDome, Method, Path, PictureOutputs, Settings, Shading, SplatKind};
-use crate::tree::Model;
 
-/// Refuses by name what `settings` ask for in vain: with this model, these outputs, and points of at most
+/// Refuses by name what `settings` ask for in vain: with these outputs, and points of at most
 /// `max_size_px` (infinite on the mirror).
 ///
 /// # Errors
 /// [`Error::Unsupported`] with the reason and what to do, or [`Error::Limit`] for a threshold that is too large.
-pub fn check(
-    _model: &Model,
-    settings: &Settings,
-    outputs: PictureOutputs,
-    max_size_px: f32,
-) -> Result<(), Error> {
+pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> Result<(), Error> {
     if settings.color_by == ColorBy::Classification && !settings.draws_visibility() {
         return Err(Error::Unsupported {
             what: "the classification of pixels",
@@ -152,7 +147,7 @@ fn check_filtered(
 /// Why a frame cannot have its cut chosen on the device; `None` where it can.
 pub(crate) fn device_cut_refusal(
     settings: &Settings,
-    model: &Model,
+    facts: &DrawnFacts,
     plan: &Plan,
 ) -> Option<&'static str> {
     if settings.method != Method::Pop || Technique::of(settings) != Technique::Opaque {
@@ -169,9 +164,9 @@ pub(crate) fn device_cut_refusal(
         Some("overdraw is counted of the host's lists; use another --color-by")
     } else if settings.color_by == ColorBy::Level {
         Some("it does not tell levels of the tree; use another --color-by")
-    } else if !model.kind().is_surface() {
+    } else if !facts.kind.is_surface() {
         Some("the model has no triangles")
-    } else if !plan.fits_always(model) {
+    } else if !plan.fits_always(facts.kind) {
         Some("the device has no points of this size")
     } else {
         None

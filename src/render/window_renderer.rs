@@ -12,7 +12,7 @@ use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::frame_estimate::FrameEstimate;
 use crate::render::frame_plan::FramePlan;
-use crate::render::model_facts::FactedModel;
+use crate::render::model_facts::{DrawnParts, facted};
 use crate::render::probe_area::ProbeArea;
 use crate::render::stats::{FrameTimes, KeptWork};
 use crate::render::vulkan::renderer::present::ShownFrame;
@@ -42,12 +42,12 @@ pub enum WindowBackend {
     Cpu,
 }
 
-/// A model on the device and in memory.
+/// Models on the device and in memory.
 #[derive(Debug)]
 pub struct ShownModel<'a> {
-    /// The model.
-    pub model: &'a Model,
-    /// Its copy on the device, with its facts.
+    /// The models.
+    pub models: &'a [&'a Model],
+    /// Their copies on the device, with their facts.
     pub scene: &'a mut DeviceScene,
 }
 
@@ -168,17 +168,19 @@ impl WindowRenderer {
         view: &View,
         settings: &Settings,
     ) -> FrameEstimate {
-        let ShownModel { model, scene } = shown;
+        let ShownModel { models, scene } = shown;
         match (self.is_by_cpu(settings), &mut self.cpu) {
             (Ok(true), Some(cpu)) => {
-                let drawn = facted(model, scene);
-                match FramePlan::for_processor(settings, drawn, view, WINDOW_OUTPUTS) {
-                    Ok(plan) => cpu.renderer.predict(drawn, &plan),
+                let shown = scene.shown(models);
+                let parts = facted(&shown);
+                let parts = DrawnParts::new(&parts);
+                match FramePlan::for_processor(settings, parts, view, WINDOW_OUTPUTS) {
+                    Ok(plan) => cpu.renderer.predict(parts, &plan),
                     // The frame will say why.
                     Err(_) => FrameEstimate::default(),
                 }
             }
-            _ => self.device.predict(model, scene, view, settings),
+            _ => self.device.predict(models, scene, view, settings),
         }
     }
 
@@ -202,15 +204,19 @@ impl WindowRenderer {
         settings: &Settings,
         show: ShownFrame<'_>,
     ) -> Result<SubmittedFrame, Error> {
-        let ShownModel { model, scene } = shown;
+        let ShownModel { models, scene } = shown;
         self.is_of_cpu = self.is_by_cpu(settings)?;
         match &mut self.cpu {
             Some(cpu) if self.is_of_cpu => {
                 let start = Instant::now();
-                let times = cpu.draw(&self.device, facted(model, scene), view, settings)?;
+                let shown = scene.shown(models);
+                let parts = facted(&shown);
+                let times = cpu.draw(&self.device, DrawnParts::new(&parts), view, settings)?;
                 submit_picture(&mut self.device, cpu, times, start, show)
             }
-            _ => self.device.submit_shown(model, scene, view, settings, show),
+            _ => self
+                .device
+                .submit_shown(models, scene, view, settings, show),
         }
     }
 
@@ -295,11 +301,6 @@ impl WindowRenderer {
     }
 }
 
-fn facted<'a>(model: &'a Model, scene: &'a DeviceScene) -> FactedModel<'a> {
-    let facts = scene.facts();
-    FactedModel { model, facts }
-}
-
 /// Submits a frame that shows the picture that the processor drew last.
 fn submit_picture(
     device: &mut VulkanRenderer,
@@ -348,7 +349,7 @@ impl CpuFrames {
     fn draw(
         &mut self,
         device: &VulkanRenderer,
-        drawn: FactedModel<'_>,
+        parts: DrawnParts<'_>,
         view: &View,
         settings: &Settings,
     ) -> Result<FrameTimes, Error> {
@@ -357,10 +358,10 @@ impl CpuFrames {
         if let Some(reader) = picture.reader.take() {
             device.wait_for(reader)?;
         }
-        let plan = FramePlan::for_processor(settings, drawn, view, WINDOW_OUTPUTS)?;
+        let plan = FramePlan::for_processor(settings, parts, view, WINDOW_OUTPUTS)?;
         let (words, pitch) = picture.image.words_mut();
         let pixels = PixelWords { words, pitch };
-        let times = (self.renderer).draw(drawn, &plan, pixels, &mut picture.area);
+        let times = (self.renderer).draw(parts, &plan, pixels, &mut picture.area);
         // Else the last picture is the same.
         if times.kept != KeptWork::Lists {
             picture.image.flush();

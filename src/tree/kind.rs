@@ -38,6 +38,26 @@ pub struct OrbitSphere {
     pub radius: f64,
 }
 
+impl OrbitSphere {
+    /// The smallest sphere around both.
+    #[must_use]
+    pub fn joined(self, other: Self) -> Self {
+        let between = other.center - self.center;
+        let distance = between.length();
+        if distance + other.radius <= self.radius {
+            return self;
+        }
+        if distance + self.radius <= other.radius {
+            return other;
+        }
+        let radius = 0.5 * (distance + self.radius + other.radius);
+        Self {
+            center: self.center + between * ((radius - self.radius) / distance),
+            radius,
+        }
+    }
+}
+
 impl Model {
     /// What the leaves are.
     #[inline]
@@ -127,6 +147,19 @@ mod tests {
         assert!(ModelKind::Surface.is_surface() && !ModelKind::Surface.is_points());
         assert!(ModelKind::Points.is_points() && !ModelKind::Points.is_surface());
         assert!(!ModelKind::Empty.is_surface() && !ModelKind::Empty.is_points());
+    }
+
+    #[test]
+    fn a_joined_sphere_touches_both_or_is_the_larger() {
+        let sphere = |x: f64, radius| OrbitSphere {
+            center: DVec3::X * x,
+            radius,
+        };
+        let both = sphere(-2.0, 1.0).joined(sphere(4.0, 2.0));
+        assert_eq!((both.center.x, both.radius), (1.5, 4.5));
+        assert_eq!(sphere(0.0, 5.0).joined(sphere(1.0, 2.0)), sphere(0.0, 5.0));
+        assert_eq!(sphere(1.0, 2.0).joined(sphere(0.0, 5.0)), sphere(0.0, 5.0));
+        assert_eq!(sphere(1.0, 0.0).joined(sphere(1.0, 0.0)), sphere(1.0, 0.0));
     }
 
     #[test]

@@ -14,6 +14,7 @@ mod framed;
 mod inside;
 mod kind;
 mod moments;
+mod moved;
 mod node;
 mod order;
 mod partition;

@@ -137,6 +137,8 @@ pub enum ViewerEvent {
     Paste(String),
     /// A file was dropped.
     Drop(PathBuf),
+    /// Several files were dropped: they are shown together.
+    DropAll(Vec<PathBuf>),
     /// A coarse preview of a model that is being loaded has come.
     Preview(PathBuf),
     /// A model has been loaded, or could not be.
@@ -184,6 +186,10 @@ mod tests {
             (ViewerEvent::CursorGone, r#""cursor_gone""#),
             (ViewerEvent::Tick(0.1), r#"{"tick":0.1}"#),
             (ViewerEvent::Drop("a b.ply".into()), r#"{"drop":"a b.ply"}"#),
+            (
+                ViewerEvent::DropAll(vec!["a.ply".into(), "b.ply".into()]),
+                r#"{"drop_all":["a.ply","b.ply"]}"#,
+            ),
         ] {
             assert_eq!(serde_json::to_string(&event).unwrap(), text);
             assert_eq!(serde_json::from_str::<ViewerEvent>(text).unwrap(), event);

@@ -7,6 +7,7 @@ use crate::input::Warning;
 use crate::mesh::Mesh;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
+use crate::render::model_facts::{DrawnParts, facted};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
@@ -48,10 +49,25 @@ pub struct Loaded {
     pub model: Model,
     /// What of its file was repaired or left out.
     pub warnings: Vec<Warning>,
-    /// What of it is on the device already.
+    /// Models that are drawn with it, in its space.
+    pub more: Vec<LoadedPart>,
+    /// Sentences about models that were to be drawn with it and could not be opened.
+    pub failures: Vec<String>,
+    /// What of them is on the device already.
     pub scene: Option<DeviceScene>,
     /// A coarse one; the model itself is still to come.
     pub is_preview: bool,
+}
+
+/// A model that is drawn with another.
+#[derive(Debug, Default)]
+pub struct LoadedPart {
+    /// Where it came from.
+    pub path: PathBuf,
+    /// The model.
+    pub model: Model,
+    /// What of its file was repaired or left out.
+    pub warnings: Vec<Warning>,
 }
 
 /// Where models are copied to, and with the indices of all triangles or without; none before a device is open.
@@ -150,11 +166,20 @@ impl ModelLoader {
     /// # Errors
     /// When the system has no thread left.
     pub fn start(&mut self, path: &Path) -> std::io::Result<()> {
+        self.start_all(path, &[])
+    }
+
+    /// As [`ModelLoader::start`], with more models to be drawn with the first. Those of them that cannot be opened are told
+    /// in [`Loaded::failures`].
+    ///
+    /// # Errors
+    /// When the system has no thread left.
+    pub fn start_all(&mut self, path: &Path, more: &[PathBuf]) -> std::io::Result<()> {
         self.job = None;
         let shared = Arc::new(SharedProgress::default());
         let (sender, results) = channel();
         let (open, progress, target) = (self.open.clone(), shared.clone(), path.to_owned());
-        let device = self.device.clone();
+        let (device, more) = (self.device.clone(), more.to_vec());
         let thread = std::thread::Builder::new()
             .name("loader".into())
             .spawn(move || {
@@ -170,7 +195,13 @@ impl ModelLoader {
                     }
                 };
                 let opened = open(&target, progress.as_ref(), &mut on_preview);
-                let result = opened.and_then(|loaded| {
+                let result = opened.and_then(|mut loaded| {
+                    for path in more {
+                        match open(&path, progress.as_ref(), &mut |_| ()) {
+                            Ok(other) => loaded.add(path, other, progress.as_ref()),
+                            Err(error) => loaded.failures.push(failure(&path, &error)),
+                        }
+                    }
                     progress.stage("copying to the device", 0);
                     Ok(copied(&device, loaded)?)
                 });
@@ -237,13 +268,43 @@ impl ModelLoader {
     }
 }
 
-/// Copies a model to the device that is open, if one is.
+impl Loaded {
+    /// Adds a model that was loaded alone, in the space of the first.
+    fn add(&mut self, path: PathBuf, other: Self, progress: &dyn Progress) {
+        match other.model.moved_to(self.model.origin, progress) {
+            Ok(model) => self.more.push(LoadedPart {
+                path,
+                model,
+                warnings: other.warnings,
+            }),
+            Err(error) => {
+                let error = LoadError::Open(error.into());
+                self.failures.push(failure(&path, &error));
+            }
+        }
+    }
+}
+
+/// A sentence about a model that could not be opened; most errors name their file.
+pub(super) fn failure(path: &Path, error: &LoadError) -> String {
+    let (message, name) = (error.to_string(), path.display().to_string());
+    if message.contains(&name) {
+        message
+    } else {
+        format!("{name}: {message}")
+    }
+}
+
+/// Copies what was loaded to the device that is open, if one is.
 fn copied(device: &LoaderDevice, mut loaded: Loaded) -> Result<Loaded, gpu::Error> {
     let device = lock(device).clone();
     if let Some((gpu, with_indices)) = device {
-        let mut scene = DeviceScene::new(&gpu, &loaded.model)?;
+        let mut models = vec![&loaded.model];
+        models.extend(loaded.more.iter().map(|part| &part.model));
+        let mut scene = DeviceScene::of_models(&gpu, &models)?;
         if with_indices && !loaded.is_preview {
-            scene.ensure_indices(&loaded.model)?;
+            let shown = scene.shown(&models);
+            scene.ensure_indices(DrawnParts::new(&facted(&shown)))?;
         }
         loaded.scene = Some(scene);
     }

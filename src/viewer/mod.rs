@@ -84,6 +84,8 @@ pub enum Error {
 pub struct ViewerOptions {
     /// Model to open, as [`crate::open()`] names it.
     pub model: PathBuf,
+    /// Models to be shown with it, in the same space.
+    pub more: Vec<PathBuf>,
     /// How models are opened, this one and those that are dropped onto the window.
     pub opening: OpenOptions,
     /// Who draws the frames.
@@ -222,7 +224,7 @@ fn show(
     let start_error = match entries {
         // A recording says itself when its models are there.
         Some(_) => None,
-        None => loader.start(&options.model).err(),
+        None => loader.start_all(&options.model, &options.more).err(),
     };
     options.gpu.surface_extensions = glfw
         .get_required_instance_extensions()

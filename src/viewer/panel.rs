@@ -59,6 +59,8 @@ pub struct PanelState<'a> {
     pub control: Option<(f32, f64, BudgetReport)>,
     /// The user flies.
     pub is_flying: bool,
+    /// Names of the models, and whether each is drawn.
+    pub parts: Vec<(&'a str, bool)>,
 }
 
 /// What the user asks for.
@@ -72,6 +74,13 @@ pub enum PanelWish {
     Light(LightKind),
     /// Hold frames to this time, milliseconds, or to none.
     FrameTime(Option<f64>),
+    /// Draw a model, or leave it out.
+    Show {
+        /// Its index among the models.
+        part: usize,
+        /// It is drawn.
+        is_shown: bool,
+    },
 }
 
 /// Shows the panel at the left edge, `height` points high.
@@ -109,7 +118,7 @@ fn fact(ui: &mut Ui, what: &str, value: String) {
 }
 
 fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
-    model(ui, state);
+    model(ui, state, wishes);
     let mut settings = *state.settings;
     heading(ui, "Drawing");
     drawing(ui, &mut settings, state, wishes);
@@ -184,7 +193,7 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     });
 }
 
-fn model(ui: &mut Ui, state: &PanelState<'_>) {
+fn model(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     if let Some(status) = state.status {
         ui.horizontal(|ui| {
             ui.label("⏳");
@@ -212,6 +221,19 @@ fn model(ui: &mut Ui, state: &PanelState<'_>) {
         };
         fact(ui, "surface", surface.into());
     });
+    if state.parts.len() > 1 {
+        for (part, &(name, is_shown)) in state.parts.iter().enumerate() {
+            let mut is_on = is_shown;
+            ui.checkbox(&mut is_on, name)
+                .on_hover_text("Draw this model");
+            if is_on != is_shown {
+                wishes.push(PanelWish::Show {
+                    part,
+                    is_shown: is_on,
+                });
+            }
+        }
+    }
 }
 
 /// A drop-down list of choices.

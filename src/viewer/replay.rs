@@ -7,18 +7,18 @@ use super::record::RecordEntry;
 use super::window::ViewerWindow;
 use super::{Error, ViewerOptions};
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Waits for a model that is being loaded, or for its preview; previews that nobody waits for are passed over.
 fn load(
     loader: &mut ModelLoader,
-    path: &Path,
+    (path, more): (&Path, &[PathBuf]),
     wants_preview: bool,
     should_stop: &dyn Fn() -> bool,
 ) -> Result<Result<Loaded, LoadError>, Error> {
     if loader.path() != Some(path)
-        && let Err(error) = loader.start(path)
+        && let Err(error) = loader.start_all(path, more)
     {
         return Ok(Err(LoadError::Thread(error)));
     }
@@ -59,6 +59,7 @@ pub(super) fn run(
     let mut live = Vec::new();
     let options = &app.options;
     let mut first = (!options.model_is_usual).then(|| options.model.clone());
+    let mut more = options.more.clone();
     let mut rest = entries;
     for step in 0..=last {
         if app.is_closing || should_stop() {
@@ -82,18 +83,21 @@ pub(super) fn run(
         for entry in now {
             // The first model is that of the command line, unless another was dropped before it came.
             match &entry.event {
-                ViewerEvent::Drop(_) => first = None,
+                ViewerEvent::Drop(_) => (first, more) = (None, Vec::new()),
+                ViewerEvent::DropAll(paths) => {
+                    (first, more) = (None, paths.iter().skip(1).cloned().collect());
+                }
                 ViewerEvent::Preview(path) => {
                     let path = first.clone().unwrap_or_else(|| path.clone());
                     app.tell_device(loader);
-                    let result = load(loader, &path, true, should_stop)?;
+                    let result = load(loader, (&path, &more), true, should_stop)?;
                     app.loaded(&path, result)?;
                 }
                 ViewerEvent::Loaded(path) => {
                     let asked = first.take();
                     let path = asked.as_ref().unwrap_or(path);
                     app.tell_device(loader);
-                    match load(loader, path, false, should_stop)? {
+                    match load(loader, (path, &more), false, should_stop)? {
                         // Nobody sees a message in the window, and pictures without the model are of no use.
                         Err(error) if asked.is_some() && window.is_none() => {
                             return Err(Error::Open(error));

@@ -17,7 +17,7 @@ use crate::render::vulkan::renderer::{SubmittedFrame, present::ShownFrame};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
 use crate::render::{Method, Settings, SplatKind};
-use crate::tree::Model;
+use crate::tree::{Model, OrbitSphere};
 use ash::vk::Result as R;
 use glam::DVec2;
 use std::collections::VecDeque;
@@ -95,6 +95,10 @@ pub(super) struct FrameRequest<'r> {
 #[derive(Debug)]
 pub(super) struct WindowScreen {
     model: Option<Model>,
+    /// Models that are drawn with it.
+    more: Vec<Model>,
+    /// Which models are drawn, the first included.
+    shown: Vec<bool>,
     scene: Option<DeviceScene>,
     renderer: WindowRenderer,
     backend: WindowBackend,
@@ -134,6 +138,8 @@ impl WindowScreen {
             .transpose()?;
         Ok(Self {
             model: None,
+            more: Vec::new(),
+            shown: Vec::new(),
             scene: None,
             renderer,
             backend,
@@ -172,12 +178,14 @@ impl WindowScreen {
             let in_flight = new.renderer.in_flight();
             new.overlay = Some(WindowOverlay::new(gpu, in_flight)?.with_textures_of(old));
         }
-        new.scene = self
-            .model
-            .as_ref()
-            .map(|model| DeviceScene::new(gpu, model))
-            .transpose()?;
+        let models = self.models();
+        if !models.is_empty() {
+            new.scene = Some(DeviceScene::of_models(gpu, &models)?);
+        }
         new.model = self.model.take();
+        new.more = std::mem::take(&mut self.more);
+        new.shown = vec![true; self.shown.len()];
+        (self.shown.iter().enumerate()).for_each(|(i, &is_shown)| new.show(i, is_shown));
         new.faults = self.faults;
         new.frames = self.frames;
         *self = new;
@@ -239,32 +247,63 @@ impl WindowScreen {
     pub(super) fn set_model(
         &mut self,
         model: Model,
+        more: Vec<Model>,
         scene: Option<DeviceScene>,
     ) -> Result<(), Error> {
         let scene = match scene {
             Some(scene) if scene.is_on(&self.gpu) => scene,
             // The device was lost meanwhile, or not yet open.
-            _ => DeviceScene::new(&self.gpu, &model)?,
+            _ => {
+                let models: Vec<&Model> = [&model].into_iter().chain(&more).collect();
+                DeviceScene::of_models(&self.gpu, &models)?
+            }
         };
         self.finish()?;
         self.drop_model();
+        self.shown = vec![true; 1 + more.len()];
         self.model = Some(model);
+        self.more = more;
         self.scene = Some(scene);
         Ok(())
     }
 
     pub(super) fn drop_model(&mut self) {
-        self.model = None;
-        self.scene = None;
+        (self.model, self.scene) = (None, None);
+        (self.more, self.shown) = (Vec::new(), Vec::new());
         self.renderer.forget_prediction();
-        self.drawn = None;
-        self.picture = None;
+        (self.drawn, self.picture) = (None, None);
         self.frame_times_ms.clear();
         self.times = FrameTimes::default();
     }
 
     pub(super) fn model(&self) -> Option<&Model> {
         self.model.as_ref()
+    }
+
+    /// All models, the first one first.
+    pub(super) fn models(&self) -> Vec<&Model> {
+        self.model.iter().chain(&self.more).collect()
+    }
+
+    /// Whether each model is drawn.
+    pub(super) fn shown(&self) -> &[bool] {
+        &self.shown
+    }
+
+    /// Draws a model from the next frame on, or leaves it out; nothing where there is no model of this index.
+    pub(super) fn show(&mut self, index: usize, is_shown: bool) {
+        if let (Some(shown), Some(scene)) = (self.shown.get_mut(index), &mut self.scene) {
+            *shown = is_shown;
+            scene.show(index, is_shown);
+            self.renderer.forget_prediction();
+            (self.picture, self.drawn) = (None, None);
+        }
+    }
+
+    /// The smallest sphere around all models; none without any.
+    pub(super) fn orbit_sphere(&self) -> Option<OrbitSphere> {
+        let all = self.models().into_iter().map(Model::orbit_sphere);
+        all.reduce(OrbitSphere::joined)
     }
 
     pub(super) fn gpu(&self) -> &Arc<Gpu> {
@@ -316,7 +355,11 @@ impl WindowScreen {
         let Ok(view) = camera.view(model.origin) else {
             return FrameWork::default();
         };
-        let shown = ShownModel { model, scene };
+        let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
+        let shown = ShownModel {
+            models: &models,
+            scene,
+        };
         let foreseen = self.renderer.predict(&shown, &view, settings);
         FrameWork {
             visited: foreseen.counts.nodes_visited,
@@ -500,9 +543,12 @@ impl WindowScreen {
         };
         let submitted = match (view, &self.model, &mut self.scene) {
             (Some(view), Some(model), Some(scene)) => {
-                let submitted =
-                    self.renderer
-                        .submit(ShownModel { model, scene }, &view, settings, shown)?;
+                let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
+                let drawn = ShownModel {
+                    models: &models,
+                    scene,
+                };
+                let submitted = (self.renderer).submit(drawn, &view, settings, shown)?;
                 self.drawn = Some(view);
                 (submitted, Some(settings.threshold_px))
             }

@@ -150,7 +150,11 @@ impl ViewerWindow {
         Some(match event {
             WindowEvent::FramebufferSize(..) | WindowEvent::ContentScale(..) => self.size_event(),
             WindowEvent::Focus(has_focus) => ViewerEvent::Focus(has_focus),
-            WindowEvent::FileDrop(paths) => ViewerEvent::Drop(paths.into_iter().next()?),
+            WindowEvent::FileDrop(mut paths) => match paths.len() {
+                0 => return None,
+                1 => ViewerEvent::Drop(paths.remove(0)),
+                _ => ViewerEvent::DropAll(paths),
+            },
             WindowEvent::CursorPos(x, y) => {
                 ViewerEvent::Cursor((DVec2::new(x, y) * self.cursor_scale()).to_array())
             }
@@ -237,8 +241,8 @@ impl ViewerWindow {
         let mut events = Vec::new();
         for ask in std::mem::take(&mut app.asks) {
             match ask {
-                FileAsk::Open(path) => {
-                    if let Err(error) = loader.start(&path) {
+                FileAsk::Open { path, more } => {
+                    if let Err(error) = loader.start_all(&path, &more) {
                         app.warn(&format!("cannot start to load: {error}"));
                     }
                 }

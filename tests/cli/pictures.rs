@@ -181,13 +181,86 @@ fn frames_are_the_views_of_the_standard_orbit() {
     assert_eq!(names(at), wanted);
     // Azimuth (k + 1/2) 360/n, elevation 20.
     for (number, azimuth) in numbers.iter().zip([60, 180, 300]) {
-        expect(at, 0, &format!("{scene} --orbit {azimuth},20 -o one.png"));
+        expect(
+            at,
+            0,
+            &format!("{scene} --orbit {azimuth},20 --samples 1 -o one.png"),
+        );
         assert!(
             is_same(at, &format!("turn-{number}.png"), "one.png"),
             "{number}"
         );
     }
     assert!(!is_same(at, "turn-000.png", "turn-001.png"));
+}
+
+/// Two squares beside each other, each in a file with an origin of its own.
+#[test]
+fn several_models_are_one_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    for (name, x) in [("a.obj", 5_000_000), ("b.obj", 5_000_003)] {
+        let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| format!("v {} {j} 0\n", x + i));
+        std::fs::write(at.join(name), corners.concat() + "f 1 2 3 4\n").unwrap();
+    }
+    let look = "--size 80x40 --device mirror --samples 1 --orbit 0,0,1";
+    expect(
+        at,
+        0,
+        &format!("render a.obj b.obj -o both.png --stats s.json {look}"),
+    );
+    let picture = load(&at.join("both.png"));
+    // Two runs in the middle row, as wide as the gap between them is twice.
+    let row: Vec<bool> = (0..80)
+        .map(|x| picture.color[20 * 80 + x][0] > 0.0)
+        .collect();
+    let runs: Vec<(bool, usize)> = row
+        .chunk_by(|a, b| a == b)
+        .map(|run| (run[0], run.len()))
+        .collect();
+    let [_, (true, first), (false, gap), (true, second), _] = runs[..] else {
+        panic!("{runs:?}")
+    };
+    assert!(
+        first.abs_diff(second) <= 1 && gap.abs_diff(2 * first) <= 2,
+        "{runs:?}"
+    );
+    let stats: serde_json::Value =
+        serde_json::from_slice(&std::fs::read(at.join("s.json")).unwrap()).unwrap();
+    assert_eq!(stats["more_models"].as_array().unwrap().len(), 1);
+    let run = expect(at, 2, "render a.obj none.obj -o c.png");
+    assert!(run.err.contains("none.obj"), "{}", run.err);
+}
+
+/// Without a number of samples a picture is smooth: as near to 64 samples as 16 are.
+#[test]
+fn pictures_are_smooth_unless_samples_are_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let scene = "render generate:statue:9000 --size 90x80 --device mirror";
+    for (name, options) in [
+        ("smooth", ""),
+        ("one", "--samples 1"),
+        ("right", "--samples 64 --method triangles"),
+        ("depth", "--depth d.npy"),
+    ] {
+        let words = format!("{scene} -o {name}.png {options}");
+        expect(at, 0, words.trim_end());
+    }
+    let [smooth, one, right] =
+        ["smooth", "one", "right"].map(|n| load(&at.join(format!("{n}.png"))));
+    let error = |image: &FloatImage| -> f64 {
+        let pairs = image.color.iter().zip(&right.color);
+        pairs.map(|(a, b)| f64::from((a[0] - b[0]).abs())).sum()
+    };
+    assert!(
+        4.0 * error(&smooth) < error(&one),
+        "{} {}",
+        error(&smooth),
+        error(&one)
+    );
+    // Depth is that of one sample, and so is the picture beside it.
+    assert!(is_same(at, "depth.png", "one.png"));
 }
 
 #[test]
@@ -200,7 +273,11 @@ fn samples_are_averaged() {
         0,
         &format!("{scene} --size 60x60 --samples 16 -o mean.exr --coverage mean.png"),
     );
-    expect(at, 0, &format!("{scene} --size 240x240 -o large.exr"));
+    expect(
+        at,
+        0,
+        &format!("{scene} --size 240x240 --samples 1 -o large.exr"),
+    );
     let (mean, large, coverage) = (
         load(&at.join("mean.exr")),
         load(&at.join("large.exr")),

@@ -122,7 +122,7 @@ fn what_cannot_be_meant_is_bad_usage() {
         ("--no-such-option", "--no-such-option"),
         ("render", "MODEL"),
         ("render model.obj --no-such-option", "--no-such-option"),
-        ("render model.obj model.obj -o a.png", "model.obj"),
+        ("info model.obj other.obj", "other.obj"),
         ("render model.obj", "nothing to write"),
         ("render model.obj -o", "--output"),
         ("render model.obj -o a.jpg", "png or exr"),

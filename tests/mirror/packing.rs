@@ -48,6 +48,7 @@ const SHADE: Shade = Shade {
     cull_back: false,
     use_colors: true,
     color_by: ColorBy::Shading,
+    depth_range: [0.0, 1.0],
     light: surfel::pack::Lighting::Headlight,
     cut_view: None,
 };

@@ -204,7 +204,7 @@ impl CalibrationStand {
         let mut drawn = Drawn {
             primitives_ns: f64::INFINITY,
             pixels_ns: f64::INFINITY,
-            of_box: pixels_of(model, &view, settings.threshold_px).of_box as f64,
+            of_box: pixels_of(&*model, &view, settings.threshold_px).of_box as f64,
             ..Drawn::default()
         };
         let (mut least_ms, mut most_ms) = (f64::INFINITY, 0.0f64);

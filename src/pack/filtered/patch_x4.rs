@@ -389,7 +389,9 @@ impl Eye<'_> {
             ColorBy::Shading | ColorBy::Classification | ColorBy::Overdraw => lit([1.0; 3]),
             ColorBy::Level => falsecolor::of_item(self.tree, patch.node),
             ColorBy::Normal => falsecolor::of_normal(self.normal(patch)),
-            ColorBy::Depth => falsecolor::of_depth(self.view.distance(center), self.depth_range),
+            ColorBy::Depth => {
+                falsecolor::of_depth(self.view.distance(center), self.shade.depth_range)
+            }
         }
     }
 

@@ -190,6 +190,7 @@ mod tests {
                 cull_back: true,
                 use_colors: true,
                 color_by: ColorBy::Shading,
+                depth_range: [0.0, 1.0],
                 light: Lighting::Headlight,
                 cut_view: None,
             };

@@ -78,34 +78,47 @@ pub(crate) struct FrameWorkload<'a> {
 /// Leaves that are looked at for the size of all.
 const SAMPLE: usize = 256;
 
-/// What size the splats of a cut count as, pixels: the threshold, but for opaque ellipses of a cloud, whose points have sizes of
+/// What size the splats of the cuts of models count as, pixels: the threshold, but for opaque ellipses of a cloud, whose points have sizes of
 /// their own. Of these it is the side of their mean square, of a sample; none counts as larger than
 /// compute draws.
-pub(crate) fn size_px(settings: &Settings, (model, view): (&Model, &View), cut: &Cut) -> f32 {
+pub(crate) fn size_px<'a>(
+    settings: &Settings,
+    view: &View,
+    parts: impl Iterator<Item = (&'a Model, &'a Cut)>,
+) -> f32 {
     let usual = settings.threshold_px.max(1.0);
-    let has_own = !model.kind().is_surface()
-        && Technique::of(settings) == Technique::Opaque
-        && settings.footprint() == Footprint::Oriented;
-    let step = cut.leaves.len().div_ceil(SAMPLE);
-    if !has_own || step == 0 {
-        return usual;
-    }
     let most = crate::render::compute_limits::largest_point_px(settings);
-    let (mut sum, mut count) = (0.0, 0.0);
-    for &leaf in cut.leaves.iter().step_by(step) {
-        let sphere = &model.tree.leaves[leaf as usize];
-        let side = 2.0 * sphere.radius * pixels_of_unit(view, sphere.center);
-        // A radius of 0 asks for the usual size.
-        let side = if side > 0.0 { side } else { usual };
-        sum += side.clamp(1.0, most).powi(2);
-        count += 1.0;
+    let may_have_own =
+        Technique::of(settings) == Technique::Opaque && settings.footprint() == Footprint::Oriented;
+    // Sums over all splats: of squares of sides, and of splats.
+    let (mut squares, mut all) = (0.0, 0.0);
+    for (model, cut) in parts.filter(|_| may_have_own) {
+        let splats = cut.nodes.len() + cut.leaves.len() + StripRun::splats_of(&cut.strips);
+        let step = cut.leaves.len().div_ceil(SAMPLE);
+        let (mut sum, mut count) = (0.0, 0.0);
+        if step > 0 && !model.kind().is_surface() {
+            for &leaf in cut.leaves.iter().step_by(step) {
+                let sphere = &model.tree.leaves[leaf as usize];
+                let side = 2.0 * sphere.radius * pixels_of_unit(view, sphere.center);
+                // A radius of 0 asks for the usual size.
+                let side = if side > 0.0 { side } else { usual };
+                sum += side.clamp(1.0, most).powi(2);
+                count += 1.0;
+            }
+        }
+        let with_own = if count > 0.0 {
+            cut.leaves.len() as f32
+        } else {
+            0.0
+        };
+        let of_own = with_own * sum / f32::max(count, 1.0);
+        squares += of_own + (splats as f32 - with_own) * usual.powi(2);
+        all += splats as f32;
     }
-    let of_strips = StripRun::splats_of(&cut.strips);
-    let (leaves, others) = (
-        cut.leaves.len() as f32,
-        (cut.nodes.len() + of_strips) as f32,
-    );
-    ((leaves * (sum / count) + others * usual.powi(2)) / (leaves + others)).sqrt()
+    match all > 0.0 {
+        true => (squares / all).sqrt(),
+        false => usual,
+    }
 }
 
 impl FrameWorkload<'_> {
@@ -372,7 +385,7 @@ mod tests {
                 threshold_px,
                 ..Settings::default()
             };
-            size_px(&settings, (&model, &view), cut)
+            size_px(&settings, &view, [(&model, cut)].into_iter())
         };
         let mut cut = Cut {
             leaves: (0..1600).collect(),

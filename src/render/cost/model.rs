@@ -5,9 +5,9 @@
 //! not measured decides nothing: the renderer falls back to its rules of thumb there.
 
 use crate::math::camera::View;
+use crate::render::model_facts::DrawnFacts;
 use crate::render::screen_bounds;
 use crate::render::{Path, SplatKind};
-use crate::tree::Model;
 
 /// The sizes that splats are measured at on both paths: sides or diameters in pixels, ascending.
 pub const SIZES_PX: [f32; 3] = [1.0, 3.0, 6.0];
@@ -33,12 +33,12 @@ pub struct PicturePixels {
     pub of_box: u64,
 }
 
-/// Pixels of the box around a model in the picture: the part that passes over the picture go over.
-pub fn pixels_of(model: &Model, view: &View, largest_px: f32) -> PicturePixels {
+/// Pixels of the box around what is drawn in the picture: the part that passes over the picture go over.
+pub fn pixels_of(facts: impl Into<DrawnFacts>, view: &View, largest_px: f32) -> PicturePixels {
     let margin_px = largest_px / 2.0 + 3.0;
     PicturePixels {
         picture: u64::from(view.width) * u64::from(view.height),
-        of_box: screen_bounds::pixels(screen_bounds::rect_px(model, view, margin_px)),
+        of_box: screen_bounds::pixels(screen_bounds::rect_px(&facts.into(), view, margin_px)),
     }
 }
 

@@ -17,10 +17,10 @@ mod splat_block;
 #[cfg(test)]
 mod tests;
 
-pub use crate::render::cpu::triangles::{Light, Triangles};
+pub use crate::render::cpu::triangles::{Light, MeshVertices, Triangles};
 
+use crate::abi::FilteredSplat;
 use crate::abi::constants::FILTERED_TILE_PX;
-use crate::abi::{FilteredSplat, Vertex};
 use crate::pack::filtered::ScreenGroups;
 use crate::pack::parallel;
 use crate::render::cpu::filtered::splat_block::Blocks;
@@ -62,16 +62,23 @@ pub(crate) struct Band<'a> {
     tiles: Vec<[f32; 2]>,
 }
 
-/// What is drawn.
+/// Splats of a model.
 #[derive(Debug, Clone, Copy)]
-pub struct List<'a> {
+pub struct GroupedSplats<'a> {
     /// With gaps.
     pub splats: &'a [FilteredSplat],
     /// Of these splats, those that are drawn.
     pub groups: &'a ScreenGroups,
+}
+
+/// What is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct List<'a> {
+    /// Splats of each model.
+    pub splats: &'a [GroupedSplats<'a>],
     /// Corners of triangles.
-    pub vertices: &'a [Vertex],
-    /// Of a model with these vertices.
+    pub meshes: MeshVertices<'a>,
+    /// Of models with these vertices.
     pub triangles: &'a Triangles,
 }
 
@@ -105,7 +112,8 @@ fn draw_by(
         "they are of another part"
     );
     let mut bands = bands(canvas, front, sums);
-    let many = list.splats.len() + list.triangles.count();
+    let splats: usize = list.splats.iter().map(|own| own.splats.len()).sum();
+    let many = splats + list.triangles.count();
     parallel::share(many, bands.iter_mut(), |band| {
         dispatch!(level, simd => if canvas.is_gray {
             draw_band::<_, true>(simd, &list, &canvas, band)
@@ -151,12 +159,15 @@ fn draw_band<S: Simd, const GRAY: bool>(
     band.sums.fill(0);
     list.triangles.leave_depths(canvas, band);
     let [first, end] = band.rows;
-    let near: Vec<&[FilteredSplat]> = list.groups.in_rows(list.splats, [first, end]).collect();
+    let mut near: Vec<&[FilteredSplat]> = Vec::new();
+    for own in list.splats {
+        near.extend(own.groups.in_rows(own.splats, [first, end]));
+    }
     let mut blocks = Blocks::of(&near);
     while let Some(block) = blocks.next() {
         depth::draw(simd, &block, canvas, band);
     }
-    let has_large = !list.groups.are_small();
+    let has_large = list.splats.iter().any(|own| !own.groups.are_small());
     if has_large {
         near.iter()
             .for_each(|splats| large::leave_depths(splats, canvas, band));
@@ -169,7 +180,7 @@ fn draw_band<S: Simd, const GRAY: bool>(
         near.iter()
             .for_each(|splats| large::blend(splats, canvas, band));
     }
-    list.triangles.blend(list.vertices, canvas, band);
+    list.triangles.blend(list.meshes, canvas, band);
     find_tiles::<GRAY>(canvas, band);
 }
 

@@ -2,35 +2,37 @@
 
 mod surfaces;
 
-use crate::abi::{FilteredSplat, FrameConstants, Splat};
-use crate::cut::{Cut, CutSelector};
+use crate::abi::{FilteredSplat, FrameConstants, Splat, Vertex};
+use crate::cut::CutSelector;
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
 use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
-use crate::pack::splats::{Packed, Plan};
+use crate::pack::splats::Plan;
 use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
 use crate::render::cpu::filtered;
-use crate::render::cpu::filtered::Canvas;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
+use crate::render::cpu::filtered::{Canvas, GroupedSplats};
 use crate::render::cpu::float_planes::{FloatPlanes, word_of};
 use crate::render::cpu::opaque;
-use crate::render::cpu::opaque::{Picture, Places};
+use crate::render::cpu::opaque::{CutMesh, Picture, Places};
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::triangles::{Light, Triangles};
+use crate::render::cpu::triangles::{Light, MeshVertices, Triangles};
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::FrameContext;
 use crate::render::frame_plan::FramePlan;
-use crate::render::model_facts::FactedModel;
+use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, splat_plan};
+use crate::render::part_cuts::PartCuts;
 use crate::render::screen_bounds;
 use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::{CutAhead, FrameStage, KeptWork};
 use crate::render::technique::Technique;
 use crate::render::{Method, PictureOutputs, Settings, SplatKind};
+use crate::tree::Model;
 use bytemuck::Zeroable;
 use std::time::Instant;
 
@@ -40,7 +42,7 @@ const SUBPIXEL_BITS: u32 = 8;
 /// What decides a frame; equal ones are the same picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct CpuFrameKey {
-    model: u64,
+    drawn: u64,
     view: View,
     settings: Settings,
 }
@@ -51,7 +53,7 @@ struct CpuFrameKey {
 pub struct CpuRenderer {
     size: [u32; 2],
     selector: CutSelector,
-    pub(super) cut: Cut,
+    pub(super) cuts: PartCuts,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
     chosen: Option<(u64, CutKey)>,
     /// What the last frame was of, where it may be kept.
@@ -63,7 +65,10 @@ pub struct CpuRenderer {
     visited: u64,
     splats: Vec<Splat>,
     rest: LargeTriangles,
-    triangle_ids: Vec<u32>,
+    /// Of each part, those that are drawn as triangles where that is not all of the cut's.
+    triangle_ids: Vec<Vec<u32>>,
+    /// Number of triangles that were set up.
+    pub(super) triangles_given: usize,
     triangles: Triangles,
     places: Places,
     filtered: Vec<FilteredSplat>,
@@ -92,7 +97,7 @@ impl CpuRenderer {
         Self {
             size: [width, height],
             selector: CutSelector::default().with_subpixel_bits(SUBPIXEL_BITS),
-            cut: Cut::default(),
+            cuts: PartCuts::default(),
             chosen: None,
             drawn: None,
             keeps_frames: false,
@@ -102,6 +107,7 @@ impl CpuRenderer {
             splats: Vec::new(),
             rest: LargeTriangles::new(),
             triangle_ids: Vec::new(),
+            triangles_given: 0,
             triangles: Triangles::default(),
             places: Places::default(),
             filtered: Vec::new(),
@@ -133,9 +139,9 @@ impl CpuRenderer {
         self.keeps_frames = keep;
     }
 
-    /// The cut that was chosen last.
-    pub fn cut(&self) -> &Cut {
-        &self.cut
+    /// The cuts that were chosen last.
+    pub fn cuts(&self) -> &PartCuts {
+        &self.cuts
     }
 
     /// Nodes and leaves that all cuts so far looked at.
@@ -149,7 +155,7 @@ impl CpuRenderer {
     /// When the pixels are fewer than the picture has.
     pub(crate) fn draw(
         &mut self,
-        drawn: FactedModel<'_>,
+        drawn: DrawnParts<'_>,
         plan: &FramePlan,
         mut pixels: PixelWords<'_>,
         area: &mut DrawnArea,
@@ -157,7 +163,7 @@ impl CpuRenderer {
         let start = Instant::now();
         let (settings, context) = (&plan.settings, &plan.context);
         let key = CpuFrameKey {
-            model: plan.model,
+            drawn: plan.drawn,
             view: plan.view,
             settings: *settings,
         };
@@ -187,8 +193,11 @@ impl CpuRenderer {
         self.planes.begin(context.rect_px, context.background);
         let light = opaque::Light::new(&plan.constants);
         area.begin(&mut pixels, self.size, context.rect_px, light.background());
+        let meshes: Vec<&[Vertex]> = drawn.iter().map(|part| &*part.model.vertices).collect();
         let frame = CpuFrame {
             drawn,
+            plan,
+            meshes: &meshes,
             view: &plan.view,
             settings,
             context,
@@ -220,9 +229,10 @@ impl CpuRenderer {
             ..FrameCounts::default()
         };
         if settings.has_cut() {
-            times.counts.nodes_visited = self.cut.stats.visited;
-            times.counts.hidden = self.cut.stats.hidden;
-            times.counts.between = self.cut.stats.between;
+            let stats = self.cuts.stats();
+            times.counts.nodes_visited = stats.visited;
+            times.counts.hidden = stats.hidden;
+            times.counts.between = stats.between;
         }
         times.frame_ms = elapsed_ms(start);
         self.drawn = Some(key);
@@ -231,16 +241,15 @@ impl CpuRenderer {
     }
 
     /// Chooses the cut, unless it is there; tells whether it was chosen.
-    pub(super) fn choose_cut(&mut self, drawn: FactedModel<'_>, plan: &FramePlan) -> bool {
-        let FactedModel { model, facts } = drawn;
-        let chosen = (plan.model, plan.cut);
+    pub(super) fn choose_cut(&mut self, drawn: DrawnParts<'_>, plan: &FramePlan) -> bool {
+        let chosen = (plan.drawn, plan.cut);
         let may_stay = self.keeps_frames || self.ahead.is_some();
         if may_stay && self.chosen == Some(chosen) {
             return false;
         }
-        let undrawn = || facts.undrawn(model);
-        (chosen.1).select(&mut self.selector, model, undrawn, &mut self.cut);
-        self.visited += self.cut.stats.visited;
+        self.cuts
+            .select(&mut self.selector, drawn, |part| plan.cut_of(part));
+        self.visited += self.cuts.stats().visited;
         self.chosen = Some(chosen);
         true
     }
@@ -252,17 +261,17 @@ impl CpuRenderer {
         light: &opaque::Light,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
-        let (model, settings, view) = (frame.drawn.model, frame.settings, frame.view);
+        let (settings, view) = (frame.settings, frame.view);
         let rect_px = frame.context.rect_px;
         let Some(screen) = opaque::Screen::new(frame.constants, rect_px) else {
             unreachable!("sides of pictures are limited");
         };
         let corners = frame.corner_screen();
         let plan = splat_plan(settings, f32::INFINITY);
-        let has_one_size = plan.has_one_size(model);
+        let has_one_size = plan.has_one_size(frame.plan.facts.kind);
         let is_cut = settings.has_cut();
         let count = match is_cut {
-            true => pack::splats::count(&self.cut, &plan),
+            true => self.cuts.splat_count(&plan),
             false => 0,
         };
         // What has one size is drawn from the cut itself.
@@ -292,7 +301,7 @@ impl CpuRenderer {
             };
             opaque::draw_triangles(
                 &self.triangles,
-                &model.vertices,
+                frame.meshes,
                 &screen,
                 light.background(),
                 picture,
@@ -306,18 +315,25 @@ impl CpuRenderer {
         };
         let splats = &self.splats[..written + samples];
         let triangles = match settings.method {
-            Method::Pop => self.cut.triangles.len(),
-            _ => self.triangle_ids.len(),
+            Method::Pop => self.cuts.triangle_count(),
+            _ => self.triangles_given,
         };
         let target = (&screen, light);
         let mut undrawn_count = 0;
         if has_one_size && is_cut {
-            let undrawn = frame.drawn.facts.undrawn(model);
-            undrawn_count = undrawn.count_in(&self.cut);
+            let cut_meshes: Vec<CutMesh<'_>> = (frame.drawn.iter().zip(self.cuts.iter()))
+                .map(|(FactedModel { model, facts }, cut)| CutMesh {
+                    model,
+                    undrawn: facts.undrawn(model),
+                    cut,
+                })
+                .collect();
+            let undrawn = cut_meshes
+                .iter()
+                .map(|mesh| mesh.undrawn.count_in(mesh.cut));
+            undrawn_count = undrawn.sum();
             let own = opaque::Splats {
-                model,
-                undrawn,
-                cut: &self.cut,
+                meshes: &cut_meshes,
                 view,
                 plan: &plan,
                 are_discs: settings.splat == SplatKind::Disc,
@@ -350,80 +366,121 @@ impl CpuRenderer {
         corners: &small_triangles::CornerScreen,
         [own, samples_triangles]: [usize; 2],
     ) -> (usize, usize) {
-        let (model, view) = (frame.drawn.model, frame.view);
+        let view = frame.view;
         let samples_triangles = samples_triangles > 0;
         let room = match samples_triangles {
-            true => small_triangles::room(self.cut.triangles.len(), corners),
+            true => (self.cuts.iter())
+                .map(|cut| small_triangles::room(cut.triangles.len(), corners))
+                .sum(),
             false => 0,
         };
         let length = (own + room).max(self.splats.len());
         self.splats.resize(length, Splat::zeroed());
-        let packed = match own {
-            0 => Packed::default(),
-            _ => pack::splats::pack(model, &self.cut, view, plan, &mut self.splats[..own]),
-        };
-        if !samples_triangles {
-            return (packed.points, 0);
+        let mut points = 0;
+        if own > 0 {
+            for (part, cut) in frame.drawn.iter().zip(self.cuts.iter()) {
+                let out = &mut self.splats[points..own];
+                // None is a quad: nothing limits the size of points.
+                points += pack::splats::pack(part.model, cut, view, plan, out).points;
+            }
         }
-        let out = &mut self.splats[packed.points..];
-        let ids = &self.cut.triangles;
-        let found = small_triangles::pack(model, ids, corners, &mut self.rest, out);
-        (packed.points, found)
+        self.triangle_ids.clear();
+        if !samples_triangles {
+            return (points, 0);
+        }
+        let mut found = 0;
+        for (part, cut) in frame.drawn.iter().zip(self.cuts.iter()) {
+            let out = &mut self.splats[points + found..];
+            let rest = &mut self.rest;
+            found += small_triangles::pack(part.model, &cut.triangles, corners, rest, out);
+            self.triangle_ids
+                .push(rest.iter().flatten().copied().collect());
+        }
+        (points, found)
     }
 
     /// Sets the triangles up that are drawn as such.
     fn set_triangles(&mut self, frame: &CpuFrame<'_>, samples_triangles: bool) {
-        self.triangle_ids.clear();
-        let model = frame.drawn.model;
-        if samples_triangles {
-            self.triangle_ids.extend(self.rest.iter().flatten());
-        } else if frame.settings.method == Method::Triangles {
-            self.triangle_ids.extend(0..model.triangles.len() as u32);
-        } else {
-            let ids: &[u32] = match frame.settings.method {
-                Method::Pop => &self.cut.triangles,
-                _ => &[],
-            };
-            self.triangle_ids.extend(ids);
+        if !samples_triangles && frame.settings.method == Method::Triangles {
+            let all = |part: FactedModel<'_>| (0..part.model.triangles.len() as u32).collect();
+            self.triangle_ids = frame.drawn.iter().map(all).collect();
         }
+        let ids: Vec<&[u32]> = match frame.settings.method {
+            Method::Pop if !samples_triangles => {
+                self.cuts.iter().map(|cut| &*cut.triangles).collect()
+            }
+            _ => self.triangle_ids.iter().map(|ids| &**ids).collect(),
+        };
+        self.triangles_given = ids.iter().map(|ids| ids.len()).sum();
+        let models = frame.drawn.iter().map(|part| part.model);
+        let drawn: Vec<(&Model, &[u32])> = models.zip(ids).collect();
         let light = Light::of_frame(frame.constants, frame.corner_screen());
-        let is_lit = self.triangles.set(model, &self.triangle_ids, Some(light));
+        let is_lit = self.triangles.set_all(&drawn, Some(light));
         debug_assert!(is_lit, "there is a light");
     }
 
     /// Filtered splats and triangles: depths, sums, and their quotients.
     fn draw_filtered(&mut self, frame: &CpuFrame<'_>, pixels: &mut PixelWords<'_>) -> DrawnCounts {
-        let (model, settings, view) = (frame.drawn.model, frame.settings, frame.view);
-        let shade = filtered_shade(settings, model, f32::INFINITY);
-        let triangles = self.cut.triangles.len();
-        let large = pack::filtered::take_triangles(model, view, &shade, &mut self.cut);
-        if self.cut.triangles.len() != triangles {
+        let (settings, view) = (frame.settings, frame.view);
+        let depth_range = frame.context.depth_range;
+        let shade = filtered_shade(settings, &frame.plan.facts, depth_range, f32::INFINITY);
+        let triangles = self.cuts.triangle_count();
+        let drawn = frame.drawn.iter().zip(self.cuts.iter_mut());
+        let drawn: Vec<_> = drawn
+            .map(|(FactedModel { model, .. }, cut)| {
+                let large = pack::filtered::take_triangles(model, view, &shade, cut);
+                (model, &*cut, large)
+            })
+            .collect();
+        let most = |&(_, cut, large): &(_, _, _)| pack::filtered::splat_count(cut, large);
+        let length: usize = drawn.iter().map(most).sum();
+        let length = length.max(self.filtered.len());
+        self.filtered.resize(length, FilteredSplat::zeroed());
+        let mut room = &mut self.filtered[..];
+        let mut written = Vec::with_capacity(drawn.len());
+        for part in &drawn {
+            let (own, rest) = std::mem::take(&mut room).split_at_mut(most(part));
+            room = rest;
+            let (model, cut, large) = *part;
+            let found = pack::filtered::write(model, cut, large, view, shade, own);
+            written.push((&*own, found));
+        }
+        let splats: Vec<GroupedSplats<'_>> = written
+            .iter()
+            .map(|(splats, found)| GroupedSplats {
+                splats,
+                groups: &found.groups,
+            })
+            .collect();
+        let splat_count = written
+            .iter()
+            .map(|(_, found)| found.count())
+            .sum::<usize>();
+        let drawn: Vec<(&Model, &[u32])> = match settings.method {
+            Method::Pop => drawn
+                .iter()
+                .map(|&(model, cut, _)| (model, &*cut.triangles))
+                .collect(),
+            _ => Vec::new(),
+        };
+        let triangle_count = drawn.iter().map(|(_, ids)| ids.len()).sum::<usize>();
+        if settings.method == Method::Pop && triangle_count != triangles {
             self.chosen = None;
         }
-        let most = pack::filtered::splat_count(&self.cut, large);
-        let length = most.max(self.filtered.len());
-        self.filtered.resize(length, FilteredSplat::zeroed());
-        let written =
-            pack::filtered::write(model, &self.cut, large, view, shade, &mut self.filtered);
-        let ids: &[u32] = match settings.method {
-            Method::Pop => &self.cut.triangles,
-            _ => &[],
-        };
         let light = Light::of_frame(frame.constants, frame.corner_screen());
-        let is_lit = self.triangles.set(model, ids, Some(light));
+        let is_lit = self.triangles.set_all(&drawn, Some(light));
         debug_assert!(is_lit, "there is a light");
         let canvas = Canvas {
             rect_px: frame.context.rect_px,
             is_gray: settings.color_by == ColorBy::Shading
-                && !(settings.use_colors && frame.drawn.facts.has_colors()),
+                && !(settings.use_colors && frame.drawn.has_colors()),
         };
         let (count, words) = (canvas.pixels(), canvas.pixels() * canvas.words());
         self.front.resize(count.max(self.front.len()), 0);
         self.sums.resize(words.max(self.sums.len()), 0);
         let list = filtered::List {
-            splats: &self.filtered,
-            groups: &written.groups,
-            vertices: &model.vertices,
+            splats: &splats,
+            meshes: frame.meshes,
             triangles: &self.triangles,
         };
         let (front, sums) = (&mut self.front[..count], &mut self.sums[..words]);
@@ -454,9 +511,9 @@ impl CpuRenderer {
             normalize(canvas, &params, front, sums, picture);
         }
         DrawnCounts {
-            splats: written.count(),
-            triangles: ids.len(),
-            list_bytes: (size_of::<FilteredSplat>() * written.count() + 12 * ids.len() + 8 * words)
+            splats: splat_count,
+            triangles: triangle_count,
+            list_bytes: (size_of::<FilteredSplat>() * splat_count + 12 * triangle_count + 8 * words)
                 as u64,
         }
     }
@@ -512,7 +569,10 @@ impl CpuRenderer {
 
 /// One frame, resolved.
 struct CpuFrame<'a> {
-    drawn: FactedModel<'a>,
+    drawn: DrawnParts<'a>,
+    plan: &'a FramePlan,
+    /// Vertices of each part.
+    meshes: MeshVertices<'a>,
     view: &'a View,
     settings: &'a Settings,
     context: &'a FrameContext,

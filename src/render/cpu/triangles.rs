@@ -99,6 +99,9 @@ pub(super) struct Face {
 /// The index of a triangle that is not clipped.
 const WHOLE_TRIANGLE: u32 = u32::MAX;
 
+/// The vertices of each mesh that triangles are of.
+pub type MeshVertices<'a> = &'a [&'a [Vertex]];
+
 /// A triangle with the part that it is of, and its number among those of all parts.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct NumberedFace<'a> {
@@ -120,6 +123,8 @@ pub struct Triangles {
 pub(super) struct Part {
     /// Number of the first among those of all parts.
     first: u32,
+    /// Index of the mesh that they are of.
+    mesh: usize,
     faces: Vec<Face>,
     /// The first row that those of each [`GROUP`] may cover, and one past the last.
     rows: Vec<[u32; 2]>,
@@ -132,15 +137,29 @@ impl Triangles {
     /// [`Light::new`] has none, it says so and becomes none, unless there are none.
     #[must_use]
     pub fn set(&mut self, model: &Model, ids: &[u32], light: Option<Light>) -> bool {
+        self.set_all(&[(model, ids)], light)
+    }
+
+    /// As [`Triangles::set`], of several models; a triangle belongs to the mesh of its model's index.
+    #[must_use]
+    pub fn set_all(&mut self, drawn: &[(&Model, &[u32])], light: Option<Light>) -> bool {
         self.light = light;
+        let count = drawn.iter().map(|(_, ids)| ids.len()).sum();
         let Some(light) = &self.light else {
             self.parts.clear();
-            return ids.is_empty();
+            return count == 0;
         };
-        self.parts
-            .resize_with(ids.len().div_ceil(parallel::PART), Part::default);
-        let jobs = ids.chunks(parallel::PART).zip(&mut self.parts);
-        parallel::share(ids.len(), jobs, |(ids, part)| light.fill(part, model, ids));
+        let chunks = drawn.iter().enumerate().flat_map(|(mesh, &(model, ids))| {
+            let chunks = ids.chunks(parallel::PART);
+            chunks.map(move |ids| (mesh, model, ids))
+        });
+        let chunks: Vec<(usize, &Model, &[u32])> = chunks.collect();
+        self.parts.resize_with(chunks.len(), Part::default);
+        let jobs = chunks.into_iter().zip(&mut self.parts);
+        parallel::share(count, jobs, |((mesh, model, ids), part)| {
+            part.mesh = mesh;
+            light.fill(part, model, ids);
+        });
         let mut first = 0;
         for part in &mut self.parts {
             part.first = first;
@@ -197,7 +216,7 @@ impl Triangles {
     }
 
     /// Adds their shades with weight 1 where nothing hides them.
-    pub(super) fn blend(&self, vertices: &[Vertex], canvas: &Canvas, band: &mut Band<'_>) {
+    pub(super) fn blend(&self, meshes: MeshVertices<'_>, canvas: &Canvas, band: &mut Band<'_>) {
         let Some(light) = &self.light else { return };
         for NumberedFace { part, face, .. } in self.near(band.rows) {
             // Most are hidden, or share what they are like with no other pixel.
@@ -208,8 +227,7 @@ impl Triangles {
                 if band.front[at] > depth.to_bits() {
                     return;
                 }
-                let surface =
-                    surface.get_or_insert_with(|| Surface::of(face, part, vertices, light));
+                let surface = surface.get_or_insert_with(|| Surface::of(face, part, meshes, light));
                 let place = SurfacePlace {
                     pixel: [x, y],
                     weights: weights * face.inverse_w,
@@ -360,7 +378,8 @@ pub(super) struct Surface {
 }
 
 impl Surface {
-    pub(super) fn of(face: &Face, part: &Part, vertices: &[Vertex], light: &Light) -> Self {
+    pub(super) fn of(face: &Face, part: &Part, meshes: MeshVertices<'_>, light: &Light) -> Self {
+        let vertices = meshes[part.mesh];
         let vertex = face.corners.map(|corner| &vertices[corner as usize]);
         let [a, b, c] = vertex.map(|v| match v.color[3] {
             0 => Vec3::ZERO,

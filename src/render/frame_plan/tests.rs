@@ -4,6 +4,7 @@
 use super::*;
 use crate::generate::{self, GeneratedShape, ShapeSpec};
 use crate::math::camera::Camera;
+use crate::render::model_facts::ModelFacts;
 use crate::render::{SplatKind, cut_key};
 use glam::DVec3;
 
@@ -39,9 +40,12 @@ const CARD: RendererCapabilities = RendererCapabilities {
 fn planned(settings: &Settings, capabilities: &RendererCapabilities) -> Result<FramePlan, Error> {
     let model = statue();
     let facts = ModelFacts::of(&model);
-    let input = PlanInput {
+    let parts = [FactedModel {
         model: &model,
         facts: &facts,
+    }];
+    let input = PlanInput {
+        parts: DrawnParts::new(&parts),
         view: &view_of(&model),
         outputs: PictureOutputs::default(),
         capabilities,
@@ -184,16 +188,19 @@ fn plans_of_the_same_lists_are_told_from_others() {
     let view = view_of(&model);
     let mut moved = view;
     moved.offset[0] += 0.01;
+    let parts = [FactedModel {
+        model: &model,
+        facts: &facts,
+    }];
     let key = |settings: &Settings, view: &View| {
         let input = PlanInput {
-            model: &model,
-            facts: &facts,
+            parts: DrawnParts::new(&parts),
             view,
             outputs: PictureOutputs::default(),
             capabilities: &CARD,
             costs: None,
         };
-        FramePlan::new(settings, &input).unwrap().pack_key(&model)
+        FramePlan::new(settings, &input).unwrap().pack_key()
     };
     let base = of_splat(SplatKind::Gauss, 2.0);
     let red = Settings {

@@ -1,16 +1,19 @@
 //! Whole frames by the reference: cut, pack, draw.
 
 use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
-use crate::cut::{Cut, CutSelector, ZeroAreaSet};
+use crate::cut::{Cut, CutSelector};
 use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack;
+use crate::pack::falsecolor::depth_range;
 use crate::pack::splats::Record;
-use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style, triangles};
+use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style};
 use crate::render::PictureOutputs;
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::eye_dome_exponent;
+use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, largest_splat_px, splat_plan};
+use crate::render::part_cuts::PartCuts;
 use crate::render::reference::eye_dome::darken;
 use crate::render::reference::{BlendPasses, HoleFilling, OverdrawList};
 use crate::render::stats::FrameCounts;
@@ -22,19 +25,16 @@ use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
 use std::borrow::Cow;
-use std::sync::OnceLock;
 use std::time::Instant;
 
-/// Draws the frames of one model on the CPU, and keeps the last.
+/// Draws frames on the CPU, and keeps the last.
 #[derive(Debug)]
 pub(in crate::render) struct MirrorEngine {
     pub(in crate::render) outputs: PictureOutputs,
     /// As [`Style::subpixel_bits`].
     subpixel_bits: u32,
     selector: CutSelector,
-    cut: Cut,
-    /// Of the engine's model.
-    undrawn: OnceLock<ZeroAreaSet>,
+    cuts: PartCuts,
     /// The picture of the last frame.
     pub(in crate::render) image: Image,
     /// Of the last frame, where overdraw was counted.
@@ -49,8 +49,10 @@ struct PackedLists<'m> {
     splats: Vec<Splat>,
     weighted: Vec<WeightedSplat>,
     filtered: Vec<FilteredSplat>,
-    /// Vertices drawn as points.
-    points: &'m [Vertex],
+    /// Vertices of all models.
+    vertices: Cow<'m, [Vertex]>,
+    /// Vertices are drawn as points.
+    has_points: bool,
 }
 
 impl MirrorEngine {
@@ -60,8 +62,7 @@ impl MirrorEngine {
             outputs,
             subpixel_bits,
             selector: CutSelector::default().with_subpixel_bits(subpixel_bits),
-            cut: Cut::default(),
-            undrawn: OnceLock::new(),
+            cuts: PartCuts::default(),
             image: Image::default(),
             counts: None,
         }
@@ -73,45 +74,49 @@ impl MirrorEngine {
         self.selector = CutSelector::default().with_subpixel_bits(bits);
     }
 
-    /// Draws a frame of settings that fit the model and the view.
+    /// Draws a frame of settings that fit what is drawn and the view.
     pub(in crate::render) fn draw(
         &mut self,
-        model: &Model,
+        parts: DrawnParts<'_>,
         view: &View,
         settings: &Settings,
     ) -> FrameTimes {
         let start = Instant::now();
         let mut times = FrameTimes::default();
         times.starts.frame = Some(start);
-        let lists = match settings.method {
-            Method::Triangles => PackedLists {
-                triangles: Cow::Borrowed(&model.triangles),
-                ..PackedLists::default()
-            },
-            Method::Points => PackedLists {
-                points: used_vertices(model),
-                ..PackedLists::default()
-            },
+        let facts = parts.facts();
+        let style = Style {
+            depth_range: depth_range(facts.orbit_center, facts.orbit_radius, view),
+            subpixel_bits: self.subpixel_bits,
+            ..style(settings, facts)
+        };
+        let mut lists = PackedLists::default();
+        match settings.method {
+            Method::Triangles => {
+                let all = parts
+                    .iter()
+                    .map(|part| Cow::Borrowed(&part.model.triangles[..]));
+                lists.triangles = joined_triangles(parts, all.collect());
+            }
+            Method::Points => lists.has_points = true,
             Method::Splats | Method::Pop => {
                 let cutting = FrameStage::Cut.begin();
-                self.choose_cut(model, view, settings);
+                let key_of =
+                    |part: FactedModel<'_>| CutKey::of(settings, &part.facts.drawn(), view);
+                self.cuts.select(&mut self.selector, parts, key_of);
                 cutting.end(&mut times);
                 let packing = FrameStage::Pack.begin();
-                let lists = self.pack_cut(model, view, settings);
+                lists = self.pack_cuts(parts, view, settings, &style);
                 packing.end(&mut times);
-                times.counts.nodes_visited = self.cut.stats.visited;
-                times.counts.hidden = self.cut.stats.hidden;
-                times.counts.between = self.cut.stats.between;
-                lists
+                let stats = self.cuts.stats();
+                times.counts.nodes_visited = stats.visited;
+                times.counts.hidden = stats.hidden;
+                times.counts.between = stats.between;
             }
-        };
+        }
+        lists.vertices = joined_vertices(parts);
         lists.count(&mut times.counts);
-        let style = Style {
-            depth_range: pack::falsecolor::depth_range(model, view),
-            subpixel_bits: self.subpixel_bits,
-            ..style(settings, model)
-        };
-        self.draw_lists(model, view, settings, &style, &lists);
+        self.draw_lists(&facts, view, settings, &style, &lists);
         if let Some(counts) = &self.counts {
             times.overdraw = Some(OverdrawSummary::of(counts.iter().copied()));
             self.image.color = crate::render::reference::show_overdraw(counts, &style);
@@ -120,59 +125,57 @@ impl MirrorEngine {
         times
     }
 
-    fn choose_cut(&mut self, model: &Model, view: &View, settings: &Settings) {
-        let undrawn = || self.undrawn.get_or_init(|| ZeroAreaSet::new(model));
-        let (selector, cut) = (&mut self.selector, &mut self.cut);
-        CutKey::of(settings, model, view).select(selector, model, undrawn, cut);
-    }
-
-    /// The draw lists of the cut.
-    fn pack_cut<'m>(
+    /// The draw lists of the cuts, one part after the other.
+    fn pack_cuts<'m>(
         &mut self,
-        model: &'m Model,
+        parts: DrawnParts<'m>,
         view: &View,
         settings: &Settings,
+        style: &Style,
     ) -> PackedLists<'m> {
-        let cut = &mut self.cut;
         let mut lists = PackedLists::default();
-        match Technique::of(settings) {
-            Technique::Opaque | Technique::Visibility => {
-                lists.splats = packed_splats(model, cut, view, settings);
+        let mut corners = Vec::new();
+        for (part, cut) in parts.iter().zip(self.cuts.iter_mut()) {
+            let model = part.model;
+            match Technique::of(settings) {
+                Technique::Opaque | Technique::Visibility => {
+                    (lists.splats).append(&mut packed_splats(model, cut, view, settings));
+                }
+                Technique::Fuzzy => {
+                    (lists.weighted).append(&mut packed_splats(model, cut, view, settings));
+                }
+                Technique::Filtered => {
+                    let range = style.depth_range;
+                    let shade = filtered_shade(settings, &parts.facts(), range, f32::INFINITY);
+                    let large = pack::filtered::take_triangles(model, view, &shade, cut);
+                    let most = pack::filtered::splat_count(cut, large);
+                    let mut splats = vec![FilteredSplat::zeroed(); most];
+                    let count = pack::filtered::splats(model, cut, large, view, shade, &mut splats);
+                    splats.truncate(count);
+                    lists.filtered.append(&mut splats);
+                }
+                Technique::Nothing => {}
             }
-            Technique::Fuzzy => lists.weighted = packed_splats(model, cut, view, settings),
-            Technique::Filtered => {
-                let shade = filtered_shade(settings, model, f32::INFINITY);
-                let large = pack::filtered::take_triangles(model, view, &shade, cut);
-                let most = pack::filtered::splat_count(cut, large);
-                let mut splats = vec![FilteredSplat::zeroed(); most];
-                let count = pack::filtered::splats(model, cut, large, view, shade, &mut splats);
-                splats.truncate(count);
-                lists.filtered = splats;
+            if settings.method == Method::Pop {
+                let of = |&id: &u32| model.triangles[id as usize];
+                corners.push(Cow::Owned(cut.triangles.iter().map(of).collect()));
             }
-            Technique::Nothing => {}
         }
-        if settings.method == Method::Pop {
-            let mut triangles = vec![[0; 3]; cut.triangles.len()];
-            triangles::triangles(
-                &cut.triangles,
-                |id| model.triangles[id as usize],
-                &mut triangles,
-            );
-            lists.triangles = Cow::Owned(triangles);
-        }
+        lists.triangles = joined_triangles(parts, corners);
         lists
     }
 
     /// Draws the picture, and counts overdraw where that is asked for.
     fn draw_lists(
         &mut self,
-        model: &Model,
+        facts: &DrawnFacts,
         view: &View,
         settings: &Settings,
         style: &Style,
-        lists: &PackedLists,
+        lists: &PackedLists<'_>,
     ) {
-        let (vertices, triangles, points) = (used_vertices(model), &*lists.triangles, lists.points);
+        let (vertices, triangles) = (&*lists.vertices, &*lists.triangles);
+        let points = lists.points();
         let eye_dome = eye_dome_exponent(settings);
         let outputs = PictureOutputs {
             depth: self.outputs.depth || eye_dome > 0.0,
@@ -189,7 +192,7 @@ impl MirrorEngine {
             triangles,
             splats: &lists.weighted,
             points,
-            has_coverage: settings.sums_coverage(model.kind().is_surface()),
+            has_coverage: settings.sums_coverage(facts.kind.is_surface()),
         };
         let filtered = FilteredList {
             vertices,
@@ -204,7 +207,7 @@ impl MirrorEngine {
             Technique::Visibility => {
                 let filling = HoleFilling {
                     reconstruction: settings.reconstruction,
-                    largest_px: largest_splat_px(model, settings),
+                    largest_px: largest_splat_px(facts, settings),
                 };
                 let drawn = crate::render::reference::render_visibility(
                     view, &opaque, style, filling, outputs,
@@ -236,11 +239,16 @@ impl MirrorEngine {
 }
 
 impl PackedLists<'_> {
+    /// Vertices drawn as points.
+    fn points(&self) -> &[Vertex] {
+        if self.has_points { &self.vertices } else { &[] }
+    }
+
     /// What there is to draw, and the bytes that were written for it.
     fn count(&self, counts: &mut FrameCounts) {
         counts.splats = (self.splats.len() + self.weighted.len() + self.filtered.len()) as u64;
         counts.triangles = self.triangles.len() as u64;
-        counts.points = self.points.len() as u64;
+        counts.points = self.points().len() as u64;
         let triangles = match &self.triangles {
             Cow::Borrowed(_) => 0,
             Cow::Owned(triangles) => size_of_val(&triangles[..]),
@@ -277,14 +285,46 @@ fn packed_splats<R: Record + Copy + Send + Zeroable>(
     splats
 }
 
-/// The vertices that triangles have.
+/// The vertices that triangles of a model have.
 fn used_vertices(model: &Model) -> &[Vertex] {
     &model.vertices[..model.used_vertices as usize]
 }
 
+/// Used vertices of all parts, one after the other.
+fn joined_vertices(parts: DrawnParts<'_>) -> Cow<'_, [Vertex]> {
+    match parts.single() {
+        Some(part) => Cow::Borrowed(used_vertices(part.model)),
+        None => (parts
+            .iter()
+            .flat_map(|part| used_vertices(part.model).iter().copied()))
+        .collect(),
+    }
+}
+
+/// Triangles of all parts as corners of [`joined_vertices`].
+fn joined_triangles<'m>(
+    parts: DrawnParts<'m>,
+    mut own: Vec<Cow<'m, [[u32; 3]]>>,
+) -> Cow<'m, [[u32; 3]]> {
+    if own.len() <= 1 {
+        return own.pop().unwrap_or_default();
+    }
+    let mut first = 0;
+    let mut all = Vec::new();
+    for (part, own) in parts.iter().zip(own) {
+        all.extend(
+            own.iter()
+                .map(|corners| corners.map(|corner| first + corner)),
+        );
+        first += part.model.used_vertices;
+    }
+    Cow::Owned(all)
+}
+
 /// How primitives look under `settings`, but for [`Style::depth_range`] and
 /// [`Style::subpixel_bits`].
-pub fn style(settings: &Settings, model: &Model) -> Style {
+pub fn style(settings: &Settings, facts: impl Into<DrawnFacts>) -> Style {
+    let facts = facts.into();
     Style {
         splat_size_px: settings.threshold_px.max(1.0),
         footprint: settings.footprint(),
@@ -293,8 +333,8 @@ pub fn style(settings: &Settings, model: &Model) -> Style {
         is_deferred: settings.shading == Shading::Deferred,
         background: settings.background,
         color_by: settings.color_by,
-        cull_back_faces: settings.draws_fronts_only(model.is_closed),
-        light: settings.light.in_model(model.origin),
+        cull_back_faces: settings.draws_fronts_only(facts.is_closed),
+        light: settings.light.in_model(facts.origin),
         two_sided: settings.two_sided,
         use_colors: settings.use_colors,
         depth_offset: settings.depth_offset(),

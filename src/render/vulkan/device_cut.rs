@@ -380,7 +380,7 @@ mod tests {
                         ..Settings::default()
                     };
                     let plan = splat_plan(&settings, 255.0);
-                    assert_eq!(device_cut_refusal(&settings, &model, &plan), None);
+                    assert_eq!(device_cut_refusal(&settings, &(&model).into(), &plan), None);
                     let what = format!(
                         "{shape:?} {triangles}, view {index}, {threshold_px} px, {culling:?}"
                     );

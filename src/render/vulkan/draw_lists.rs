@@ -4,9 +4,10 @@
 mod triangles;
 
 use crate::abi::{FilteredSplat, FuzzySplat, Splat, SplatId, WeightedSplat};
-use crate::cut::{Cut, CutStats};
+use crate::cut::CutStats;
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
+use crate::math::camera::View;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::CornerScreen;
 use crate::pack::splats;
@@ -15,12 +16,13 @@ use crate::pack::{filtered, fuzzy, ids};
 use crate::render::compute_limits::LARGEST_TRIANGLE_PX;
 use crate::render::cost::select_passes::PassSelection;
 use crate::render::frame_plan::{FramePlan, PackKey, RecordFormat};
+use crate::render::model_facts::{DrawnParts, FactedModel};
+use crate::render::part_cuts::PartCuts;
 use crate::render::stats::FrameCounts;
 use crate::render::vulkan::expanded_lists;
 use crate::render::vulkan::expanded_lists::ExpandedLists;
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::scene::DeviceScene;
-use crate::tree::Model;
 use prefetch_index::prefetch_index;
 use std::sync::Arc;
 
@@ -70,7 +72,7 @@ pub(super) struct PackedFrame {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct PackInput<'a> {
     pub(super) plan: &'a FramePlan,
-    pub(super) model: &'a Model,
+    pub(super) parts: DrawnParts<'a>,
     pub(super) scene: &'a DeviceScene,
     /// Of this plan.
     pub(super) key: PackKey,
@@ -112,43 +114,52 @@ impl DrawLists {
         &mut self,
         gpu: &Arc<Gpu>,
         input: &PackInput<'_>,
-        cut: &mut Cut,
+        cuts: &mut PartCuts,
     ) -> Result<(), Error> {
         self.held = None;
         let PackInput {
             plan,
-            model,
+            parts,
             scene,
             key,
             selection,
             ..
         } = *input;
-        let are_ids = self.are_ids(gpu, input, cut)?;
-        let written = self.pack_splats(gpu, input, cut, are_ids)?;
+        let are_ids = self.are_ids(gpu, input, cuts)?;
+        let written = self.pack_splats(gpu, input, cuts, are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.
         let has_small = selection.takes_triangles && written.samples.is_none();
-        let is_small = has_small
-            .then(|| triangles::are_small_on_screen(model, &plan.view, LARGEST_TRIANGLE_PX));
         let rest = std::mem::take(&mut self.rest_ids);
-        let triangles: &[u32] = match written.samples {
-            Some(_) => &rest,
-            None if primitives.has_triangles => &cut.triangles,
-            None => &[],
+        let ids: Vec<&[u32]> = match written.samples {
+            // Of one model alone.
+            Some(_) => vec![&rest],
+            None if primitives.has_triangles => {
+                cuts.iter().map(|cut| cut.triangles.as_slice()).collect()
+            }
+            None => Vec::new(),
         };
         let triangle_bytes = if are_ids { 4 } else { 12 };
-        let index_bytes = triangle_bytes * triangles.len() as u64;
+        let index_bytes = triangle_bytes * ids.iter().map(|ids| ids.len() as u64).sum::<u64>();
         reserve(gpu, &mut self.indices, index_bytes)?;
         if selection.takes_triangles {
             reserve(gpu, &mut self.small, index_bytes)?;
         }
-        let lists = (&mut *self, is_small);
-        if are_ids {
-            triangles::write(model, scene, triangles, lists, (|_, id| id, |_, _| {}));
-        } else {
-            let of = |corners: &[[u32; 3]], id| corners[id as usize];
-            let ahead = |corners: &[[u32; 3]], id| prefetch_index(corners, id as usize);
-            triangles::write(model, scene, triangles, lists, (of, ahead));
+        self.runs.clear();
+        self.small_runs.clear();
+        let mut so_far = WrittenTriangles::default();
+        for (part, ids) in parts.iter().zip(ids) {
+            let is_small = has_small.then(|| {
+                triangles::are_small_on_screen(part.model, &plan.view, LARGEST_TRIANGLE_PX)
+            });
+            let lists = (&mut *self, &mut so_far, is_small);
+            if are_ids {
+                triangles::write(part, scene, ids, lists, (|_, id| id, |_, _| {}));
+            } else {
+                let of = |corners: &[[u32; 3]], id| corners[id as usize];
+                let ahead = |corners: &[[u32; 3]], id| prefetch_index(corners, id as usize);
+                triangles::write(part, scene, ids, lists, (of, ahead));
+            }
         }
         self.rest_ids = rest;
         self.held = Some(PackedFrame {
@@ -159,19 +170,19 @@ impl DrawLists {
             splat_bytes: (written.capacity * written.record_bytes) as u64,
             index_bytes,
             triangles: match primitives.has_triangles {
-                true => cut.triangles.len(),
+                true => cuts.triangle_count(),
                 false => 0,
             },
             selection,
             are_ids,
             is_made: false,
-            stats: cut.stats,
+            stats: cuts.stats(),
             key,
         });
         Ok(())
     }
 
-    /// Writes the splats of a cut.
+    /// Writes the splats of cuts, those of one part after the other.
     ///
     /// # Errors
     /// When memory runs out.
@@ -179,13 +190,12 @@ impl DrawLists {
         &mut self,
         gpu: &Arc<Gpu>,
         input: &PackInput<'_>,
-        cut: &mut Cut,
+        cuts: &mut PartCuts,
         are_ids: bool,
     ) -> Result<WrittenSplats, Error> {
         let PackInput {
             plan: frame,
-            model,
-            scene,
+            parts,
             selection,
             ..
         } = *input;
@@ -195,21 +205,27 @@ impl DrawLists {
         match &input.records {
             RecordFormat::Nothing => {}
             RecordFormat::Splats(plan) | RecordFormat::Weighted(plan) if are_ids => {
-                let out = written.room::<SplatId>(gpu, buffer, splats::count(cut, plan))?;
-                let packed = ids::pack(model, scene.undrawn(model), (cut, view, plan), out);
-                written.packed = packed;
+                let out = written.room::<SplatId>(gpu, buffer, cuts.splat_count(plan))?;
+                // Of one model alone.
+                if let (Some(part), Some(cut)) = (parts.single(), cuts.iter().next()) {
+                    let FactedModel { model, facts } = part;
+                    written.packed = ids::pack(model, facts.undrawn(model), (cut, view, plan), out);
+                }
             }
             RecordFormat::Splats(plan) => {
                 let takes_all = selection.takes_triangles && selection.has_splats_by_compute;
                 let may_sample = frame.primitives.may_sample && takes_all;
-                let screen = (may_sample && plan.has_one_size(model)).then(|| corner_screen(frame));
-                let room = screen.as_ref().map_or(0, |screen| {
-                    small_triangles::room(cut.triangles.len(), screen)
+                let may_sample = may_sample && plan.has_one_size(frame.facts.kind);
+                // Of one model alone.
+                let sampled = (parts.single()).filter(|_| may_sample);
+                let sampled = sampled.map(|part| (part.model, corner_screen(frame)));
+                let room = sampled.as_ref().map_or(0, |(_, screen)| {
+                    small_triangles::room(cuts.triangle_count(), screen)
                 });
-                let count = splats::count(cut, plan);
+                let count = cuts.splat_count(plan);
                 let out = written.room::<Splat>(gpu, buffer, count + room)?;
-                let mut packed = splats::pack(model, cut, view, plan, &mut out[..count]);
-                if let Some(screen) = &screen {
+                let mut packed = pack_parts(parts, cuts, view, plan, &mut out[..count]);
+                if let (Some((model, screen)), Some(cut)) = (&sampled, cuts.iter().next()) {
                     // None is too large for a point: all have one size.
                     let out = &mut out[packed.points..];
                     let rest = &mut self.rest;
@@ -224,32 +240,53 @@ impl DrawLists {
                 written.packed = packed;
             }
             RecordFormat::Fuzzy(plan, look) if selection.has_blended_by_compute() => {
-                let out = written.room::<FuzzySplat>(gpu, buffer, splats::count(cut, plan))?;
-                written.placed = Some(fuzzy::pack(model, cut, view, (plan, look), out));
+                let out = written.room::<FuzzySplat>(gpu, buffer, cuts.splat_count(plan))?;
+                // Of one model alone.
+                let drawn = parts.single().zip(cuts.iter().next());
+                written.placed =
+                    drawn.map(|(part, cut)| fuzzy::pack(part.model, cut, view, (plan, look), out));
             }
             RecordFormat::Weighted(plan) | RecordFormat::Fuzzy(plan, _) => {
-                let out = written.room::<WeightedSplat>(gpu, buffer, splats::count(cut, plan))?;
-                written.packed = splats::pack(model, cut, view, plan, out);
+                let out = written.room::<WeightedSplat>(gpu, buffer, cuts.splat_count(plan))?;
+                let count = written.capacity;
+                written.packed = pack_parts(parts, cuts, view, plan, &mut out[..count]);
             }
             RecordFormat::Filtered(shade) => {
-                let large = filtered::take_triangles(model, view, shade, cut);
-                let most = filtered::splat_count(cut, large);
-                let out = written.room::<FilteredSplat>(gpu, buffer, most)?;
-                let found = filtered::write(model, cut, large, view, *shade, out);
-                found.close_gaps(out);
-                written.capacity = found.count();
-                written.packed.points = found.count();
+                let drawn = parts.iter().zip(cuts.iter_mut());
+                let drawn: Vec<_> = drawn
+                    .map(|(FactedModel { model, .. }, cut)| {
+                        let large = filtered::take_triangles(model, view, shade, cut);
+                        (model, &*cut, large)
+                    })
+                    .collect();
+                let most = drawn
+                    .iter()
+                    .map(|(_, cut, large)| filtered::splat_count(cut, *large));
+                let out = written.room::<FilteredSplat>(gpu, buffer, most.sum())?;
+                let mut end = 0;
+                for (model, cut, large) in drawn {
+                    let out = &mut out[end..];
+                    let found = filtered::write(model, cut, large, view, *shade, out);
+                    end += found.close_gaps(out);
+                }
+                written.capacity = end;
+                written.packed.points = end;
             }
         }
         Ok(written)
     }
 
-    /// Tells whether a cut is to be named by numbers, if the plan says so; makes room for what the device makes of them. Longer lists than
+    /// Tells whether cuts are to be named by numbers, if the plan says so; makes room for what the device makes of them. Longer lists than
     /// can be bound are not.
     ///
     /// # Errors
     /// When memory runs out.
-    fn are_ids(&mut self, gpu: &Arc<Gpu>, input: &PackInput<'_>, cut: &Cut) -> Result<bool, Error> {
+    fn are_ids(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        input: &PackInput<'_>,
+        cuts: &PartCuts,
+    ) -> Result<bool, Error> {
         let (plan, record) = match &input.records {
             RecordFormat::Splats(plan) => (plan, size_of::<Splat>()),
             RecordFormat::Weighted(plan) => (plan, size_of::<WeightedSplat>()),
@@ -259,8 +296,8 @@ impl DrawLists {
             return Ok(false);
         }
         let bytes = [
-            (splats::count(cut, plan) * record) as u64,
-            12 * cut.triangles.len() as u64,
+            (cuts.splat_count(plan) * record) as u64,
+            12 * cuts.triangle_count() as u64,
         ];
         let fits = expanded_lists::fits(gpu, bytes);
         if fits {
@@ -361,6 +398,37 @@ impl WrittenSplats {
         (self.capacity, self.record_bytes) = (count, size_of::<T>());
         records::<T>(gpu, buffer, count)
     }
+}
+
+/// Triangles of draw lists that were written so far.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct WrittenTriangles {
+    pub(super) large: usize,
+    pub(super) small: usize,
+}
+
+/// Writes the splats of all parts: points from the start of `out`, quads up to its end. `out` has the room that all need.
+fn pack_parts<R: splats::Record + Copy + Send>(
+    parts: DrawnParts<'_>,
+    cuts: &PartCuts,
+    view: &View,
+    plan: &splats::Plan,
+    out: &mut [R],
+) -> Packed {
+    let mut packed = Packed::default();
+    for (part, cut) in parts.iter().zip(cuts.iter()) {
+        // The quads of a part end where those of the parts before it begin.
+        let end = out.len() - packed.quads;
+        let room = &mut out[packed.points..end];
+        let count = splats::count(cut, plan);
+        let found = splats::pack(part.model, cut, view, plan, &mut room[..count]);
+        if found.quads > 0 && count < room.len() {
+            room.copy_within(count - found.quads..count, room.len() - found.quads);
+        }
+        packed.points += found.points;
+        packed.quads += found.quads;
+    }
+    packed
 }
 
 /// Where the device places corners of triangles.

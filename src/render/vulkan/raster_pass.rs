@@ -165,7 +165,7 @@ impl RasterList<'_> {
     fn declared<'f>(&self, mut pass: PassBuilder<'f>) -> PassBuilder<'f> {
         let has_vertices = matches!(self.splats, RasterSplats::Vertices { .. });
         if has_vertices || !self.triangles.is_empty() {
-            for page in &self.scene.pages {
+            for page in self.scene.shown_pages() {
                 pass = pass.vertices(&page.vertices);
                 if let (RasterTriangles::Scene, Some(indices)) = (self.triangles, &page.indices) {
                     pass = pass.indices(indices);
@@ -215,7 +215,7 @@ fn draw_triangles(draw: &mut DrawRecorder<'_>, list: &RasterList<'_>) {
     let pages = &list.scene.pages;
     match list.triangles {
         RasterTriangles::Scene => {
-            for page in pages {
+            for page in list.scene.shown_pages() {
                 let Some(indices) = &page.indices else {
                     continue;
                 };
@@ -253,7 +253,7 @@ fn draw_splats(
         }
         RasterSplats::Vertices { as_quads } => {
             let are_quads = bind_splats(draw, pipelines, as_quads, constants);
-            for page in &list.scene.pages {
+            for page in list.scene.shown_pages() {
                 draw.vertices(&page.vertices, 0);
                 draw_range(
                     draw,

@@ -11,14 +11,13 @@ pub mod present;
 mod readback;
 mod whole_model_frame;
 
-use crate::cut::{self, Cut};
+use crate::cut;
 use crate::gpu::buffer::{AnyBuffer, ReadbackBuffer};
 use crate::gpu::frame::{FrameMeasure, FrameRecorder, FrameRing, FrameTicket, UniformBlock};
 use crate::gpu::image::DeviceImage as Target;
 use crate::gpu::pipeline::ShaderPipeline;
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
-use crate::pack;
 use crate::pack::ColorBy;
 pub use crate::render::PictureOutputs;
 use crate::render::capabilities::RendererCapabilities;
@@ -28,7 +27,9 @@ use crate::render::cost::model::DrawCosts;
 use crate::render::cut_key::CutKey;
 pub(crate) use crate::render::frame_constants::margin_px;
 use crate::render::frame_plan::{CutPlace, FramePlan, PlanInput};
+use crate::render::model_facts::{DrawnParts, facted};
 use crate::render::pack_params::splat_plan;
+use crate::render::part_cuts::PartCuts;
 pub use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
 use crate::render::stats::{CutAhead, FrameCounts, FrameStage, KeptWork};
@@ -85,11 +86,11 @@ impl SubmittedFrame {
     }
 }
 
-/// A frame to be drawn: its plan, and the model in memory and on the device.
+/// A frame to be drawn: its plan, and the models in memory and on the device.
 #[derive(Debug, Clone, Copy)]
 struct PlannedFrame<'a> {
     plan: &'a FramePlan,
-    model: &'a Model,
+    parts: DrawnParts<'a>,
     scene: &'a DeviceScene,
 }
 
@@ -104,7 +105,7 @@ pub struct VulkanRenderer {
     targets: FrameTargets,
     outputs: PictureOutputs,
     lists: Vec<DrawLists>,
-    cut: Cut,
+    cuts: PartCuts,
     selector: cut::CutSelector,
     costs: Option<DrawCosts>,
     device_tree: Option<DeviceTree>,
@@ -193,7 +194,7 @@ impl VulkanRenderer {
             targets: FrameTargets::new(gpu, width, height, (color, outputs.normal))?,
             outputs,
             lists,
-            cut: Cut::default(),
+            cuts: PartCuts::default(),
             selector: cut::CutSelector::default().with_subpixel_bits(gpu.info().subpixel_bits),
             costs: None,
             device_tree: None,
@@ -274,9 +275,9 @@ impl VulkanRenderer {
         self.costs
     }
 
-    /// The cut that was chosen last.
-    pub fn cut(&self) -> &Cut {
-        &self.cut
+    /// The cuts that were chosen last.
+    pub fn cuts(&self) -> &PartCuts {
+        &self.cuts
     }
 
     /// Draws one frame and waits until it is finished on the device.
@@ -291,8 +292,23 @@ impl VulkanRenderer {
         view: &View,
         settings: &Settings,
     ) -> Result<FrameTimes, Error> {
-        let submitted =
-            self.submit(model, scene, view, settings, &mut |frame, _| frame.submit())?;
+        self.draw_models(&[model], scene, view, settings)
+    }
+
+    /// Draws one frame of several models, all of the scene's, and waits until it is finished on the device. Those that the
+    /// scene does not show are left out.
+    ///
+    /// # Errors
+    /// As [`VulkanRenderer::draw`].
+    pub fn draw_models(
+        &mut self,
+        models: &[&Model],
+        scene: &mut DeviceScene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
+        let end: &mut FrameEnding<'_> = &mut |frame, _| frame.submit();
+        let submitted = self.submit(models, scene, view, settings, end)?;
         self.finish(submitted)
     }
 
@@ -352,17 +368,20 @@ impl VulkanRenderer {
     /// Records and submits one frame that `end` ends.
     fn submit(
         &mut self,
-        model: &Model,
+        models: &[&Model],
         scene: &mut DeviceScene,
         view: &View,
         settings: &Settings,
         end: &mut FrameEnding<'_>,
     ) -> Result<SubmittedFrame, Error> {
         self.check_size(view)?;
-        let (plan, planning) = self.prepared_plan((model, scene), view, settings)?;
+        let shown = scene.shown(models);
+        let parts = facted(&shown);
+        let parts = DrawnParts::new(&parts);
+        let (plan, planning) = self.prepared_plan((parts, scene), view, settings)?;
         let drawn = PlannedFrame {
             plan: &plan,
-            model,
+            parts,
             scene,
         };
         // To make what it needs is no part of it.
@@ -418,7 +437,7 @@ impl VulkanRenderer {
     /// As [`FramePlan::new`].
     fn plan(
         &self,
-        model: &Model,
+        parts: DrawnParts<'_>,
         scene: &DeviceScene,
         view: &View,
         settings: &Settings,
@@ -441,8 +460,7 @@ impl VulkanRenderer {
             fits_tree: no_tree_of != Some(scene.id()),
         };
         let input = PlanInput {
-            model,
-            facts: scene.facts(),
+            parts,
             view,
             outputs: self.outputs,
             capabilities: &capabilities,
@@ -451,18 +469,19 @@ impl VulkanRenderer {
         FramePlan::new(settings, &input)
     }
 
-    /// How much the present cut is in a planned frame.
-    fn workload<'a>(&self, plan: &'a FramePlan, model: &Model) -> FrameWorkload<'a> {
-        let (settings, cut) = (&plan.settings, &self.cut);
+    /// How much the present cuts are in a planned frame.
+    fn workload<'a>(&self, plan: &'a FramePlan, parts: DrawnParts<'_>) -> FrameWorkload<'a> {
+        let (settings, cuts) = (&plan.settings, &self.cuts);
         // Which points there are does not matter to how many there are but for large leaves.
-        let splats = pack::splats::count(cut, &splat_plan(settings, f32::INFINITY));
+        let splats = cuts.splat_count(&splat_plan(settings, f32::INFINITY));
+        let drawn = parts.iter().map(|part| part.model).zip(cuts.iter());
         FrameWorkload {
             settings,
             costs: self.costs,
-            splats: splats + cut.stats.hidden as usize,
-            size_px: choose::size_px(settings, (model, &plan.view), cut),
+            splats: splats + cuts.stats().hidden as usize,
+            size_px: choose::size_px(settings, &plan.view, drawn),
             triangles: match plan.primitives.has_triangles {
-                true => cut.triangles.len(),
+                true => cuts.triangle_count(),
                 false => 0,
             },
             rect_px: plan.context.rect_px,
@@ -476,16 +495,16 @@ impl VulkanRenderer {
     /// As [`FramePlan::new`], and when memory runs out.
     fn prepared_plan(
         &mut self,
-        (model, scene): (&Model, &mut DeviceScene),
+        (parts, scene): (DrawnParts<'_>, &mut DeviceScene),
         view: &View,
         settings: &Settings,
     ) -> Result<(FramePlan, Duration), Error> {
         loop {
             let start = Instant::now();
-            let plan = self.plan(model, scene, view, settings)?;
+            let plan = self.plan(parts, scene, view, settings)?;
             let planning = start.elapsed();
-            if self.prepare_tree(&plan, model, scene)? {
-                self.prepare(&plan, model, scene)?;
+            if self.prepare_tree(&plan, parts, scene)? {
+                self.prepare(&plan, parts, scene)?;
                 return Ok((plan, planning));
             }
         }

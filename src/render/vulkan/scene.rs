@@ -1,10 +1,9 @@
 //! A model on the device: vertices and, for the methods that draw every triangle, indices.
 
 use crate::abi::Vertex;
-use crate::cut::ZeroAreaSet;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
-use crate::render::model_facts::ModelFacts;
+use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::tree::Model;
 use std::ops::Range;
 use std::sync::Arc;
@@ -21,10 +20,12 @@ pub struct ScenePage {
     pub vertex_count: u32,
     /// Corner indices of all triangles of the page, made when a method first draws them all.
     pub indices: Option<DeviceBuffer>,
-    /// Triangles (leaves) of the page.
+    /// Triangles (leaves) of its model that are in the page.
     pub triangles: Range<u32>,
     /// Corners in page-local indices; `None` when the model's own indices are right (a single page).
     local: Option<Vec<[u32; 3]>>,
+    /// Its model is drawn.
+    pub(super) is_shown: bool,
 }
 
 impl ScenePage {
@@ -37,13 +38,46 @@ impl ScenePage {
     }
 }
 
-/// A model on the device.
+/// Models on the device, in one space.
 #[derive(Debug)]
 pub struct DeviceScene {
-    /// Pages in tree order.
+    /// Pages of one model after the other, each in tree order.
     pub pages: Vec<ScenePage>,
-    facts: ModelFacts,
+    parts: Vec<DevicePart>,
     gpu: Arc<Gpu>,
+}
+
+/// A model of a scene.
+#[derive(Debug, Clone)]
+struct DevicePart {
+    facts: Arc<ModelFacts>,
+    /// Its pages among those of the scene.
+    pages: Range<usize>,
+    is_shown: bool,
+}
+
+/// Most vertices (at least 3) and triangles (at least 1) of a page.
+#[derive(Debug, Clone, Copy)]
+struct PageLimits {
+    vertices: usize,
+    triangles: usize,
+}
+
+impl PageLimits {
+    /// Those of a device.
+    fn of(gpu: &Gpu) -> Self {
+        let info = gpu.info();
+        let limit = PAGE_BYTES.min(info.max_buffer).min(info.max_allocation);
+        let vertices = limit / size_of::<Vertex>() as u64;
+        let vertices = match info.has_full_index {
+            true => vertices,
+            false => vertices.min((1 << 24) - 1),
+        };
+        Self {
+            vertices: vertices as usize,
+            triangles: (limit / 12) as usize,
+        }
+    }
 }
 
 impl DeviceScene {
@@ -52,15 +86,15 @@ impl DeviceScene {
     /// # Errors
     /// When device memory runs out.
     pub fn new(gpu: &Arc<Gpu>, model: &Model) -> Result<Self, Error> {
-        let info = gpu.info();
-        let limit = PAGE_BYTES.min(info.max_buffer).min(info.max_allocation);
-        let vertices = limit / size_of::<Vertex>() as u64;
-        let vertices = if info.has_full_index {
-            vertices
-        } else {
-            vertices.min((1 << 24) - 1)
-        };
-        Self::with_page_limits(gpu, model, vertices as usize, (limit / 12) as usize)
+        Self::of_models(gpu, &[model])
+    }
+
+    /// Copies models that share one space to the device. All are shown at first.
+    ///
+    /// # Errors
+    /// When device memory runs out.
+    pub fn of_models(gpu: &Arc<Gpu>, models: &[&Model]) -> Result<Self, Error> {
+        Self::limited(gpu, models, PageLimits::of(gpu))
     }
 
     /// As [`new`](DeviceScene::new), with the most vertices (at least 3) and triangles of a page given.
@@ -73,84 +107,71 @@ impl DeviceScene {
         max_vertices: usize,
         max_triangles: usize,
     ) -> Result<Self, Error> {
-        let (max_vertices, max_triangles) = (max_vertices.max(3), max_triangles.max(1));
-        let used = &model.vertices[..model.used_vertices as usize];
-        let mut pages = Vec::new();
-        if used.len() <= max_vertices && model.triangles.len() <= max_triangles {
-            pages.push(ScenePage {
-                vertices: upload(gpu, "vertices", used)?,
-                vertex_count: used.len() as u32,
-                indices: None,
-                triangles: 0..model.triangles.len() as u32,
-                local: None,
+        let limits = PageLimits {
+            vertices: max_vertices.max(3),
+            triangles: max_triangles.max(1),
+        };
+        Self::limited(gpu, &[model], limits)
+    }
+
+    fn limited(gpu: &Arc<Gpu>, models: &[&Model], limits: PageLimits) -> Result<Self, Error> {
+        let mut scene = Self {
+            pages: Vec::new(),
+            parts: Vec::new(),
+            gpu: gpu.clone(),
+        };
+        for model in models {
+            let first = scene.pages.len();
+            scene.pages.append(&mut pages_of(gpu, model, limits)?);
+            scene.parts.push(DevicePart {
+                facts: Arc::new(ModelFacts::of(model)),
+                pages: first..scene.pages.len(),
+                is_shown: true,
             });
-        } else if !model.kind().is_surface() {
-            for (index, chunk) in used.chunks(max_vertices).enumerate() {
-                pages.push(ScenePage {
-                    vertices: upload(gpu, &format!("vertices, page {index}"), chunk)?,
-                    vertex_count: chunk.len() as u32,
-                    indices: None,
-                    triangles: 0..0,
-                    local: Some(Vec::new()),
-                });
-            }
-        } else {
-            // Vertices that triangles of two pages share are copied into both.
-            const NOWHERE: u32 = u32::MAX;
-            let mut place = vec![(NOWHERE, 0u32); used.len()];
-            let mut first = 0usize;
-            while first < model.triangles.len() {
-                let page = pages.len() as u32;
-                let mut own: Vec<Vertex> = Vec::new();
-                let mut local: Vec<[u32; 3]> = Vec::new();
-                for corners in &model.triangles[first..] {
-                    let new = corners
-                        .iter()
-                        .filter(|&&c| place[c as usize].0 != page)
-                        .count();
-                    if own.len() + new > max_vertices || local.len() == max_triangles {
-                        break;
-                    }
-                    local.push(corners.map(|c| {
-                        let entry = &mut place[c as usize];
-                        if entry.0 != page {
-                            *entry = (page, own.len() as u32);
-                            own.push(used[c as usize]);
-                        }
-                        entry.1
-                    }));
-                }
-                let end = first + local.len();
-                pages.push(ScenePage {
-                    vertices: upload(gpu, &format!("vertices, page {page}"), &own)?,
-                    vertex_count: own.len() as u32,
-                    indices: None,
-                    triangles: first as u32..end as u32,
-                    local: Some(local),
-                });
-                first = end;
+        }
+        Ok(scene)
+    }
+
+    /// Draws a model from the next frame on, or leaves it out; nothing where there is no model of this index.
+    pub fn show(&mut self, part: usize, is_shown: bool) {
+        if let Some(part) = self.parts.get_mut(part) {
+            part.is_shown = is_shown;
+            for page in &mut self.pages[part.pages.clone()] {
+                page.is_shown = is_shown;
             }
         }
-        Ok(Self {
-            pages,
-            facts: ModelFacts::of(model),
-            gpu: gpu.clone(),
-        })
     }
 
-    /// Facts of its model.
-    pub(crate) fn facts(&self) -> &ModelFacts {
-        &self.facts
+    /// The models of a frame with the facts of each: those of `models`, all of the scene's, that are shown.
+    pub(crate) fn shown<'m>(&self, models: &[&'m Model]) -> Vec<(&'m Model, Arc<ModelFacts>)> {
+        debug_assert_eq!(models.len(), self.parts.len(), "the models of the scene");
+        let all = models.iter().zip(&self.parts);
+        all.filter(|(_, part)| part.is_shown)
+            .map(|(&model, part)| (model, part.facts.clone()))
+            .collect()
     }
 
-    /// Nodes and leaves without area; found at the first call.
-    pub(super) fn undrawn(&self, model: &Model) -> &ZeroAreaSet {
-        self.facts.undrawn(model)
+    /// The pages of models that are shown.
+    pub(crate) fn shown_pages(&self) -> impl Iterator<Item = &ScenePage> {
+        self.pages.iter().filter(|page| page.is_shown)
+    }
+
+    /// Facts of a model of this index, which there must be.
+    pub(crate) fn facts_of(&self, index: usize) -> Arc<ModelFacts> {
+        self.parts[index].facts.clone()
+    }
+
+    /// Pages of a model, with the index of the first.
+    pub(crate) fn pages_of(&self, part: FactedModel<'_>) -> (usize, &[ScenePage]) {
+        let id = part.facts.id();
+        let own = self.parts.iter().find(|own| own.facts.id() == id);
+        let pages = own.map_or(0..0, |own| own.pages.clone());
+        (pages.start, &self.pages[pages])
     }
 
     /// Number that no other scene of this process has or had.
     pub(super) fn id(&self) -> u64 {
-        self.facts.id()
+        self.parts.first().map_or(u64::MAX, |part| part.facts.id())
     }
 
     /// Whether the copy is on this device, and not on one that was there before it.
@@ -162,8 +183,19 @@ impl DeviceScene {
     ///
     /// # Errors
     /// When device memory runs out.
-    pub fn ensure_indices(&mut self, model: &Model) -> Result<(), Error> {
-        for (index, page) in self.pages.iter_mut().enumerate() {
+    pub fn ensure_indices(&mut self, parts: DrawnParts<'_>) -> Result<(), Error> {
+        for part in parts.iter() {
+            let (first, count) = {
+                let (first, pages) = self.pages_of(part);
+                (first, pages.len())
+            };
+            self.ensure_indices_of(part.model, first..first + count)?;
+        }
+        Ok(())
+    }
+
+    fn ensure_indices_of(&mut self, model: &Model, pages: Range<usize>) -> Result<(), Error> {
+        for (index, page) in self.pages[pages].iter_mut().enumerate() {
             if page.indices.is_none() && !page.triangles.is_empty() {
                 let name = format!("indices, page {index}");
                 let corners = page.corners(model);
@@ -187,4 +219,76 @@ fn upload(gpu: &Arc<Gpu>, name: &str, vertices: &[Vertex]) -> Result<DeviceBuffe
         BufferUsage::Vertex,
         bytemuck::cast_slice(vertices),
     )
+}
+
+/// Copies a model to pages of its own.
+///
+/// # Errors
+/// When device memory runs out.
+fn pages_of(gpu: &Arc<Gpu>, model: &Model, limits: PageLimits) -> Result<Vec<ScenePage>, Error> {
+    let PageLimits {
+        vertices: max_vertices,
+        triangles: max_triangles,
+    } = limits;
+    let used = &model.vertices[..model.used_vertices as usize];
+    let mut pages = Vec::new();
+    if used.len() <= max_vertices && model.triangles.len() <= max_triangles {
+        pages.push(ScenePage {
+            vertices: upload(gpu, "vertices", used)?,
+            vertex_count: used.len() as u32,
+            indices: None,
+            triangles: 0..model.triangles.len() as u32,
+            local: None,
+            is_shown: true,
+        });
+    } else if !model.kind().is_surface() {
+        for (index, chunk) in used.chunks(max_vertices).enumerate() {
+            pages.push(ScenePage {
+                vertices: upload(gpu, &format!("vertices, page {index}"), chunk)?,
+                vertex_count: chunk.len() as u32,
+                indices: None,
+                triangles: 0..0,
+                local: Some(Vec::new()),
+                is_shown: true,
+            });
+        }
+    } else {
+        // Vertices that triangles of two pages share are copied into both.
+        const NOWHERE: u32 = u32::MAX;
+        let mut place = vec![(NOWHERE, 0u32); used.len()];
+        let mut first = 0usize;
+        while first < model.triangles.len() {
+            let page = pages.len() as u32;
+            let mut own: Vec<Vertex> = Vec::new();
+            let mut local: Vec<[u32; 3]> = Vec::new();
+            for corners in &model.triangles[first..] {
+                let new = corners
+                    .iter()
+                    .filter(|&&c| place[c as usize].0 != page)
+                    .count();
+                if own.len() + new > max_vertices || local.len() == max_triangles {
+                    break;
+                }
+                local.push(corners.map(|c| {
+                    let entry = &mut place[c as usize];
+                    if entry.0 != page {
+                        *entry = (page, own.len() as u32);
+                        own.push(used[c as usize]);
+                    }
+                    entry.1
+                }));
+            }
+            let end = first + local.len();
+            pages.push(ScenePage {
+                vertices: upload(gpu, &format!("vertices, page {page}"), &own)?,
+                vertex_count: own.len() as u32,
+                indices: None,
+                triangles: first as u32..end as u32,
+                local: Some(local),
+                is_shown: true,
+            });
+            first = end;
+        }
+    }
+    Ok(pages)
 }

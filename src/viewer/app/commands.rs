@@ -206,7 +206,7 @@ impl ViewerApp {
 
     /// Why these settings cannot be drawn with, if so.
     fn refusal(&self, settings: &Settings) -> Option<String> {
-        let model = self.screen.model()?;
+        self.screen.model()?;
         let max_size_px = self.screen.gpu().info().max_point_size_px;
         let mut settings = *settings;
         if settings.method == Method::Points {
@@ -219,7 +219,7 @@ impl ViewerApp {
             values: false,
         };
         let refuses = |settings: &Settings| {
-            let outcome = supported::check(model, settings, outputs, max_size_px);
+            let outcome = supported::check(settings, outputs, max_size_px);
             outcome.err().map(|error| error.to_string())
         };
         let old = &self.settings;

@@ -127,8 +127,7 @@ impl ViewerApp {
                 settings.occlusion = Occlusion::Off;
             }
             let screen = &mut self.screen;
-            let place = screen.model().map_or([0.0; 6], |model| {
-                let sphere = model.orbit_sphere();
+            let place = screen.orbit_sphere().map_or([0.0; 6], |sphere| {
                 place_of(&camera, sphere.center, sphere.radius)
             });
             control.know(screen.costs_of(settings.splat));

@@ -12,6 +12,7 @@ use crate::viewer::lamp::LampChange;
 use crate::viewer::record::RecordEntry;
 use crate::viewer::recovery::{RecoveryWay, way_after};
 use glam::{DVec2, DVec3};
+use std::path::PathBuf;
 
 impl ViewerApp {
     /// Handles the events of a step.
@@ -104,8 +105,12 @@ impl ViewerApp {
                         Err(error) => self.warn(&format!("{}: {error}", path.display())),
                     }
                 } else {
-                    self.notices.clear();
-                    self.asks.push(FileAsk::Open(path.clone()));
+                    self.open(path.clone(), Vec::new());
+                }
+            }
+            ViewerEvent::DropAll(paths) => {
+                if let Some((path, more)) = paths.split_first() {
+                    self.open(path.clone(), more.to_vec());
                 }
             }
             ViewerEvent::Tick(seconds) => self.tick(*seconds),
@@ -229,6 +234,12 @@ impl ViewerApp {
 
     pub(super) fn is_moving(&self) -> bool {
         self.time - self.moved_at < REST_S
+    }
+
+    /// Asks for a model, and for more that are shown with it.
+    fn open(&mut self, path: PathBuf, more: Vec<PathBuf>) {
+        self.notices.clear();
+        self.asks.push(FileAsk::Open { path, more });
     }
 
     /// Changes the camera, if there is a model.

@@ -71,8 +71,7 @@ impl ViewerApp {
 
     /// What the lamp is moved about, and the model's radius; none without a model.
     pub(super) fn around(&self) -> Option<(AroundAngles, f64)> {
-        let model = self.screen.model()?;
-        let sphere = model.orbit_sphere();
+        let sphere = self.screen.orbit_sphere()?;
         let around = AroundAngles::new(sphere.center, sphere.radius, &self.camera()?);
         Some((around, sphere.radius))
     }

@@ -12,7 +12,7 @@ use super::control::FrameBudget;
 use super::event::KeyboardKey;
 use super::graph::TimeHistory;
 use super::input::MouseState;
-use super::loader::{LoadError, Loaded, ModelLoader};
+use super::loader::{LoadError, Loaded, ModelLoader, failure};
 use super::notice::{NoticeList, NoticeWeight};
 use super::pace::PacedFrame;
 use super::panel::PanelFacts;
@@ -23,7 +23,7 @@ use crate::gpu::messages::LayerMessages;
 use crate::math::camera::{Camera, Light};
 use crate::pack::{Lighting, Phong};
 use crate::render::{Method, Settings};
-use crate::tree::OrbitSphere;
+use crate::tree::{Model, OrbitSphere};
 use commands::TurntableRun;
 use glam::DVec2;
 use std::collections::BTreeSet;
@@ -32,8 +32,13 @@ use std::path::{Path, PathBuf};
 /// What the app asks of the window around it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum FileAsk {
-    /// Load a model.
-    Open(PathBuf),
+    /// Load a model, and more that are shown with it.
+    Open {
+        /// The first.
+        path: PathBuf,
+        /// The others.
+        more: Vec<PathBuf>,
+    },
     /// Put a text into the clipboard.
     Copy(String),
     /// Read the clipboard, and hand it over as [`super::event::ViewerEvent::Paste`].
@@ -91,6 +96,10 @@ pub(super) struct ViewerApp {
     notices: NoticeList,
     history: TimeHistory,
     facts: Option<PanelFacts>,
+    /// Names of the models, the first one first.
+    part_names: Vec<String>,
+    /// What could not be opened of those that were to be shown together.
+    failures: Vec<String>,
     /// Where the model came from.
     path: PathBuf,
     /// What is shown is a coarse preview of it.
@@ -173,6 +182,8 @@ impl ViewerApp {
             notices: NoticeList::default(),
             history: TimeHistory::default(),
             facts: None,
+            part_names: Vec::new(),
+            failures: Vec::new(),
             path: PathBuf::new(),
             is_preview: false,
             status: None,
@@ -278,24 +289,34 @@ impl ViewerApp {
                 for warning in &loaded.warnings {
                     tell(&format!("{}: warning: {warning}", path.display()));
                 }
+                for part in &loaded.more {
+                    for warning in &part.warnings {
+                        tell(&format!("{}: warning: {warning}", part.path.display()));
+                    }
+                }
+                self.failures = loaded.failures;
+                let parts = loaded.more.into_iter();
+                let (names, more): (Vec<_>, Vec<_>) = parts
+                    .map(|part| (text::name(&part.path), part.model))
+                    .unzip();
+                self.part_names = [text::name(path)].into_iter().chain(names).collect();
                 self.screen
-                    .set_model(loaded.model, loaded.scene)
+                    .set_model(loaded.model, more, loaded.scene)
                     .map_err(LoadError::from)
             }
             Err(error) => Err(error),
         };
         match outcome {
-            Ok(()) => self.take_model(path, is_preview),
+            Ok(()) => {
+                self.take_model(path, is_preview)?;
+                for failure in std::mem::take(&mut self.failures) {
+                    self.warn(&failure);
+                }
+                Ok(())
+            }
             Err(error) if self.is_unattended() => Err(Error::Open(error)),
             Err(error) => {
-                let message = error.to_string();
-                let name = path.display().to_string();
-                // Most errors name their file.
-                self.warn(&if message.contains(&name) {
-                    message
-                } else {
-                    format!("{name}: {message}")
-                });
+                self.warn(&failure(path, &error));
                 Ok(())
             }
         }
@@ -316,19 +337,23 @@ impl ViewerApp {
             control.forget();
         }
         let orbit = self.options.orbit;
-        let Some(model) = self.screen.model() else {
+        if self.screen.model().is_none() {
             return Ok(());
-        };
+        }
+        let models = self.screen.models();
+        let sum = |of: &dyn Fn(&Model) -> u64| models.iter().map(|model| of(model)).sum();
         self.facts = (!is_preview).then(|| PanelFacts {
             name: self.name.clone(),
-            triangles: model.triangles.len() as u64,
-            vertices: model.vertices.len() as u64,
-            nodes: (model.tree.nodes.len() + model.tree.leaves.len()) as u64,
-            bytes: model.memory_bytes().total(),
-            is_closed: model.is_closed,
+            triangles: sum(&|model| model.triangles.len() as u64),
+            vertices: sum(&|model| model.vertices.len() as u64),
+            nodes: sum(&|model| (model.tree.nodes.len() + model.tree.leaves.len()) as u64),
+            bytes: sum(&|model| model.memory_bytes().total()),
+            is_closed: models.iter().all(|model| model.is_closed),
         });
         self.is_dirty = true;
-        let OrbitSphere { center, radius } = model.orbit_sphere();
+        let Some(OrbitSphere { center, radius }) = self.screen.orbit_sphere() else {
+            return Ok(());
+        };
         if !is_expected || self.orbit.is_none() {
             self.orbit = Some(OrbitCamera::new(center, radius, self.picture_size(), orbit));
             if is_another {

@@ -77,6 +77,9 @@ impl ViewerApp {
             overdraw: self.screen.times().overdraw,
             control,
             is_flying: self.fly.is_some(),
+            parts: (self.part_names.iter().map(String::as_str))
+                .zip(self.screen.shown().iter().copied())
+                .collect(),
         };
         let left = if self.has_panel { panel::WIDTH } else { 0.0 };
         let budget = control.map_or(1000.0 / 60.0, |(_, ms, _)| ms);
@@ -130,6 +133,10 @@ impl ViewerApp {
                 PanelWish::Settings(settings) => self.wish(*settings),
                 PanelWish::Light(light) => self.set_light(light),
                 PanelWish::FrameTime(ms) => self.set_frame_time(ms),
+                PanelWish::Show { part, is_shown } => {
+                    self.screen.show(part, is_shown);
+                    self.is_dirty = true;
+                }
             }
         }
         Ok(())

@@ -40,7 +40,7 @@ impl WindowScreen {
             WindowBackend::Cpu => Backend::Cpu,
         };
         let scene = &mut self.scene;
-        let mut engine = Engine::of_scene(&backend, model, scene, size, WINDOW_OUTPUTS)?;
+        let mut engine = Engine::of_scene(&backend, &[model], scene, size, WINDOW_OUTPUTS)?;
         let picture = engine.supersample(&view, &settings, SAMPLES_SIDE);
         if let Some(scene) = engine.into_scene() {
             self.scene = Some(scene);

@@ -155,9 +155,11 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     groups.append(others);
     let storage = (&mut front[..], &mut sums[..]);
     let list = List {
-        splats: &list,
-        groups: &groups,
-        vertices: &[],
+        splats: &[GroupedSplats {
+            splats: &list,
+            groups: &groups,
+        }],
+        meshes: &[],
         triangles: &Triangles::default(),
     };
     draw_by(level, list, canvas, storage, &mut tiles);

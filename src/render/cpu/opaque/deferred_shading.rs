@@ -9,6 +9,15 @@ use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use std::sync::atomic::{AtomicU8, Ordering};
 
+/// Splats of a cut that one thread looks at, and what writes them.
+#[derive(Clone, Copy)]
+pub(super) struct WrittenPart<'a> {
+    pub(super) writer: &'a Writer<'a>,
+    pub(super) part: Part<'a>,
+    /// Most splats that it has.
+    pub(super) count: usize,
+}
+
 fn is_marked(seen: &AtomicU8) -> bool {
     seen.load(Ordering::Relaxed) != 0
 }
@@ -74,22 +83,28 @@ impl<P> Shader<'_, P> {
 /// Finds the colors of the splats of all parts that are marked, each to its own place. All that are marked have an area.
 pub(super) fn shade(
     level: Level,
-    (writer, light): (&Writer<'_>, &Light),
-    parts: Vec<(Part<'_>, usize)>,
+    light: &Light,
+    parts: Vec<WrittenPart<'_>>,
     mut seen: &[AtomicU8],
     mut colors: &mut [i32],
 ) {
     let all = seen.len();
     let jobs: Vec<_> = parts
         .into_iter()
-        .map(|(part, count)| {
-            let (own, own_seen);
-            (own, colors) = std::mem::take(&mut colors).split_at_mut(count);
-            (own_seen, seen) = seen.split_at(count);
-            (part, own_seen, own)
-        })
+        .map(
+            |WrittenPart {
+                 writer,
+                 part,
+                 count,
+             }| {
+                let (own, own_seen);
+                (own, colors) = std::mem::take(&mut colors).split_at_mut(count);
+                (own_seen, seen) = seen.split_at(count);
+                ((writer, part), own_seen, own)
+            },
+        )
         .collect();
-    parallel::share(all, jobs.into_iter(), |(part, seen, colors)| {
+    parallel::share(all, jobs.into_iter(), |((writer, part), seen, colors)| {
         let places = seen.iter().enumerate();
         let places = places.filter(|(_, seen)| is_marked(seen));
         let mut shader = Shader {

@@ -1,14 +1,14 @@
 //! Pictures that hold more than colors of eight bits in the headlight: first the number of what is nearest in each pixel, then
 //! what that looks like, pixel by pixel.
 
-use crate::abi::{Splat, Vertex};
+use crate::abi::Splat;
 use crate::pack::parallel;
 use crate::render::cpu::float_planes::word_of;
 use crate::render::cpu::frame_shading::{FrameShading, ShadedPoint};
 use crate::render::cpu::opaque::bands::{BAND_PX, Known, SPLAT_BIT, draw_by};
 use crate::render::cpu::opaque::triangles::draw_numbers;
 use crate::render::cpu::opaque::{Frame, Look, Picture, Places, Screen, Source};
-use crate::render::cpu::triangles::{NumberedFace, Surface, Triangles};
+use crate::render::cpu::triangles::{MeshVertices, NumberedFace, Surface, Triangles};
 use fearless_simd::Level;
 
 /// What is drawn: triangles, then splats.
@@ -16,7 +16,7 @@ use fearless_simd::Level;
 pub(crate) struct SurfaceList<'a> {
     pub(crate) triangles: &'a Triangles,
     /// Corners of the triangles.
-    pub(crate) vertices: &'a [Vertex],
+    pub(crate) meshes: MeshVertices<'a>,
     pub(crate) splats: &'a [Splat],
     /// What splats look like.
     pub(crate) look: Look,
@@ -159,7 +159,7 @@ impl<'a> PixelShader<'a> {
         };
         match list.triangles.numbered(word & !SPLAT_BIT) {
             Some(found) => {
-                let surface = Surface::of(found.face, found.part, list.vertices, light);
+                let surface = Surface::of(found.face, found.part, list.meshes, light);
                 SeenSurface::Triangle(found, surface)
             }
             None => SeenSurface::Nothing,

@@ -4,13 +4,14 @@
 //! neighbors neither overlap nor leave a gap. In each row the covered pixels are one span; its ends are found by division and
 //! set right by the exact edge functions. Depth and shade are interpolated in single precision, as a device does.
 
-use crate::abi::Vertex;
 use crate::pack::parallel;
 use crate::render::cpu::opaque::bands::BAND_PX;
 use crate::render::cpu::opaque::bands::SPLAT_BIT;
 use crate::render::cpu::opaque::framebuffer::Picture;
 use crate::render::cpu::opaque::viewport::Screen;
-use crate::render::cpu::triangles::{Edge, Face, Light, NumberedFace, Surface, Triangles};
+use crate::render::cpu::triangles::{
+    Edge, Face, Light, MeshVertices, NumberedFace, Surface, Triangles,
+};
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
 use glam::Vec3;
@@ -35,12 +36,12 @@ const COVERED: u32 = 0xff << 24;
 /// When the picture is smaller than the screen, or the triangles were set up for another part of the picture.
 pub fn draw(
     triangles: &Triangles,
-    vertices: &[Vertex],
+    meshes: MeshVertices<'_>,
     screen: &Screen,
     background: u32,
     picture: Picture<'_>,
 ) {
-    let shown = ShownFaces::Colors(vertices);
+    let shown = ShownFaces::Colors(meshes);
     draw_by(
         Level::new(),
         (triangles, shown),
@@ -70,8 +71,8 @@ pub(super) fn draw_numbers(
 /// What pixels show of their triangle.
 #[derive(Clone, Copy)]
 enum ShownFaces<'a> {
-    /// Its color in the headlight, of these vertices.
-    Colors(&'a [Vertex]),
+    /// Its color in the headlight, of these meshes.
+    Colors(MeshVertices<'a>),
     /// Its number.
     Numbers,
 }
@@ -112,9 +113,9 @@ fn draw_by(
             corner: [left, first],
         };
         match shown {
-            ShownFaces::Colors(vertices) => dispatch!(level, simd => {
+            ShownFaces::Colors(meshes) => dispatch!(level, simd => {
                 for NumberedFace { part, face, .. } in triangles.near(rows) {
-                    let surface = || Surface::of(face, part, vertices, light);
+                    let surface = || Surface::of(face, part, meshes, light);
                     let ink = LitInk { light, surface: Some(surface), shade: None };
                     target.draw(simd, (face, rows), ink);
                 }

@@ -1,7 +1,6 @@
 //! Opaque pictures that hold more than colors of eight bits in the headlight.
 
 use crate::abi::Splat;
-use crate::pack;
 use crate::pack::ColorBy;
 use crate::render::cpu::frame_shading::FrameShading;
 use crate::render::cpu::opaque;
@@ -25,17 +24,17 @@ impl CpuRenderer {
         light: &opaque::Light,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
-        let (model, settings) = (frame.drawn.model, frame.settings);
+        let settings = frame.settings;
         let rect_px = frame.context.rect_px;
         let Some(screen) = opaque::Screen::new(frame.constants, rect_px) else {
             unreachable!("sides of pictures are limited");
         };
         let plan = splat_plan(settings, f32::INFINITY);
         let count = match settings.has_cut() {
-            true => pack::splats::count(&self.cut, &plan),
+            true => self.cuts.splat_count(&plan),
             false => 0,
         };
-        let has_one_size = plan.has_one_size(model);
+        let has_one_size = plan.has_one_size(frame.plan.facts.kind);
         // A splat does not say that it is one of a triangle, which is tinted otherwise. Its color is one of eight bits, before
         // light falls on it.
         let samples_triangles = has_one_size
@@ -51,7 +50,7 @@ impl CpuRenderer {
         self.set_triangles(frame, samples_triangles);
         let list = opaque::SurfaceList {
             triangles: &self.triangles,
-            vertices: &model.vertices,
+            meshes: frame.meshes,
             splats: &self.splats[..written],
             look: opaque::Look {
                 are_discs: settings.splat == SplatKind::Disc,
@@ -71,8 +70,8 @@ impl CpuRenderer {
         let (target, planes) = ((&screen, light), self.planes.planes());
         opaque::draw_surfaces(list, target, &mut self.places, picture, planes);
         let triangles = match settings.method {
-            Method::Pop => self.cut.triangles.len(),
-            _ => self.triangle_ids.len(),
+            Method::Pop => self.cuts.triangle_count(),
+            _ => self.triangles_given,
         };
         let records = written + samples;
         DrawnCounts {

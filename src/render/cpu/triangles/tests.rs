@@ -4,7 +4,6 @@
 use crate::abi::constants::{
     FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL, FLAG_PHONG,
 };
-use crate::pack::filtered::ScreenGroups;
 use crate::render::cpu::filtered::{List, draw};
 use crate::render::cpu::triangles::*;
 use bytemuck::Zeroable;
@@ -76,8 +75,7 @@ fn drawn(triangles: &Triangles, model: &Model, canvas: Canvas) -> Drawn {
     let mut sums = vec![7; canvas.pixels() * canvas.words()];
     let list = List {
         splats: &[],
-        groups: &ScreenGroups::default(),
-        vertices: &model.vertices,
+        meshes: &[&model.vertices],
         triangles,
     };
     draw(list, canvas, &mut front, &mut sums, &mut Vec::new());

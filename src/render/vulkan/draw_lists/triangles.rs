@@ -2,31 +2,37 @@
 
 use crate::math::camera::View;
 use crate::pack::triangles;
-use crate::render::vulkan::draw_lists::{DrawLists, whole_records};
+use crate::render::model_facts::FactedModel;
+use crate::render::vulkan::draw_lists::{DrawLists, WrittenTriangles, whole_records};
 use crate::render::vulkan::opaque::triangle_runs::PageRange;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
 use prefetch_index::prefetch_index;
 
-/// Writes what `of` has of the chosen triangles, page by page; those that `is_small` go to a list of their own.
+/// Writes what `of` has of the chosen triangles of a model, page by page, after those that were written so far; those that
+/// `is_small` go to a list of their own.
 pub(super) fn write<T: bytemuck::Pod + Send>(
-    model: &Model,
+    part: FactedModel<'_>,
     scene: &DeviceScene,
     ids: &[u32],
-    (lists, is_small): (&mut DrawLists, Option<impl Fn(u32) -> bool + Sync>),
+    (lists, so_far, is_small): (
+        &mut DrawLists,
+        &mut WrittenTriangles,
+        Option<impl Fn(u32) -> bool + Sync>,
+    ),
     (of, ahead): (
         impl Fn(&[[u32; 3]], u32) -> T + Sync,
         impl Fn(&[[u32; 3]], u32) + Sync,
     ),
 ) {
-    lists.runs.clear();
-    lists.small_runs.clear();
+    let model = part.model;
     let out: &mut [T] = whole_records(lists.indices.bytes_mut());
     let small: &mut [T] = whole_records(lists.small.bytes_mut());
-    // Triangles written so far, large and small.
-    let mut written = [0, 0];
+    // Large and small.
+    let mut written = [so_far.large, so_far.small];
     let mut done = 0;
-    for (index, page) in scene.pages.iter().enumerate() {
+    let (first_page, pages) = scene.pages_of(part);
+    for (index, page) in pages.iter().enumerate() {
         let end = done + ids[done..].partition_point(|&id| id < page.triangles.end);
         let (ids, corners) = (&ids[done..end], page.corners(model));
         let first = page.triangles.start;
@@ -54,7 +60,7 @@ pub(super) fn write<T: bytemuck::Pod + Send>(
         {
             if written[which] > before[which] {
                 runs.push(PageRange {
-                    page: index,
+                    page: first_page + index,
                     first: 3 * before[which] as u32,
                     count: 3 * (written[which] - before[which]) as u32,
                 });
@@ -62,6 +68,7 @@ pub(super) fn write<T: bytemuck::Pod + Send>(
         }
         done = end;
     }
+    [so_far.large, so_far.small] = written;
 }
 
 /// Whether a leaf's bounding sphere is wholly in front of the near plane and at most `most_px` pixels wide.

@@ -5,7 +5,6 @@ use crate::pack::Footprint;
 use crate::render::compute_limits::LARGEST_SQUARE_PX;
 use crate::render::frame_plan::FramePlan;
 use crate::render::pack_params::splat_plan;
-use crate::tree::Model;
 
 /// What decides the pipeline of splats.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,10 +25,12 @@ impl ComputeVariant {
     };
 
     /// The splats of a planned frame: of one size, at most [`LARGEST_SQUARE_PX`], or of sizes of their own.
-    pub(crate) fn of(plan: &FramePlan, model: &Model) -> Self {
+    pub(crate) fn of(plan: &FramePlan) -> Self {
         let footprint = plan.settings.footprint();
         let sizes = splat_plan(&plan.settings, f32::INFINITY);
-        let one_size_px = sizes.has_one_size(model).then_some(sizes.threshold_px);
+        let one_size_px = sizes
+            .has_one_size(plan.facts.kind)
+            .then_some(sizes.threshold_px);
         Self {
             footprint,
             side_px: one_size_px.map_or(0, |px| px.clamp(1.0, LARGEST_SQUARE_PX).ceil() as u32),

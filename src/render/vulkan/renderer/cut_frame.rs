@@ -8,6 +8,7 @@ use crate::render::cost::choose::{ComputeShare, FrameWorkload};
 use crate::render::cost::select_passes;
 use crate::render::cost::select_passes::PassSelection;
 use crate::render::frame_plan::{FramePlan, PackKey};
+use crate::render::model_facts::DrawnParts;
 use crate::render::pack_params::largest_splat_px;
 use crate::render::screen_bounds;
 use crate::render::stats::{FrameStage, KeptWork};
@@ -27,12 +28,10 @@ use crate::render::vulkan::raster_pass::{RasterList, RasterSplats, RasterTriangl
 use crate::render::vulkan::renderer::{
     FrameEnd, FrameEnding, FrameTimes, PlannedFrame, VulkanRenderer, margin_px,
 };
-use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::storage_ranges::{ComputeList, TriangleRanges};
 use crate::render::vulkan::targets::FrameTargets;
 use crate::render::vulkan::visibility::hardware;
 use crate::render::vulkan::visibility::hardware::VisibilityPasses;
-use crate::tree::Model;
 
 impl VulkanRenderer {
     /// Chooses the cut of a frame, packs and uploads its draw lists, and records its passes.
@@ -41,13 +40,13 @@ impl VulkanRenderer {
         drawn: PlannedFrame<'_>,
         end: &mut FrameEnding<'_>,
     ) -> Result<(FrameTicket, FrameTimes), Error> {
-        let PlannedFrame { plan, model, scene } = drawn;
+        let PlannedFrame { plan, parts, .. } = drawn;
         let mut times = FrameTimes::default();
         let slot = self.frames.next_slot();
-        let key = plan.pack_key(model);
+        let key = plan.pack_key();
         let cut = FrameStage::Cut.begin();
         let is_kept = self.keeps_lists && self.lists[slot].hold(&key);
-        let is_new = !is_kept && self.choose_cut(plan, model, scene);
+        let is_new = !is_kept && self.choose_cut(plan, parts);
         let ahead = self.ahead.take().unwrap_or_default();
         times.kept = match is_new || ahead.is_new {
             _ if is_kept => KeptWork::Lists,
@@ -78,24 +77,19 @@ impl VulkanRenderer {
 
     /// Chooses the cut of a frame, unless it is there: that of the last frame, where it may be kept, or one that was
     /// predicted for this frame. Tells whether it was chosen.
-    pub(super) fn choose_cut(
-        &mut self,
-        plan: &FramePlan,
-        model: &Model,
-        scene: &DeviceScene,
-    ) -> bool {
-        let (of_scene, key) = (plan.model, plan.cut);
+    pub(super) fn choose_cut(&mut self, plan: &FramePlan, parts: DrawnParts<'_>) -> bool {
+        let chosen = Some((plan.drawn, plan.cut));
         let may_stay = self.keeps_lists || self.ahead.is_some();
-        if may_stay && self.chosen == Some((of_scene, key)) {
+        if may_stay && self.chosen == chosen {
             return false;
         }
-        if self.chosen.is_none_or(|(scene, _)| scene != of_scene) {
+        if self.chosen.is_none_or(|(drawn, _)| drawn != plan.drawn) {
             self.selector.forget();
         }
-        let undrawn = || scene.undrawn(model);
-        key.select(&mut self.selector, model, undrawn, &mut self.cut);
-        self.chosen = Some((of_scene, key));
-        self.visited += self.cut.stats.visited;
+        self.cuts
+            .select(&mut self.selector, parts, |part| plan.cut_of(part));
+        self.chosen = chosen;
+        self.visited += self.cuts.stats().visited;
         true
     }
 
@@ -106,21 +100,21 @@ impl VulkanRenderer {
         key: PackKey,
         slot: usize,
     ) -> Result<(), Error> {
-        let PlannedFrame { plan, model, scene } = drawn;
-        let selection = PassSelection::of(plan, &self.workload(plan, model));
+        let PlannedFrame { plan, parts, scene } = drawn;
+        let selection = PassSelection::of(plan, &self.workload(plan, parts));
         let max_point_px = select_passes::max_point_px(plan, &selection, self.costs.as_ref());
-        let triangles = self.cut.triangles.len();
+        let triangles = self.cuts.triangle_count();
         let input = PackInput {
             plan,
-            model,
+            parts,
             scene,
             key,
-            records: plan.records(model, max_point_px),
+            records: plan.records(max_point_px),
             selection,
         };
-        self.lists[slot].pack(&self.gpu, &input, &mut self.cut)?;
+        self.lists[slot].pack(&self.gpu, &input, &mut self.cuts)?;
         // Triangles that became filtered splats are no longer in it.
-        if self.cut.triangles.len() != triangles {
+        if self.cuts.triangle_count() != triangles {
             self.chosen = None;
         }
         Ok(())
@@ -133,7 +127,7 @@ impl VulkanRenderer {
         slot: usize,
         end: &mut FrameEnding<'_>,
     ) -> Result<FrameTicket, Error> {
-        let PlannedFrame { plan, model, scene } = drawn;
+        let PlannedFrame { plan, parts, scene } = drawn;
         let lists = &self.lists[slot];
         let Some(held) = lists.held else {
             unreachable!("packed now or before")
@@ -142,7 +136,7 @@ impl VulkanRenderer {
             let workload = FrameWorkload {
                 splats: held.packed.points,
                 triangles: held.triangles,
-                ..self.workload(plan, model)
+                ..self.workload(plan, parts)
             };
             let has_large = plan.primitives.has_large_splats;
             workload.blended(held.triangles + held.packed.quads, has_large)
@@ -150,7 +144,7 @@ impl VulkanRenderer {
         let areas = match held.selection.has_splats_by_compute {
             true => {
                 let margin_px = margin_px(plan.largest_px);
-                screen_bounds::areas(model, &plan.view, plan.context.rect_px, margin_px)
+                screen_bounds::areas(parts, &plan.view, plan.context.rect_px, margin_px)
             }
             false => Vec::new(),
         };
@@ -214,7 +208,7 @@ impl<'a> CutPasses<'a> {
     /// # Errors
     /// When the frame has no room for the constants of its parts.
     fn record(&self, frame: &mut FrameRecorder<'_>, constants: UniformBlock) -> Result<(), Error> {
-        let (plan, model) = (self.drawn.plan, self.drawn.model);
+        let plan = self.drawn.plan;
         let (targets, context) = (self.targets, &plan.context);
         let raster = self.raster();
         match (plan.technique, self.fuzzy, self.filtered, self.visibility) {
@@ -249,7 +243,7 @@ impl<'a> CutPasses<'a> {
                 let list = hardware::VisibilityLists {
                     raster,
                     by_compute: by_compute.then_some(self.areas),
-                    largest_px: largest_splat_px(model, &plan.settings),
+                    largest_px: largest_splat_px(&plan.facts, &plan.settings),
                 };
                 let how = plan.settings.reconstruction;
                 visibility.record(frame, targets, list, how, context, constants)?;
@@ -292,7 +286,7 @@ impl<'a> CutPasses<'a> {
             splats: lists.splats(),
             splat_count: held.packed.points as u32,
             sample_count: held.samples as u32,
-            variant: ComputeVariant::of(plan, self.drawn.model),
+            variant: ComputeVariant::of(plan),
             areas: self.areas,
         };
         let (targets, context) = (self.targets, &plan.context);

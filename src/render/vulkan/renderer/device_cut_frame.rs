@@ -4,6 +4,7 @@ use crate::cut::NodeTester;
 use crate::gpu::Error;
 use crate::gpu::frame::FrameTicket;
 use crate::render::cut_key::cut_settings;
+use crate::render::model_facts::FactedModel;
 use crate::render::stats::{FrameStage, KeptWork};
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::renderer::{
@@ -16,10 +17,13 @@ impl VulkanRenderer {
         drawn: PlannedFrame<'_>,
         end: &mut FrameEnding<'_>,
     ) -> Result<(FrameTicket, FrameTimes), Error> {
-        let PlannedFrame { plan, model, scene } = drawn;
+        let PlannedFrame { plan, parts, scene } = drawn;
+        let Some(FactedModel { model, .. }) = parts.single() else {
+            unreachable!("the device chooses cuts of one model")
+        };
         let mut times = FrameTimes::default();
         self.ahead = None;
-        let held = (plan.model, plan.cut);
+        let held = (plan.drawn, plan.cut);
         if self.keeps_lists && self.held_on_device == Some(held) {
             times.kept = KeptWork::Lists;
         }

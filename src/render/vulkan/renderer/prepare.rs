@@ -3,6 +3,7 @@
 use crate::gpu::Error;
 use crate::pack::ColorBy;
 use crate::render::frame_plan::{CutPlace, FramePlan};
+use crate::render::model_facts::{DrawnParts, FactedModel};
 use crate::render::technique::Technique;
 use crate::render::vulkan::blended::filtered;
 use crate::render::vulkan::blended::filtered::FilteredPasses;
@@ -31,24 +32,26 @@ impl VulkanRenderer {
     pub(super) fn prepare(
         &mut self,
         plan: &FramePlan,
-        model: &Model,
+        parts: DrawnParts<'_>,
         scene: &mut DeviceScene,
     ) -> Result<(), Error> {
         let method = plan.settings.method;
         if method == Method::Triangles {
-            scene.ensure_indices(model)?;
+            scene.ensure_indices(parts)?;
         }
         if plan.needs_undrawn() {
-            scene.undrawn(model);
+            parts.iter().for_each(|part| {
+                part.facts.undrawn(part.model);
+            });
         }
         if method != Method::Points {
-            self.prepare_triangles(plan, scene)?;
+            self.prepare_triangles(plan, parts)?;
         }
         match plan.technique {
             Technique::Nothing => {}
-            Technique::Opaque => self.prepare_opaque(plan, model)?,
+            Technique::Opaque => self.prepare_opaque(plan)?,
             Technique::Visibility => self.prepare_visibility(plan)?,
-            Technique::Fuzzy => self.prepare_fuzzy(plan, model)?,
+            Technique::Fuzzy => self.prepare_fuzzy(plan)?,
             Technique::Filtered => self.prepare_filtered(plan)?,
         }
         self.looks.prepare(&self.gpu, &self.targets, plan)?;
@@ -68,11 +71,11 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    fn prepare_triangles(&mut self, plan: &FramePlan, scene: &DeviceScene) -> Result<(), Error> {
+    fn prepare_triangles(&mut self, plan: &FramePlan, parts: DrawnParts<'_>) -> Result<(), Error> {
         let variant = TriangleVariant {
             color: self.targets.color.format,
             normals: self.outputs.normal,
-            colors: scene.facts().has_colors(),
+            colors: parts.has_colors(),
             lamp: !plan.settings.has_headlight(),
             flags: plan.constants.flags,
         };
@@ -84,13 +87,13 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    fn prepare_opaque(&mut self, plan: &FramePlan, model: &Model) -> Result<(), Error> {
+    fn prepare_opaque(&mut self, plan: &FramePlan) -> Result<(), Error> {
         if plan.may_use_compute {
             let small = match &mut self.small {
                 Some(made) => made,
                 none => none.insert(ComputeRasterizer::new(&self.gpu, &self.targets)?),
             };
-            small.ensure(ComputeVariant::of(plan, model))?;
+            small.ensure(ComputeVariant::of(plan))?;
             small.ensure(ComputeVariant::SAMPLES)?;
         }
         let variant = OpaqueSplats::variant_of(&plan.settings, plan.constants.flags);
@@ -121,13 +124,13 @@ impl VulkanRenderer {
         visibility.ensure(source, plan.settings.reconstruction, how)
     }
 
-    fn prepare_fuzzy(&mut self, plan: &FramePlan, model: &Model) -> Result<(), Error> {
+    fn prepare_fuzzy(&mut self, plan: &FramePlan) -> Result<(), Error> {
         let is_gray = plan.primitives.is_gray;
         let by_compute = plan.may_use_compute.then_some(is_gray);
         let variant = fuzzy::FuzzyVariant::new(
             &self.gpu,
             &plan.settings,
-            model.kind().is_surface(),
+            plan.facts.kind.is_surface(),
             &self.targets,
             (plan.constants.flags, by_compute),
         )?;
@@ -163,10 +166,14 @@ impl VulkanRenderer {
     pub(super) fn prepare_tree(
         &mut self,
         plan: &FramePlan,
-        model: &Model,
+        parts: DrawnParts<'_>,
         scene: &DeviceScene,
     ) -> Result<bool, Error> {
         let settings = &plan.settings;
+        // Of several models none is planned so.
+        let Some(FactedModel { model, .. }) = parts.single() else {
+            return Ok(true);
+        };
         if plan.cut_place == CutPlace::Device
             && let Err(error) = self.make_device_cut(model, scene)
         {

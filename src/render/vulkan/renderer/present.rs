@@ -13,7 +13,8 @@ use crate::pack::Lighting;
 use crate::render::compute_limits::largest_threshold_px;
 use crate::render::cost::choose::{ComputeShare, FrameWorkload};
 use crate::render::cost::select_passes::PassSelection;
-use crate::render::frame_estimate::{FrameEstimate, counts_of_cut};
+use crate::render::frame_estimate::{FrameEstimate, counts_of_cuts};
+use crate::render::model_facts::{DrawnParts, facted};
 use crate::render::probe_area::MOST_PROBE_PIXELS;
 use crate::render::stats::FrameStage;
 use crate::render::technique::Technique;
@@ -101,7 +102,7 @@ impl VulkanRenderer {
     /// frame if that has the same view and settings. The time is booked as that frame's. Nothing without a cut.
     pub fn predict(
         &mut self,
-        model: &Model,
+        models: &[&Model],
         scene: &DeviceScene,
         view: &View,
         settings: &Settings,
@@ -110,19 +111,22 @@ impl VulkanRenderer {
             return FrameEstimate::default();
         }
         let start = Instant::now();
-        let Ok(plan) = self.plan(model, scene, view, settings) else {
+        let shown = scene.shown(models);
+        let parts = facted(&shown);
+        let parts = DrawnParts::new(&parts);
+        let Ok(plan) = self.plan(parts, scene, view, settings) else {
             return FrameEstimate::default();
         };
-        let is_new = self.choose_cut(&plan, model, scene);
-        let counts = counts_of_cut(&plan.settings, model, view, &self.cut);
+        let is_new = self.choose_cut(&plan, parts);
+        let counts = counts_of_cuts(&plan, parts, &self.cuts);
         let ahead = self.ahead.get_or_insert_default();
         ahead.ms += crate::render::vulkan::renderer::ms(start);
         ahead.is_new |= is_new;
         let triangles = counts.triangles as usize;
         let workload = FrameWorkload {
-            splats: (counts.splats + self.cut.stats.hidden) as usize,
+            splats: (counts.splats + self.cuts.stats().hidden) as usize,
             triangles,
-            ..self.workload(&plan, model)
+            ..self.workload(&plan, parts)
         };
         let selection = PassSelection::of(&plan, &workload);
         let is_blended = matches!(plan.technique, Technique::Fuzzy | Technique::Filtered);
@@ -153,14 +157,14 @@ impl VulkanRenderer {
     /// As [`VulkanRenderer::draw`]; an acquired image must be abandoned then.
     pub fn submit_shown(
         &mut self,
-        model: &Model,
+        models: &[&Model],
         scene: &mut DeviceScene,
         view: &View,
         settings: &Settings,
         mut shown: ShownFrame<'_>,
     ) -> Result<SubmittedFrame, Error> {
         self.prepare_overlay(&mut shown)?;
-        self.submit(model, scene, view, settings, &mut |frame, color| {
+        self.submit(models, scene, view, settings, &mut |frame, color| {
             shown.end(frame, color)
         })
     }

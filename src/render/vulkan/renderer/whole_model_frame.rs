@@ -22,12 +22,15 @@ impl VulkanRenderer {
         drawn: PlannedFrame<'_>,
         end: &mut FrameEnding<'_>,
     ) -> Result<(FrameTicket, FrameTimes), Error> {
-        let PlannedFrame { plan, model, scene } = drawn;
+        let PlannedFrame { plan, parts, scene } = drawn;
         let Some((_, pipeline)) = &self.triangles else {
             unreachable!("prepare made the pipeline")
         };
         let counts = FrameCounts {
-            triangles: model.triangles.len() as u64,
+            triangles: parts
+                .iter()
+                .map(|part| part.model.triangles.len() as u64)
+                .sum(),
             ..FrameCounts::default()
         };
         let (targets, context) = (&self.targets, &plan.context);
@@ -58,10 +61,10 @@ impl VulkanRenderer {
         drawn: PlannedFrame<'_>,
         end: &mut FrameEnding<'_>,
     ) -> Result<(FrameTicket, FrameTimes), Error> {
-        let PlannedFrame { plan, model, scene } = drawn;
+        let PlannedFrame { plan, scene, .. } = drawn;
         let as_quads = plan.primitives.are_quads;
         let counts = FrameCounts {
-            points: scene.pages.iter().map(|p| u64::from(p.vertex_count)).sum(),
+            points: scene.shown_pages().map(|p| u64::from(p.vertex_count)).sum(),
             ..FrameCounts::default()
         };
         let (targets, context) = (&self.targets, &plan.context);
@@ -100,7 +103,7 @@ impl VulkanRenderer {
                     let list = hardware::VisibilityLists {
                         raster,
                         by_compute: None,
-                        largest_px: largest_splat_px(model, &plan.settings),
+                        largest_px: largest_splat_px(&plan.facts, &plan.settings),
                     };
                     let how = plan.settings.reconstruction;
                     visibility.record(frame, targets, list, how, context, c)?;

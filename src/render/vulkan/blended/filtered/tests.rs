@@ -169,9 +169,11 @@ fn picture_by_cpu(
 ) -> Vec<[u8; 4]> {
     let canvas = Canvas { rect_px, is_gray };
     let list = filtered::List {
-        splats,
-        groups: &ScreenGroups::of(splats),
-        vertices: &[],
+        splats: &[filtered::GroupedSplats {
+            splats,
+            groups: &ScreenGroups::of(splats),
+        }],
+        meshes: &[],
         triangles: &filtered::Triangles::default(),
     };
     let mut front = vec![0; canvas.pixels()];
