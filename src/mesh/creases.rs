@@ -31,8 +31,8 @@ struct VertexCorner {
 /// # Panics
 /// When a triangle names a vertex that does not exist.
 pub fn split(mesh: &mut Mesh, crease_degrees: f32) -> usize {
-    // Also what is no number.
-    if !mesh.normals.is_empty() || mesh.triangles.is_empty() || !(crease_degrees < 180.0) {
+    let is_smooth = crease_degrees.is_nan() || crease_degrees >= 180.0;
+    if !mesh.normals.is_empty() || mesh.triangles.is_empty() || is_smooth {
         return 0;
     }
     let crease = f64::from(crease_degrees.max(0.0)).to_radians();
