@@ -14,6 +14,7 @@ use crate::input::{self, Counts, FilePart, Format, InputStream, Warning};
 use crate::math::camera::Camera;
 use crate::mesh::Mesh;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
+use crate::mesh::attributes::PointAttributes;
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
 use crate::tree::{self, BuildOptions, Model};
@@ -139,6 +140,9 @@ pub struct OpenedModel {
     pub warnings: Vec<Warning>,
     /// What the file holds, part by part, and what became of it; empty where it is no model file.
     pub parts: Vec<FilePart>,
+    /// What the vertices carry beside position, normal and color, in the order of the file; empty for most models and
+    /// for tree files.
+    pub attributes: PointAttributes,
     /// How it is looked at, where it is a scene.
     pub scene: Option<SceneView>,
     /// Time to read or generate it, milliseconds.
@@ -208,6 +212,7 @@ pub fn open_with_preview(
         counts: found.counts,
         warnings,
         parts: found.parts,
+        attributes: found.attributes,
         scene: found.scene,
         load_ms,
         build_ms,
@@ -232,6 +237,7 @@ struct SourceContent {
     counts: Counts,
     warnings: Vec<Warning>,
     parts: Vec<FilePart>,
+    attributes: PointAttributes,
     scene: Option<SceneView>,
 }
 
@@ -247,6 +253,7 @@ impl SourceContent {
             file_bytes: 0,
             warnings: Vec::new(),
             parts: Vec::new(),
+            attributes: PointAttributes::default(),
             scene,
         }
     }
@@ -262,6 +269,7 @@ impl SourceContent {
             file_bytes,
             warnings: Vec::new(),
             parts: Vec::new(),
+            attributes: PointAttributes::default(),
             scene: None,
         }
     }
@@ -276,6 +284,7 @@ impl From<input::Loaded> for SourceContent {
             counts: loaded.counts,
             warnings: loaded.warnings,
             parts: loaded.parts,
+            attributes: loaded.attributes,
             scene: None,
         }
     }

@@ -9,15 +9,35 @@ use super::job::Job;
 use super::polygon::PolygonRuns;
 use super::{Counts, Error, Warning};
 use crate::mesh::Mesh;
+use crate::mesh::attributes::PointAttributes;
 
 /// Items per parallel piece: large enough to hide the scheduling, small enough for two threads to share.
 const PIECE: usize = 1 << 16;
 
-/// Positions in the precision of the file: single stays single (half the memory), all else is double.
+/// Positions in the precision of the file: single stays single and whole steps stay whole (half the memory), all else is
+/// double.
 #[derive(Debug, Clone)]
 pub(super) enum Coordinates {
     Single(Vec<Vec3>),
     Double(Vec<DVec3>),
+    /// Whole numbers of a file's own step: `offset + scale * step`, in double precision.
+    Steps(StepGrid),
+}
+
+/// Positions as whole numbers of steps.
+#[derive(Debug, Clone)]
+pub(super) struct StepGrid {
+    pub(super) steps: Vec<[i32; 3]>,
+    pub(super) scale: DVec3,
+    pub(super) offset: DVec3,
+}
+
+impl StepGrid {
+    /// The position of steps.
+    #[inline]
+    fn place(&self, [x, y, z]: [i32; 3]) -> DVec3 {
+        self.offset + self.scale * DVec3::new(x.into(), y.into(), z.into())
+    }
 }
 
 impl Coordinates {
@@ -25,6 +45,7 @@ impl Coordinates {
         match self {
             Coordinates::Single(positions) => positions.len(),
             Coordinates::Double(positions) => positions.len(),
+            Coordinates::Steps(grid) => grid.steps.len(),
         }
     }
 }
@@ -41,6 +62,7 @@ impl Coordinates {
         match self {
             Coordinates::Single(positions) => positions[index].as_dvec3(),
             Coordinates::Double(positions) => positions[index],
+            Coordinates::Steps(grid) => grid.place(grid.steps[index]),
         }
     }
 
@@ -49,6 +71,12 @@ impl Coordinates {
         match self {
             Coordinates::Single(positions) => positions[index] = Vec3::NAN,
             Coordinates::Double(positions) => positions[index] = DVec3::NAN,
+            Coordinates::Steps(grid) => {
+                let mut positions: Vec<DVec3> =
+                    grid.steps.iter().map(|&steps| grid.place(steps)).collect();
+                positions[index] = DVec3::NAN;
+                *self = Coordinates::Double(positions);
+            }
         }
     }
 
@@ -60,6 +88,10 @@ impl Coordinates {
                 .for_each(|point| *point = (point.as_dvec3() * factor).as_vec3()),
             Coordinates::Double(positions) => {
                 positions.par_iter_mut().for_each(|point| *point *= factor);
+            }
+            Coordinates::Steps(grid) => {
+                grid.scale *= factor;
+                grid.offset *= factor;
             }
         }
     }
@@ -116,6 +148,7 @@ impl Raw {
         match &mut self.coordinates {
             Coordinates::Single(positions) => repeat(positions, &sources),
             Coordinates::Double(positions) => repeat(positions, &sources),
+            Coordinates::Steps(grid) => repeat(&mut grid.steps, &sources),
         }
         repeat(&mut self.normals, &sources);
         self.colors = of_vertex
@@ -278,11 +311,15 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
         Coordinates::Double(points) => raw
             .polygons
             .cut(job, triangles, |corner| points[corner as usize]),
+        Coordinates::Steps(grid) => raw.polygons.cut(job, triangles, |corner| {
+            grid.place(grid.steps[corner as usize])
+        }),
     }?;
 
     let bounds = match &raw.coordinates {
         Coordinates::Single(positions) => Bounds::of(positions, |point| point.as_dvec3()),
         Coordinates::Double(positions) => Bounds::of(positions, |point| point),
+        Coordinates::Steps(grid) => Bounds::of(&grid.steps, |steps| grid.place(steps)),
     };
     let mut far = 0;
     let bounds = match bounds.without_strays(&mut raw.coordinates, &mut far) {
@@ -313,6 +350,12 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
             .with_min_len(PIECE)
             .map(|&point| (point - origin).as_vec3())
             .collect(),
+        Coordinates::Steps(grid) => grid
+            .steps
+            .par_iter()
+            .with_min_len(PIECE)
+            .map(|&steps| (grid.place(steps) - origin).as_vec3())
+            .collect(),
     };
     if origin != DVec3::ZERO {
         job.warn(Warning::OriginMoved { origin });
@@ -326,7 +369,7 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
         origin,
     };
     let before = mesh.triangles.len();
-    let dropped = drop_not_finite(&mut mesh);
+    let dropped = drop_not_finite(&mut mesh, &mut job.attributes);
     if dropped == vertices {
         return Err(Error::NotFinite {
             path: job.path.to_owned(),
@@ -353,7 +396,7 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
 }
 
 /// Removes vertices that are not finite, and the triangles that name them; returns how many vertices.
-fn drop_not_finite(mesh: &mut Mesh) -> u64 {
+fn drop_not_finite(mesh: &mut Mesh, attributes: &mut PointAttributes) -> u64 {
     if mesh
         .positions
         .par_iter()
@@ -379,6 +422,9 @@ fn drop_not_finite(mesh: &mut Mesh) -> u64 {
     retain_indexed(&mut mesh.positions, keep);
     retain_indexed(&mut mesh.normals, keep);
     retain_indexed(&mut mesh.colors, keep);
+    for column in &mut attributes.columns {
+        column.values.retain(keep);
+    }
     mesh.triangles.retain_mut(|triangle| {
         *triangle = triangle.map(|corner| new_index[corner as usize]);
         !triangle.contains(&GONE)

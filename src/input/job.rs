@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use super::part::{Fault, Inventory};
 use super::text::{line_of, shown};
 use super::{Error, Options, Place, Warning};
+use crate::mesh::attributes::PointAttributes;
 use crate::mesh::faces::FaceRepairs;
 use crate::progress::Progress;
 
@@ -21,6 +22,8 @@ pub(super) struct Job<'a> {
     pub(super) progress: &'a dyn Progress,
     pub(super) warnings: Vec<Warning>,
     pub(super) inventory: Inventory,
+    /// What the points carry beside position, normal and color, in the order of the positions.
+    pub(super) attributes: PointAttributes,
     reported: usize,
 }
 
@@ -38,6 +41,7 @@ impl<'a> Job<'a> {
             progress,
             warnings: Vec::new(),
             inventory: Inventory::default(),
+            attributes: PointAttributes::default(),
             reported: 0,
         }
     }

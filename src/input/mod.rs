@@ -1,4 +1,4 @@
-//! Reads models: OBJ, PLY, STL, OFF, TRI, also gzipped or from standard input.
+//! Reads models: OBJ, PLY, STL, OFF, TRI, LAS, LAZ, also gzipped or from standard input.
 //!
 //! [`load`] decides the format by content, then by ending, reads the whole file into memory and hands it to the
 //! reader of that format. Readers are written for bytes that may be wrong: memory is reserved only for what the
@@ -17,6 +17,7 @@ mod obj;
 mod off;
 mod part;
 mod ply;
+mod points;
 mod polygon;
 mod sniff;
 mod source;
@@ -33,6 +34,7 @@ pub use error::{Error, Place};
 pub use part::{FilePart, PartFate};
 pub use warning::Warning;
 
+use crate::mesh::attributes::PointAttributes;
 use crate::mesh::{Mesh, faces, weld};
 use crate::progress::Progress;
 use job::Job;
@@ -114,6 +116,12 @@ pub enum Format {
     Off,
     /// TRI, either kind (docs of the `tri` module).
     Tri,
+    /// LAS, points of scanners.
+    Las,
+    /// LAS, compressed.
+    Laz,
+    /// LAS, compressed, its points ordered as a tree.
+    Copc,
 }
 
 impl Format {
@@ -128,6 +136,9 @@ impl Format {
             Format::StlBinary => "STL (binary)",
             Format::Off => "OFF",
             Format::Tri => "TRI",
+            Format::Las => "LAS",
+            Format::Laz => "LAZ",
+            Format::Copc => "LAZ (COPC)",
         }
     }
 }
@@ -163,6 +174,8 @@ pub struct Loaded {
     pub file_bytes: u64,
     /// What the file holds by its own count.
     pub counts: Counts,
+    /// What the points carry besides, in the order of the positions; empty for most models.
+    pub attributes: PointAttributes,
 }
 
 /// The bytes of a model that somebody else opened.
@@ -285,6 +298,7 @@ fn load_from<'a>(
         Kind::StlBinary => (Format::StlBinary, stl::read_binary(&mut job, data)?),
         Kind::Off => (Format::Off, off::read(&mut job, data)?),
         Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
+        Kind::Las => points::las::read(&mut job, data)?,
     };
     job.report(data.len())?;
     drop(bytes);
@@ -292,6 +306,12 @@ fn load_from<'a>(
     job.warnings.extend(remarks);
     let counts = raw.counts;
     let mut mesh = assemble::finish(&mut job, raw)?;
+    if options.weld && !job.attributes.is_empty() {
+        // Merged points would need merged values.
+        job.attributes = PointAttributes::default();
+        let parts = vec!["attributes, since points are merged".to_owned()];
+        job.warn(Warning::LeftOut { parts });
+    }
     if options.weld || matches!(format, Format::StlAscii | Format::StlBinary) {
         weld::weld(&mut mesh);
     }
@@ -305,5 +325,6 @@ fn load_from<'a>(
         parts: job.inventory.parts,
         file_bytes,
         counts,
+        attributes: job.attributes,
     })
 }

@@ -22,6 +22,8 @@ pub struct FilePart {
 pub enum PartFate {
     /// It is in the mesh.
     Used,
+    /// It is kept beside the mesh, as an attribute of its points.
+    Kept,
     /// It would change the picture, and is not in the mesh.
     LeftOut,
     /// No picture depends on it: names, groups, comments.
@@ -33,6 +35,7 @@ impl PartFate {
     pub fn name(self) -> &'static str {
         match self {
             PartFate::Used => "read",
+            PartFate::Kept => "kept",
             PartFate::LeftOut => "left out",
             PartFate::Unneeded => "not needed",
         }

@@ -13,6 +13,7 @@ pub(super) enum Kind {
     StlBinary,
     Off,
     Tri,
+    Las,
 }
 
 impl Kind {
@@ -23,6 +24,7 @@ impl Kind {
             Kind::StlAscii | Kind::StlBinary => "STL",
             Kind::Off => "OFF",
             Kind::Tri => "TRI",
+            Kind::Las => "LAS",
         }
     }
 }
@@ -59,12 +61,11 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
         }),
         "off" | "coff" | "noff" | "cnoff" => Some(Kind::Off),
         "tri" => Some(Kind::Tri),
+        "las" | "laz" => Some(Kind::Las),
         _ => None,
     };
     let unread_by_ending = match ending.as_str() {
         "xyz" | "xyzn" | "xyzrgb" | "pts" | "asc" | "txt" | "csv" => Some("plain XYZ text"),
-        "las" => Some("LAS"),
-        "laz" => Some("LAZ"),
         "e57" => Some("E57"),
         "pcd" => Some("PCD"),
         "gltf" | "glb" => Some("glTF"),
@@ -147,7 +148,7 @@ fn content_of(data: &[u8]) -> Content {
         (b"\x1f\x8b", "a gzip file inside a gzip file"),
     ];
     if data.starts_with(b"LASF") {
-        return Content::Unread(las_kind(data));
+        return Content::Known(Kind::Las);
     }
     if let Some((_, format)) = magics.iter().find(|(magic, _)| data.starts_with(magic)) {
         return Content::Unread(format);
@@ -199,18 +200,6 @@ pub(super) fn is_off_keyword(word: &[u8]) -> bool {
     rest == b"OFF"
 }
 
-/// LAS, LAZ or COPC: a set bit 7 of the point format means compressed points; a COPC file's first variable record
-/// is named `copc` (public specifications of LAS 1.4 and COPC 1.0).
-fn las_kind(data: &[u8]) -> &'static str {
-    if data.get(377..381) == Some(b"copc") {
-        "COPC"
-    } else if data.get(104).is_some_and(|format| format & 0x80 != 0) {
-        "LAZ"
-    } else {
-        "LAS"
-    }
-}
-
 fn contains(data: &[u8], wanted: &[u8]) -> bool {
     data.windows(wanted.len()).any(|window| window == wanted)
 }
@@ -231,7 +220,7 @@ mod tests {
             (b"{\"scene\":0,\"asset\":{}}", Content::Unread("glTF")),
             (b"VERSION .7\n", Content::Unread("PCD")),
             (b"QSplat11....", Content::Unread("a QSplat tree")),
-            (b"LASF", Content::Unread("LAS")),
+            (b"LASF", Content::Known(Kind::Las)),
             (b"plywood\n", Content::Unclear),
             (b"hello\n", Content::Unclear),
             (b"\x00\x01\x02", Content::Unclear),

@@ -1,5 +1,6 @@
 //! The triangle mesh or point cloud as loaded: plain arrays, in file order.
 
+pub mod attributes;
 mod center;
 pub mod creases;
 pub mod faces;

@@ -263,17 +263,8 @@ fn standard_input_is_read() {
 
 #[test]
 fn formats_without_a_reader_are_named() {
-    let mut laz = b"LASF".to_vec();
-    laz.resize(400, 0);
-    let las = laz.clone();
-    laz[104] = 0x83;
-    let mut copc = laz.clone();
-    copc[377..381].copy_from_slice(b"copc");
     for (name, bytes, wanted) in [
-        ("a", &las[..], "LAS"),
-        ("a", &laz, "LAZ"),
-        ("a.laz", &copc, "COPC"),
-        ("a", b"ASTM-E57\x01\0\0\0", "E57"),
+        ("a", &b"ASTM-E57\x01\0\0\0"[..], "E57"),
         ("a", b"# .PCD v0.7\nVERSION 0.7\n", "PCD"),
         ("a", b"glTF\x02\0\0\0", "glTF (GLB)"),
         ("a.gltf", b"{\n \"asset\": {}}", "glTF"),

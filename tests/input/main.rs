@@ -11,6 +11,7 @@ mod models;
 mod obj;
 mod other;
 mod ply;
+mod scans;
 
 use glam::Vec3;
 use surfel::input::{self, Error, Loaded, Options};
