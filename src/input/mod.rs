@@ -122,6 +122,10 @@ pub enum Format {
     Laz,
     /// LAS, compressed, its points ordered as a tree.
     Copc,
+    /// Points as text: XYZ, PTS, CSV and their relatives.
+    TextPoints,
+    /// PTX, scans as text with their poses.
+    Ptx,
 }
 
 impl Format {
@@ -139,6 +143,8 @@ impl Format {
             Format::Las => "LAS",
             Format::Laz => "LAZ",
             Format::Copc => "LAZ (COPC)",
+            Format::TextPoints => "XYZ text",
+            Format::Ptx => "PTX",
         }
     }
 }
@@ -299,6 +305,7 @@ fn load_from<'a>(
         Kind::Off => (Format::Off, off::read(&mut job, data)?),
         Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
         Kind::Las => points::las::read(&mut job, data)?,
+        Kind::Text => points::text::read(&mut job, data)?,
     };
     job.report(data.len())?;
     drop(bytes);

@@ -76,6 +76,7 @@ impl Fault {
         "`endsolid` is missing",
         "check that the file has not been cut short",
     );
+    pub(super) const POINT_LINE: Fault = Fault("lines are no points", "left out");
     pub(super) const LINE: Fault = Fault("lines are not known", "ignored");
 
     /// The remark about `count` of them, the first at `place`.

@@ -14,6 +14,8 @@ pub(super) enum Kind {
     Off,
     Tri,
     Las,
+    /// Points as text.
+    Text,
 }
 
 impl Kind {
@@ -25,6 +27,7 @@ impl Kind {
             Kind::Off => "OFF",
             Kind::Tri => "TRI",
             Kind::Las => "LAS",
+            Kind::Text => "XYZ text",
         }
     }
 }
@@ -62,10 +65,10 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
         "off" | "coff" | "noff" | "cnoff" => Some(Kind::Off),
         "tri" => Some(Kind::Tri),
         "las" | "laz" => Some(Kind::Las),
+        "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => Some(Kind::Text),
         _ => None,
     };
     let unread_by_ending = match ending.as_str() {
-        "xyz" | "xyzn" | "xyzrgb" | "pts" | "asc" | "txt" | "csv" => Some("plain XYZ text"),
         "e57" => Some("E57"),
         "pcd" => Some("PCD"),
         "gltf" | "glb" => Some("glTF"),
@@ -92,8 +95,16 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
         }
         Content::Unread(format) => Err(job.unread(format)),
         Content::Numbers => match by_ending {
-            Some(kind @ (Kind::Off | Kind::Tri)) => Ok(kind),
-            _ => Err(job.unread("plain XYZ text")),
+            Some(kind @ (Kind::Off | Kind::Tri | Kind::Text)) => Ok(kind),
+            other => {
+                if other.is_some() || unread_by_ending.is_some() {
+                    job.warn(Warning::EndingDisagrees {
+                        ending,
+                        format: Kind::Text.name(),
+                    });
+                }
+                Ok(Kind::Text)
+            }
         },
         Content::Unclear => match (by_ending, unread_by_ending) {
             (Some(kind), _) => Ok(kind),
@@ -176,7 +187,8 @@ fn content_of_text(data: &[u8]) -> Content {
         if is_off_keyword(word) {
             return Content::Known(Kind::Off);
         }
-        if parse_f64(word).is_some() {
+        let mut fields = word.split(|byte| b",;".contains(byte));
+        if fields.next().and_then(parse_f64).is_some() {
             return Content::Numbers;
         }
         return match word {

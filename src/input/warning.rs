@@ -109,6 +109,25 @@ pub enum Warning {
         /// The largest value of the range.
         largest: u32,
     },
+    /// What the columns of a text were read as.
+    ColumnsDecided {
+        /// The columns, what separates them, and where that is known from.
+        columns: String,
+    },
+    /// Points that stand for no measurement, or for no place, were left out.
+    PointsDropped {
+        /// What they are, in the plural.
+        what: &'static str,
+        /// How many.
+        count: u64,
+    },
+    /// Several scans of one file are one cloud.
+    ScansJoined {
+        /// How many.
+        count: u64,
+        /// How many of them the file moves or turns.
+        posed: u64,
+    },
     /// Parts that would change the picture were left out.
     LeftOut {
         /// Their names.
@@ -241,6 +260,12 @@ impl fmt::Display for Warning {
                     "colors are read as numbers of 0 to {largest}, as their values say"
                 )
             }
+            Warning::ColumnsDecided { columns } => write!(f, "columns: {columns}"),
+            Warning::PointsDropped { what, count } => write!(f, "{count} {what} left out"),
+            Warning::ScansJoined { count, posed } => write!(
+                f,
+                "{count} scans are drawn as one cloud, {posed} of them moved to where the file says"
+            ),
             Warning::LeftOut { parts } => write!(f, "left out: {}", parts.join(", ")),
             Warning::GaussianSplats { count } => write!(
                 f,

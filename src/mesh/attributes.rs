@@ -188,6 +188,16 @@ macro_rules! number {
                 }
             }
 
+            /// The values in another type; those that it cannot hold become the nearest that it can.
+            pub fn converted(&self, number: NumberType) -> AttributeValues {
+                let values = (0..self.len()).filter_map(|at| self.get(at));
+                match number {
+                    $(NumberType::$variant => {
+                        AttributeValues::$variant(values.map(<$number>::of_double).collect())
+                    })*
+                }
+            }
+
             /// Keeps the values of those points whose index `keep` accepts.
             pub fn retain(&mut self, keep: impl Fn(usize) -> bool) {
                 match self {

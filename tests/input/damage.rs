@@ -269,8 +269,6 @@ fn formats_without_a_reader_are_named() {
         ("a", b"glTF\x02\0\0\0", "glTF (GLB)"),
         ("a.gltf", b"{\n \"asset\": {}}", "glTF"),
         ("a", b"QSplat11\0\0\0\0", "a QSplat tree"),
-        ("a.xyz", b"1 2 3\n4 5 6\n", "plain XYZ text"),
-        ("a", b"1 2 3\n4 5 6\n", "plain XYZ text"),
         ("a.e57", b"\0\0\0\0", "E57"),
     ] {
         let text = try_read(name, bytes)

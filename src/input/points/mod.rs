@@ -3,6 +3,9 @@
 
 mod guard;
 pub(super) mod las;
+mod roles;
+mod sink;
+pub(super) mod text;
 
 use super::Error;
 use super::job::Job;
