@@ -126,6 +126,8 @@ pub enum Format {
     TextPoints,
     /// PTX, scans as text with their poses.
     Ptx,
+    /// PCD of the Point Cloud Library.
+    Pcd,
 }
 
 impl Format {
@@ -145,6 +147,7 @@ impl Format {
             Format::Copc => "LAZ (COPC)",
             Format::TextPoints => "XYZ text",
             Format::Ptx => "PTX",
+            Format::Pcd => "PCD",
         }
     }
 }
@@ -305,6 +308,7 @@ fn load_from<'a>(
         Kind::Off => (Format::Off, off::read(&mut job, data)?),
         Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
         Kind::Las => points::las::read(&mut job, data)?,
+        Kind::Pcd => points::pcd::read(&mut job, data)?,
         Kind::Text => points::text::read(&mut job, data)?,
     };
     job.report(data.len())?;

@@ -14,6 +14,7 @@ pub(super) enum Kind {
     Off,
     Tri,
     Las,
+    Pcd,
     /// Points as text.
     Text,
 }
@@ -27,6 +28,7 @@ impl Kind {
             Kind::Off => "OFF",
             Kind::Tri => "TRI",
             Kind::Las => "LAS",
+            Kind::Pcd => "PCD",
             Kind::Text => "XYZ text",
         }
     }
@@ -65,12 +67,12 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
         "off" | "coff" | "noff" | "cnoff" => Some(Kind::Off),
         "tri" => Some(Kind::Tri),
         "las" | "laz" => Some(Kind::Las),
+        "pcd" => Some(Kind::Pcd),
         "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => Some(Kind::Text),
         _ => None,
     };
     let unread_by_ending = match ending.as_str() {
         "e57" => Some("E57"),
-        "pcd" => Some("PCD"),
         "gltf" | "glb" => Some("glTF"),
         "qs" => Some("a QSplat tree"),
         "fbx" => Some("FBX"),
@@ -144,9 +146,8 @@ fn content_of(data: &[u8]) -> Content {
     {
         return Content::Known(Kind::StlBinary);
     }
-    let magics: [(&[u8], &'static str); 12] = [
+    let magics: [(&[u8], &'static str); 11] = [
         (b"ASTM-E57", "E57"),
-        (b"# .PCD", "PCD"),
         (b"glTF", "glTF (GLB)"),
         (b"QSplat", "a QSplat tree"),
         (b"Kaydara FBX", "FBX"),
@@ -158,6 +159,9 @@ fn content_of(data: &[u8]) -> Content {
         (b"MVSI", "an OpenMVS scene"),
         (b"\x1f\x8b", "a gzip file inside a gzip file"),
     ];
+    if data.starts_with(b"# .PCD") {
+        return Content::Known(Kind::Pcd);
+    }
     if data.starts_with(b"LASF") {
         return Content::Known(Kind::Las);
     }
@@ -194,7 +198,7 @@ fn content_of_text(data: &[u8]) -> Content {
         return match word {
             b"v" | b"vn" | b"vt" | b"vp" | b"f" | b"o" | b"g" | b"s" | b"l" | b"p" | b"mtllib"
             | b"usemtl" | b"usemap" | b"maplib" => Content::Known(Kind::Obj),
-            b"VERSION" | b"FIELDS" if line_words.next().is_some() => Content::Unread("PCD"),
+            b"VERSION" | b"FIELDS" if line_words.next().is_some() => Content::Known(Kind::Pcd),
             _ if word.eq_ignore_ascii_case(b"solid") => Content::Known(Kind::StlAscii),
             _ if word.starts_with(b"{") && contains(data, b"\"asset\"") => Content::Unread("glTF"),
             _ => Content::Unclear,
@@ -230,7 +234,7 @@ mod tests {
             (b"solid a\nfacet normal", Content::Known(Kind::StlAscii)),
             (b"1 2 3\n", Content::Numbers),
             (b"{\"scene\":0,\"asset\":{}}", Content::Unread("glTF")),
-            (b"VERSION .7\n", Content::Unread("PCD")),
+            (b"VERSION .7\n", Content::Known(Kind::Pcd)),
             (b"QSplat11....", Content::Unread("a QSplat tree")),
             (b"LASF", Content::Known(Kind::Las)),
             (b"plywood\n", Content::Unclear),

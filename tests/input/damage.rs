@@ -265,7 +265,6 @@ fn standard_input_is_read() {
 fn formats_without_a_reader_are_named() {
     for (name, bytes, wanted) in [
         ("a", &b"ASTM-E57\x01\0\0\0"[..], "E57"),
-        ("a", b"# .PCD v0.7\nVERSION 0.7\n", "PCD"),
         ("a", b"glTF\x02\0\0\0", "glTF (GLB)"),
         ("a.gltf", b"{\n \"asset\": {}}", "glTF"),
         ("a", b"QSplat11\0\0\0\0", "a QSplat tree"),

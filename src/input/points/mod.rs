@@ -3,6 +3,7 @@
 
 mod guard;
 pub(super) mod las;
+pub(super) mod pcd;
 mod roles;
 mod sink;
 pub(super) mod text;

@@ -1,6 +1,7 @@
 //! Clouds of scanners: files made here byte by byte, the real ones against their verified counts, damage of all kinds.
 
 mod las;
+mod pcd;
 mod text;
 
 use std::path::PathBuf;
