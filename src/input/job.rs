@@ -73,6 +73,11 @@ impl<'a> Job<'a> {
         }
     }
 
+    /// Takes note that all up to `at` was told to the progress by somebody else.
+    pub(super) fn skip_to(&mut self, at: usize) {
+        self.reported = self.reported.max(at);
+    }
+
     pub(super) fn warn(&mut self, warning: Warning) {
         self.warnings.push(warning);
     }

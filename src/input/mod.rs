@@ -128,6 +128,8 @@ pub enum Format {
     Ptx,
     /// PCD of the Point Cloud Library.
     Pcd,
+    /// E57, scans with poses.
+    E57,
 }
 
 impl Format {
@@ -148,6 +150,7 @@ impl Format {
             Format::TextPoints => "XYZ text",
             Format::Ptx => "PTX",
             Format::Pcd => "PCD",
+            Format::E57 => "E57",
         }
     }
 }
@@ -308,6 +311,7 @@ fn load_from<'a>(
         Kind::Off => (Format::Off, off::read(&mut job, data)?),
         Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
         Kind::Las => points::las::read(&mut job, data)?,
+        Kind::E57 => points::e57::read(&mut job, data)?,
         Kind::Pcd => points::pcd::read(&mut job, data)?,
         Kind::Text => points::text::read(&mut job, data)?,
     };

@@ -14,6 +14,7 @@ pub(super) enum Kind {
     Off,
     Tri,
     Las,
+    E57,
     Pcd,
     /// Points as text.
     Text,
@@ -28,6 +29,7 @@ impl Kind {
             Kind::Off => "OFF",
             Kind::Tri => "TRI",
             Kind::Las => "LAS",
+            Kind::E57 => "E57",
             Kind::Pcd => "PCD",
             Kind::Text => "XYZ text",
         }
@@ -68,11 +70,11 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
         "tri" => Some(Kind::Tri),
         "las" | "laz" => Some(Kind::Las),
         "pcd" => Some(Kind::Pcd),
+        "e57" => Some(Kind::E57),
         "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => Some(Kind::Text),
         _ => None,
     };
     let unread_by_ending = match ending.as_str() {
-        "e57" => Some("E57"),
         "gltf" | "glb" => Some("glTF"),
         "qs" => Some("a QSplat tree"),
         "fbx" => Some("FBX"),
@@ -146,8 +148,7 @@ fn content_of(data: &[u8]) -> Content {
     {
         return Content::Known(Kind::StlBinary);
     }
-    let magics: [(&[u8], &'static str); 11] = [
-        (b"ASTM-E57", "E57"),
+    let magics: [(&[u8], &'static str); 10] = [
         (b"glTF", "glTF (GLB)"),
         (b"QSplat", "a QSplat tree"),
         (b"Kaydara FBX", "FBX"),
@@ -159,6 +160,9 @@ fn content_of(data: &[u8]) -> Content {
         (b"MVSI", "an OpenMVS scene"),
         (b"\x1f\x8b", "a gzip file inside a gzip file"),
     ];
+    if data.starts_with(b"ASTM-E57") {
+        return Content::Known(Kind::E57);
+    }
     if data.starts_with(b"# .PCD") {
         return Content::Known(Kind::Pcd);
     }

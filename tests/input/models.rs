@@ -211,12 +211,6 @@ fn real_models_keep_their_polygons_and_remarks() {
     assert_as_other_reader(&porsche.mesh, &folder.join("thesis/porsche.obj"));
 
     for (name, format) in [
-        ("scans/simple.las", "LAS"),
-        ("scans/autzen_trim.laz", "LAZ"),
-        ("scans/lion_takanawa.copc.laz", "COPC"),
-        ("scans/pumpAVisualReferenceImage.e57", "E57"),
-        ("scans/colored_cloud.pcd", "PCD"),
-        ("scans/kitten.xyz", "plain XYZ text"),
         ("sharp/tree-lime.glb", "glTF (GLB)"),
         ("qsplat/horse.qs", "a QSplat tree"),
     ] {

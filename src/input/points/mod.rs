@@ -1,6 +1,7 @@
 //! Point clouds as scanners and drones deliver them. Every reader gives positions, colors and normals to the common last
 //! step, and all else that a point carries as attributes ([`crate::mesh::attributes`]).
 
+pub(super) mod e57;
 mod guard;
 pub(super) mod las;
 pub(super) mod pcd;

@@ -1,5 +1,6 @@
 //! Clouds of scanners: files made here byte by byte, the real ones against their verified counts, damage of all kinds.
 
+mod e57;
 mod las;
 mod pcd;
 mod text;

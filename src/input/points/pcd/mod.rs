@@ -1,69 +1,30 @@
 //! PCD, the format of the Point Cloud Library (its documentation, "The PCD file format", version 0.7): text, binary, and
 //! binary packed by LZF, field after field.
 
+mod header;
+mod lzf;
+
 use std::borrow::Cow;
 
 use glam::{DQuat, DVec3, Vec3};
 use rayon::prelude::*;
 
+use self::header::{PcdEncoding, PcdField, PcdHeader};
+use self::lzf::unpack_lzf;
 use super::super::assemble::Raw;
 use super::super::color::ColorRange;
 use super::super::job::{Job, at_line};
 use super::super::part::PartFate;
-use super::super::text::{Scanner, parse_f64, parse_i64, shown, words};
+use super::super::text::{Scanner, parse_f64, words};
 use super::super::{Error, Format, Place, Warning};
 use super::roles::{ColumnRole, kind_of, role_of_name};
 use super::sink::{CloudSink, TableBlock};
 use super::{bytes_at, check_unpacked};
 use crate::mesh::attributes::{AttributeColumn, AttributeValues, NumberType};
 
-/// A header longer than this is none.
-const LONGEST_HEADER: usize = 1 << 16;
-
-/// Most numbers of a point.
-const MOST_VALUES: usize = 4096;
-
 /// Points of a parallel piece.
 const PIECE: usize = 1 << 15;
 const PIECES_A_BATCH: usize = 16;
-
-/// How numbers are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum PcdEncoding {
-    Text,
-    Binary,
-    Packed,
-}
-
-/// A field of every point.
-#[derive(Debug, Clone)]
-struct PcdField {
-    name: String,
-    /// Bytes of a value: 1, 2, 4 or 8.
-    size: usize,
-    /// `F`, `U` or `I`.
-    letter: u8,
-    /// Values of a point.
-    count: usize,
-    /// Offset of the first value in a binary row, and its number in a text row.
-    at: usize,
-    word: usize,
-}
-
-/// What the header says.
-#[derive(Debug)]
-struct PcdHeader {
-    fields: Vec<PcdField>,
-    points: u64,
-    /// Bytes and numbers of a row.
-    row_bytes: usize,
-    row_words: usize,
-    turn: DQuat,
-    shift: DVec3,
-    encoding: PcdEncoding,
-    /// Offset of the points.
-    end: usize,
-}
 
 /// Where a value of every point is.
 #[derive(Debug, Clone, Copy)]
@@ -399,149 +360,6 @@ impl PcdPlan {
     }
 }
 
-impl PcdHeader {
-    fn parse(job: &Job<'_>, data: &[u8]) -> Result<PcdHeader, Error> {
-        let head = &data[..data.len().min(LONGEST_HEADER)];
-        let mut scanner = Scanner::new(head, 0);
-        let mut header = PcdHeader {
-            fields: Vec::new(),
-            points: 0,
-            row_bytes: 0,
-            row_words: 0,
-            turn: DQuat::IDENTITY,
-            shift: DVec3::ZERO,
-            encoding: PcdEncoding::Text,
-            end: 0,
-        };
-        let (mut width, mut height, mut points) = (None, None, None);
-        loop {
-            let Some((line, start)) = scanner.line() else {
-                return Err(job.truncated(at_line(data, head.len()), "the header has no line DATA"));
-            };
-            let place = || at_line(data, start);
-            let mut line_words = words(line);
-            let Some(keyword) = line_words.next().filter(|word| !word.starts_with(b"#")) else {
-                continue;
-            };
-            let rest: Vec<&[u8]> = line_words.collect();
-            let number = |word: &[u8]| {
-                let number = parse_i64(word).and_then(|number| u64::try_from(number).ok());
-                number.ok_or_else(|| job.number(place(), word, "a count"))
-            };
-            let first = || rest.first().copied().unwrap_or(b"");
-            match keyword {
-                b"FIELDS" | b"COLUMNS" => {
-                    header.fields = rest
-                        .iter()
-                        .take(MOST_VALUES)
-                        .map(|name| PcdField {
-                            name: shown(name).to_lowercase(),
-                            size: 4,
-                            letter: b'F',
-                            count: 1,
-                            at: 0,
-                            word: 0,
-                        })
-                        .collect();
-                }
-                b"SIZE" => {
-                    for (field, word) in header.fields.iter_mut().zip(&rest) {
-                        field.size = match number(word)? {
-                            size @ (1 | 2 | 4 | 8) => size as usize,
-                            _ => {
-                                return Err(job.number(
-                                    place(),
-                                    word,
-                                    "a size of 1, 2, 4 or 8 bytes",
-                                ));
-                            }
-                        };
-                    }
-                }
-                b"TYPE" => {
-                    for (field, word) in header.fields.iter_mut().zip(&rest) {
-                        field.letter = match word {
-                            [letter @ (b'F' | b'U' | b'I')] => *letter,
-                            _ => return Err(job.number(place(), word, "a type F, U or I")),
-                        };
-                    }
-                }
-                b"COUNT" => {
-                    for (field, word) in header.fields.iter_mut().zip(&rest) {
-                        field.count = usize::try_from(number(word)?)
-                            .ok()
-                            .filter(|&count| count <= MOST_VALUES)
-                            .ok_or_else(|| {
-                                job.number(place(), word, "a count of values up to 4096")
-                            })?;
-                    }
-                }
-                b"WIDTH" => width = Some(number(first())?),
-                b"HEIGHT" => height = Some(number(first())?),
-                b"POINTS" => points = Some(number(first())?),
-                b"VIEWPOINT" => {
-                    let values: Option<Vec<f64>> =
-                        rest.iter().map(|word| parse_f64(word)).collect();
-                    let Some([x, y, z, w, i, j, k]) = values.as_deref() else {
-                        return Err(job.syntax(place(), "VIEWPOINT needs seven numbers"));
-                    };
-                    header.shift = DVec3::new(*x, *y, *z);
-                    header.turn = DQuat::from_xyzw(*i, *j, *k, *w);
-                    let length = header.turn.length();
-                    if !(header.shift.is_finite() && length.is_finite() && length > 0.0) {
-                        return Err(job.syntax(place(), "VIEWPOINT is no place and turn"));
-                    }
-                    header.turn = header.turn / length;
-                }
-                b"DATA" => {
-                    header.encoding = match first() {
-                        b"ascii" => PcdEncoding::Text,
-                        b"binary" => PcdEncoding::Binary,
-                        b"binary_compressed" => PcdEncoding::Packed,
-                        other => {
-                            let reason = format!("DATA `{}` is not known", shown(other));
-                            return Err(job.syntax(place(), reason));
-                        }
-                    };
-                    break;
-                }
-                b"VERSION" => {}
-                other => {
-                    let reason = format!("unknown keyword `{}` in the header", shown(other));
-                    return Err(job.syntax(place(), reason));
-                }
-            }
-        }
-        header.end = scanner.at;
-        let by_size = width.and_then(|width| width.checked_mul(height.unwrap_or(1)));
-        header.points = points.or(by_size).unwrap_or(0);
-        for field in &mut header.fields {
-            field.at = header.row_bytes;
-            field.word = header.row_words;
-            header.row_bytes += field.size * field.count;
-            header.row_words += field.count;
-        }
-        if header.points == 0 || header.row_bytes == 0 {
-            return Err(job.empty("the header names no points"));
-        }
-        if header.row_words > MOST_VALUES {
-            let reason = format!("a point has {} numbers", header.row_words);
-            return Err(job.syntax(Place::Line(1), reason));
-        }
-        Ok(header)
-    }
-
-    /// Places the fields where one follows the other, each for all points.
-    fn place_by_field(&mut self) {
-        let mut at = 0;
-        for field in &mut self.fields {
-            field.at = at;
-            // The body has the size of all fields, which was held against the limits.
-            at += field.size * field.count * self.points as usize;
-        }
-    }
-}
-
 /// The unpacked points of `binary_compressed`: two lengths, then LZF.
 fn unpacked_body(job: &Job<'_>, data: &[u8], header: &PcdHeader) -> Result<Vec<u8>, Error> {
     let place = Place::Byte(header.end as u64);
@@ -565,58 +383,4 @@ fn unpacked_body(job: &Job<'_>, data: &[u8], header: &PcdHeader) -> Result<Vec<u
     // The check allows no more than memory can hold.
     unpack_lzf(packed, wanted as usize)
         .ok_or_else(|| job.syntax(place, "the packed points are damaged"))
-}
-
-/// Unpacks LZF (M. Lehmann's LibLZF): runs of up to 32 bytes as they are, and copies of up to 264 bytes from up to 8192
-/// before. `None` where it does not give exactly `length` bytes.
-fn unpack_lzf(packed: &[u8], length: usize) -> Option<Vec<u8>> {
-    let mut out: Vec<u8> = Vec::with_capacity(length);
-    let mut rest = packed;
-    while let Some((&control, after)) = rest.split_first() {
-        rest = after;
-        if control < 32 {
-            let (run, after) = rest.split_at_checked(usize::from(control) + 1)?;
-            out.extend_from_slice(run);
-            rest = after;
-        } else {
-            let mut count = usize::from(control >> 5);
-            if count == 7 {
-                let (&more, after) = rest.split_first()?;
-                count += usize::from(more);
-                rest = after;
-            }
-            let (&low, after) = rest.split_first()?;
-            rest = after;
-            let back = (usize::from(control & 31) << 8) + usize::from(low) + 1;
-            let start = out.len().checked_sub(back)?;
-            // A copy may reach into what it writes.
-            for at in start..start + count + 2 {
-                out.push(out[at]);
-            }
-        }
-        if out.len() > length {
-            return None;
-        }
-    }
-    (out.len() == length).then_some(out)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn lzf_copies_and_refuses_what_is_damaged() {
-        // "abc", then 7 bytes from 3 before.
-        let packed = [2, b'a', b'b', b'c', 5 << 5, 2];
-        assert_eq!(unpack_lzf(&packed, 10).as_deref(), Some(&b"abcabcabca"[..]));
-        assert_eq!(unpack_lzf(&packed, 9), None);
-        assert_eq!(unpack_lzf(&packed, 11), None);
-        // A long copy of one byte.
-        let packed = [0, b'x', 7 << 5, 255, 0];
-        assert_eq!(unpack_lzf(&packed, 265), Some(vec![b'x'; 265]));
-        for damaged in [&packed[..1], &packed[..3], &packed[..4], &[1 << 5, 0]] {
-            assert_eq!(unpack_lzf(damaged, 265), None);
-        }
-    }
 }
