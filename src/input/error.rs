@@ -71,7 +71,8 @@ pub enum Error {
     },
     /// Neither the content nor the ending is known.
     #[error(
-        "{}: not a model in a known format (OBJ, PLY, STL, OFF, TRI, each also gzipped); convert it to PLY",
+        "{}: not a model in a known format (OBJ, PLY, STL, OFF, TRI, glTF, LAS, LAZ, E57, PCD, XYZ text, each also gzipped); \
+         convert it to PLY",
         path.display()
     )]
     UnknownFormat {
@@ -85,6 +86,16 @@ pub enum Error {
         path: PathBuf,
         /// Name of the format.
         format: &'static str,
+    },
+    /// The format has a reader, but not for how this file is packed.
+    #[error("{}: {what}, which is not read; `{command} IN.glb OUT.glb` unpacks it", path.display())]
+    NeedsConversion {
+        /// The file.
+        path: PathBuf,
+        /// What is packed, and how.
+        what: &'static str,
+        /// The command that unpacks it, without its arguments.
+        command: &'static str,
     },
     /// There is nothing to draw.
     #[error("{}: {what}; check that the export selected some geometry", path.display())]

@@ -1,4 +1,4 @@
-//! Reads models: OBJ, PLY, STL, OFF, TRI, LAS, LAZ, also gzipped or from standard input.
+//! Reads models: OBJ, PLY, STL, OFF, TRI, glTF, LAS, LAZ, E57, PCD and XYZ text, also gzipped or from standard input.
 //!
 //! [`load`] decides the format by content, then by ending, reads the whole file into memory and hands it to the
 //! reader of that format. Readers are written for bytes that may be wrong: memory is reserved only for what the
@@ -11,6 +11,7 @@
 mod assemble;
 mod color;
 mod error;
+mod gltf;
 mod job;
 mod mtl;
 mod obj;
@@ -130,6 +131,10 @@ pub enum Format {
     Pcd,
     /// E57, scans with poses.
     E57,
+    /// glTF, its description as text.
+    Gltf,
+    /// glTF in one file.
+    Glb,
 }
 
 impl Format {
@@ -151,6 +156,8 @@ impl Format {
             Format::Ptx => "PTX",
             Format::Pcd => "PCD",
             Format::E57 => "E57",
+            Format::Gltf => "glTF",
+            Format::Glb => "glTF (GLB)",
         }
     }
 }
@@ -311,6 +318,7 @@ fn load_from<'a>(
         Kind::Off => (Format::Off, off::read(&mut job, data)?),
         Kind::Tri => (Format::Tri, tri::read(&mut job, data)?),
         Kind::Las => points::las::read(&mut job, data)?,
+        Kind::Gltf => gltf::read(&mut job, data)?,
         Kind::E57 => points::e57::read(&mut job, data)?,
         Kind::Pcd => points::pcd::read(&mut job, data)?,
         Kind::Text => points::text::read(&mut job, data)?,

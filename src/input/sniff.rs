@@ -13,6 +13,7 @@ pub(super) enum Kind {
     StlBinary,
     Off,
     Tri,
+    Gltf,
     Las,
     E57,
     Pcd,
@@ -28,6 +29,7 @@ impl Kind {
             Kind::StlAscii | Kind::StlBinary => "STL",
             Kind::Off => "OFF",
             Kind::Tri => "TRI",
+            Kind::Gltf => "glTF",
             Kind::Las => "LAS",
             Kind::E57 => "E57",
             Kind::Pcd => "PCD",
@@ -69,13 +71,13 @@ pub(super) fn decide(job: &mut Job<'_>, data: &[u8]) -> Result<Kind, Error> {
         "off" | "coff" | "noff" | "cnoff" => Some(Kind::Off),
         "tri" => Some(Kind::Tri),
         "las" | "laz" => Some(Kind::Las),
+        "gltf" | "glb" => Some(Kind::Gltf),
         "pcd" => Some(Kind::Pcd),
         "e57" => Some(Kind::E57),
         "xyz" | "xyzn" | "xyzrgb" | "pts" | "ptx" | "asc" | "txt" | "csv" => Some(Kind::Text),
         _ => None,
     };
     let unread_by_ending = match ending.as_str() {
-        "gltf" | "glb" => Some("glTF"),
         "qs" => Some("a QSplat tree"),
         "fbx" => Some("FBX"),
         "3mf" => Some("3MF"),
@@ -148,8 +150,7 @@ fn content_of(data: &[u8]) -> Content {
     {
         return Content::Known(Kind::StlBinary);
     }
-    let magics: [(&[u8], &'static str); 10] = [
-        (b"glTF", "glTF (GLB)"),
+    let magics: [(&[u8], &'static str); 9] = [
         (b"QSplat", "a QSplat tree"),
         (b"Kaydara FBX", "FBX"),
         (b"PK\x03\x04", "a ZIP archive"),
@@ -160,6 +161,9 @@ fn content_of(data: &[u8]) -> Content {
         (b"MVSI", "an OpenMVS scene"),
         (b"\x1f\x8b", "a gzip file inside a gzip file"),
     ];
+    if data.starts_with(b"glTF") {
+        return Content::Known(Kind::Gltf);
+    }
     if data.starts_with(b"ASTM-E57") {
         return Content::Known(Kind::E57);
     }
@@ -204,7 +208,9 @@ fn content_of_text(data: &[u8]) -> Content {
             | b"usemtl" | b"usemap" | b"maplib" => Content::Known(Kind::Obj),
             b"VERSION" | b"FIELDS" if line_words.next().is_some() => Content::Known(Kind::Pcd),
             _ if word.eq_ignore_ascii_case(b"solid") => Content::Known(Kind::StlAscii),
-            _ if word.starts_with(b"{") && contains(data, b"\"asset\"") => Content::Unread("glTF"),
+            _ if word.starts_with(b"{") && contains(data, b"\"asset\"") => {
+                Content::Known(Kind::Gltf)
+            }
             _ => Content::Unclear,
         };
     }
@@ -237,7 +243,7 @@ mod tests {
             (b"# c\n STCN4nOFF # x\n", Content::Known(Kind::Off)),
             (b"solid a\nfacet normal", Content::Known(Kind::StlAscii)),
             (b"1 2 3\n", Content::Numbers),
-            (b"{\"scene\":0,\"asset\":{}}", Content::Unread("glTF")),
+            (b"{\"scene\":0,\"asset\":{}}", Content::Known(Kind::Gltf)),
             (b"VERSION .7\n", Content::Known(Kind::Pcd)),
             (b"QSplat11....", Content::Unread("a QSplat tree")),
             (b"LASF", Content::Known(Kind::Las)),

@@ -264,9 +264,9 @@ fn standard_input_is_read() {
 #[test]
 fn formats_without_a_reader_are_named() {
     for (name, bytes, wanted) in [
-        ("a", &b"glTF\x02\0\0\0"[..], "glTF (GLB)"),
-        ("a.gltf", b"{\n \"asset\": {}}", "glTF"),
-        ("a", b"QSplat11\0\0\0\0", "a QSplat tree"),
+        ("a", &b"QSplat11\0\0\0\0"[..], "a QSplat tree"),
+        ("a.fbx", b"\0\0\0\0", "FBX"),
+        ("a", b"PK\x03\x04", "a ZIP archive"),
     ] {
         let text = try_read(name, bytes)
             .expect_err("no reader exists")

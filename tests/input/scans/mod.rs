@@ -1,11 +1,12 @@
 //! Clouds of scanners: files made here byte by byte, the real ones against their verified counts, damage of all kinds.
 
 mod e57;
+mod gltf;
 mod las;
 mod pcd;
 mod text;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use surfel::input::{self, Loaded, Options};
 use surfel::mesh::attributes::AttributeColumn;
@@ -85,9 +86,16 @@ fn damage(name: &str, bytes: &[u8], times: u64) -> u64 {
 /// A file of the real scans; `None` where they are absent.
 fn scan(name: &str) -> Option<(PathBuf, Loaded)> {
     let path = real_file(&format!("scans/{name}"))?;
-    let loaded = input::load(&path, &Options::default(), &Silent).unwrap_or_else(|e| panic!("{e}"));
-    check(&loaded, usize::MAX);
+    let loaded = scan_at(&path);
     Some((path, loaded))
+}
+
+/// A file of the disk.
+fn scan_at(path: &Path) -> Loaded {
+    let loaded = input::load(path, &Options::default(), &Silent);
+    let loaded = loaded.unwrap_or_else(|error| panic!("{error}"));
+    check(&loaded, usize::MAX);
+    loaded
 }
 
 fn column<'a>(loaded: &'a Loaded, name: &str) -> &'a AttributeColumn {
