@@ -177,6 +177,19 @@ pub fn open_with_preview(
 ) -> Result<OpenedModel, Error> {
     let start = Instant::now();
     let found = read(&ModelSource::parse(source)?, options, progress)?;
+    if let Some(setting) = &options.input.color
+        && !matches!(found.format, SourceFormat::Mesh(_))
+    {
+        return Err(input::Error::UnknownAttribute {
+            path: source.to_owned(),
+            name: match &setting.by {
+                input::ColorBy::Height => "height".to_owned(),
+                input::ColorBy::Attribute(name) => name.clone(),
+            },
+            known: "nothing but its own colors (color the file that it is built from)".to_owned(),
+        }
+        .into());
+    }
     let load_ms = milliseconds_since(start);
     let (model, build_ms) = match found.content {
         Content::Model(model) => (*model, 0.0),

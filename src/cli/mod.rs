@@ -124,7 +124,8 @@ Examples:
   surfel bench --quick                               every figure that has to be reached, with pass or miss
   surfel devices                                     what can draw here
 
-A model is a file (OBJ, PLY, STL, OFF, TRI, each also .gz, or .surfel), - for standard input,
+A model is a file (OBJ, PLY, STL, OFF, TRI, glTF, GLB, LAS, LAZ, COPC, E57, PCD, XYZ, PTS, PTX or CSV,
+each also .gz, or .surfel), - for standard input,
 generate:SHAPE[:TRIANGLES] with SHAPE square, sphere, torus or statue, or scene:NAME (surfel scenes).
 Exit codes: 0 done, 1 the run failed, 2 bad usage or input.";
 

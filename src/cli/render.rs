@@ -5,7 +5,7 @@ use super::cameras::{orbit_cameras, parse_orbit, parse_size, read_camera, resize
 use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
-use super::source::Source;
+use super::source::{ColorArgs, Source};
 use super::{Failure, Outcome, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
@@ -130,6 +130,7 @@ Examples:
   surfel render horse.ply -o turn.png --frames 36        writes turn-000.png to turn-035.png
   surfel render horse.ply --frames 36 --stats -          times only
   surfel render horse.ply -o horse.png --backend cpu     without Vulkan
+  surfel render tile.laz -o tile.png --color-by class
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render house.ply trees.ply -o place.png         several models in one picture
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
@@ -145,6 +146,8 @@ pub(crate) struct Args {
     /// More models, drawn in the same picture
     #[arg(value_name = "MODEL", index = 2)]
     more: Vec<PathBuf>,
+    #[command(flatten)]
+    color: ColorArgs,
     /// Draw a built-in scene with its own camera, picture size and threshold, unless those are given; `list` lists them
     #[arg(long, value_name = "NAME", conflicts_with = "model")]
     scene: Option<String>,
@@ -278,7 +281,7 @@ impl Args {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            let mut other = source.open(quiet)?;
+            let mut other = source.open_colored(&self.color, &Bar::new(quiet))?;
             let moving = Bar::new(quiet);
             other.model = (other.model).moved_to(first.model.origin, &moving)?;
             others.push(other);
@@ -374,7 +377,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             "--cut-camera: only --method pop and --method splats draw a cut",
         ));
     }
-    let ready = args.source.open(quiet)?;
+    let ready = args.source.open_colored(&args.color, &Bar::new(quiet))?;
     let others = args.open_others(&ready, quiet)?;
     let mut models = vec![&ready.model];
     models.extend(others.iter().map(|other| &other.model));

@@ -4,7 +4,7 @@ use super::Failure;
 use super::progress::Bar;
 use clap::Args;
 use std::path::PathBuf;
-use surfel::input;
+use surfel::input::{self, ColorBy, ColorSetting};
 use surfel::progress::Progress;
 use surfel::tree::BuildOptions;
 use surfel::{OpenOptions, OpenedModel};
@@ -40,6 +40,40 @@ fn parse_crease(text: &str) -> Result<f32, String> {
     }
 }
 
+/// What colors a cloud.
+#[derive(Debug, Clone, Default, Args)]
+pub(crate) struct ColorArgs {
+    /// Color by height or by what the points carry: intensity, class, return, time, or another attribute that `surfel info` lists
+    #[arg(long, value_name = "WHAT", value_parser = str::parse::<ColorBy>)]
+    color_by: Option<ColorBy>,
+    /// Values of the first and the last color [default: those that 2% of the points are below and above]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, requires = "color_by", allow_hyphen_values = true)]
+    color_range: Option<[f64; 2]>,
+}
+
+/// Two numbers, the smaller first.
+fn parse_range(text: &str) -> Result<[f64; 2], String> {
+    let numbers: Option<Vec<f64>> = text
+        .split(',')
+        .map(|part| part.trim().parse().ok())
+        .collect();
+    match numbers.as_deref() {
+        Some(&[low, high]) if low < high && low.is_finite() && high.is_finite() => Ok([low, high]),
+        _ => Err("two numbers are wanted, the smaller first, such as 0,30".to_owned()),
+    }
+}
+
+impl ColorArgs {
+    /// The setting of the options of opening.
+    pub(crate) fn setting(&self) -> Option<ColorSetting> {
+        let by = self.color_by.clone()?;
+        Some(ColorSetting {
+            by,
+            range: self.color_range,
+        })
+    }
+}
+
 /// What the first view frames.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Framing {
@@ -72,7 +106,17 @@ impl Source {
 
     /// Opens the model, and says what was repaired or left out.
     pub(crate) fn open_with(&self, progress: &dyn Progress) -> Result<OpenedModel, Failure> {
-        let options = open_options(self.weld, self.frame, self.surface);
+        self.open_colored(&ColorArgs::default(), progress)
+    }
+
+    /// Opens the model with colors by what is asked for.
+    pub(crate) fn open_colored(
+        &self,
+        color: &ColorArgs,
+        progress: &dyn Progress,
+    ) -> Result<OpenedModel, Failure> {
+        let mut options = open_options(self.weld, self.frame, self.surface);
+        options.input.color = color.setting();
         let opened = surfel::open(&self.model, &options, progress)?;
         for warning in &opened.warnings {
             super::say(&format!("surfel: {}: warning: {warning}", opened.name));

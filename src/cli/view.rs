@@ -4,7 +4,7 @@ use super::cameras::{parse_orbit, parse_size, read_camera};
 use super::look::LookArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
-use super::source::{Framing, SurfaceArgs, open_options};
+use super::source::{ColorArgs, Framing, SurfaceArgs, open_options};
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -41,6 +41,8 @@ pub(crate) struct Args {
     frame: Framing,
     #[command(flatten)]
     surface: SurfaceArgs,
+    #[command(flatten)]
+    color: ColorArgs,
     #[command(flatten)]
     look: LookArgs,
     /// Size of the window [default: as it was left, or 1024x768]
@@ -181,11 +183,13 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let [azimuth, elevation, fill] = args.orbit.unwrap_or([30.0, 20.0, 1.0]);
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);
+    let mut opening = open_options(args.weld, args.frame, args.surface);
+    opening.input.color = args.color.setting();
     let options = ViewerOptions {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         more: args.more,
-        opening: open_options(args.weld, args.frame, args.surface),
+        opening,
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,
         ui_scale: args.ui_scale,

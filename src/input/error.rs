@@ -97,6 +97,16 @@ pub enum Error {
         /// The command that unpacks it, without its arguments.
         command: &'static str,
     },
+    /// Colors are asked for by something that the points do not carry.
+    #[error("{}: no attribute `{name}` to color by; there is {known}", path.display())]
+    UnknownAttribute {
+        /// The file.
+        path: PathBuf,
+        /// What was asked for.
+        name: String,
+        /// What there is.
+        known: String,
+    },
     /// There is nothing to draw.
     #[error("{}: {what}; check that the export selected some geometry", path.display())]
     Empty {

@@ -10,6 +10,7 @@
 
 mod assemble;
 mod color;
+mod color_by;
 mod error;
 mod gltf;
 mod job;
@@ -31,6 +32,7 @@ use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
+pub use color_by::{ColorBy, ColorSetting};
 pub use error::{Error, Place};
 pub use part::{FilePart, PartFate};
 pub use warning::Warning;
@@ -57,6 +59,8 @@ pub struct Options {
     /// Leave out the backs of sheets made two-sided by the same faces turned round, and turn faces that wind against
     /// their neighbors ([`crate::mesh::faces`]).
     pub repair_faces: bool,
+    /// Color by height or an attribute instead of the colors of the file.
+    pub color: Option<ColorSetting>,
     /// What is too much.
     pub limits: Limits,
 }
@@ -67,6 +71,7 @@ impl Default for Options {
             weld: false,
             materials: true,
             repair_faces: true,
+            color: None,
             limits: Limits::default(),
         }
     }
@@ -329,6 +334,9 @@ fn load_from<'a>(
     job.warnings.extend(remarks);
     let counts = raw.counts;
     let mut mesh = assemble::finish(&mut job, raw)?;
+    if let Some(setting) = &options.color {
+        color_by::apply(&mut job, &mut mesh, setting)?;
+    }
     if options.weld && !job.attributes.is_empty() {
         // Merged points would need merged values.
         job.attributes = PointAttributes::default();

@@ -121,6 +121,13 @@ pub enum Warning {
         /// How many.
         count: u64,
     },
+    /// Colors stand for an attribute.
+    ColoredBy {
+        /// Its name.
+        name: String,
+        /// What the colors mean.
+        meaning: String,
+    },
     /// Several scans of one file are one cloud.
     ScansJoined {
         /// How many.
@@ -262,6 +269,7 @@ impl fmt::Display for Warning {
             }
             Warning::ColumnsDecided { columns } => write!(f, "columns: {columns}"),
             Warning::PointsDropped { what, count } => write!(f, "{count} {what} left out"),
+            Warning::ColoredBy { name, meaning } => write!(f, "colors show {name}: {meaning}"),
             Warning::ScansJoined { count, posed } => write!(
                 f,
                 "{count} scans are drawn as one cloud, {posed} of them moved to where the file says"

@@ -1,5 +1,6 @@
 //! Clouds of scanners: files made here byte by byte, the real ones against their verified counts, damage of all kinds.
 
+mod color_by;
 mod e57;
 mod gltf;
 mod las;

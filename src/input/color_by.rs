@@ -1,0 +1,334 @@
+//! Colors by what points carry: intensity, class, height and any other attribute.
+//!
+//! Quantities take a color map that is even to the eye and safe for the color-blind (viridis, by the polynomials of M.
+//! Zucker), over a range that leaves out two hundredths at each end unless it is given. Classes of the American Society for
+//! Photogrammetry and Remote Sensing have fixed colors, other categories those of a palette of twelve.
+
+use std::str::FromStr;
+
+use rayon::prelude::*;
+
+use super::job::Job;
+use super::{Error, Warning};
+use crate::mesh::Mesh;
+use crate::mesh::attributes::{AttributeColumn, AttributeKind};
+
+/// What colors a cloud, and over which range.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ColorSetting {
+    /// The quantity or category.
+    pub by: ColorBy,
+    /// The values of the first and the last color; by percentiles when absent. Of no use to categories.
+    pub range: Option<[f64; 2]>,
+}
+
+/// What colors a cloud.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum ColorBy {
+    /// Height: the z coordinate, of meshes too.
+    Height,
+    /// An attribute, by its name as `surfel info` lists it.
+    Attribute(String),
+}
+
+impl FromStr for ColorBy {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match name.trim() {
+            "" => {
+                Err("a name is wanted, such as intensity, class, return, height or time".to_owned())
+            }
+            "height" => Ok(Self::Height),
+            other => Ok(Self::Attribute(other.to_owned())),
+        }
+    }
+}
+
+/// Share of the points that is beyond each end of a range that is not given.
+const TAIL: f64 = 0.02;
+
+/// Most values that a range is chosen by.
+const MOST_SAMPLES: usize = 1 << 20;
+
+/// Points per parallel piece.
+const PIECE: usize = 1 << 16;
+
+/// Color of points whose value is no number.
+const UNKNOWN: [u8; 4] = [128, 128, 128, 255];
+
+/// Colors of a palette, far apart for all eyes (P. Tol, "Colour Schemes", 2021: bright and muted).
+const PALETTE: [[u8; 3]; 12] = [
+    [68, 119, 170],
+    [238, 102, 119],
+    [34, 136, 51],
+    [204, 187, 68],
+    [102, 204, 238],
+    [170, 51, 119],
+    [221, 204, 119],
+    [136, 34, 85],
+    [68, 170, 153],
+    [153, 153, 51],
+    [51, 34, 136],
+    [187, 187, 187],
+];
+
+/// Classes of LAS 1.4 (table 17) with their colors.
+const CLASSES: [(&str, [u8; 3]); 19] = [
+    ("never classified", [160, 160, 160]),
+    ("unclassified", [190, 190, 190]),
+    ("ground", [170, 120, 70]),
+    ("low vegetation", [190, 220, 110]),
+    ("medium vegetation", [110, 190, 80]),
+    ("high vegetation", [30, 130, 50]),
+    ("building", [220, 80, 60]),
+    ("low point", [230, 60, 200]),
+    ("model key point", [250, 220, 80]),
+    ("water", [60, 120, 220]),
+    ("rail", [120, 100, 160]),
+    ("road", [100, 100, 100]),
+    ("overlap", [240, 170, 60]),
+    ("wire guard", [250, 240, 140]),
+    ("wire conductor", [250, 210, 40]),
+    ("tower", [90, 60, 140]),
+    ("wire connector", [200, 160, 30]),
+    ("bridge", [140, 190, 230]),
+    ("high noise", [250, 50, 120]),
+];
+
+/// Colors the mesh as the options ask for; says what the colors mean.
+pub(super) fn apply(
+    job: &mut Job<'_>,
+    mesh: &mut Mesh,
+    setting: &ColorSetting,
+) -> Result<(), Error> {
+    let count = mesh.positions.len();
+    let name = match &setting.by {
+        ColorBy::Height => {
+            let height = |at: usize| mesh.origin.z + f64::from(mesh.positions[at].z);
+            let found = by_quantity("height", count, height, setting.range);
+            mesh.colors = found.colors;
+            job.warn(found.remark);
+            return Ok(());
+        }
+        ColorBy::Attribute(name) => name,
+    };
+    let Some(column) = job
+        .attributes
+        .find(name)
+        .filter(|column| column.values.len() == count)
+    else {
+        let names: Vec<&str> = job
+            .attributes
+            .columns
+            .iter()
+            .map(|column| column.name.as_str())
+            .collect();
+        return Err(Error::UnknownAttribute {
+            path: job.path.to_owned(),
+            name: name.clone(),
+            known: if names.is_empty() {
+                "height only".to_owned()
+            } else {
+                format!("height, {}", names.join(", "))
+            },
+        });
+    };
+    let found = match column.kind {
+        AttributeKind::Category => by_category(column, count),
+        AttributeKind::Quantity => {
+            let value = |at: usize| column.value(at).unwrap_or(f64::NAN);
+            by_quantity(&column.name, count, value, setting.range)
+        }
+    };
+    mesh.colors = found.colors;
+    job.warn(found.remark);
+    Ok(())
+}
+
+/// Colors and what they mean.
+struct ColoredPoints {
+    colors: Vec<[u8; 4]>,
+    remark: Warning,
+}
+
+fn by_quantity(
+    name: &str,
+    count: usize,
+    value: impl Fn(usize) -> f64 + Sync,
+    range: Option<[f64; 2]>,
+) -> ColoredPoints {
+    let [low, high] = range.unwrap_or_else(|| percentiles(count, &value));
+    let color = |at: usize| {
+        let value = value(at);
+        if value.is_nan() {
+            return UNKNOWN;
+        }
+        viridis(if high > low {
+            (value - low) / (high - low)
+        } else {
+            0.5
+        })
+    };
+    ColoredPoints {
+        colors: (0..count)
+            .into_par_iter()
+            .with_min_len(PIECE)
+            .map(color)
+            .collect(),
+        remark: Warning::ColoredBy {
+            name: name.to_owned(),
+            meaning: format!("dark blue {low} to yellow {high}"),
+        },
+    }
+}
+
+/// The values that two hundredths of all are below and above; 0 and 1 where none is finite.
+fn percentiles(count: usize, value: &(impl Fn(usize) -> f64 + Sync)) -> [f64; 2] {
+    let step = count.div_ceil(MOST_SAMPLES).max(1);
+    let mut sample: Vec<f64> = (0..count)
+        .step_by(step)
+        .map(value)
+        .filter(|value| value.is_finite())
+        .collect();
+    if sample.is_empty() {
+        return [0.0, 1.0];
+    }
+    let tail = (sample.len() as f64 * TAIL) as usize;
+    let last = sample.len() - 1;
+    let low = *sample.select_nth_unstable_by(tail, f64::total_cmp).1;
+    let high = *sample.select_nth_unstable_by(last - tail, f64::total_cmp).1;
+    [low, high]
+}
+
+fn by_category(column: &AttributeColumn, count: usize) -> ColoredPoints {
+    let are_classes = column.name == "class";
+    let color = |value: f64| -> [u8; 4] {
+        if value.is_nan() {
+            return UNKNOWN;
+        }
+        // The cast saturates; categories are small numbers.
+        let index = value.max(0.0) as usize;
+        let [red, green, blue] = match CLASSES.get(index).filter(|_| are_classes) {
+            Some(&(_, color)) => color,
+            None => PALETTE[index % PALETTE.len()],
+        };
+        [red, green, blue, 255]
+    };
+    let value = |at: usize| column.value(at).unwrap_or(f64::NAN);
+    let mut is_there = [false; 256];
+    for at in 0..count {
+        let value = value(at);
+        if (0.0..256.0).contains(&value) {
+            is_there[value as usize] = true;
+        }
+    }
+    let words = |index: usize| match CLASSES.get(index).filter(|_| are_classes) {
+        Some((name, [r, g, b])) => format!("{index} {name} #{r:02x}{g:02x}{b:02x}"),
+        None => {
+            let [r, g, b] = PALETTE[index % PALETTE.len()];
+            format!("{index} #{r:02x}{g:02x}{b:02x}")
+        }
+    };
+    let there: Vec<usize> = (0..256).filter(|&index| is_there[index]).collect();
+    let mut meaning: Vec<String> = there.iter().take(12).map(|&index| words(index)).collect();
+    if there.len() > 12 {
+        meaning.push(format!("and {} more", there.len() - 12));
+    }
+    ColoredPoints {
+        colors: (0..count)
+            .into_par_iter()
+            .with_min_len(PIECE)
+            .map(|at| color(value(at)))
+            .collect(),
+        remark: Warning::ColoredBy {
+            name: column.name.clone(),
+            meaning: meaning.join(", "),
+        },
+    }
+}
+
+/// The color of a value from 0 to 1; beyond it is that of the end.
+fn viridis(value: f64) -> [u8; 4] {
+    const TERMS: [[f64; 3]; 7] = [
+        [
+            0.277_727_327_223_417_7,
+            0.005_407_344_544_966_578,
+            0.334_099_805_335_306_1,
+        ],
+        [
+            0.105_093_043_108_577_4,
+            1.404_613_529_898_575,
+            1.384_590_162_594_685,
+        ],
+        [
+            -0.330_861_828_725_556_3,
+            0.214_847_559_468_213,
+            0.095_095_163_028_236_59,
+        ],
+        [
+            -4.634_230_498_983_486,
+            -5.799_100_973_351_585,
+            -19.332_440_956_279_87,
+        ],
+        [
+            6.228_269_936_347_081,
+            14.179_933_366_805_09,
+            56.690_552_600_681_05,
+        ],
+        [
+            4.776_384_997_670_288,
+            -13.745_145_377_746_01,
+            -65.353_032_633_372_34,
+        ],
+        [
+            -5.435_455_855_934_631,
+            4.645_852_612_178_535,
+            26.312_435_249_583_2,
+        ],
+    ];
+    let t = value.clamp(0.0, 1.0);
+    let channel = |channel: usize| {
+        let sum = TERMS
+            .iter()
+            .rev()
+            .fold(0.0, |sum, term| sum * t + term[channel]);
+        (sum.clamp(0.0, 1.0) * 255.0).round() as u8
+    };
+    [channel(0), channel(1), channel(2), 255]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_map_grows_lighter_from_end_to_end() {
+        let light = |value: f64| {
+            let [r, g, b, _] = viridis(value).map(f64::from);
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        for step in 0..100 {
+            let at = f64::from(step) / 100.0;
+            assert!(light(at + 0.01) > light(at), "{at}");
+        }
+        // The ends of the published table, and its middle.
+        for (value, wanted) in [
+            (-1.0, [68, 1, 84]),
+            (0.5, [33, 145, 140]),
+            (2.0, [253, 231, 37]),
+        ] {
+            for (got, wanted) in viridis(value).into_iter().zip(wanted) {
+                assert!(got.abs_diff(wanted) <= 6, "{value}: {got} {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn ranges_leave_out_the_tails() {
+        let value = |at: usize| if at == 7 { f64::NAN } else { at as f64 };
+        assert_eq!(percentiles(1000, &value), [20.0, 980.0]);
+        assert_eq!(percentiles(1, &|_| 5.0), [5.0, 5.0]);
+        assert_eq!(percentiles(3, &|_| f64::NAN), [0.0, 1.0]);
+    }
+}
