@@ -1,62 +1,11 @@
 //! Fields of LAS point records, from rows of bytes to columns.
 
-use super::super::{bytes_at, text_of};
+use super::super::bytes_at;
+use super::extra::ExtraField;
 use super::header::LasHeader;
 use crate::mesh::attributes::{
     AttributeColumn, AttributeKind, AttributeNumber, AttributeValues, NumberType,
 };
-
-/// An extra field of point records, as its record of 192 bytes describes it.
-#[derive(Debug, Clone)]
-pub(super) struct ExtraField {
-    name: String,
-    /// Data type of the specification, 0 (bytes without meaning) to 30.
-    data_type: u8,
-    options: u8,
-    scale: f64,
-    offset: f64,
-    /// Offset in the point record.
-    at: usize,
-}
-
-impl ExtraField {
-    pub(super) fn of(record: &[u8]) -> Self {
-        let number = |at| f64::from_le_bytes(bytes_at(record, at));
-        Self {
-            name: text_of(&record[4..36]),
-            data_type: record[2],
-            options: record[3],
-            scale: number(112),
-            offset: number(136),
-            at: 0,
-        }
-    }
-
-    /// Bytes in a point record. Types 11 to 30 are pairs and triples of the first ten, of old files.
-    pub(super) fn bytes(&self) -> usize {
-        const SIZES: [usize; 10] = [1, 1, 2, 2, 4, 4, 8, 8, 4, 8];
-        match self.data_type {
-            0 => usize::from(self.options),
-            kind @ 1..=30 => SIZES[usize::from(kind - 1) % 10] * (1 + usize::from(kind - 1) / 10),
-            _ => 0,
-        }
-    }
-
-    /// The fields with their offsets, as far as they fit in the record.
-    pub(super) fn placed(fields: Vec<ExtraField>, start: usize, end: usize) -> Vec<ExtraField> {
-        let mut at = start;
-        let mut out = Vec::new();
-        for mut field in fields {
-            field.at = at;
-            at += field.bytes();
-            if at > end || field.bytes() == 0 {
-                break;
-            }
-            out.push(field);
-        }
-        out
-    }
-}
 
 /// Where a value is in a record.
 #[derive(Debug, Clone, Copy)]
@@ -82,7 +31,7 @@ enum FieldSource {
 
 /// A field that becomes an attribute.
 #[derive(Debug, Clone)]
-struct Field {
+struct PointField {
     name: String,
     kind: AttributeKind,
     source: FieldSource,
@@ -96,7 +45,7 @@ pub(super) struct PointLayout {
     pub(super) record_bytes: usize,
     /// Offset of red, green and blue.
     pub(super) color: Option<usize>,
-    fields: Vec<Field>,
+    fields: Vec<PointField>,
 }
 
 /// Points of a run of records.
@@ -111,7 +60,7 @@ impl PointLayout {
         use AttributeKind::{Category, Quantity};
         let mut fields = Vec::new();
         let mut add = |name: &str, kind, source| {
-            fields.push(Field {
+            fields.push(PointField {
                 name: name.to_owned(),
                 kind,
                 source,
@@ -176,7 +125,7 @@ impl PointLayout {
 
     /// The columns without values yet.
     pub(super) fn columns(&self) -> Vec<AttributeColumn> {
-        let column = |field: &Field| {
+        let column = |field: &PointField| {
             let number = match field.source {
                 FieldSource::Bits { .. } => NumberType::U8,
                 FieldSource::Number { number, .. } => number,
@@ -250,7 +199,7 @@ fn column_of(records: &[u8], record_bytes: usize, source: FieldSource) -> Attrib
 
 /// The attributes of an extra field: one, or two or three for the pairs and triples of old files; none for bytes without
 /// meaning.
-fn extra_fields(extra: &ExtraField) -> Vec<Field> {
+fn extra_fields(extra: &ExtraField) -> Vec<PointField> {
     let Some(base) = extra.data_type.checked_sub(1).filter(|&kind| kind < 30) else {
         return Vec::new();
     };
@@ -279,7 +228,7 @@ fn extra_fields(extra: &ExtraField) -> Vec<Field> {
         };
         let usable =
             |value: f64, bit: u8| members == 1 && extra.options & bit != 0 && value.is_finite();
-        fields.push(Field {
+        fields.push(PointField {
             name: if members == 1 {
                 name.to_owned()
             } else {
@@ -317,7 +266,7 @@ mod tests {
                 record_bytes: bytes,
                 scale: [1.0; 3],
                 offset: [0.0; 3],
-                packing: super::super::header::Packing::None,
+                packing: super::super::header::PointPacking::None,
                 extra: Vec::new(),
             };
             let layout = PointLayout::of(&header);

@@ -4,7 +4,7 @@ use super::super::super::job::Job;
 use super::super::super::part::PartFate;
 use super::super::super::{Error, Place};
 use super::super::{bytes_at, text_of};
-use super::fields::ExtraField;
+use super::extra::ExtraField;
 
 /// Size of the smallest header (LAS 1.0), of a variable record's head, and of an extended one's.
 const SMALLEST_HEADER: usize = 227;
@@ -16,7 +16,7 @@ const MOST_RECORDS: u32 = 10_000;
 
 /// How points are stored.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) enum Packing {
+pub(super) enum PointPacking {
     None,
     /// The record of `laszip` that says how.
     LasZip {
@@ -38,7 +38,7 @@ pub(super) struct LasHeader {
     pub(super) record_bytes: usize,
     pub(super) scale: [f64; 3],
     pub(super) offset: [f64; 3],
-    pub(super) packing: Packing,
+    pub(super) packing: PointPacking,
     /// Fields after those of the format.
     pub(super) extra: Vec<ExtraField>,
 }
@@ -132,7 +132,7 @@ impl LasHeader {
             record_bytes,
             scale,
             offset,
-            packing: Packing::None,
+            packing: PointPacking::None,
             extra: Vec::new(),
         };
         header.read_records(job, data, header_bytes);
@@ -140,8 +140,8 @@ impl LasHeader {
             header.read_extended_records(job, data);
         }
         if !is_packed {
-            header.packing = Packing::None;
-        } else if header.packing == Packing::None {
+            header.packing = PointPacking::None;
+        } else if header.packing == PointPacking::None {
             let reason = "the points are packed, but no `laszip encoded` record says how";
             return Err(job.syntax(Place::Byte(104), reason));
         }
@@ -208,18 +208,18 @@ impl LasHeader {
         };
         match (record.user.as_str(), record.id) {
             ("laszip encoded", 22204) => {
-                let is_copc = matches!(self.packing, Packing::LasZip { is_copc: true, .. });
-                self.packing = Packing::LasZip {
+                let is_copc = matches!(self.packing, PointPacking::LasZip { is_copc: true, .. });
+                self.packing = PointPacking::LasZip {
                     record: record.body.to_owned(),
                     is_copc,
                 };
                 list("record laszip encoded", PartFate::Used, String::new());
             }
             ("copc", 1) => {
-                self.packing = Packing::LasZip {
+                self.packing = PointPacking::LasZip {
                     record: match &self.packing {
-                        Packing::LasZip { record, .. } => record.clone(),
-                        Packing::None => Vec::new(),
+                        PointPacking::LasZip { record, .. } => record.clone(),
+                        PointPacking::None => Vec::new(),
                     },
                     is_copc: true,
                 };

@@ -5,6 +5,7 @@
 //! before it was held against the length of the file; the crate `laz` unpacks single chunks. Bounds in headers are not
 //! used: many understate.
 
+mod extra;
 mod fields;
 mod header;
 mod unpack;
@@ -13,7 +14,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use self::fields::{PointLayout, RecordBlock};
-use self::header::{LasHeader, Packing};
+use self::header::{LasHeader, PointPacking};
 use super::super::assemble::{Coordinates, Raw, StepGrid};
 use super::super::job::Job;
 use super::super::part::PartFate;
@@ -57,11 +58,11 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         colors: Vec::new(),
     };
     let format = match header.packing {
-        Packing::None => {
+        PointPacking::None => {
             read_plain(job, data, &header, &mut sink)?;
             Format::Las
         }
-        Packing::LasZip { is_copc, .. } => {
+        PointPacking::LasZip { is_copc, .. } => {
             unpack::read(job, data, &header, &mut sink)?;
             if is_copc { Format::Copc } else { Format::Laz }
         }

@@ -14,7 +14,7 @@ use super::super::super::{Error, Place};
 use super::super::guard::guarded;
 use super::super::{bytes_at, check_unpacked};
 use super::fields::{PointLayout, RecordBlock};
-use super::header::{LasHeader, Packing};
+use super::header::{LasHeader, PointPacking};
 use super::{PIECE, PointSink};
 use crate::progress::Progress;
 
@@ -33,7 +33,7 @@ struct PackedPoints<'a> {
 
 /// A run of points that can be unpacked by itself.
 #[derive(Debug, Clone, Copy)]
-struct Chunk {
+struct LazChunk {
     start: usize,
     end: usize,
     points: u64,
@@ -54,7 +54,7 @@ pub(super) fn read(
     header: &LasHeader,
     sink: &mut PointSink,
 ) -> Result<(), Error> {
-    let Packing::LasZip { record, .. } = &header.packing else {
+    let PointPacking::LasZip { record, .. } = &header.packing else {
         return Ok(());
     };
     let place = Place::Byte(header.points_at as u64);
@@ -117,7 +117,7 @@ fn check_items(job: &Job<'_>, header: &LasHeader, vlr: &LazVlr) -> Result<(), Er
 }
 
 /// The chunks by the table at the end of the file, held against its length; `None` without a usable table.
-fn chunks(data: &[u8], header: &LasHeader, vlr: &LazVlr) -> Option<Vec<Chunk>> {
+fn chunks(data: &[u8], header: &LasHeader, vlr: &LazVlr) -> Option<Vec<LazChunk>> {
     let first = header.points_at + ChunkTable::OFFSET_SIZE;
     let at_start = i64::from_le_bytes(bytes_at(data, header.points_at));
     let at_end = i64::from_le_bytes(bytes_at(data, data.len().saturating_sub(8)));
@@ -151,7 +151,7 @@ fn chunks(data: &[u8], header: &LasHeader, vlr: &LazVlr) -> Option<Vec<Chunk>> {
         let points = points.min(left);
         left -= points;
         if points > 0 {
-            out.push(Chunk { start, end, points });
+            out.push(LazChunk { start, end, points });
         }
         start = end;
     }
@@ -162,7 +162,7 @@ fn chunks(data: &[u8], header: &LasHeader, vlr: &LazVlr) -> Option<Vec<Chunk>> {
 fn read_chunks(
     job: &mut Job<'_>,
     points: &PackedPoints<'_>,
-    chunks: &[Chunk],
+    chunks: &[LazChunk],
     sink: &mut PointSink,
 ) -> Result<(), Error> {
     let mut rest = chunks;
@@ -217,7 +217,7 @@ fn read_in_order(
             }
             _ => chunk_points,
         };
-        let chunk = Chunk {
+        let chunk = LazChunk {
             start,
             end: points.data.len(),
             points: count.min(left),
@@ -243,7 +243,7 @@ fn read_in_order(
 }
 
 impl PackedPoints<'_> {
-    fn unpack(&self, chunk: Chunk) -> UnpackedChunk {
+    fn unpack(&self, chunk: LazChunk) -> UnpackedChunk {
         let mut out = UnpackedChunk {
             blocks: Vec::new(),
             failure: None,
@@ -268,7 +268,7 @@ impl PackedPoints<'_> {
     fn unpack_by<'b, D: RecordDecompressor<Cursor<&'b [u8]>>>(
         &self,
         mut decoder: D,
-        chunk: Chunk,
+        chunk: LazChunk,
         out: &mut UnpackedChunk,
     ) -> Result<(), String> {
         decoder
@@ -304,7 +304,7 @@ impl PackedPoints<'_> {
     /// Holds the lengths of a chunk's layers against the bytes of the chunk: the decoder asks for memory by them.
     ///
     /// A chunk is its first point as it is, the number of points, the length of every layer, the layers.
-    fn check_layers(&self, chunk: Chunk) -> Result<(), String> {
+    fn check_layers(&self, chunk: LazChunk) -> Result<(), String> {
         let layers: usize = self
             .items
             .iter()

@@ -12,7 +12,7 @@ const MOST_COLUMNS: usize = 256;
 
 /// What stands between two numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Separator {
+pub(super) enum FieldSeparator {
     /// Spaces and tabs, any number of them.
     Spaces,
     Comma,
@@ -34,8 +34,8 @@ pub(super) enum LineKind {
 
 /// How a text writes its points.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Dialect {
-    pub(super) separator: Separator,
+pub(super) struct TextDialect {
+    pub(super) separator: FieldSeparator,
     /// Numbers have a comma where others have a point.
     pub(super) is_decimal_comma: bool,
     pub(super) columns: Vec<ColumnRole>,
@@ -45,7 +45,7 @@ pub(super) struct Dialect {
     pub(super) skip_bytes: usize,
 }
 
-impl Dialect {
+impl TextDialect {
     /// Decides by the first lines of a text. Columns are empty where no line has three numbers.
     pub(super) fn sniff(data: &[u8]) -> Self {
         let head = &data[..data.len().min(SNIFF_BYTES)];
@@ -60,7 +60,7 @@ impl Dialect {
             }
         }
         let mut dialect = Self {
-            separator: Separator::Spaces,
+            separator: FieldSeparator::Spaces,
             is_decimal_comma: false,
             columns: Vec::new(),
             is_named: false,
@@ -115,9 +115,9 @@ impl Dialect {
             }
             let has = |wanted: u8| line.contains(&wanted);
             if has(b';') {
-                self.separator = Separator::Semicolon;
+                self.separator = FieldSeparator::Semicolon;
                 self.is_decimal_comma |= has(b',') && !has(b'.');
-            } else if has(b',') && self.separator != Separator::Semicolon {
+            } else if has(b',') && self.separator != FieldSeparator::Semicolon {
                 let words: Vec<&[u8]> = line
                     .split(u8::is_ascii_whitespace)
                     .filter(|word| !word.is_empty())
@@ -129,7 +129,7 @@ impl Dialect {
                 if words.len() >= 3 && words.iter().all(is_number) && !has(b'.') {
                     self.is_decimal_comma = true;
                 } else {
-                    self.separator = Separator::Comma;
+                    self.separator = FieldSeparator::Comma;
                     self.is_decimal_comma = false;
                 }
             }
@@ -140,12 +140,12 @@ impl Dialect {
     fn fields<'a>(&self, line: &'a [u8]) -> impl Iterator<Item = &'a [u8]> {
         let separator = self.separator;
         line.split(move |&byte| match separator {
-            Separator::Spaces => matches!(byte, b' ' | b'\t' | b'\x0b' | b'\x0c'),
-            Separator::Comma => byte == b',',
-            Separator::Semicolon => byte == b';',
+            FieldSeparator::Spaces => matches!(byte, b' ' | b'\t' | b'\x0b' | b'\x0c'),
+            FieldSeparator::Comma => byte == b',',
+            FieldSeparator::Semicolon => byte == b';',
         })
         .map(<[u8]>::trim_ascii)
-        .filter(move |field| separator != Separator::Spaces || !field.is_empty())
+        .filter(move |field| separator != FieldSeparator::Spaces || !field.is_empty())
     }
 
     /// Reads the numbers of a line; an empty field of a table is no number (NaN).
@@ -207,9 +207,9 @@ impl Dialect {
                 .collect()
         };
         let by_own: &[char] = match self.separator {
-            Separator::Spaces => &[' ', '\t'],
-            Separator::Comma => &[','],
-            Separator::Semicolon => &[';'],
+            FieldSeparator::Spaces => &[' ', '\t'],
+            FieldSeparator::Comma => &[','],
+            FieldSeparator::Semicolon => &[';'],
         };
         [split(by_own), split(&[' ', '\t', ',', ';'])]
             .into_iter()
@@ -248,9 +248,9 @@ impl Dialect {
         };
         let names: Vec<String> = self.columns.iter().take(24).map(name).collect();
         let separator = match self.separator {
-            Separator::Spaces => "spaces",
-            Separator::Comma => "commas",
-            Separator::Semicolon => "semicolons",
+            FieldSeparator::Spaces => "spaces",
+            FieldSeparator::Comma => "commas",
+            FieldSeparator::Semicolon => "semicolons",
         };
         let comma = if self.is_decimal_comma {
             ", decimal commas"
@@ -379,10 +379,17 @@ mod tests {
                 "x y z intensity; between spaces, by the first lines",
             ),
         ] {
-            assert_eq!(Dialect::sniff(text.as_bytes()).words(), columns, "{text}");
+            assert_eq!(
+                TextDialect::sniff(text.as_bytes()).words(),
+                columns,
+                "{text}"
+            );
         }
         for text in ["", "hello\n", "1 2\n3 4\n", ";;;\n"] {
-            assert!(Dialect::sniff(text.as_bytes()).columns.is_empty(), "{text}");
+            assert!(
+                TextDialect::sniff(text.as_bytes()).columns.is_empty(),
+                "{text}"
+            );
         }
     }
 }

@@ -9,7 +9,7 @@ mod dialect;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-use self::dialect::{Dialect, LineKind};
+use self::dialect::{LineKind, TextDialect};
 use super::super::assemble::Raw;
 use super::super::color::ColorRange;
 use super::super::job::Job;
@@ -30,7 +30,7 @@ const PTX_HEAD: usize = 10;
 
 /// Where the parts of a point are in a line.
 struct TextPlan {
-    dialect: Dialect,
+    dialect: TextDialect,
     position: [usize; 3],
     normal: Option<[usize; 3]>,
     color: Option<[usize; 3]>,
@@ -75,7 +75,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
         Some(head) => head.points_at,
         None => 0,
     };
-    let mut dialect = Dialect::sniff(&data[start..]);
+    let mut dialect = TextDialect::sniff(&data[start..]);
     if is_ptx && dialect.columns.len() >= 4 {
         dialect.name_as_ptx();
     }
@@ -148,7 +148,7 @@ struct ReadState {
 }
 
 /// Where everything is, by the roles of the columns.
-fn plan(job: &Job<'_>, dialect: Dialect, is_ptx: bool) -> Result<TextPlan, Error> {
+fn plan(job: &Job<'_>, dialect: TextDialect, is_ptx: bool) -> Result<TextPlan, Error> {
     let find = |wanted: &ColumnRole| dialect.columns.iter().position(|role| role == wanted);
     let three =
         |role: fn(usize) -> ColumnRole| Some([find(&role(0))?, find(&role(1))?, find(&role(2))?]);
