@@ -183,8 +183,8 @@ pub fn open_with_preview(
         return Err(input::Error::UnknownAttribute {
             path: source.to_owned(),
             name: match &setting.by {
-                input::ColorBy::Height => "height".to_owned(),
-                input::ColorBy::Attribute(name) => name.clone(),
+                input::PointColoring::Height => "height".to_owned(),
+                input::PointColoring::Attribute(name) => name.clone(),
             },
             known: "nothing but its own colors (color the file that it is built from)".to_owned(),
         }

@@ -4,7 +4,7 @@ use super::Failure;
 use super::progress::Bar;
 use clap::Args;
 use std::path::PathBuf;
-use surfel::input::{self, ColorBy, ColorSetting};
+use surfel::input::{self, ColorSetting, PointColoring};
 use surfel::progress::Progress;
 use surfel::tree::BuildOptions;
 use surfel::{OpenOptions, OpenedModel};
@@ -44,8 +44,8 @@ fn parse_crease(text: &str) -> Result<f32, String> {
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct ColorArgs {
     /// Color by height or by what the points carry: intensity, class, return, time, or another attribute that `surfel info` lists
-    #[arg(long, value_name = "WHAT", value_parser = str::parse::<ColorBy>)]
-    color_by: Option<ColorBy>,
+    #[arg(long, value_name = "WHAT", value_parser = str::parse::<PointColoring>)]
+    color_by: Option<PointColoring>,
     /// Values of the first and the last color [default: those that 2% of the points are below and above]
     #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, requires = "color_by", allow_hyphen_values = true)]
     color_range: Option<[f64; 2]>,

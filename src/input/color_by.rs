@@ -17,21 +17,21 @@ use crate::mesh::attributes::{AttributeColumn, AttributeKind};
 #[derive(Debug, Clone, PartialEq)]
 pub struct ColorSetting {
     /// The quantity or category.
-    pub by: ColorBy,
+    pub by: PointColoring,
     /// The values of the first and the last color; by percentiles when absent. Of no use to categories.
     pub range: Option<[f64; 2]>,
 }
 
 /// What colors a cloud.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum ColorBy {
+pub enum PointColoring {
     /// Height: the z coordinate, of meshes too.
     Height,
     /// An attribute, by its name as `surfel info` lists it.
     Attribute(String),
 }
 
-impl FromStr for ColorBy {
+impl FromStr for PointColoring {
     type Err = String;
 
     fn from_str(name: &str) -> Result<Self, String> {
@@ -104,14 +104,14 @@ pub(super) fn apply(
 ) -> Result<(), Error> {
     let count = mesh.positions.len();
     let name = match &setting.by {
-        ColorBy::Height => {
+        PointColoring::Height => {
             let height = |at: usize| mesh.origin.z + f64::from(mesh.positions[at].z);
             let found = by_quantity("height", count, height, setting.range);
             mesh.colors = found.colors;
             job.warn(found.remark);
             return Ok(());
         }
-        ColorBy::Attribute(name) => name,
+        PointColoring::Attribute(name) => name,
     };
     let Some(column) = job
         .attributes

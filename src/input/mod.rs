@@ -32,7 +32,7 @@ use std::fmt;
 use std::io::Read;
 use std::path::Path;
 
-pub use color_by::{ColorBy, ColorSetting};
+pub use color_by::{ColorSetting, PointColoring};
 pub use error::{Error, Place};
 pub use part::{FilePart, PartFate};
 pub use warning::Warning;

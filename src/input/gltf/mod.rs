@@ -52,7 +52,7 @@ struct GltfSink {
 
 /// How corners make triangles.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum PrimitiveTopology {
+enum CornerTopology {
     Points,
     Lines,
     Triangles,
@@ -60,7 +60,7 @@ enum PrimitiveTopology {
     Fan,
 }
 
-impl PrimitiveTopology {
+impl CornerTopology {
     fn of(mode: Option<u32>) -> Option<Self> {
         match mode.unwrap_or(4) {
             0 => Some(Self::Points),
@@ -102,10 +102,10 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
             .map_or(&[][..], |mesh| &mesh.primitives)
     };
     let has_triangles = places.iter().flat_map(primitives).any(|primitive| {
-        let topology = PrimitiveTopology::of(primitive.mode);
+        let topology = CornerTopology::of(primitive.mode);
         matches!(
             topology,
-            Some(PrimitiveTopology::Triangles | PrimitiveTopology::Strip | PrimitiveTopology::Fan)
+            Some(CornerTopology::Triangles | CornerTopology::Strip | CornerTopology::Fan)
         )
     });
     let mut sink = GltfSink::default();
@@ -201,7 +201,7 @@ fn add_primitive(
     has_triangles: bool,
     sink: &mut GltfSink,
 ) -> Result<(), Error> {
-    let Some(topology) = PrimitiveTopology::of(primitive.mode) else {
+    let Some(topology) = CornerTopology::of(primitive.mode) else {
         let reason = format!(
             "mesh {}: mode {:?} is not known",
             place.mesh, primitive.mode
@@ -214,11 +214,11 @@ fn add_primitive(
     let positions = store.vectors::<3>(job, position, 0.0)?;
     let count = positions.len();
     match topology {
-        PrimitiveTopology::Lines => {
+        CornerTopology::Lines => {
             sink.lines += 1;
             return Ok(());
         }
-        PrimitiveTopology::Points if has_triangles => {
+        CornerTopology::Points if has_triangles => {
             sink.loose_points += count as u64;
             return Ok(());
         }
@@ -235,7 +235,7 @@ fn add_primitive(
     }
     job.check_vertices(wanted)?;
     let corners = match primitive.indices {
-        Some(_) if topology == PrimitiveTopology::Points => Vec::new(),
+        Some(_) if topology == CornerTopology::Points => Vec::new(),
         Some(indices) => store.indices(job, indices)?,
         None => (0..count as u32).collect(),
     };
@@ -248,7 +248,7 @@ fn add_primitive(
     sink.positions.extend(positions.iter().map(move_point));
     add_normals(job, store, primitive, &to_world, count, sink)?;
     add_colors(job, store, primitive, count, sink)?;
-    if topology == PrimitiveTopology::Points {
+    if topology == CornerTopology::Points {
         sink.points += count as u64;
     } else {
         let is_mirrored = DMat3::from_mat4(to_world).determinant() < 0.0;
@@ -271,7 +271,7 @@ fn add_primitive(
 
 /// Triangles of a list, a strip (every other one turned) or a fan.
 fn push_triangles(
-    topology: PrimitiveTopology,
+    topology: CornerTopology,
     corners: &[u32],
     first: u32,
     is_mirrored: bool,
@@ -282,24 +282,24 @@ fn push_triangles(
         triangles.push(if is_mirrored { [a, c, b] } else { [a, b, c] });
     };
     match topology {
-        PrimitiveTopology::Triangles => {
+        CornerTopology::Triangles => {
             let (rows, _) = corners.as_chunks::<3>();
             rows.iter().for_each(|&triangle| push(triangle));
         }
-        PrimitiveTopology::Strip => {
+        CornerTopology::Strip => {
             for (at, window) in corners.windows(3).enumerate() {
                 let [a, b, c] = [window[0], window[1], window[2]];
                 push(if at % 2 == 0 { [a, b, c] } else { [b, a, c] });
             }
         }
-        PrimitiveTopology::Fan => {
+        CornerTopology::Fan => {
             let Some((&hub, rim)) = corners.split_first() else {
                 return;
             };
             rim.windows(2)
                 .for_each(|pair| push([hub, pair[0], pair[1]]));
         }
-        PrimitiveTopology::Points | PrimitiveTopology::Lines => {}
+        CornerTopology::Points | CornerTopology::Lines => {}
     }
 }
 
