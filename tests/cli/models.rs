@@ -77,9 +77,14 @@ fn every_real_model_is_clean() {
     let files: Vec<PathBuf> = all_files(&folder)
         .into_iter()
         .filter(|f| !f.starts_with(&dialects))
-        .filter(|f| ["obj", "ply", "stl", "off"].contains(&ending(f).as_str()))
+        .filter(|f| {
+            let read = [
+                "obj", "ply", "stl", "off", "las", "laz", "e57", "pcd", "xyz",
+            ];
+            read.contains(&ending(f).as_str())
+        })
         .collect();
-    assert!(files.len() >= 30, "{} models", files.len());
+    assert!(files.len() >= 40, "{} models", files.len());
     are_clean(&files);
 }
 
@@ -122,83 +127,110 @@ fn are_clean(files: &[PathBuf]) {
 }
 
 /// Beginnings of files, by the marks that the formats' specifications give.
-fn beginnings(at: &Path) -> Vec<PathBuf> {
-    let las = |point_format: u8, record: &[u8]| {
-        let mut bytes = b"LASF".to_vec();
-        bytes.resize(400, 0);
-        bytes[104] = point_format;
-        bytes[377..377 + record.len()].copy_from_slice(record);
-        bytes
-    };
-    let files: [(&str, Vec<u8>); 8] = [
-        ("a.las", las(3, b"")),
-        ("a.laz", las(0x83, b"")),
-        ("a.copc.laz", las(0x86, b"copc")),
-        ("a.e57", b"ASTM-E57\x01\0\0\0".to_vec()),
-        (
-            "a.pcd",
-            b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\n".to_vec(),
-        ),
-        ("a.glb", b"glTF\x02\0\0\0".to_vec()),
-        ("a.qs", b"QSplat11\0\0\0\0".to_vec()),
-        ("a.xyz", b"0 0 0\n1 0 0.5\n0 1 0\n".to_vec()),
-    ];
-    let write = |(name, bytes): (&str, Vec<u8>)| {
-        std::fs::write(at.join(name), bytes).unwrap();
-        at.join(name)
-    };
-    files.into_iter().map(write).collect()
+const BEGINNINGS: [(&str, &[u8]); 8] = [
+    ("a.las", b"LASF\0\0\0\0"),
+    ("a.e57", b"ASTM-E57\x01\0\0\0"),
+    ("a.pcd", b"# .PCD v0.7\nVERSION 0.7\nFIELDS x y z\n"),
+    ("a.glb", b"glTF\x02\0\0\0"),
+    ("a.gltf", b"{\"asset\": {\"version\": \"2.0\"}}"),
+    ("a.qs", b"QSplat11\0\0\0\0"),
+    ("a.fbx", b"Kaydara FBX Binary\0"),
+    ("a.3mf", b"PK\x03\x04"),
+];
+
+#[test]
+fn beginnings_are_refused_by_their_content() {
+    let made = tempfile::tempdir().unwrap();
+    for (name, bytes) in BEGINNINGS {
+        let words = match ending(Path::new(name)).as_str() {
+            "las" => "a LAS header has 227 bytes",
+            "e57" => "the description",
+            "pcd" => "the header has no line DATA",
+            "glb" => "the description",
+            "gltf" => "the file has no vertices",
+            "qs" => "a QSplat tree, which is not read yet",
+            "fbx" => "FBX, which is not read yet",
+            _ => "a ZIP archive, which is not read yet",
+        };
+        // By content, not by name.
+        for name in [name, "model.ply", "model"] {
+            let path = made.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            let run = surfel([Path::new("info"), &path]);
+            assert_eq!((run.code, run.out.len()), (2, 0), "{name}: {}", run.err);
+            let named = run.err.contains(&*path.to_string_lossy());
+            assert!(named && run.err.contains(words), "{name}: {}", run.err);
+        }
+    }
 }
 
 #[test]
-fn formats_that_are_not_read_are_named() {
-    let made = tempfile::tempdir().unwrap();
-    are_named(beginnings(made.path()));
-    if let Some(folder) = models() {
-        are_named(all_files(&folder));
-    }
+fn the_tree_of_another_program_is_refused_by_name() {
+    let Some(folder) = models() else { return };
+    let tree = folder.join("qsplat/horse.qs");
+    let run = surfel([Path::new("info"), &tree]);
+    assert!(
+        run.code == 2 && run.err.contains("a QSplat tree"),
+        "{}",
+        run.err
+    );
 }
 
-/// Every file of a format without a reader is refused by its name; there is one of each.
-fn are_named(files: Vec<PathBuf>) {
-    let mut seen = Vec::new();
-    for file in files {
-        let name = file.to_string_lossy().into_owned();
-        let wanted = match ending(&file).as_str() {
-            "las" => "LAS",
-            "laz" if name.contains(".copc.") => "COPC",
-            "laz" => "LAZ",
-            "e57" => "E57",
-            "pcd" => "PCD",
-            "glb" => "glTF",
-            "qs" => "QSplat",
-            "xyz" => "XYZ",
-            _ => continue,
-        };
-        let run = surfel(["info", &name]);
-        assert_eq!((run.code, run.out.len()), (2, 0), "{name}: {}", run.err);
-        assert!(
-            run.err.contains(&name) && run.err.contains(wanted) && run.err.contains("not read yet"),
-            "{name}: {}",
-            run.err
-        );
-        // By content, not by name.
-        let disguised = tempfile::tempdir().unwrap();
-        let disguise = disguised.path().join("model.ply");
-        std::fs::copy(&file, &disguise).unwrap();
-        let run = surfel([Path::new("info"), &disguise]);
-        assert_eq!(run.code, 2, "{name} as a PLY file: {}", run.err);
-        assert!(
-            wanted == "XYZ" || run.err.contains(wanted),
-            "{name} as a PLY file: {}",
-            run.err
-        );
-        seen.push(wanted);
-    }
-    seen.sort_unstable();
-    seen.dedup();
-    assert_eq!(
-        seen,
-        ["COPC", "E57", "LAS", "LAZ", "PCD", "QSplat", "XYZ", "glTF"]
+#[test]
+fn clouds_are_listed_and_colored_by_what_they_carry() {
+    let made = tempfile::tempdir().unwrap();
+    let cloud = made.path().join("a.csv");
+    let rows: String = (0..100)
+        .map(|i| format!("{},{},0,{i},{}\n", i % 10, i / 10, 2 + i % 5))
+        .collect();
+    std::fs::write(&cloud, format!("x,y,z,intensity,class\n{rows}")).unwrap();
+    let run = surfel([Path::new("info"), &cloud]);
+    assert_eq!(run.code, 0, "{}", run.err);
+    assert!(run.out.contains("attribute intensity") && run.out.contains("0 to 99, 1 byte a point"));
+    assert!(
+        run.err
+            .contains("warning: columns: x y z intensity class; between commas")
+    );
+    let (file, picture) = (cloud.to_str().unwrap(), made.path().join("a.png"));
+    let render = |more: &[&str]| {
+        let mut args = vec![
+            "render",
+            file,
+            "-o",
+            picture.to_str().unwrap(),
+            "--backend",
+            "cpu",
+        ];
+        args.extend(more);
+        surfel(args)
+    };
+    let pixels = |more: &[&str]| {
+        let run = render(more);
+        assert_eq!(run.code, 0, "{}", run.err);
+        (std::fs::read(&picture).unwrap(), run.err)
+    };
+    let (plain, _) = pixels(&[]);
+    let (classes, said) = pixels(&["--color-by", "class"]);
+    assert!(
+        said.contains("colors show class: 2 ground #aa7846"),
+        "{said}"
+    );
+    let (intensity, said) = pixels(&["--color-by", "intensity", "--color-range", "0,50"]);
+    assert!(
+        said.contains("colors show intensity: dark blue 0 to yellow 50"),
+        "{said}"
+    );
+    assert!(plain != classes && classes != intensity);
+    let run = render(&["--color-by", "warmth"]);
+    assert!(
+        run.code == 2 && run.err.contains("there is height, intensity, class"),
+        "{}",
+        run.err
+    );
+    let run = render(&["--color-by", "class", "--color-range", "5,1"]);
+    assert!(
+        run.code == 2 && run.err.contains("the smaller first"),
+        "{}",
+        run.err
     );
 }
