@@ -25,7 +25,7 @@ pub const KEYS: &[KeyGroup] = &[
                 "double click",
                 "the point under the cursor becomes the center of rotation",
             ),
-            ("drop a file", "open a model, or a camera (.json)"),
+            ("drop a file", "open a model or a scan, or a camera (.json)"),
         ],
     ),
     (

@@ -202,7 +202,8 @@ fn model(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     }
     let Some(facts) = state.facts else {
         if state.status.is_none() {
-            ui.label("Drop a model here.");
+            ui.label("Drop a model here.")
+                .on_hover_text("OBJ, PLY, STL, OFF, TRI, glTF, LAS, LAZ, E57, PCD or XYZ text");
         }
         return;
     };
