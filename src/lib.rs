@@ -55,6 +55,7 @@ pub mod measure;
 pub mod mesh;
 pub mod open;
 pub mod pack;
+pub mod pages;
 pub mod progress;
 pub mod render;
 pub mod scenes;

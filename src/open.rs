@@ -2,7 +2,7 @@
 //! [`Model`] that can be drawn.
 //!
 //! Command line, window and library users all come through here. A stream is opened once and decided by its first bytes: a
-//! tree file is read as it is, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
+//! tree file is read as it is, of a `.qs` file the leaves, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
 //! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
 
 #[cfg(test)]
@@ -15,6 +15,7 @@ use crate::math::camera::Camera;
 use crate::mesh::Mesh;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::mesh::attributes::PointAttributes;
+use crate::pages::qs::{self, QsCloud};
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
 use crate::tree::{self, BuildOptions, Model};
@@ -93,6 +94,8 @@ pub enum SourceFormat {
     Mesh(Format),
     /// A tree file.
     Tree,
+    /// A tree of QSplat 1.0, of which the leaves are taken as a point cloud.
+    QSplat,
     /// No file: a generator or a scene.
     Generated,
 }
@@ -103,6 +106,7 @@ impl SourceFormat {
         match self {
             Self::Mesh(format) => format.name(),
             Self::Tree => "surfel tree",
+            Self::QSplat => "QSplat tree",
             Self::Generated => "generated",
         }
     }
@@ -205,6 +209,12 @@ pub fn open_with_preview(
             let model = tree::build(mesh, &building, progress)?;
             (model, milliseconds_since(start))
         }
+        Content::Cloud(QsCloud { mesh, radii }) => {
+            on_mesh(&mesh);
+            let start = Instant::now();
+            let model = tree::build_with_radii(mesh, &radii, progress)?;
+            (model, milliseconds_since(start))
+        }
     };
     let mut warnings = found.warnings;
     let mut model = model;
@@ -239,6 +249,8 @@ fn milliseconds_since(start: Instant) -> f64 {
 /// What a source holds.
 enum Content {
     Mesh(Mesh),
+    /// Points whose radii are known.
+    Cloud(QsCloud),
     Model(Box<Model>),
 }
 
@@ -283,6 +295,23 @@ impl SourceContent {
             warnings: Vec::new(),
             parts: Vec::new(),
             attributes: PointAttributes::default(),
+            scene: None,
+        }
+    }
+}
+
+impl From<QsCloud> for SourceContent {
+    fn from(cloud: QsCloud) -> Self {
+        Self {
+            counts: Counts {
+                vertices: cloud.radii.len() as u64,
+                faces: 0,
+            },
+            content: Content::Cloud(cloud),
+            format: SourceFormat::QSplat,
+            file_bytes: 0,
+            warnings: Vec::new(),
+            parts: Vec::new(),
             scene: None,
         }
     }
@@ -391,6 +420,14 @@ fn read_stream(
         let length = bytes.len() as u64;
         let model = tree::file::read_from(&mut bytes.as_slice(), length, path, progress)?;
         return Ok(SourceContent::tree(model, length));
+    }
+    if qs::is_qs_file(&start) {
+        let bytes = stream.read_all(&options.input.limits, progress)?;
+        let trees = qs::read(&bytes, path).map_err(tree::Error::from)?;
+        return Ok(SourceContent {
+            file_bytes: bytes.len() as u64,
+            ..QsCloud::of_trees(&trees).into()
+        });
     }
     Ok(input::load_stream(stream, &options.input, progress)?.into())
 }

@@ -41,6 +41,8 @@ const LAYERS: &[Layer] = &[
     layer("tree", &["progress", "math", "mesh", "abi"]),
     // The strips' exact size of a triangle reads those records.
     layer("cut", &["math", "threads", "simd", "tree", "abi"]),
+    // Pages decode into the records of a tree, and a cut of a page is a cut of its tree.
+    layer("pages", &["progress", "math", "mesh", "abi", "tree", "cut"]),
     layer("pack", &["math", "threads", "simd", "tree", "cut", "abi"]),
     layer("image", &["math"]),
     // Vulkan knows records and layouts, but neither trees nor meshes.
@@ -91,7 +93,7 @@ const LAYERS: &[Layer] = &[
     layer(
         "open",
         &[
-            "progress", "math", "mesh", "input", "generate", "scenes", "tree", "error",
+            "progress", "math", "mesh", "input", "generate", "scenes", "tree", "pages", "error",
         ],
     ),
     layer(

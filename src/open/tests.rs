@@ -482,3 +482,36 @@ fn what_lies_far_off_is_said_and_framed_when_asked_for() {
     assert_eq!(tree.model.framed, robust.model.framed);
     assert_eq!(tree.warnings.len(), 1);
 }
+
+#[test]
+fn a_qsplat_tree_opens_as_the_cloud_of_its_leaves() {
+    use crate::pages::qs;
+    let folder = folder();
+    let at = folder.path().join("a.qs");
+    let whole = opened("generate:torus:2000").unwrap().model;
+    let tree = qs::of_model(&whole).unwrap();
+    std::fs::write(&at, qs::to_bytes(&tree).unwrap()).unwrap();
+    let found = opened(&at).unwrap();
+    assert_eq!(found.format, SourceFormat::QSplat);
+    assert_eq!(found.format.name(), "QSplat tree");
+    assert_eq!(found.file_bytes, std::fs::metadata(&at).unwrap().len());
+    assert_eq!(found.model.kind(), ModelKind::Points);
+    assert_eq!(found.model.tree.leaves.len(), whole.tree.leaves.len());
+    assert!(!found.model.has_colors && !found.model.lacks_normals());
+    assert!(tree::check(&found.model).is_clean());
+    // Radii are those of the file, which contain the triangles'; measured ones would be spacings.
+    let radii = |model: &Model| {
+        let mut radii: Vec<f32> = model.tree.leaves.iter().map(|leaf| leaf.radius).collect();
+        radii.sort_unstable_by(f32::total_cmp);
+        radii
+    };
+    let mut expected: Vec<f32> = tree.leaves().iter().map(|l| l.sphere.radius).collect();
+    expected.sort_unstable_by(f32::total_cmp);
+    assert_eq!(radii(&found.model), expected);
+    std::fs::write(&at, b"QSplat11").unwrap();
+    let error = opened(&at).unwrap_err().to_string();
+    assert!(
+        error.contains("a.qs, byte 8: the file ends within a header"),
+        "{error}"
+    );
+}

@@ -46,9 +46,36 @@ pub struct BuildOptions {
 ///
 /// Too many leaves or vertices for 32-bit indices; a position that is not finite or a corner that names no vertex;
 /// cancelled.
-pub fn build(
+pub fn build(mesh: Mesh, options: &BuildOptions, progress: &dyn Progress) -> Result<Model, Error> {
+    build_around(mesh, options, None, progress)
+}
+
+/// Builds the tree of a cloud whose points have radii of their own, in the order of the positions, instead of measured
+/// ones. Negative radii, and those that are no numbers, count as 0. All else as [`build`].
+///
+/// # Errors
+///
+/// As [`build`]; a mesh with triangles, or not one radius for each point.
+pub fn build_with_radii(
+    mesh: Mesh,
+    radii: &[f32],
+    progress: &dyn Progress,
+) -> Result<Model, Error> {
+    if !mesh.triangles.is_empty() || radii.len() != mesh.positions.len() {
+        return Err(Error::Mismatch {
+            what: "radii",
+            count: radii.len(),
+            vertices: mesh.positions.len(),
+        });
+    }
+    build_around(mesh, &BuildOptions::default(), Some(radii), progress)
+}
+
+/// [`build`], with the radii of a cloud's points where they are known.
+fn build_around(
     mut mesh: Mesh,
     options: &BuildOptions,
+    radii: Option<&[f32]>,
     progress: &dyn Progress,
 ) -> Result<Model, Error> {
     let is_cloud = mesh.is_cloud();
@@ -127,6 +154,12 @@ pub fn build(
         || arrange(mesh, &leaves, options),
         || links(&shape, &level_starts),
     );
+    let radii: Option<Vec<f32>> = radii.map(|radii| {
+        let items: &[SortItem] = bytemuck::cast_slice(&leaves);
+        // `max` also replaces what is no number.
+        let own = |item: &SortItem| radii[item.index as usize].max(0.0);
+        items.iter().map(own).collect()
+    });
     let ArrangedMesh { mut model, normals } = arranged?;
     progress.advance(count as u64);
     check_stop()?;
@@ -134,7 +167,7 @@ pub fn build(
     if is_cloud {
         progress.stage("measuring spacing", count as u64);
         let points: Vec<Vec3> = leaves.iter().map(|leaf| leaf.center).collect();
-        let radii = spacing::radii(&shape, &points, &stop, &advance);
+        let radii = radii.unwrap_or_else(|| spacing::radii(&shape, &points, &stop, &advance));
         for (leaf, radius) in leaves.iter_mut().zip(radii) {
             leaf.radius = radius;
         }

@@ -142,7 +142,11 @@ pub fn check(model: &Model) -> CheckReport {
 }
 
 /// Whether all counts and indices of a model agree, so that no walk over it can leave an array. The first fault in words.
-pub(super) fn links(model: &Model) -> Result<(), String> {
+///
+/// # Errors
+///
+/// The fault.
+pub fn links(model: &Model) -> Result<(), String> {
     let tree = &model.tree;
     let (nodes, leaves, vertices) = (tree.nodes.len(), tree.leaves.len(), model.vertices.len());
     let expect = |holds: bool, what: &str| if holds { Ok(()) } else { Err(what.to_owned()) };

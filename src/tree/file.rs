@@ -383,9 +383,9 @@ fn checksum(bytes: &[u8]) -> u64 {
     hash(bytemuck::cast_slice(&pieces)) ^ bytes.len() as u64
 }
 
-/// Four lanes of multiply and rotate. Each step maps a lane one to one for a given word, and a word one to one for a
-/// given lane: a single changed word always shows.
-fn hash(bytes: &[u8]) -> u64 {
+/// Checksum of bytes: four lanes of multiply and rotate. Each step maps a lane one to one for a given word, and a word one
+/// to one for a given lane: a single changed word always shows.
+pub fn hash(bytes: &[u8]) -> u64 {
     const PRIME: u64 = 0x9e37_79b1_85eb_ca87;
     let step = |lane: u64, word: u64| (lane ^ word).wrapping_mul(PRIME).rotate_left(29);
     let mut lanes = [1u64, 2, 3, 4];

@@ -28,11 +28,12 @@ mod summary;
 mod thickness;
 
 pub use access::MemoryBytes;
-pub use build::{BuildOptions, build};
-pub use check::{CheckReport, check};
+pub use build::{BuildOptions, build, build_with_radii};
+pub use check::{CheckReport, check, links};
 pub use framed::FramedPart;
 pub use kind::{ModelKind, OrbitSphere};
-pub use moments::area_of_point;
+pub use moments::{area_of_point, fill_moments};
+pub use summary::geometric_normal;
 pub use node::{Leaf, Node, NodeAttributes, NodeStrip, NormalCone};
 pub use records::AlignedRecords;
 

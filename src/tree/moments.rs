@@ -101,6 +101,11 @@ impl ExactMoments {
     }
 }
 
+/// Computes the means of all nodes of a model whose other records are there: what filtered splats need.
+pub fn fill_moments(model: &mut Model) {
+    model.tree.moments = compute(model);
+}
+
 /// Means of all nodes, level by level upward; the sums are kept in full for one level at a time.
 pub(super) fn compute(model: &Model) -> AlignedRecords<Moments> {
     let tree = &model.tree;

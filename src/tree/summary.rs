@@ -245,7 +245,7 @@ pub(super) fn unpack_cone(cone: &NormalCone) -> Option<DirectionCap> {
 /// Unit normal of a triangle by its corners and its area; zero where it has none: its height is below a trillionth of
 /// its longest side.
 #[inline]
-pub(super) fn geometric_normal(corners: [Vec3; 3]) -> (DVec3, f32) {
+pub fn geometric_normal(corners: [Vec3; 3]) -> (DVec3, f32) {
     // Differences and products of single-precision numbers are all but exact in double precision, so needles keep
     // their normal.
     let [a, b, c] = corners.map(|p| p.as_dvec3());

@@ -17,3 +17,5 @@ pub use sphere::{LEVELS, PageSphere, SPHERE_CODES, decode_sphere, encode_sphere}
 
 #[cfg(test)]
 mod random;
+#[cfg(test)]
+pub(crate) use random::TestNumbers;

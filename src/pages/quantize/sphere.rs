@@ -152,7 +152,11 @@ mod tests {
             let again = encode_sphere(&parent, own.center.as_dvec3(), f64::from(own.radius));
             assert_eq!(again, code);
             // A ball a little smaller has the same code or one of a smaller radius.
-            let inner = encode_sphere(&parent, own.center.as_dvec3(), f64::from(own.radius) * 0.999);
+            let inner = encode_sphere(
+                &parent,
+                own.center.as_dvec3(),
+                f64::from(own.radius) * 0.999,
+            );
             assert!(inner <= code);
         }
     }

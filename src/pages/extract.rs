@@ -1,0 +1,171 @@
+//! A part of a model as a model of its own: what a page is made from.
+
+use crate::abi::Vertex;
+use crate::tree::{AlignedRecords, Leaf, Model, Node, NodeAttributes, Tree};
+use glam::Vec3;
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// The nodes of each level below `root` down to level `last` (not included), then the children of the last one, which are
+/// leaves where that is the model's last level.
+fn levels_below(tree: &Tree, root: u32, last: usize) -> Vec<Range<u32>> {
+    let first = tree.level_of(root);
+    let mut levels = vec![root..root + 1];
+    for _ in first..last {
+        let own = levels[levels.len() - 1].clone();
+        // Siblings stand together, and so do all children of nodes that do.
+        let next = tree.children(own.start).start..tree.children(own.end - 1).end;
+        levels.push(next);
+    }
+    levels
+}
+
+/// The records of nodes of some levels, numbered anew.
+fn tree_of(tree: &Tree, levels: &[Range<u32>]) -> Tree {
+    let (children, interior) = match levels.split_last() {
+        Some((children, interior)) => (children, interior),
+        None => return Tree::default(),
+    };
+    let count = interior.iter().map(|level| level.len()).sum();
+    let mut nodes = AlignedRecords::<Node>::of_tree(count);
+    let mut attributes = AlignedRecords::<NodeAttributes>::of_tree(count);
+    let mut moments = AlignedRecords::zeroed(count);
+    let mut level_starts = vec![0u32];
+    let mut at = 0;
+    for (index, level) in interior.iter().enumerate() {
+        let next = &levels[index + 1];
+        let is_last = index + 1 == interior.len();
+        let next_start = if is_last {
+            0
+        } else {
+            (at + level.len()) as u32
+        };
+        for id in level.clone() {
+            let old = &tree.nodes[id as usize];
+            let mut node = *old;
+            node.first_child = next_start + (old.first_child - next.start);
+            node.flags &= !Node::LEAF_CHILDREN;
+            if is_last {
+                node.flags |= Node::LEAF_CHILDREN;
+            }
+            nodes[at] = node;
+            attributes[at] = tree.attributes[id as usize];
+            moments[at] = tree.moments[id as usize];
+            at += 1;
+        }
+        level_starts.push(at as u32);
+    }
+    let mut part = Tree {
+        nodes,
+        attributes,
+        moments,
+        level_starts,
+        leaves: AlignedRecords::zeroed(children.len()),
+        ..Tree::default()
+    };
+    link(&mut part);
+    part
+}
+
+/// Fills parents and first leaves from the children's counts; the nodes are breadth-first and all leaves at one depth.
+pub(super) fn link(tree: &mut Tree) {
+    let count = tree.nodes.len();
+    tree.parents = vec![0; count];
+    tree.first_leaf = vec![0; count];
+    for id in (0..count).rev() {
+        let node = &tree.nodes[id];
+        let first = node.first_child as usize;
+        if node.has_leaves() {
+            tree.first_leaf[id] = node.first_child;
+        } else {
+            tree.first_leaf[id] = tree.first_leaf.get(first).copied().unwrap_or(0);
+            let end = (first + usize::from(node.child_count)).min(count);
+            if let Some(children) = tree.parents.get_mut(first..end) {
+                children.fill(id as u32);
+            }
+        }
+    }
+}
+
+/// The part below a node with all its leaves; in the coordinates of the model. A node of a model without nodes is its leaf.
+pub(super) fn subtree(model: &Model, root: Option<u32>, positions: &[Vec3]) -> Model {
+    let tree = &model.tree;
+    let (part, leaves) = match root {
+        Some(root) => {
+            let levels = levels_below(tree, root, tree.level_count());
+            (tree_of(tree, &levels), tree.leaf_range(root))
+        }
+        None => {
+            let part = Tree {
+                level_starts: vec![0],
+                leaves: AlignedRecords::zeroed(tree.leaves.len()),
+                ..Tree::default()
+            };
+            (part, 0..tree.leaf_count())
+        }
+    };
+    let mut part = Model {
+        tree: part,
+        origin: model.origin,
+        is_closed: model.is_closed,
+        has_colors: model.has_colors,
+        ..Model::default()
+    };
+    let range = leaves.start as usize..leaves.end as usize;
+    part.tree.leaves.copy_from_slice(&tree.leaves[range.clone()]);
+    let moved = |index: u32| Vertex {
+        position: positions[index as usize],
+        ..model.vertices[index as usize]
+    };
+    if model.triangles.is_empty() {
+        part.vertices = leaves.map(moved).collect();
+    } else {
+        let mut known = HashMap::new();
+        part.triangles = model.triangles[range]
+            .iter()
+            .map(|triangle| {
+                triangle.map(|old| {
+                    *known.entry(old).or_insert_with(|| {
+                        part.vertices.push(moved(old));
+                        part.vertices.len() as u32 - 1
+                    })
+                })
+            })
+            .collect();
+    }
+    part.used_vertices = part.vertices.len() as u32;
+    part
+}
+
+/// The part from a node down to level `last`, whose nodes are its leaves: points with the nodes' spheres, normals, colors.
+pub(super) fn upper_part(model: &Model, root: u32, last: usize) -> Model {
+    let tree = &model.tree;
+    let levels = levels_below(tree, root, last);
+    let mut part = Model {
+        tree: tree_of(tree, &levels),
+        origin: model.origin,
+        has_colors: model.has_colors,
+        ..Model::default()
+    };
+    let roots = levels[levels.len() - 1].clone();
+    for (leaf, id) in part.tree.leaves.iter_mut().zip(roots.clone()) {
+        let node = &tree.nodes[id as usize];
+        *leaf = Leaf {
+            center: node.center,
+            radius: node.radius,
+        };
+    }
+    part.vertices = roots
+        .map(|id| {
+            let own = &tree.attributes[id as usize];
+            let [r, g, b, _] = own.color;
+            Vertex {
+                position: tree.nodes[id as usize].center,
+                normal: own.normal,
+                color: [r, g, b, if own.has_normal() { 255 } else { 0 }],
+            }
+        })
+        .collect();
+    part.used_vertices = part.vertices.len() as u32;
+    part
+}

@@ -1,0 +1,361 @@
+//! Leaf pages of triangles: vertices on a 16-bit grid, corners by indices of as few bits as the page's vertices need.
+//!
+//! Places are multiples of a power of two of model space, so that a vertex of several pages is at the same place in all of
+//! them, and a surface without cracks stays one. Spheres, cones, splat radii and thickness are those of the triangles as
+//! they are decoded.
+
+use super::nodes::{self, ColorSums, NO_NORMAL, NodeWord, normal_of};
+use super::{
+    ColorBits, DecodedPage, EncodedPage, LEAF_HEADER, LeafPageHeader, PageChoices, PageFault,
+    PageSections, flag, grown, in_model_space, kind,
+};
+use crate::abi::Vertex;
+use crate::math::{octahedral, sphere};
+use crate::pages::bits;
+use crate::pages::quantize::{
+    PageSphere, color_from_565, color_to_565, cone_code, decode_normal, encode_normal,
+    packed_normals,
+};
+use crate::tree::{Leaf, Model, Node, NodeStrip, Tree, geometric_normal};
+use bytemuck::Zeroable;
+use glam::{DVec3, Vec3};
+
+/// Bytes of a capsule.
+const STRIP: usize = 4;
+
+/// The sphere of a triangle's corners, as the tree's builder has it.
+#[inline(always)]
+fn leaf_of(corners: [Vec3; 3]) -> Leaf {
+    let center = sphere::triangle_center(corners.map(|p| p.as_dvec3())).as_vec3();
+    let around = center.as_dvec3();
+    let square = corners
+        .iter()
+        .map(|p| around.distance_squared(p.as_dvec3()))
+        .fold(0.0, f64::max);
+    Leaf {
+        center,
+        radius: sphere::round_up(square.sqrt() * (1.0 + 1e-15)),
+    }
+}
+
+pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
+    let (tree, base, step) = (&part.tree, choices.base, choices.step);
+    let places: Vec<[u16; 3]> = part
+        .vertices
+        .iter()
+        .map(|vertex| {
+            let place = ((vertex.position.as_dvec3() - base) / step).round();
+            place.to_array().map(|c| c.clamp(0.0, 65535.0) as u16)
+        })
+        .collect();
+    let positions: Vec<Vec3> = places.iter().map(|&place| position(place, step as f32)).collect();
+    let corners = |leaf: usize| part.triangles[leaf].map(|index| positions[index as usize]);
+    let leaves: Vec<Leaf> = (0..part.triangles.len()).map(|leaf| leaf_of(corners(leaf))).collect();
+    let (spheres, root) = grown(tree, &leaves, base);
+    let (codes, decoded) = nodes::encode_spheres(tree, &spheres, root);
+
+    let mut node_bytes = Vec::new();
+    let (mut radii, mut thickness) = (Vec::new(), Vec::new());
+    let mut strips = Vec::new();
+    for (id, node) in tree.nodes.iter().enumerate() {
+        let range = tree.leaf_range(id as u32);
+        let below = PageTriangles {
+            corners: (range.start as usize..range.end as usize).map(corners).collect(),
+            sphere: decoded[id],
+        };
+        let normal = nodes::normal_code(&tree.attributes[id]);
+        let cone = below.cone(normal, node);
+        node_bytes.extend(NodeWord::new(codes[id], node.child_count, normal, cone).0.to_le_bytes());
+        let radius_code = below.radius_code();
+        radii.push(radius_code);
+        thickness.push(below.thickness_code(normal, splat_radius(&decoded[id], radius_code)));
+        strips.push(below.strip(node));
+    }
+    let has_strips = strips.iter().any(|strip| *strip != NodeStrip::SPHERE);
+    let colors = match (part.has_colors, choices.colors) {
+        (false, _) => 0,
+        (true, ColorBits::Few) => flag::FEW_COLORS,
+        (true, ColorBits::All) => flag::ALL_COLORS,
+    };
+    let header = LeafPageHeader {
+        kind: kind::TRIANGLES,
+        flags: colors | if has_strips { flag::STRIPS } else { 0 },
+        leaf_count: leaves.len() as u32,
+        vertex_count: places.len() as u32,
+        node_count: tree.nodes.len() as u32,
+        level_count: tree.level_count() as u32,
+        sphere: root,
+        base: base.to_array(),
+        step,
+    };
+    let mut bytes = bytemuck::bytes_of(&header).to_vec();
+    bytes.extend(node_bytes);
+    bytes.extend(radii);
+    bytes.extend(thickness);
+    if has_strips {
+        let is_thin = |strip: &NodeStrip| *strip != NodeStrip::SPHERE;
+        bits::pack(strips.iter().map(|s| u32::from(is_thin(s))), 1, &mut bytes);
+        for strip in strips.iter().filter(|s| is_thin(s)) {
+            bytes.extend(bytemuck::bytes_of(strip));
+        }
+    }
+    for place in &places {
+        place.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
+    }
+    for vertex in &part.vertices {
+        let code = match vertex.color[3] {
+            0 => NO_NORMAL,
+            _ => encode_normal(octahedral::decode(vertex.normal)),
+        };
+        bytes.extend(code.to_le_bytes());
+    }
+    for vertex in part.vertices.iter().filter(|_| part.has_colors) {
+        let [r, g, b, _] = vertex.color;
+        match choices.colors {
+            ColorBits::Few => bytes.extend(color_to_565([r, g, b]).to_le_bytes()),
+            ColorBits::All => bytes.extend([r, g, b]),
+        }
+    }
+    let indices = part.triangles.iter().flatten().copied();
+    bits::pack(indices, bits::bits_below(places.len()), &mut bytes);
+    EncodedPage {
+        bytes,
+        root: in_model_space(root, base),
+    }
+}
+
+#[inline(always)]
+fn position(place: [u16; 3], step: f32) -> Vec3 {
+    let [x, y, z] = place.map(f32::from);
+    Vec3::new(x, y, z) * step
+}
+
+/// Radius of a node's splat by its code.
+#[inline(always)]
+fn splat_radius(sphere: &PageSphere, code: u8) -> f32 {
+    sphere.radius * (f32::from(code) * (1.0 / 255.0))
+}
+
+/// The triangles below a node, and its decoded sphere.
+struct PageTriangles {
+    corners: Vec<[Vec3; 3]>,
+    sphere: PageSphere,
+}
+
+impl PageTriangles {
+    /// The code of the cone of all normals, and the special bit.
+    fn cone(&self, normal: u16, node: &Node) -> (u8, bool) {
+        let axis = decode_normal(normal).as_dvec3();
+        let (mut sine, mut any) = (0.0f64, false);
+        for &corners in &self.corners {
+            let (own, _) = geometric_normal(corners);
+            if own == DVec3::ZERO {
+                continue;
+            }
+            any = true;
+            sine = if own.dot(axis) > 0.0 {
+                sine.max(own.cross(axis).length() + 1e-6)
+            } else {
+                1.0
+            };
+        }
+        if !any {
+            return (0, true);
+        }
+        if node.flags & Node::UNCULLED != 0 || normal == NO_NORMAL {
+            return (3, node.flags & Node::UNCULLED != 0);
+        }
+        (cone_code(sine), false)
+    }
+
+    fn each(&self) -> impl Iterator<Item = Vec3> {
+        self.corners.iter().flatten().map(|&p| p - self.sphere.center)
+    }
+
+    /// The least radius that reaches all corners.
+    fn radius_code(&self) -> u8 {
+        let most = self.each().map(|v| v.length()).fold(0.0, f32::max) * (1.0 + 1e-6);
+        (0..255).find(|&code| splat_radius(&self.sphere, code) >= most).unwrap_or(255)
+    }
+
+    /// Half the thickness along the normal, in 254ths of the splat's radius.
+    fn thickness_code(&self, normal: u16, radius: f32) -> u8 {
+        if normal == NO_NORMAL || radius == 0.0 {
+            return 254;
+        }
+        let along = decode_normal(normal);
+        let most = self.each().map(|v| v.dot(along).abs()).fold(0.0, f32::max);
+        ((most / radius * (1.0 + 1e-6) * 254.0).ceil() as u8).min(254)
+    }
+
+    /// The capsule along the direction of the model's own, around the corners as they are decoded.
+    fn strip(&self, node: &Node) -> NodeStrip {
+        let radius = self.sphere.radius;
+        if node.strip == NodeStrip::SPHERE || radius == 0.0 {
+            return NodeStrip::SPHERE;
+        }
+        let direction = node.strip.direction();
+        let parts = |v: Vec3| {
+            let along = v.dot(direction);
+            (along.abs(), (v - direction * along).length())
+        };
+        let width = self.each().map(|v| parts(v).1).fold(0.0, f32::max);
+        let code = |length: f32| (length / radius * (1.0 + 1e-5) * 255.0).ceil() + 1.0;
+        if code(width) >= 255.0 {
+            return NodeStrip::SPHERE;
+        }
+        let beyond = |v: Vec3| {
+            let (along, across) = parts(v);
+            along - (width * width - across * across).max(0.0).sqrt()
+        };
+        let half = self.each().map(beyond).fold(0.0, f32::max);
+        NodeStrip {
+            half_length: code(half).min(255.0) as u8,
+            width: code(width) as u8,
+            ..node.strip
+        }
+    }
+}
+
+pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
+    let header = LeafPageHeader::read(bytes)?;
+    let (leaf_count, node_count) = (header.leaf_count as usize, header.node_count as usize);
+    let vertex_count = header.vertex_count as usize;
+    let step = header.step as f32;
+    if !(step > 0.0 && f64::from(step) == header.step) {
+        return Err((64, "a step that is none".to_owned()));
+    }
+    let mut sections = PageSections {
+        bytes,
+        at: LEAF_HEADER,
+    };
+    let words = sections.take(node_count * 4, "nodes")?;
+    let radii = sections.take(node_count, "splat radii")?;
+    let thickness = sections.take(node_count, "thicknesses")?;
+    let strips = if header.flags & flag::STRIPS == 0 {
+        (&[][..], &[][..])
+    } else {
+        let at = sections.at;
+        let thin = sections.take(bits::packed_bytes(node_count, 1), "capsules")?;
+        if !bits::is_filled_with_zeros(thin, node_count, 1) {
+            return Err((at, "capsules of no node".to_owned()));
+        }
+        let count: usize = thin.iter().map(|byte| byte.count_ones() as usize).sum();
+        (thin, sections.take(count * STRIP, "capsules")?)
+    };
+    let places = sections.take(vertex_count * 6, "vertices")?;
+    let normals_at = sections.at;
+    let normals = sections.take(vertex_count * 2, "normals")?;
+    let colors = sections.take(vertex_count * header.color_bytes(), "colors")?;
+    let index_bits = bits::bits_below(vertex_count);
+    let indices_at = sections.at;
+    let indices = sections.take(bits::packed_bytes(leaf_count * 3, index_bits), "corners")?;
+    sections.end()?;
+    if !bits::is_filled_with_zeros(indices, leaf_count * 3, index_bits) {
+        return Err((indices_at, "corners of no triangle".to_owned()));
+    }
+    let mut tree = nodes::decode_tree(words, header.sphere, (leaf_count, header.level_count as usize))?;
+    nodes::decode_cones(words, &mut tree);
+
+    let table = packed_normals();
+    let mut any_normal = false;
+    let mut vertices = vec![Vertex::zeroed(); vertex_count];
+    for (index, vertex) in vertices.iter_mut().enumerate() {
+        let place = |k: usize| {
+            let at = index * 6 + k * 2;
+            u16::from_le_bytes([places[at], places[at + 1]])
+        };
+        let code = u16::from_le_bytes([normals[index * 2], normals[index * 2 + 1]]);
+        if !nodes::is_normal(code) {
+            return Err((normals_at + index * 2, format!("vertex {index}: a normal that is none")));
+        }
+        let normal = normal_of(table, code);
+        any_normal |= normal.is_some();
+        let [r, g, b] = match header.color_bytes() {
+            0 => [255; 3],
+            2 => color_from_565(u16::from_le_bytes([colors[index * 2], colors[index * 2 + 1]])),
+            _ => [colors[index * 3], colors[index * 3 + 1], colors[index * 3 + 2]],
+        };
+        *vertex = Vertex {
+            position: position([place(0), place(1), place(2)], step),
+            normal: normal.unwrap_or_default(),
+            color: [r, g, b, if normal.is_some() { 255 } else { 0 }],
+        };
+    }
+    let mut triangles = vec![[0u32; 3]; leaf_count];
+    for (leaf, triangle) in triangles.iter_mut().enumerate() {
+        for (k, corner) in triangle.iter_mut().enumerate() {
+            *corner = bits::unpack(indices, index_bits, leaf * 3 + k);
+            if *corner as usize >= vertex_count {
+                return Err((indices_at, format!("triangle {leaf}: a corner that is no vertex")));
+            }
+        }
+        tree.leaves[leaf] = leaf_of(triangle.map(|index| vertices[index as usize].position));
+    }
+    fill_attributes(words, &mut tree, (&vertices, &triangles), (header.has_colors(), any_normal));
+    let (thin, mut capsules) = strips;
+    for id in 0..node_count {
+        let sphere = PageSphere {
+            center: tree.nodes[id].center,
+            radius: tree.nodes[id].radius,
+        };
+        let own = &mut tree.attributes[id];
+        own.splat_radius = splat_radius(&sphere, radii[id]).min(sphere.radius);
+        if own.has_normal() {
+            own.color[3] = 255 - thickness[id].min(254);
+        }
+        if bits::unpack(thin, 1, id) != 0
+            && let Some((capsule, rest)) = capsules.split_first_chunk::<STRIP>()
+        {
+            tree.nodes[id].strip = bytemuck::pod_read_unaligned(capsule);
+            capsules = rest;
+        }
+    }
+    Ok(DecodedPage {
+        model: Model {
+            vertices,
+            triangles,
+            tree,
+            has_colors: header.has_colors(),
+            ..Model::default()
+        },
+        base: DVec3::from_array(header.base),
+        children: None,
+    })
+}
+
+fn fill_attributes(
+    words: &[u8],
+    tree: &mut Tree,
+    (vertices, triangles): (&[Vertex], &[[u32; 3]]),
+    (has_colors, any_normal): (bool, bool),
+) {
+    let mut sums = ColorSums {
+        sums: vec![[0.0; 4]; if has_colors { tree.nodes.len() } else { 0 }],
+        any_normal,
+    };
+    for id in 0..tree.nodes.len() {
+        let node = &tree.nodes[id];
+        if !node.has_leaves() {
+            continue;
+        }
+        let first = node.first_child as usize;
+        let mut area = 0.0;
+        for triangle in &triangles[first..first + usize::from(node.child_count)] {
+            let [a, b, c] = triangle.map(|index| &vertices[index as usize]);
+            let cross = (b.position - a.position).cross(c.position - a.position);
+            let own = 0.5 * cross.length();
+            area += own;
+            if has_colors {
+                let weight = own.max(1e-30);
+                for k in 0..3 {
+                    let color = f32::from(a.color[k]) + f32::from(b.color[k]) + f32::from(c.color[k]);
+                    sums.sums[id][k] += color * (1.0 / 3.0) * weight;
+                }
+                sums.sums[id][3] += weight;
+            }
+        }
+        tree.attributes[id].area = area;
+    }
+    sums.fill(words, tree, has_colors);
+}
