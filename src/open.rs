@@ -15,7 +15,10 @@ use crate::math::camera::Camera;
 use crate::mesh::Mesh;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::mesh::attributes::PointAttributes;
+use crate::pages::file::PagedFile;
 use crate::pages::qs::{self, QsCloud};
+use crate::pages::source::{ByteSource, FileSource, MemorySource};
+use crate::pages::{self, join};
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
 use crate::tree::{self, BuildOptions, Model};
@@ -23,6 +26,7 @@ use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 /// How to open a model. The default keeps the vertices of a file as they are.
@@ -94,6 +98,8 @@ pub enum SourceFormat {
     Mesh(Format),
     /// A tree file.
     Tree,
+    /// A paged tree file, all of whose pages are joined.
+    PagedTree,
     /// A tree of QSplat 1.0, of which the leaves are taken as a point cloud.
     QSplat,
     /// No file: a generator or a scene.
@@ -106,6 +112,7 @@ impl SourceFormat {
         match self {
             Self::Mesh(format) => format.name(),
             Self::Tree => "surfel tree",
+            Self::PagedTree => "paged surfel tree",
             Self::QSplat => "QSplat tree",
             Self::Generated => "generated",
         }
@@ -420,6 +427,22 @@ fn read_stream(
         let length = bytes.len() as u64;
         let model = tree::file::read_from(&mut bytes.as_slice(), length, path, progress)?;
         return Ok(SourceContent::tree(model, length));
+    }
+    if pages::format::is_paged_file(&start) {
+        let source: Arc<dyn ByteSource> = if is_file {
+            let file = FileSource::open(path).map_err(|source| unreadable(path, source))?;
+            Arc::new(file)
+        } else {
+            let bytes = stream.read_all(&options.input.limits, progress)?;
+            Arc::new(MemorySource::new(path.display().to_string(), bytes))
+        };
+        let file_bytes = source.len();
+        let file = PagedFile::open(source).map_err(tree::Error::from)?;
+        let model = join::whole_model(&file, progress)?;
+        return Ok(SourceContent {
+            format: SourceFormat::PagedTree,
+            ..SourceContent::tree(model, file_bytes)
+        });
     }
     if qs::is_qs_file(&start) {
         let bytes = stream.read_all(&options.input.limits, progress)?;

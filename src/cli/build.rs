@@ -5,6 +5,7 @@ use super::{Failure, Outcome, bytes, count, say};
 use std::path::PathBuf;
 use std::time::Instant;
 use surfel::open::ModelSource;
+use surfel::pages::{self, write::PagedOptions};
 use surfel::tree;
 
 /// Build the tree of a model and write it to a file that opens at once.
@@ -18,6 +19,9 @@ pub(crate) struct Args {
     /// Tree file to write; the model's name with .surfel if not given
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    /// Write the paged kind: a fifth of the bytes, positions and normals rounded
+    #[arg(long)]
+    paged: bool,
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
@@ -42,7 +46,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let ready = args.source.open(quiet)?;
     let start = Instant::now();
     // The model was good; only the file can fail here, and that is no bad input.
-    tree::file::write(&ready.model, &output).map_err(|e| {
+    let written = if args.paged {
+        pages::write::write(&ready.model, &PagedOptions::default(), &output)
+    } else {
+        tree::file::write(&ready.model, &output)
+    };
+    written.map_err(|e| {
         Failure::Run(anyhow::Error::new(e).context(format!("cannot write {}", output.display())))
     })?;
     let size = std::fs::metadata(&output).map(|m| m.len()).unwrap_or(0);

@@ -2,9 +2,16 @@
 
 use super::source::{Framing, Source, SurfaceArgs};
 use super::{Failure, Outcome, chain, count, print};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use surfel::open::SourceFormat;
+use surfel::pages::check::PagedReport;
+use surfel::pages::format::{MAGIC, is_paged_file};
+use surfel::pages::{self, file::PagedFile, source::FileSource};
+use surfel::progress::Silent;
 use surfel::tree;
 
 /// Check model files and every invariant of their trees.
@@ -24,6 +31,50 @@ pub(crate) struct Args {
     json: bool,
 }
 
+/// Whether a file is a paged tree, by its first bytes; what cannot be read is none.
+fn is_paged(path: &Path) -> bool {
+    let mut start = [0; MAGIC.len()];
+    let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start));
+    read.is_ok() && is_paged_file(&start)
+}
+
+/// Every checksum and every bound of a paged file, a page at a time.
+fn check_pages(path: &Path) -> Result<PagedReport, tree::Error> {
+    let source = FileSource::open(path).map_err(|source| tree::Error::Io {
+        path: path.to_owned(),
+        source,
+    })?;
+    let file = PagedFile::open(Arc::new(source))?;
+    Ok(pages::check::check(&file, &Silent))
+}
+
+/// What was found in a paged file, as text and as a row.
+fn add_pages(path: &Path, report: &PagedReport, text: &mut String, rows: &mut Vec<Value>) {
+    let name = path.display().to_string();
+    // Writing to a string cannot fail.
+    let _ = writeln!(
+        text,
+        "{name}: {} ({}; {} leaves, {} nodes, {} pages)",
+        if report.is_clean() { "clean" } else { "BROKEN" },
+        SourceFormat::PagedTree,
+        count(report.leaves),
+        count(report.nodes + report.leaves),
+        count(report.pages)
+    );
+    for violation in &report.violations {
+        let _ = writeln!(text, "  {violation}");
+    }
+    rows.push(json!({
+        "file": name,
+        "format": SourceFormat::PagedTree.name(),
+        "leaves": report.leaves,
+        "nodes": report.nodes,
+        "pages": report.pages,
+        "clean": report.is_clean(),
+        "violations": report.violations,
+    }));
+}
+
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let mut rows = Vec::new();
     let mut text = String::new();
@@ -31,6 +82,25 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     let mut unreadable = Vec::new();
     let mut broken = 0;
     for path in args.models {
+        if is_paged(&path) {
+            match check_pages(&path) {
+                Ok(report) => {
+                    broken += usize::from(!report.is_clean());
+                    add_pages(&path, &report, &mut text, &mut rows);
+                }
+                Err(error) => {
+                    let error = anyhow::Error::new(error);
+                    rows.push(
+                        json!({ "file": path.display().to_string(), "error": chain(&error) }),
+                    );
+                    if count_of_models > 1 {
+                        let _ = writeln!(text, "{}", chain(&error));
+                    }
+                    unreadable.push(error);
+                }
+            }
+            continue;
+        }
         let source = Source {
             model: path.clone(),
             weld: args.weld,

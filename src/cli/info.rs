@@ -6,6 +6,7 @@ use serde_json::json;
 use std::fmt::Write;
 use surfel::OpenedModel;
 use surfel::input::FilePart;
+use surfel::open::SourceFormat;
 
 /// Say what is in a model file.
 #[derive(Debug, clap::Args)]
@@ -155,6 +156,10 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         bytes(tree_bytes),
         tree_bytes as f64 / leaves
     );
+    if ready.format == SourceFormat::PagedTree {
+        let per_leaf = ready.file_bytes as f64 / leaves;
+        let _ = writeln!(out, "  in the file {per_leaf:.2} bytes a leaf");
+    }
     let _ = writeln!(
         out,
         "  read in {:.0} ms, built in {:.0} ms",

@@ -7,7 +7,9 @@ pub(super) fn packed_bytes(count: usize, bits: u32) -> usize {
 
 /// Bits that numbers below `end` need; 0 where there is only one.
 pub(super) fn bits_below(end: usize) -> u32 {
-    end.saturating_sub(1).checked_ilog2().map_or(0, |log| log + 1)
+    end.saturating_sub(1)
+        .checked_ilog2()
+        .map_or(0, |log| log + 1)
 }
 
 /// Appends numbers of `bits` bits, at most 24; the last byte is filled up with zeros.
@@ -31,7 +33,10 @@ pub(super) fn pack(values: impl Iterator<Item = u32>, bits: u32, out: &mut Vec<u
 #[inline(always)]
 pub(super) fn unpack(bytes: &[u8], bits: u32, index: usize) -> u32 {
     let first = index * bits as usize;
-    let word = match bytes.get(first / 8..).and_then(|rest| rest.first_chunk::<4>()) {
+    let word = match bytes
+        .get(first / 8..)
+        .and_then(|rest| rest.first_chunk::<4>())
+    {
         Some(word) => u32::from_le_bytes(*word),
         None => last_word(bytes, first / 8),
     };
@@ -74,7 +79,10 @@ mod tests {
                 }
             }
         }
-        assert_eq!([0, 1, 2, 3, 4, 5, 256, 257].map(bits_below), [0, 0, 1, 2, 2, 3, 8, 9]);
+        assert_eq!(
+            [0, 1, 2, 3, 4, 5, 256, 257].map(bits_below),
+            [0, 0, 1, 2, 2, 3, 8, 9]
+        );
         assert!(!is_filled_with_zeros(&[0x80], 1, 7));
         assert_eq!(unpack(&[1], 8, 5), 0);
     }

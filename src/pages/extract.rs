@@ -112,7 +112,9 @@ pub(super) fn subtree(model: &Model, root: Option<u32>, positions: &[Vec3]) -> M
         ..Model::default()
     };
     let range = leaves.start as usize..leaves.end as usize;
-    part.tree.leaves.copy_from_slice(&tree.leaves[range.clone()]);
+    part.tree
+        .leaves
+        .copy_from_slice(&tree.leaves[range.clone()]);
     let moved = |index: u32| Vertex {
         position: positions[index as usize],
         ..model.vertices[index as usize]
@@ -137,8 +139,15 @@ pub(super) fn subtree(model: &Model, root: Option<u32>, positions: &[Vec3]) -> M
     part
 }
 
+/// The upper nodes of a model, down to the roots of its leaf pages, such that they hold what is decoded.
+pub(super) struct UpperNodes {
+    pub(super) nodes: Vec<Node>,
+    pub(super) attributes: Vec<NodeAttributes>,
+}
+
 /// The part from a node down to level `last`, whose nodes are its leaves: points with the nodes' spheres, normals, colors.
-pub(super) fn upper_part(model: &Model, root: u32, last: usize) -> Model {
+/// Nodes and attributes are those given, by the numbers of the model.
+pub(super) fn upper_part(model: &Model, upper: &UpperNodes, root: u32, last: usize) -> Model {
     let tree = &model.tree;
     let levels = levels_below(tree, root, last);
     let mut part = Model {
@@ -147,9 +156,16 @@ pub(super) fn upper_part(model: &Model, root: u32, last: usize) -> Model {
         has_colors: model.has_colors,
         ..Model::default()
     };
+    let interior = levels[..levels.len() - 1].iter().cloned().flatten();
+    for (at, id) in interior.enumerate() {
+        let (node, own) = (&mut part.tree.nodes[at], &upper.nodes[id as usize]);
+        (node.center, node.radius) = (own.center, own.radius);
+        (node.cone, node.strip) = (own.cone, own.strip);
+        part.tree.attributes[at] = upper.attributes[id as usize];
+    }
     let roots = levels[levels.len() - 1].clone();
     for (leaf, id) in part.tree.leaves.iter_mut().zip(roots.clone()) {
-        let node = &tree.nodes[id as usize];
+        let node = &upper.nodes[id as usize];
         *leaf = Leaf {
             center: node.center,
             radius: node.radius,
@@ -157,10 +173,10 @@ pub(super) fn upper_part(model: &Model, root: u32, last: usize) -> Model {
     }
     part.vertices = roots
         .map(|id| {
-            let own = &tree.attributes[id as usize];
+            let own = &upper.attributes[id as usize];
             let [r, g, b, _] = own.color;
             Vertex {
-                position: tree.nodes[id as usize].center,
+                position: upper.nodes[id as usize].center,
                 normal: own.normal,
                 color: [r, g, b, if own.has_normal() { 255 } else { 0 }],
             }

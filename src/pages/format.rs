@@ -109,7 +109,10 @@ impl PagedHeader {
             return Err((48, "a box or an origin that is not finite".to_owned()));
         }
         if (self.leaf_count == 0) != (self.root.bytes == 0) {
-            return Err((24, "leaves without a page, or a page without leaves".to_owned()));
+            return Err((
+                24,
+                "leaves without a page, or a page without leaves".to_owned(),
+            ));
         }
         // A page has 24 bytes at least.
         if self.page_count > length / 24 {

@@ -149,7 +149,12 @@ mod tests {
             source.read_at(200, &mut []).unwrap();
         }
         // A file that shrinks gives an error, not a signal.
-        File::options().write(true).open(&path).unwrap().set_len(100).unwrap();
+        File::options()
+            .write(true)
+            .open(&path)
+            .unwrap()
+            .set_len(100)
+            .unwrap();
         assert!(file.read_at(90, &mut [0; 20]).is_err());
         assert!(FileSource::open(&folder.path().join("none")).is_err());
     }

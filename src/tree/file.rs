@@ -87,10 +87,6 @@ pub fn is_tree_file(start: &[u8]) -> bool {
 /// The folder cannot be written to, or the disk is full.
 pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
     require_little_endian(path)?;
-    let failed = |source| Error::Io {
-        path: path.to_owned(),
-        source,
-    };
     let arrays = arrays(model);
     let mut header = Header {
         magic: MAGIC,
@@ -129,6 +125,23 @@ pub fn write(model: &Model, path: &Path) -> Result<(), Error> {
             at = section.offset + bytes.len() as u64;
         }
         out.flush()
+    };
+    write_whole(path, &fill)
+}
+
+/// Writes a file by `fill`; it appears whole or not at all. A link is followed, and what is no plain file (a device, a
+/// pipe) is written, not replaced.
+///
+/// # Errors
+///
+/// The folder cannot be written to, or the disk is full.
+pub fn write_whole(
+    path: &Path,
+    fill: &dyn Fn(&mut File) -> std::io::Result<()>,
+) -> Result<(), Error> {
+    let failed = |source| Error::Io {
+        path: path.to_owned(),
+        source,
     };
     let target = path.canonicalize().unwrap_or_else(|_| path.to_owned());
     if target.exists() && !target.is_file() && !target.is_dir() {

@@ -33,9 +33,9 @@ pub use check::{CheckReport, check, links};
 pub use framed::FramedPart;
 pub use kind::{ModelKind, OrbitSphere};
 pub use moments::{area_of_point, fill_moments};
-pub use summary::geometric_normal;
 pub use node::{Leaf, Node, NodeAttributes, NodeStrip, NormalCone};
 pub use records::AlignedRecords;
+pub use summary::geometric_normal;
 
 use crate::abi::Vertex;
 use glam::{DVec3, Vec3};

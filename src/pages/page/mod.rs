@@ -63,7 +63,10 @@ pub struct ChildPages {
 impl DecodedPage {
     /// Bytes in memory.
     pub fn memory_bytes(&self) -> u64 {
-        let children = self.children.as_ref().map_or(0, |below| below.entries.len() * 32);
+        let children = self
+            .children
+            .as_ref()
+            .map_or(0, |below| below.entries.len() * 32);
         self.model.memory_bytes().total() + children as u64 + size_of::<Self>() as u64
     }
 }
@@ -119,7 +122,11 @@ impl LeafPageHeader {
         if header.flags & !known != 0 || header.flags & both == both {
             return wrong(4, "unknown flags");
         }
-        for (at, count) in [(8, header.leaf_count), (12, header.vertex_count), (16, header.node_count)] {
+        for (at, count) in [
+            (8, header.leaf_count),
+            (12, header.vertex_count),
+            (16, header.node_count),
+        ] {
             if count as usize > MOST_LEAVES {
                 return wrong(at, "more leaves, vertices or nodes than a page may have");
             }
@@ -137,7 +144,9 @@ impl LeafPageHeader {
         if !is_sound {
             return wrong(24, "a sphere that is none");
         }
-        if !(header.base.iter().all(|v| v.is_finite()) && (0.0..1e30).contains(&header.step)) {
+        if !(header.base.iter().all(|v| v.is_finite())
+            && (0.0..=f64::from(f32::MAX)).contains(&header.step))
+        {
             return wrong(40, "an origin or a step that is none");
         }
         Ok(header)
@@ -214,7 +223,9 @@ pub(super) fn decode(
     origin: DVec3,
     options: DecodeOptions,
 ) -> Result<DecodedPage, PageFault> {
-    let first = bytes.first_chunk::<4>().map(|word| u32::from_le_bytes(*word));
+    let first = bytes
+        .first_chunk::<4>()
+        .map(|word| u32::from_le_bytes(*word));
     let mut page = match first {
         Some(kind::UPPER) => return upper::decode(bytes, origin),
         Some(kind::POINTS) => points::decode(bytes)?,
@@ -289,6 +300,3 @@ fn in_model_space(sphere: PageSphere, base: DVec3) -> PageSphere {
         radius: crate::math::sphere::round_up(f64::from(sphere.radius) + moved),
     }
 }
-
-#[cfg(test)]
-mod tests;

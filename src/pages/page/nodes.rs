@@ -25,7 +25,12 @@ const CONE: u32 = 30;
 pub(super) struct NodeWord(pub(super) u32);
 
 impl NodeWord {
-    pub(super) fn new(sphere: u16, children: u8, normal: u16, (cone, is_special): (u8, bool)) -> Self {
+    pub(super) fn new(
+        sphere: u16,
+        children: u8,
+        normal: u16,
+        (cone, is_special): (u8, bool),
+    ) -> Self {
         Self(
             u32::from(sphere)
                 | u32::from(children - 1) << CHILDREN
@@ -100,7 +105,8 @@ pub(super) fn decode_tree(
     let mut level_starts = Vec::with_capacity(level_count + 1);
     level_starts.push(0);
     let mut parents = vec![0u32; count];
-    let fault = |id: usize, cause: &str| (super::LEAF_HEADER + id * 4, format!("node {id}: {cause}"));
+    let fault =
+        |id: usize, cause: &str| (super::LEAF_HEADER + id * 4, format!("node {id}: {cause}"));
     if let Some(node) = nodes.first_mut() {
         node.center = root.center;
         node.radius = root.radius;
@@ -149,9 +155,16 @@ pub(super) fn decode_tree(
                 parents[child] = id as u32;
             }
         }
-        let is_complete = if is_last { next == leaf_count && end == count } else { next > end };
+        let is_complete = if is_last {
+            next == leaf_count && end == count
+        } else {
+            next > end
+        };
         if !is_complete {
-            return Err(fault(start, "a level without all children of the one above"));
+            return Err(fault(
+                start,
+                "a level without all children of the one above",
+            ));
         }
         level_starts.push(end as u32);
         if !is_last {
@@ -265,7 +278,10 @@ impl ColorSums {
         for id in (0..lowest).rev() {
             let children = tree.children(id as u32);
             let children = children.start as usize..children.end as usize;
-            tree.attributes[id].area = tree.attributes[children.clone()].iter().map(|a| a.area).sum();
+            tree.attributes[id].area = tree.attributes[children.clone()]
+                .iter()
+                .map(|a| a.area)
+                .sum();
             if has_colors {
                 let mut sum = [0.0; 4];
                 for child in &self.sums[children] {

@@ -60,7 +60,8 @@ impl LeafWord {
     /// Whether every place is one.
     #[inline(always)]
     fn is_sound(self) -> bool {
-        [0, 7, 14].iter().all(|shift| self.0 >> shift & 127 != 127) && nodes::is_normal(self.normal())
+        [0, 7, 14].iter().all(|shift| self.0 >> shift & 127 != 127)
+            && nodes::is_normal(self.normal())
     }
 
     /// The leaf with the smallest radius that contains a ball in the parent's; the parent itself where none does.
@@ -97,7 +98,10 @@ fn leaf_word(bytes: &[u8], leaf: usize) -> LeafWord {
         word = *whole;
         word[5..].fill(0);
     } else {
-        for (to, from) in word.iter_mut().zip(bytes.get(at..at + LEAF).unwrap_or_default()) {
+        for (to, from) in word
+            .iter_mut()
+            .zip(bytes.get(at..at + LEAF).unwrap_or_default())
+        {
             *to = *from;
         }
     }
@@ -128,14 +132,24 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
     let mut leaves = Vec::with_capacity(real.len());
     let mut push = |parent: &PageSphere, leaf: usize| {
         let own = &real[leaf];
-        let word = LeafWord::encode(parent, own.center.as_dvec3(), f64::from(own.radius), normals[leaf]);
+        let word = LeafWord::encode(
+            parent,
+            own.center.as_dvec3(),
+            f64::from(own.radius),
+            normals[leaf],
+        );
         words.push(word);
         leaves.push(word.decode(parent));
     };
     if tree.nodes.is_empty() {
         (0..real.len()).for_each(|leaf| push(&root, leaf));
     }
-    for (id, node) in tree.nodes.iter().enumerate().filter(|(_, node)| node.has_leaves()) {
+    for (id, node) in tree
+        .nodes
+        .iter()
+        .enumerate()
+        .filter(|(_, node)| node.has_leaves())
+    {
         let first = node.first_child as usize;
         (first..first + usize::from(node.child_count)).for_each(|leaf| push(&decoded[id], leaf));
     }
@@ -163,7 +177,12 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
         let range = range.start as usize..range.end as usize;
         let thickness = match normal {
             NO_NORMAL => 7,
-            _ => thickness_code(&decoded[id], normal, &leaves[range.clone()], &normals[range]),
+            _ => thickness_code(
+                &decoded[id],
+                normal,
+                &leaves[range.clone()],
+                &normals[range],
+            ),
         };
         let packed = ((thickness & 3) as u8, thickness >> 2 != 0);
         let word = NodeWord::new(codes[id], node.child_count, normal, packed);
@@ -205,7 +224,10 @@ fn thickness_code(sphere: &PageSphere, normal: u16, leaves: &[Leaf], normals: &[
 pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     let header = LeafPageHeader::read(bytes)?;
     let leaf_count = header.leaf_count as usize;
-    if header.vertex_count != header.leaf_count || header.step != 0.0 || header.flags & flag::STRIPS != 0 {
+    if header.vertex_count != header.leaf_count
+        || header.step != 0.0
+        || header.flags & flag::STRIPS != 0
+    {
         return Err((12, "points that are no leaves".to_owned()));
     }
     let mut sections = PageSections {
@@ -220,7 +242,12 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     let counts = (leaf_count, header.level_count as usize);
     let mut tree = nodes::decode_tree(words, header.sphere, counts)?;
     let mut vertices = vec![Vertex::zeroed(); leaf_count];
-    let wrong_leaf = |leaf: usize| (first_leaf + leaf * LEAF, format!("leaf {leaf}: a code that is none"));
+    let wrong_leaf = |leaf: usize| {
+        (
+            first_leaf + leaf * LEAF,
+            format!("leaf {leaf}: a code that is none"),
+        )
+    };
     let mut any_normal = false;
     let lowest = match *tree.level_starts.as_slice() {
         [.., lowest, end] => lowest as usize..end as usize,
@@ -228,8 +255,14 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     };
     if lowest.is_empty() {
         // A page of one leaf.
-        let own = LeafPoints { leaves, colors, header: &header };
-        any_normal = own.fill(0..1, &header.sphere, &mut tree, &mut vertices).ok_or_else(|| wrong_leaf(0))?;
+        let own = LeafPoints {
+            leaves,
+            colors,
+            header: &header,
+        };
+        any_normal = own
+            .fill(0..1, &header.sphere, &mut tree, &mut vertices)
+            .ok_or_else(|| wrong_leaf(0))?;
     }
     for id in lowest {
         let node = &tree.nodes[id];
@@ -239,14 +272,26 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
         };
         let first = node.first_child as usize;
         let range = first..first + usize::from(node.child_count);
-        let own = LeafPoints { leaves, colors, header: &header };
+        let own = LeafPoints {
+            leaves,
+            colors,
+            header: &header,
+        };
         any_normal |= own
             .fill(range.clone(), &parent, &mut tree, &mut vertices)
             .ok_or_else(|| wrong_leaf(first))?;
         // The same for all: the sum of squares decides.
-        tree.attributes[id].area = tree.leaves[range].iter().map(|leaf| area_of_point(leaf.radius)).sum();
+        tree.attributes[id].area = tree.leaves[range]
+            .iter()
+            .map(|leaf| area_of_point(leaf.radius))
+            .sum();
     }
-    fill_attributes(words, &mut tree, &vertices, (header.has_colors(), any_normal));
+    fill_attributes(
+        words,
+        &mut tree,
+        &vertices,
+        (header.has_colors(), any_normal),
+    );
     Ok(DecodedPage {
         model: Model {
             vertices,
@@ -288,11 +333,18 @@ impl LeafPoints<'_> {
             any_normal |= normal.is_some();
             let [r, g, b] = match self.header.color_bytes() {
                 0 => [255; 3],
-                2 => match self.colors.get(leaf * 2..).and_then(|rest| rest.first_chunk::<2>()) {
+                2 => match self
+                    .colors
+                    .get(leaf * 2..)
+                    .and_then(|rest| rest.first_chunk::<2>())
+                {
                     Some(code) => color_from_565(u16::from_le_bytes(*code)),
                     None => [255; 3],
                 },
-                _ => *self.colors.get(leaf * 3..).and_then(|rest| rest.first_chunk::<3>())?,
+                _ => *self
+                    .colors
+                    .get(leaf * 3..)
+                    .and_then(|rest| rest.first_chunk::<3>())?,
             };
             *tree.leaves.get_mut(leaf)? = own;
             *vertices.get_mut(leaf)? = Vertex {
@@ -305,7 +357,12 @@ impl LeafPoints<'_> {
     }
 }
 
-fn fill_attributes(words: &[u8], tree: &mut Tree, vertices: &[Vertex], (has_colors, any_normal): (bool, bool)) {
+fn fill_attributes(
+    words: &[u8],
+    tree: &mut Tree,
+    vertices: &[Vertex],
+    (has_colors, any_normal): (bool, bool),
+) {
     let mut sums = ColorSums {
         sums: Vec::new(),
         any_normal,

@@ -48,9 +48,14 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
             place.to_array().map(|c| c.clamp(0.0, 65535.0) as u16)
         })
         .collect();
-    let positions: Vec<Vec3> = places.iter().map(|&place| position(place, step as f32)).collect();
+    let positions: Vec<Vec3> = places
+        .iter()
+        .map(|&place| position(place, step as f32))
+        .collect();
     let corners = |leaf: usize| part.triangles[leaf].map(|index| positions[index as usize]);
-    let leaves: Vec<Leaf> = (0..part.triangles.len()).map(|leaf| leaf_of(corners(leaf))).collect();
+    let leaves: Vec<Leaf> = (0..part.triangles.len())
+        .map(|leaf| leaf_of(corners(leaf)))
+        .collect();
     let (spheres, root) = grown(tree, &leaves, base);
     let (codes, decoded) = nodes::encode_spheres(tree, &spheres, root);
 
@@ -60,12 +65,18 @@ pub(super) fn encode(part: &Model, choices: PageChoices) -> EncodedPage {
     for (id, node) in tree.nodes.iter().enumerate() {
         let range = tree.leaf_range(id as u32);
         let below = PageTriangles {
-            corners: (range.start as usize..range.end as usize).map(corners).collect(),
+            corners: (range.start as usize..range.end as usize)
+                .map(corners)
+                .collect(),
             sphere: decoded[id],
         };
         let normal = nodes::normal_code(&tree.attributes[id]);
         let cone = below.cone(normal, node);
-        node_bytes.extend(NodeWord::new(codes[id], node.child_count, normal, cone).0.to_le_bytes());
+        node_bytes.extend(
+            NodeWord::new(codes[id], node.child_count, normal, cone)
+                .0
+                .to_le_bytes(),
+        );
         let radius_code = below.radius_code();
         radii.push(radius_code);
         thickness.push(below.thickness_code(normal, splat_radius(&decoded[id], radius_code)));
@@ -169,13 +180,18 @@ impl PageTriangles {
     }
 
     fn each(&self) -> impl Iterator<Item = Vec3> {
-        self.corners.iter().flatten().map(|&p| p - self.sphere.center)
+        self.corners
+            .iter()
+            .flatten()
+            .map(|&p| p - self.sphere.center)
     }
 
     /// The least radius that reaches all corners.
     fn radius_code(&self) -> u8 {
         let most = self.each().map(|v| v.length()).fold(0.0, f32::max) * (1.0 + 1e-6);
-        (0..255).find(|&code| splat_radius(&self.sphere, code) >= most).unwrap_or(255)
+        (0..255)
+            .find(|&code| splat_radius(&self.sphere, code) >= most)
+            .unwrap_or(255)
     }
 
     /// Half the thickness along the normal, in 254ths of the splat's radius.
@@ -254,7 +270,11 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
     if !bits::is_filled_with_zeros(indices, leaf_count * 3, index_bits) {
         return Err((indices_at, "corners of no triangle".to_owned()));
     }
-    let mut tree = nodes::decode_tree(words, header.sphere, (leaf_count, header.level_count as usize))?;
+    let mut tree = nodes::decode_tree(
+        words,
+        header.sphere,
+        (leaf_count, header.level_count as usize),
+    )?;
     nodes::decode_cones(words, &mut tree);
 
     let table = packed_normals();
@@ -267,14 +287,24 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
         };
         let code = u16::from_le_bytes([normals[index * 2], normals[index * 2 + 1]]);
         if !nodes::is_normal(code) {
-            return Err((normals_at + index * 2, format!("vertex {index}: a normal that is none")));
+            return Err((
+                normals_at + index * 2,
+                format!("vertex {index}: a normal that is none"),
+            ));
         }
         let normal = normal_of(table, code);
         any_normal |= normal.is_some();
         let [r, g, b] = match header.color_bytes() {
             0 => [255; 3],
-            2 => color_from_565(u16::from_le_bytes([colors[index * 2], colors[index * 2 + 1]])),
-            _ => [colors[index * 3], colors[index * 3 + 1], colors[index * 3 + 2]],
+            2 => color_from_565(u16::from_le_bytes([
+                colors[index * 2],
+                colors[index * 2 + 1],
+            ])),
+            _ => [
+                colors[index * 3],
+                colors[index * 3 + 1],
+                colors[index * 3 + 2],
+            ],
         };
         *vertex = Vertex {
             position: position([place(0), place(1), place(2)], step),
@@ -287,12 +317,20 @@ pub(super) fn decode(bytes: &[u8]) -> Result<DecodedPage, PageFault> {
         for (k, corner) in triangle.iter_mut().enumerate() {
             *corner = bits::unpack(indices, index_bits, leaf * 3 + k);
             if *corner as usize >= vertex_count {
-                return Err((indices_at, format!("triangle {leaf}: a corner that is no vertex")));
+                return Err((
+                    indices_at,
+                    format!("triangle {leaf}: a corner that is no vertex"),
+                ));
             }
         }
         tree.leaves[leaf] = leaf_of(triangle.map(|index| vertices[index as usize].position));
     }
-    fill_attributes(words, &mut tree, (&vertices, &triangles), (header.has_colors(), any_normal));
+    fill_attributes(
+        words,
+        &mut tree,
+        (&vertices, &triangles),
+        (header.has_colors(), any_normal),
+    );
     let (thin, mut capsules) = strips;
     for id in 0..node_count {
         let sphere = PageSphere {
@@ -349,7 +387,8 @@ fn fill_attributes(
             if has_colors {
                 let weight = own.max(1e-30);
                 for k in 0..3 {
-                    let color = f32::from(a.color[k]) + f32::from(b.color[k]) + f32::from(c.color[k]);
+                    let color =
+                        f32::from(a.color[k]) + f32::from(b.color[k]) + f32::from(c.color[k]);
                     sums.sums[id][k] += color * (1.0 / 3.0) * weight;
                 }
                 sums.sums[id][3] += weight;

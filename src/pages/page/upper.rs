@@ -4,7 +4,9 @@ use super::{ChildPages, DecodedPage, PageFault, PageSections, finish, kind};
 use crate::abi::Vertex;
 use crate::pages::extract::link;
 use crate::pages::format::{LARGEST_PAGE, MOST_LEAVES, MOST_LEVELS, PageEntry};
-use crate::tree::{AlignedRecords, Leaf, Model, Moments, Node, NodeAttributes, NormalCone, Tree, links};
+use crate::tree::{
+    AlignedRecords, Leaf, Model, Moments, Node, NodeAttributes, NormalCone, Tree, links,
+};
 use bytemuck::{AnyBitPattern, Pod, Zeroable};
 use glam::DVec3;
 
@@ -38,7 +40,7 @@ struct ChildEntry {
     /// Cone of its root.
     axis: [i16; 2],
     sin_half_angle: u16,
-    pad: u16,
+    pad: [u16; 3],
     /// Normal and color of its root.
     normal: [i16; 2],
     color: [u8; 4],
@@ -65,7 +67,8 @@ pub(in crate::pages) fn encode_upper(part: &Model, place: &UpperPlace<'_>) -> Ve
     let first = place.entries.first().copied().unwrap_or_default();
     let header = UpperPageHeader {
         kind: kind::UPPER,
-        flags: if place.are_leaf_pages { LEAF_PAGES } else { 0 } | if part.has_colors { COLORS } else { 0 },
+        flags: if place.are_leaf_pages { LEAF_PAGES } else { 0 }
+            | if part.has_colors { COLORS } else { 0 },
         leaf_count: tree.leaves.len() as u32,
         node_count: tree.nodes.len() as u32,
         level_count: tree.level_count() as u32,
@@ -83,7 +86,7 @@ pub(in crate::pages) fn encode_upper(part: &Model, place: &UpperPlace<'_>) -> Ve
             bytes: entry.bytes,
             axis: cone.axis,
             sin_half_angle: cone.sin_half_angle,
-            pad: 0,
+            pad: [0; 3],
             normal: vertex.normal,
             color: vertex.color,
         }));
@@ -92,7 +95,9 @@ pub(in crate::pages) fn encode_upper(part: &Model, place: &UpperPlace<'_>) -> Ve
 }
 
 fn records<T: AnyBitPattern>(bytes: &[u8]) -> impl Iterator<Item = T> {
-    bytes.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned)
+    bytes
+        .chunks_exact(size_of::<T>())
+        .map(bytemuck::pod_read_unaligned)
 }
 
 pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFault> {
@@ -104,13 +109,23 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
     }
     let (node_count, leaf_count) = (header.node_count as usize, header.leaf_count as usize);
     let level_count = header.level_count as usize;
-    if node_count > MOST_LEAVES || leaf_count > MOST_LEAVES || level_count > MOST_LEVELS || node_count == 0 {
+    if node_count > MOST_LEAVES
+        || leaf_count > MOST_LEAVES
+        || level_count > MOST_LEVELS
+        || node_count == 0
+    {
         return Err(wrong(8, "no nodes, or more than a page may have"));
     }
     let mut nodes = AlignedRecords::<Node>::of_tree(node_count);
     let mut attributes = AlignedRecords::<NodeAttributes>::of_tree(node_count);
-    fill(&mut nodes, sections.take(node_count * size_of::<Node>(), "nodes")?);
-    fill(&mut attributes, sections.take(node_count * size_of::<NodeAttributes>(), "attributes")?);
+    fill(
+        &mut nodes,
+        sections.take(node_count * size_of::<Node>(), "nodes")?,
+    );
+    fill(
+        &mut attributes,
+        sections.take(node_count * size_of::<NodeAttributes>(), "attributes")?,
+    );
     let moments = records(sections.take(node_count * size_of::<Moments>(), "moments")?).collect();
     let leaves: AlignedRecords<Leaf> =
         records(sections.take(leaf_count * size_of::<Leaf>(), "leaves")?).collect();
@@ -124,7 +139,10 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
     for level in 0..level_count {
         level_starts.push(end as u32);
         if level + 1 < level_count {
-            let next: usize = nodes[start..end].iter().map(|n| usize::from(n.child_count)).sum();
+            let next: usize = nodes[start..end]
+                .iter()
+                .map(|n| usize::from(n.child_count))
+                .sum();
             (start, end) = (end, end + next);
             if end > node_count {
                 return Err(wrong(HEADER, "more nodes on a level than in the page"));
@@ -155,9 +173,12 @@ pub(super) fn decode(bytes: &[u8], origin: DVec3) -> Result<DecodedPage, PageFau
     };
     let mut vertices = Vec::with_capacity(leaf_count);
     let mut offset = header.first_offset;
-    for (index, (child, leaf)) in records::<ChildEntry>(children).zip(tree.leaves.iter()).enumerate() {
+    for (index, (child, leaf)) in records::<ChildEntry>(children)
+        .zip(tree.leaves.iter())
+        .enumerate()
+    {
         let at = children_at + index * CHILD;
-        if child.pad != 0 || child.bytes == 0 || child.bytes > LARGEST_PAGE {
+        if child.pad != [0; 3] || child.bytes == 0 || child.bytes > LARGEST_PAGE {
             return Err(wrong(at, "a page without bytes, or with too many"));
         }
         let id = header.first_id.checked_add(index as u32);

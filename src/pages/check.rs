@@ -1,0 +1,188 @@
+//! Proves a paged file: every byte is under a checksum, and what is decoded is held by what stands for it.
+
+use super::file::PagedFile;
+use super::format::{HEADER, PageEntry};
+use super::page::{DecodeOptions, DecodedPage};
+use crate::math::octahedral;
+use crate::progress::Progress;
+use crate::tree::{Leaf, Node, NormalCone, geometric_normal};
+use glam::{DVec3, Vec3};
+use std::collections::VecDeque;
+
+/// Violations that are written out.
+const LISTED: usize = 50;
+
+/// How far a decoded ball may stick out of the sphere that stands for it, relative to that.
+const TOLERANCE: f64 = 1e-6;
+
+/// What is in a paged file, and what is wrong with it.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PagedReport {
+    /// Pages that were read.
+    pub pages: u64,
+    /// Leaves that were decoded.
+    pub leaves: u64,
+    /// Interior nodes that were decoded.
+    pub nodes: u64,
+    /// The first violations found (at most 50), each a sentence.
+    pub violations: Vec<String>,
+    /// Number of all violations.
+    pub count: u64,
+}
+
+impl PagedReport {
+    fn report(&mut self, violation: String) {
+        self.count += 1;
+        if self.violations.len() < LISTED {
+            self.violations.push(violation);
+        }
+    }
+
+    /// Whether every promise holds.
+    pub fn is_clean(&self) -> bool {
+        self.count == 0
+    }
+}
+
+/// A page to come, and the sphere that stands for it in the page above.
+struct ExpectedPage {
+    entry: PageEntry,
+    outer: Option<(DVec3, f64)>,
+}
+
+/// Reads all pages in the order of the file and tests every promise of the format:
+///
+/// * every page has its checksum and its codes are ones; pages follow one another without a gap to the end of the file;
+/// * each decoded triangle lies in the decoded spheres of all nodes above it in its page, each point's ball meets them (the
+///   true one, which it holds, lies in them), and the page's root lies in the leaf that stands for it;
+/// * a cone holds the normals of the triangles below, a splat reaches their corners;
+/// * the counts are those of the header.
+///
+/// A page that cannot be read is one violation; what is below it is not looked at.
+pub fn check(file: &PagedFile, progress: &dyn Progress) -> PagedReport {
+    progress.stage("check pages", file.header().page_count);
+    let mut report = PagedReport::default();
+    let root = file.root().map(|entry| ExpectedPage { entry, outer: None });
+    let mut waiting: VecDeque<ExpectedPage> = root.into_iter().collect();
+    let mut end = HEADER as u64;
+    while let Some(ExpectedPage { entry, outer }) = waiting.pop_front() {
+        if progress.is_cancelled() {
+            report.report("cancelled".to_owned());
+            return report;
+        }
+        if entry.offset != end || u64::from(entry.id) != report.pages {
+            report.report(format!(
+                "page {} does not follow the one before it",
+                entry.id
+            ));
+        }
+        end = entry.end();
+        report.pages += 1;
+        progress.advance(1);
+        let page = match file.read_page(&entry, DecodeOptions::default()) {
+            Ok(page) => page,
+            Err(error) => {
+                report.report(error.to_string());
+                continue;
+            }
+        };
+        let tree = &page.model.tree;
+        report.nodes += tree.nodes.len() as u64;
+        let own = tree.nodes.first().map(|node| (node.center, node.radius));
+        let own = own.or_else(|| tree.leaves.first().map(|leaf| (leaf.center, leaf.radius)));
+        if let (Some((center, radius)), Some((outer, reach))) = (own, outer) {
+            let center = page.base + center.as_dvec3();
+            if !holds((outer, reach), center, f64::from(radius)) {
+                report.report(format!(
+                    "page {}: sticks out of what stands for it",
+                    entry.id
+                ));
+            }
+        }
+        check_page(&page, entry.id, &mut report);
+        match &page.children {
+            None => report.leaves += tree.leaves.len() as u64,
+            Some(below) => {
+                for (&entry, leaf) in below.entries.iter().zip(tree.leaves.iter()) {
+                    let outer = (leaf.center.as_dvec3(), f64::from(leaf.radius));
+                    waiting.push_back(ExpectedPage {
+                        entry,
+                        outer: Some(outer),
+                    });
+                }
+            }
+        }
+    }
+    let header = file.header();
+    for (what, found, said) in [
+        ("bytes", end, header.file_length),
+        ("pages", report.pages, header.page_count),
+        ("leaves", report.leaves, header.leaf_count),
+        ("nodes", report.nodes, header.node_count),
+    ] {
+        if found != said {
+            report.report(format!("{found} {what}, where the header says {said}"));
+        }
+    }
+    report
+}
+
+fn holds((center, radius): (DVec3, f64), inner: DVec3, reach: f64) -> bool {
+    center.distance(inner) + reach <= radius * (1.0 + TOLERANCE) + f64::from(f32::MIN_POSITIVE)
+}
+
+fn check_page(page: &DecodedPage, page_id: u32, report: &mut PagedReport) {
+    let (model, tree) = (&page.model, &page.model.tree);
+    let is_surface = !model.triangles.is_empty();
+    for (id, node) in tree.nodes.iter().enumerate() {
+        let sphere = (node.center.as_dvec3(), f64::from(node.radius));
+        let attributes = &tree.attributes[id];
+        if attributes.splat_radius > node.radius {
+            report.report(format!(
+                "page {page_id}, node {id}: a splat larger than its sphere"
+            ));
+        }
+        for leaf in tree.leaf_range(id as u32) {
+            let Leaf { center, radius } = tree.leaves[leaf as usize];
+            // Of points the true ball is in both: they meet.
+            let reach = if is_surface { radius } else { -radius };
+            if !holds(sphere, center.as_dvec3(), f64::from(reach)) {
+                report.report(format!("page {page_id}, node {id}: leaf {leaf} sticks out"));
+            }
+            let Some(triangle) = model.triangles.get(leaf as usize) else {
+                continue;
+            };
+            let corners = triangle.map(|index| model.vertices[index as usize].position);
+            let splat = (sphere.0, f64::from(attributes.splat_radius));
+            if !corners.iter().all(|p| holds(splat, p.as_dvec3(), 0.0)) {
+                report.report(format!(
+                    "page {page_id}, node {id}: leaf {leaf} out of its splat"
+                ));
+            }
+            if !is_in_cone(node, corners) {
+                report.report(format!(
+                    "page {page_id}, node {id}: leaf {leaf} out of its cone"
+                ));
+            }
+            if attributes.has_normal() {
+                let normal = octahedral::decode(attributes.normal);
+                let far = |p: &Vec3| (*p - node.center).dot(normal).abs();
+                let most = corners.iter().map(far).fold(0.0, f32::max);
+                if most > attributes.half_thickness() + 2e-4 * attributes.splat_radius {
+                    report.report(format!("page {page_id}, node {id}: leaf {leaf} is thicker"));
+                }
+            }
+        }
+    }
+}
+
+fn is_in_cone(node: &Node, corners: [Vec3; 3]) -> bool {
+    if node.cone.sin_half_angle == NormalCone::NEVER || node.flags & Node::FLAT != 0 {
+        return true;
+    }
+    let (normal, _) = geometric_normal(corners);
+    let axis = node.cone.axis().as_dvec3();
+    normal == DVec3::ZERO
+        || (normal.dot(axis) > 0.0
+            && normal.cross(axis).length() <= f64::from(node.cone.sin_half_angle()) + 1e-6)
+}

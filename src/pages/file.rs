@@ -1,0 +1,150 @@
+//! Reads the pages of a paged file.
+
+use super::format::{
+    CLOSED, COLORS, HEADER, LARGEST_PAGE, PageEntry, PageError, PagedHeader, TRIANGLES,
+};
+use super::page::{DecodeOptions, DecodedPage, decode};
+use super::source::ByteSource;
+use crate::tree::file::hash;
+use bytemuck::Zeroable;
+use glam::DVec3;
+use std::sync::Arc;
+
+/// An open paged file: its header. Pages are read when they are asked for.
+#[derive(Debug, Clone)]
+pub struct PagedFile {
+    source: Arc<dyn ByteSource>,
+    header: PagedHeader,
+}
+
+impl PagedFile {
+    /// Reads the header, and nothing else.
+    ///
+    /// # Errors
+    /// The source does not give it, or it is damaged.
+    pub fn open(source: Arc<dyn ByteSource>) -> Result<Self, PageError> {
+        let damaged = |offset: u64, cause: String| PageError::Damaged {
+            name: source.name().to_owned(),
+            page: None,
+            offset,
+            cause,
+        };
+        if source.len() < HEADER as u64 {
+            return Err(damaged(source.len(), "ends within its header".to_owned()));
+        }
+        let mut header = PagedHeader::zeroed();
+        let start = bytemuck::bytes_of_mut(&mut header);
+        source.read_at(0, start).map_err(|error| PageError::Io {
+            name: source.name().to_owned(),
+            offset: 0,
+            end: HEADER as u64,
+            cause: error.to_string(),
+        })?;
+        if cfg!(target_endian = "big") {
+            let cause = "paged files are little-endian; this machine is not";
+            return Err(damaged(0, cause.to_owned()));
+        }
+        header
+            .validate(source.len())
+            .map_err(|(offset, cause)| damaged(offset, cause))?;
+        Ok(Self { source, header })
+    }
+
+    /// What the file says of itself.
+    pub fn header(&self) -> &PagedHeader {
+        &self.header
+    }
+
+    /// Name for messages.
+    pub fn name(&self) -> &str {
+        self.source.name()
+    }
+
+    /// The first page; `None` in a model without leaves.
+    pub fn root(&self) -> Option<PageEntry> {
+        (self.header.root.bytes > 0).then_some(self.header.root)
+    }
+
+    /// Whether leaves are triangles.
+    pub fn is_surface(&self) -> bool {
+        self.header.flags & TRIANGLES != 0
+    }
+
+    /// Whether the surface is closed and oriented outward.
+    pub fn is_closed(&self) -> bool {
+        self.header.flags & CLOSED != 0
+    }
+
+    /// Whether there are colors.
+    pub fn has_colors(&self) -> bool {
+        self.header.flags & COLORS != 0
+    }
+
+    /// World position of the model-space zero.
+    pub fn origin(&self) -> DVec3 {
+        DVec3::from_array(self.header.origin)
+    }
+
+    /// Reads and decodes a page. Its bytes are asked for only where the file has them.
+    ///
+    /// # Errors
+    /// The source does not give it, its checksum is another, or it is damaged: also where a page below it does not lie
+    /// behind it and within the file.
+    pub fn read_page(
+        &self,
+        entry: &PageEntry,
+        options: DecodeOptions,
+    ) -> Result<DecodedPage, PageError> {
+        let damaged = |at: u64, cause: String| PageError::Damaged {
+            name: self.name().to_owned(),
+            page: Some(entry.id),
+            offset: entry.offset.saturating_add(at),
+            cause,
+        };
+        let end = entry.end();
+        if entry.bytes > LARGEST_PAGE
+            || entry.offset < HEADER as u64
+            || end > self.header.file_length
+            || u64::from(entry.id) >= self.header.page_count
+        {
+            return Err(damaged(
+                0,
+                format!("{} bytes, which the file does not have", entry.bytes),
+            ));
+        }
+        let mut bytes = vec![0; entry.bytes as usize];
+        self.source
+            .read_at(entry.offset, &mut bytes)
+            .map_err(|error| PageError::Io {
+                name: self.name().to_owned(),
+                offset: entry.offset,
+                end,
+                cause: error.to_string(),
+            })?;
+        if hash(&bytes) != entry.checksum {
+            return Err(damaged(0, "the checksum is wrong".to_owned()));
+        }
+        let mut page = decode(&bytes, self.origin(), options)
+            .map_err(|(at, cause)| damaged(at as u64, cause))?;
+        if let Some(below) = &page.children {
+            let (first, last) = (below.entries.first(), below.entries.last());
+            let is_forward = first.is_none_or(|child| child.offset >= end && child.id > entry.id)
+                && last.is_none_or(|child| {
+                    child.end() <= self.header.file_length
+                        && u64::from(child.id) < self.header.page_count
+                });
+            if !is_forward {
+                let cause = "pages below it that do not lie behind it and in the file";
+                return Err(damaged(24, cause.to_owned()));
+            }
+        } else {
+            let is_surface = !page.model.triangles.is_empty();
+            if is_surface != self.is_surface() || page.model.has_colors != self.has_colors() {
+                let cause = "leaves of another kind than the header says";
+                return Err(damaged(0, cause.to_owned()));
+            }
+            page.model.is_closed = self.is_closed();
+        }
+        Ok(page)
+    }
+}
