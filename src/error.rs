@@ -31,6 +31,9 @@ pub enum Error {
     /// Failures could not be measured.
     #[error(transparent)]
     Failures(#[from] crate::failures::Error),
+    /// Photographs cannot be used.
+    #[error(transparent)]
+    Photos(#[from] crate::photos::error::PhotoError),
     /// A chart could not be made.
     #[error(transparent)]
     Chart(#[from] crate::chart::Error),
@@ -50,6 +53,7 @@ impl Error {
                 | Self::Generate(crate::generate::Error::Cancelled)
                 | Self::Profile(ProfileError::Cancelled(_))
                 | Self::Failures(crate::failures::Error::Cancelled)
+                | Self::Photos(crate::photos::error::PhotoError::Cancelled)
                 | Self::Chart(crate::chart::Error::Cancelled)
                 | Self::Bench(crate::bench::Error::Cancelled)
         )

@@ -10,7 +10,7 @@
 //! needs, [`pack`] packs them into lists of plain records, [`render`] turns the lists into a picture on the device or on
 //! the CPU, [`image`] keeps and compares pictures, [`measure`] keeps times, counts and errors, [`chart`] lays times and
 //! errors side by side, [`mod@bench`] holds the times to what they have to reach. [`scenes`] are models that methods fail
-//! at, [`failures`] says how far and why. [`gpu`] is the only place with Vulkan.
+//! at, [`failures`] says how far and why. [`photos`] puts calibrated photographs on what was drawn. [`gpu`] is the only place with Vulkan.
 //!
 //! # From a file to a picture, without a window
 //!
@@ -56,6 +56,7 @@ pub mod mesh;
 pub mod open;
 pub mod pack;
 pub mod pages;
+pub mod photos;
 pub mod progress;
 pub mod render;
 pub mod scenes;

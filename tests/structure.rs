@@ -59,6 +59,13 @@ const LAYERS: &[Layer] = &[
             "progress", "math", "abi", "tree", "cut", "pack", "image", "gpu", "render",
         ],
     ),
+    // Calibrated photographs: their scenes know nothing of models; the look and its score draw one.
+    layer(
+        "photos",
+        &[
+            "progress", "math", "abi", "tree", "image", "gpu", "render", "measure",
+        ],
+    ),
     // Draws every scene by every method and measures the pictures.
     layer(
         "failures",
@@ -85,8 +92,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "error",
         &[
-            "math", "input", "generate", "scenes", "tree", "image", "gpu", "measure", "failures",
-            "chart", "bench",
+            "math", "input", "generate", "scenes", "tree", "image", "gpu", "measure", "photos",
+            "failures", "chart", "bench",
         ],
     ),
     // The one door: what a name means, read and built. Its errors are those of the library.
@@ -107,8 +114,8 @@ const LAYERS: &[Layer] = &[
         "cli",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
-            "pack", "image", "gpu", "render", "measure", "failures", "chart", "bench", "error",
-            "open", "viewer",
+            "pack", "image", "gpu", "render", "measure", "photos", "failures", "chart", "bench",
+            "error", "open", "viewer",
         ],
     ),
 ];

@@ -1,0 +1,9 @@
+//! Photographs on models: real scenes of calibrated photographs, where they are, and generated ones.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+#[path = "photos/conventions.rs"]
+mod conventions;
+#[path = "common/models.rs"]
+mod models;
+#[path = "photos/scenes.rs"]
+mod scenes;
