@@ -1,0 +1,141 @@
+//! Exposures brought together: a factor of each photograph and channel from what photographs show in common.
+//!
+//! After Brown and Lowe, *Automatic Panoramic Image Stitching using Invariant Features* (2007), section 6, with logarithms:
+//! minimize, over the logarithms g of the gains, the sum over pairs of n_ij (g_i - g_j - r_ij)² + s g_i², where r_ij is the
+//! median of log(color in j / color in i) of the n_ij common places. The median does not mind what moved or shines. Factors
+//! are of encoded values: a power of linear light is a factor of these too.
+
+use glam::Vec3;
+
+/// Common places of two photographs below which they say nothing of each other.
+const FEWEST_COMMON: usize = 20;
+
+/// Most places of a pair that are looked at.
+const MOST_COMMON: usize = 4000;
+
+/// Weight of a gain of 1, in places: keeps photographs without neighbors as they are.
+const PRIOR: f64 = 1.0;
+
+/// Rounds of Gauss-Seidel.
+const ROUNDS: usize = 500;
+
+/// Largest factor either way.
+const LARGEST: f64 = 4.0;
+
+/// Values (of 1) between which a color is neither dark nor clipped.
+const USABLE: [f32; 2] = [0.03, 0.97];
+
+/// The gains of photographs whose colors at the same places are `colors[photo][place]`; `None` where a photograph does not
+/// show the place. Their geometric mean is 1, and 1 is the gain of a photograph that shares too little.
+pub fn exposure_gains(colors: &[Vec<Option<Vec3>>]) -> Vec<Vec3> {
+    let count = colors.len();
+    let mut gains = vec![Vec3::ONE; count];
+    for channel in 0..3 {
+        // Of each pair i < j: the median of log ratios, and how many.
+        let mut pairs = Vec::new();
+        for i in 0..count {
+            for j in i + 1..count {
+                if let Some((ratio, weight)) = median_ratio([&colors[i], &colors[j]], channel) {
+                    pairs.push((i, j, ratio, weight));
+                }
+            }
+        }
+        let logs = solve(count, &pairs);
+        for (gain, log) in gains.iter_mut().zip(logs) {
+            gain[channel] = log.exp().clamp(1.0 / LARGEST, LARGEST) as f32;
+        }
+    }
+    gains
+}
+
+/// Median of log(second / first) and the number of places.
+fn median_ratio(pair: [&Vec<Option<Vec3>>; 2], channel: usize) -> Option<(f64, f64)> {
+    let usable = |v: f32| v > USABLE[0] && v < USABLE[1];
+    let mut ratios: Vec<f64> = (pair[0].iter().zip(pair[1]))
+        .filter_map(|(a, b)| {
+            let (a, b) = (a.as_ref()?[channel], b.as_ref()?[channel]);
+            (usable(a) && usable(b)).then(|| f64::from(b / a).ln())
+        })
+        .take(MOST_COMMON)
+        .collect();
+    if ratios.len() < FEWEST_COMMON {
+        return None;
+    }
+    let middle = ratios.len() / 2;
+    let (_, median, _) = ratios.select_nth_unstable_by(middle, f64::total_cmp);
+    Some((*median, ratios.len() as f64))
+}
+
+/// Logarithms of the gains, with mean 0.
+fn solve(count: usize, pairs: &[(usize, usize, f64, f64)]) -> Vec<f64> {
+    let mut logs = vec![0.0; count];
+    for _ in 0..ROUNDS {
+        for photo in 0..count {
+            let (mut sum, mut weights) = (0.0, PRIOR);
+            for (i, j, ratio, weight) in pairs {
+                // g_i - g_j = ratio brings both to one value.
+                if *i == photo {
+                    sum += weight * (logs[*j] + ratio);
+                    weights += weight;
+                } else if *j == photo {
+                    sum += weight * (logs[*i] - ratio);
+                    weights += weight;
+                }
+            }
+            logs[photo] = sum / weights;
+        }
+    }
+    let is_tied = |photo: usize| pairs.iter().any(|(i, j, ..)| *i == photo || *j == photo);
+    let tied: Vec<usize> = (0..count).filter(|photo| is_tied(*photo)).collect();
+    let mean = tied.iter().map(|i| logs[*i]).sum::<f64>() / tied.len().max(1) as f64;
+    tied.iter().for_each(|i| logs[*i] -= mean);
+    logs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exposures_are_found_from_overlaps_despite_outliers() {
+        let truth = [Vec3::new(1.2, 1.1, 1.0), Vec3::new(0.8, 0.9, 1.0), Vec3::new(1.0, 1.0, 1.1)];
+        let colors: Vec<Vec<Option<Vec3>>> = (0..3_usize)
+            .map(|photo| {
+                (0..600_usize)
+                    .map(|place| {
+                        // Photographs 0 and 2 share nothing; a tenth of the places shows something else.
+                        let is_seen = match photo {
+                            0 => place < 400,
+                            1 => true,
+                            _ => place >= 420,
+                        };
+                        let base = 0.2 + 0.4 * ((place * 37) % 100) as f32 / 100.0;
+                        let other = if (place + photo) % 10 == 0 { 0.5 } else { 1.0 };
+                        is_seen.then_some(Vec3::splat(base * other) / truth[photo])
+                    })
+                    .collect()
+            })
+            .collect();
+        let gains = exposure_gains(&colors);
+        for channel in 0..3 {
+            let mean: f32 = truth.iter().map(|t| t[channel]).product::<f32>().powf(1.0 / 3.0);
+            for (gain, t) in gains.iter().zip(truth) {
+                let wanted = t[channel] / mean;
+                assert!((gain[channel] / wanted - 1.0).abs() < 0.02, "{gains:?} {wanted}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_photograph_that_shares_nothing_keeps_its_colors() {
+        let dark = vec![Some(Vec3::splat(0.2)); 50];
+        let light = vec![Some(Vec3::splat(0.4)); 50];
+        let gains = exposure_gains(&[dark, light, vec![None; 50]]);
+        assert_eq!(gains[2], Vec3::ONE);
+        assert!((gains[0].x / gains[1].x - 2.0).abs() < 0.05, "{gains:?}");
+        assert!(exposure_gains(&[]).is_empty());
+        // Clipped places say nothing.
+        let clipped = vec![Some(Vec3::ONE); 50];
+        assert_eq!(exposure_gains(&[clipped.clone(), clipped]), [Vec3::ONE; 2]);
+    }
+}
