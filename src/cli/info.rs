@@ -7,10 +7,13 @@ use std::fmt::Write;
 use surfel::OpenedModel;
 use surfel::input::FilePart;
 use surfel::open::SourceFormat;
+use surfel::photos::formats::locate_scene;
 
-/// Say what is in a model file.
+/// Say what is in a model file, or in a scene of photographs.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:\n  surfel info dragon.ply.gz\n  surfel info --json scan.ply")]
+#[command(
+    after_help = "Examples:\n  surfel info dragon.ply.gz\n  surfel info --json scan.ply\n  surfel info castle/scene.mvs      cameras of photographs, and whether their conventions look right"
+)]
 pub(crate) struct Args {
     #[command(flatten)]
     source: Source,
@@ -98,6 +101,10 @@ fn parts(parts: &[FilePart]) -> String {
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
+    let path = &args.source.model;
+    if path.is_dir() || locate_scene(path).is_ok() {
+        return super::photos::info(path, args.json);
+    }
     let ready = args.source.open(quiet)?;
     let facts = facts(&ready);
     if args.json {

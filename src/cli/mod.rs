@@ -16,6 +16,7 @@ mod info;
 mod light;
 mod look;
 mod motion;
+mod photos;
 mod profile;
 mod progress;
 mod render;
@@ -46,27 +47,35 @@ pub(crate) enum Failure {
 
 pub(crate) type Outcome = Result<(), Failure>;
 
+/// Whether a device's error is of what was asked for.
+fn is_of_input(error: &surfel::gpu::Error) -> bool {
+    use surfel::gpu::Error as G;
+    matches!(
+        error,
+        G::UnknownDevice { .. } | G::Limit { .. } | G::Unsupported { .. }
+    )
+}
+
 impl From<surfel::Error> for Failure {
     fn from(error: surfel::Error) -> Self {
         use surfel::Error as E;
         use surfel::generate::Error as G;
+        use surfel::photos::error::PhotoError as P;
         let is_input = match &error {
             error if error.is_cancelled() => false,
             // A bad specification is bad input; a file that cannot be written is not.
             E::Generate(G::Write { .. } | G::Stream(_)) => false,
             E::Input(_) | E::Tree(_) | E::Camera(_) | E::Generate(_) | E::Scene(_) => true,
             E::Image(surfel::image::Error::Read { .. }) => true,
+            E::Photos(P::Gpu(g)) => is_of_input(g),
+            E::Photos(P::Picture(_) | P::Cancelled) => false,
+            E::Photos(_) => true,
             E::Bench(surfel::bench::Error::Memory { .. } | surfel::bench::Error::Camera(_)) => true,
             E::Chart(surfel::chart::Error::Rows { .. } | surfel::chart::Error::Camera(_)) => true,
             E::Gpu(g)
             | E::Profile(surfel::measure::profile::Error::Gpu(g))
             | E::Chart(surfel::chart::Error::Gpu(g))
-            | E::Bench(surfel::bench::Error::Gpu(g)) => matches!(
-                g,
-                surfel::gpu::Error::UnknownDevice { .. }
-                    | surfel::gpu::Error::Limit { .. }
-                    | surfel::gpu::Error::Unsupported { .. }
-            ),
+            | E::Bench(surfel::bench::Error::Gpu(g)) => is_of_input(g),
             _ => false,
         };
         if is_input {
@@ -119,6 +128,7 @@ Examples:
   surfel scenes                                      small scenes that methods fail at
   surfel profile scan.ply --frames 120               what each pass and stage of a frame costs
   surfel motion scan.ply --threshold 3               how much flickers and pops when the camera moves
+  surfel photos score castle --mesh castle/mesh.ply  photographs on a mesh, each predicted from the others
   surfel stability -o failures                       where the methods fail, measured: a table with pictures
   surfel chart scan.ply -o chart --quick             time against error of every method, as a chart and a page
   surfel bench --quick                               every figure that has to be reached, with pass or miss
@@ -176,7 +186,7 @@ enum Command {
     Render(Box<render::Args>),
     /// Build the tree of a model and write it to a file that opens at once
     Build(build::Args),
-    /// Say what is in a model file
+    /// Say what is in a model file or a scene of photographs
     Info(info::Args),
     /// Check a model file and every invariant of its tree
     Check(check::Args),
@@ -190,6 +200,8 @@ enum Command {
     Profile(Box<profile::Args>),
     /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
     Motion(Box<motion::Args>),
+    /// Photographs on a mesh: draw it with them, or predict each from the others
+    Photos(Box<photos::Args>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
     Stability(stability::Args),
     /// Measure time and error of every method, splat and threshold, and draw them as a chart
@@ -278,6 +290,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Scenes(args)) => scenes::run(args),
         Some(Command::Profile(args)) => profile::run(*args, quiet),
         Some(Command::Motion(args)) => motion::run(*args, quiet),
+        Some(Command::Photos(args)) => photos::run(*args, quiet),
         Some(Command::Stability(args)) => stability::run(args, quiet),
         Some(Command::Chart(args)) => chart::run(*args, quiet),
         Some(Command::Bench(args)) => bench::run(args, quiet),

@@ -18,12 +18,7 @@ const LEAST_PART: f64 = 0.005;
 /// Direction of a view for the choice of photographs: from outside of a box the direction from the eye to the middle of the
 /// model, so that turning the camera changes nothing; inside, where the camera looks. Between, over a shell of a tenth of
 /// the box's diagonal, a blend of both: without it the photographs would change at a step over the border.
-pub fn view_direction(
-    eye: Vec3,
-    forward: Vec3,
-    bounds: [Vec3; 2],
-    middle: Vec3,
-) -> Vec3 {
+pub fn view_direction(eye: Vec3, forward: Vec3, bounds: [Vec3; 2], middle: Vec3) -> Vec3 {
     let [min, max] = bounds;
     let outside = (middle - eye).normalize_or(forward);
     // Distance outside of the box.
@@ -60,7 +55,11 @@ pub struct NormalCluster {
 /// Clusters of unit normals, at most [`CLUSTERS`] and none empty. Starts from normals far apart; stops when no normal moves.
 /// A cluster whose normals cancel (their mean is shorter than one half) is split if there is room. Zero vectors are left out.
 pub fn cluster_normals(normals: &[Vec3]) -> Vec<NormalCluster> {
-    let normals: Vec<Vec3> = normals.iter().copied().filter(|n| n.length_squared() > 0.25).collect();
+    let normals: Vec<Vec3> = normals
+        .iter()
+        .copied()
+        .filter(|n| n.length_squared() > 0.25)
+        .collect();
     let mut centers = farthest_apart(&normals, CLUSTERS);
     let mut assigned = vec![usize::MAX; normals.len()];
     let mut sums = vec![(DVec3::ZERO, 0_usize); centers.len()];
@@ -215,7 +214,12 @@ fn shares(clusters: &[NormalCluster], count: usize, picture_pixels: usize) -> Ve
     let exact = |i: usize| count as f64 * clusters[i].pixels as f64 / all.max(1) as f64;
     let mut shares: Vec<usize> = (0..clusters.len()).map(|i| exact(i) as usize).collect();
     let mut order: Vec<usize> = (0..clusters.len()).collect();
-    order.sort_by(|a, b| exact(*b).fract().total_cmp(&exact(*a).fract()).then(a.cmp(b)));
+    order.sort_by(|a, b| {
+        exact(*b)
+            .fract()
+            .total_cmp(&exact(*a).fract())
+            .then(a.cmp(b))
+    });
     let left = count - shares.iter().sum::<usize>().min(count);
     order.iter().take(left).for_each(|i| shares[*i] += 1);
     for (share, cluster) in shares.iter_mut().zip(clusters) {
@@ -237,7 +241,11 @@ pub fn most_worth(worth: &[Vec<f32>], count: usize) -> Vec<usize> {
             if chosen.contains(&photo) {
                 continue;
             }
-            let added: f64 = row.iter().zip(&best).map(|(w, b)| f64::from((w - b).max(0.0))).sum();
+            let added: f64 = row
+                .iter()
+                .zip(&best)
+                .map(|(w, b)| f64::from((w - b).max(0.0)))
+                .sum();
             if added > 0.0 && next.is_none_or(|(most, _)| added > most) {
                 next = Some((added, photo));
             }
@@ -262,7 +270,10 @@ mod tests {
         let clusters = cluster_normals(&picture);
         assert_eq!(clusters.len(), 4);
         for normal in normals {
-            let found = clusters.iter().find(|c| (c.direction - normal).length() < 1e-6).unwrap();
+            let found = clusters
+                .iter()
+                .find(|c| (c.direction - normal).length() < 1e-6)
+                .unwrap();
             assert_eq!(found.pixels, 1024);
         }
     }
@@ -272,18 +283,32 @@ mod tests {
         assert!(cluster_normals(&[]).is_empty());
         assert!(cluster_normals(&[Vec3::ZERO; 9]).is_empty());
         let one = cluster_normals(&[Vec3::Y; 7]);
-        assert_eq!(one, [NormalCluster { direction: Vec3::Y, pixels: 7 }]);
-        let two: Vec<Vec3> = (0..100).map(|i| if i % 2 == 0 { Vec3::X } else { -Vec3::X }).collect();
+        assert_eq!(
+            one,
+            [NormalCluster {
+                direction: Vec3::Y,
+                pixels: 7
+            }]
+        );
+        let two: Vec<Vec3> = (0..100)
+            .map(|i| if i % 2 == 0 { Vec3::X } else { -Vec3::X })
+            .collect();
         let found = cluster_normals(&two);
         assert_eq!(found.len(), 2);
-        assert!(found.iter().all(|c| c.pixels == 50 && c.direction.x.abs() == 1.0));
+        assert!(
+            found
+                .iter()
+                .all(|c| c.pixels == 50 && c.direction.x.abs() == 1.0)
+        );
         // Every normal is in a cluster, also those opposite to all centers.
-        let many: Vec<Vec3> = (0..500).map(|i| {
-            let a = i as f32 * 2.399_963;
-            let z = 1.0 - 2.0 * (i as f32 + 0.5) / 500.0;
-            let r = (1.0 - z * z).sqrt();
-            Vec3::new(r * a.cos(), r * a.sin(), z)
-        }).collect();
+        let many: Vec<Vec3> = (0..500)
+            .map(|i| {
+                let a = i as f32 * 2.399_963;
+                let z = 1.0 - 2.0 * (i as f32 + 0.5) / 500.0;
+                let r = (1.0 - z * z).sqrt();
+                Vec3::new(r * a.cos(), r * a.sin(), z)
+            })
+            .collect();
         let found = cluster_normals(&many);
         assert_eq!(found.iter().map(|c| c.pixels).sum::<usize>(), 500);
         assert_eq!(cluster_normals(&many), found, "the same twice");
@@ -294,10 +319,16 @@ mod tests {
         // Five groups for four clusters, two of which are opposite: they may share one.
         let mut normals = vec![Vec3::X; 40];
         normals.extend([-Vec3::X; 40]);
-        let whole = NormalCluster { direction: Vec3::Y, pixels: 80 };
+        let whole = NormalCluster {
+            direction: Vec3::Y,
+            pixels: 80,
+        };
         let found = halves(&normals, whole);
         assert_eq!(found.len(), 2);
-        assert_eq!((found[0].direction, found[1].direction), (Vec3::X, -Vec3::X));
+        assert_eq!(
+            (found[0].direction, found[1].direction),
+            (Vec3::X, -Vec3::X)
+        );
     }
 
     #[test]
@@ -310,17 +341,38 @@ mod tests {
     #[test]
     fn supplementary_photographs_look_against_the_uncovered() {
         let clusters = [
-            NormalCluster { direction: Vec3::X, pixels: 600 },
-            NormalCluster { direction: Vec3::Y, pixels: 300 },
-            NormalCluster { direction: Vec3::Z, pixels: 10 },
+            NormalCluster {
+                direction: Vec3::X,
+                pixels: 600,
+            },
+            NormalCluster {
+                direction: Vec3::Y,
+                pixels: 300,
+            },
+            NormalCluster {
+                direction: Vec3::Z,
+                pixels: 10,
+            },
         ];
-        let directions = [-Vec3::X, -Vec3::Y, Vec3::new(-0.9, -0.1, 0.0), Vec3::X, Vec3::Z];
+        let directions = [
+            -Vec3::X,
+            -Vec3::Y,
+            Vec3::new(-0.9, -0.1, 0.0),
+            Vec3::X,
+            Vec3::Z,
+        ];
         // The last cluster is small and nothing looks against it; photograph 0 is taken.
-        assert_eq!(supplementary_photos(&clusters, &directions, &[0], 3, 10_000), [2, 1]);
+        assert_eq!(
+            supplementary_photos(&clusters, &directions, &[0], 3, 10_000),
+            [2, 1]
+        );
         assert_eq!(shares(&clusters, 6, 10_000), [4, 2, 0]);
         // Above 0.5 % of the picture one is certain.
         assert_eq!(shares(&clusters, 6, 1000), [4, 2, 1]);
-        assert_eq!(supplementary_photos(&clusters, &directions, &[], 1, 1000), [0]);
+        assert_eq!(
+            supplementary_photos(&clusters, &directions, &[], 1, 1000),
+            [0]
+        );
         assert!(supplementary_photos(&[], &directions, &[], 4, 100).is_empty());
     }
 
@@ -340,12 +392,20 @@ mod tests {
         // Outside turning changes nothing, inside the camera decides.
         let eye = Vec3::new(3.0, 0.0, 0.0);
         assert_eq!(view_direction(eye, Vec3::Z, bounds, Vec3::ZERO), -Vec3::X);
-        assert_eq!(view_direction(Vec3::splat(0.1), Vec3::Z, bounds, Vec3::ZERO), Vec3::Z);
+        assert_eq!(
+            view_direction(Vec3::splat(0.1), Vec3::Z, bounds, Vec3::ZERO),
+            Vec3::Z
+        );
     }
 
     #[test]
     fn the_most_worth_is_chosen_once_and_then_what_it_lacks() {
-        let worth = vec![vec![0.9, 0.9, 0.0, 0.0], vec![0.8, 0.8, 0.1, 0.0], vec![0.0, 0.0, 0.5, 0.5], vec![0.0; 4]];
+        let worth = vec![
+            vec![0.9, 0.9, 0.0, 0.0],
+            vec![0.8, 0.8, 0.1, 0.0],
+            vec![0.0, 0.0, 0.5, 0.5],
+            vec![0.0; 4],
+        ];
         assert_eq!(most_worth(&worth, 4), [0, 2]);
         assert_eq!(most_worth(&worth, 1), [0]);
         assert!(most_worth(&[], 3).is_empty());

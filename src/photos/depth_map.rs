@@ -96,7 +96,12 @@ impl PhotoDepth {
         }
         // Chamfer distances: forward with the neighbors above, backward with those below.
         let (straight, diagonal) = (1.0, std::f32::consts::SQRT_2);
-        let steps = [(-1_i64, 0_i64, straight), (-1, -1, diagonal), (0, -1, straight), (1, -1, diagonal)];
+        let steps = [
+            (-1_i64, 0_i64, straight),
+            (-1, -1, diagonal),
+            (0, -1, straight),
+            (1, -1, diagonal),
+        ];
         for backward in [false, true] {
             let sign = if backward { -1 } else { 1 };
             for k in 0..w * h {
@@ -163,7 +168,9 @@ mod tests {
 
     /// A wall at 10, and a box at 5 before its left half.
     fn map() -> PhotoDepth {
-        let depth = (0..32 * 32).map(|i| if i % 32 < 16 { 5.0 } else { 10.0 }).collect();
+        let depth = (0..32 * 32)
+            .map(|i| if i % 32 < 16 { 5.0 } else { 10.0 })
+            .collect();
         PhotoDepth::new([32, 32], Vec2::splat(32.0), Vec2::splat(16.0), depth)
     }
 
@@ -205,7 +212,10 @@ mod tests {
     fn distances_from_edges_are_those_of_texels() {
         let map = map();
         let row: Vec<f32> = map.edge[10 * 32 + 10..10 * 32 + 22].to_vec();
-        assert_eq!(row, [4.0, 4.0, 3.0, 2.0, 1.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 4.0]);
+        assert_eq!(
+            row,
+            [4.0, 4.0, 3.0, 2.0, 1.0, 0.0, 0.0, 1.0, 2.0, 3.0, 4.0, 4.0]
+        );
         let empty = PhotoDepth::new([4, 4], Vec2::ONE, Vec2::ONE, vec![f32::INFINITY; 16]);
         assert!(empty.edge.iter().all(|e| *e == EDGE_TEXELS));
     }
@@ -214,8 +224,15 @@ mod tests {
     fn a_grazing_surface_does_not_hide_itself() {
         // Depth 10 (1 + 3 x) over the ray x: a wall seen at a grazing angle, sampled at centers of texels.
         let depth_at = |x: f32| 10.0 / (1.0 - 3.0 * (x - 16.0) / 32.0);
-        let depth = (0..32 * 32).map(|i| depth_at((i % 32) as f32 + 0.5)).map(|d| if d > 0.0 { d } else { f32::INFINITY });
-        let map = PhotoDepth::new([32, 32], Vec2::splat(32.0), Vec2::splat(16.0), depth.collect());
+        let depth = (0..32 * 32)
+            .map(|i| depth_at((i % 32) as f32 + 0.5))
+            .map(|d| if d > 0.0 { d } else { f32::INFINITY });
+        let map = PhotoDepth::new(
+            [32, 32],
+            Vec2::splat(32.0),
+            Vec2::splat(16.0),
+            depth.collect(),
+        );
         for step in 0..80 {
             let x = 6.0 + 0.1 * step as f32;
             let depth = depth_at(x);

@@ -98,7 +98,11 @@ mod tests {
 
     #[test]
     fn exposures_are_found_from_overlaps_despite_outliers() {
-        let truth = [Vec3::new(1.2, 1.1, 1.0), Vec3::new(0.8, 0.9, 1.0), Vec3::new(1.0, 1.0, 1.1)];
+        let truth = [
+            Vec3::new(1.2, 1.1, 1.0),
+            Vec3::new(0.8, 0.9, 1.0),
+            Vec3::new(1.0, 1.0, 1.1),
+        ];
         let colors: Vec<Vec<Option<Vec3>>> = (0..3_usize)
             .map(|photo| {
                 (0..600_usize)
@@ -118,10 +122,17 @@ mod tests {
             .collect();
         let gains = exposure_gains(&colors);
         for channel in 0..3 {
-            let mean: f32 = truth.iter().map(|t| t[channel]).product::<f32>().powf(1.0 / 3.0);
+            let mean: f32 = truth
+                .iter()
+                .map(|t| t[channel])
+                .product::<f32>()
+                .powf(1.0 / 3.0);
             for (gain, t) in gains.iter().zip(truth) {
                 let wanted = t[channel] / mean;
-                assert!((gain[channel] / wanted - 1.0).abs() < 0.02, "{gains:?} {wanted}");
+                assert!(
+                    (gain[channel] / wanted - 1.0).abs() < 0.02,
+                    "{gains:?} {wanted}"
+                );
             }
         }
     }

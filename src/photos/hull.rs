@@ -118,7 +118,10 @@ mod tests {
     fn a_model_that_fills_a_quarter() {
         // Corners of the central half, many points on one side, and one behind that would be mirrored.
         let corners = [(-0.5, -0.25), (0.5, -0.25), (0.5, 0.25), (-0.5, 0.25)];
-        let mut points: Vec<DVec3> = corners.iter().map(|(x, y)| DVec3::new(*x, *y, 1.0)).collect();
+        let mut points: Vec<DVec3> = corners
+            .iter()
+            .map(|(x, y)| DVec3::new(*x, *y, 1.0))
+            .collect();
         points.extend((0..50).map(|i| DVec3::new(-0.5, -0.25 + 0.01 * f64::from(i), 1.0)));
         points.push(DVec3::new(9.0, 9.0, -1.0));
         let found = hull_direction(&camera(), points.iter().copied(), HullMiddle::Area);
@@ -135,10 +138,17 @@ mod tests {
             DVec3::new(-0.4 + 0.4 * a.cos(), 0.4 * a.sin(), 1.0)
         }));
         let area = hull_direction(&camera(), points.iter().copied(), HullMiddle::Area).direction;
-        let corners = hull_direction(&camera(), points.iter().copied(), HullMiddle::Corners).direction;
+        let corners =
+            hull_direction(&camera(), points.iter().copied(), HullMiddle::Corners).direction;
         // The centroid of a half disc is 4 r / 3 pi from its side; the mean of the corners about 2 r / pi.
-        assert!((area.x / area.z - (-0.4 + 0.4 * 0.4244)).abs() < 2e-3, "{area}");
-        assert!((corners.x / corners.z - (-0.4 + 0.4 * 0.6366)).abs() < 0.02, "{corners}");
+        assert!(
+            (area.x / area.z - (-0.4 + 0.4 * 0.4244)).abs() < 2e-3,
+            "{area}"
+        );
+        assert!(
+            (corners.x / corners.z - (-0.4 + 0.4 * 0.6366)).abs() < 0.02,
+            "{corners}"
+        );
     }
 
     #[test]
@@ -152,7 +162,16 @@ mod tests {
 
     #[test]
     fn a_line_a_point_and_nothing_fall_back_to_the_axis() {
-        for points in [vec![], vec![DVec3::Z], vec![DVec3::Z; 5], vec![DVec3::Z, DVec3::new(0.1, 0.1, 1.0), DVec3::new(0.2, 0.2, 1.0)]] {
+        for points in [
+            vec![],
+            vec![DVec3::Z],
+            vec![DVec3::Z; 5],
+            vec![
+                DVec3::Z,
+                DVec3::new(0.1, 0.1, 1.0),
+                DVec3::new(0.2, 0.2, 1.0),
+            ],
+        ] {
             let found = hull_direction(&camera(), points.into_iter(), HullMiddle::Area);
             assert_eq!((found.direction, found.area), (DVec3::Z, 0.0));
         }

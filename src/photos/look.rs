@@ -183,7 +183,14 @@ fn candidate(
                 PhotoDirection::Hull => photo.direction,
                 PhotoDirection::Ray => ray,
             };
-            princ_weight(settings.form, photo, d, pixel.normal, view.direction, settings.limit_cos)
+            princ_weight(
+                settings.form,
+                photo,
+                d,
+                pixel.normal,
+                view.direction,
+                settings.limit_cos,
+            )
         }
         WeightForm::Quality => {
             let view_ray = (pixel.position - view.eye).normalize_or_zero();
@@ -191,7 +198,11 @@ fn candidate(
             let apart = 1.0 - view_ray.dot(ray);
             let same = SAME_RAY / (SAME_RAY + apart.max(0.0));
             let has_normal = pixel.normal != Vec3::ZERO;
-            let faces = if has_normal { smooth(settings.limit_cos, 0.6, facing) } else { 1.0 };
+            let faces = if has_normal {
+                smooth(settings.limit_cos, 0.6, facing)
+            } else {
+                1.0
+            };
             // Fewer than one texel a pixel is blur, more is no gain.
             let texels = across.min(down).clamp(0.05, 1.0);
             same * faces * texels * border_weight(photo, place, settings.border)
@@ -240,16 +251,25 @@ fn texel_steps(pixel: &SurfacePixel, photo: &ProjectedPhoto, place: PhotoPlace) 
 fn border_weight(photo: &ProjectedPhoto, place: PhotoPlace, part: f32) -> f32 {
     let from_border = place.pixel.min(photo.size - place.pixel).min_element();
     let width = part * photo.size.min_element();
-    if width > 0.0 { (from_border / width).clamp(0.02, 1.0) } else { 1.0 }
+    if width > 0.0 {
+        (from_border / width).clamp(0.02, 1.0)
+    } else {
+        1.0
+    }
 }
 
 /// Color of a candidate, `coarser` levels above the one that fits.
 fn color_of(candidate: &PixelCandidate, of: &LookPhoto<'_>, coarser: f32, gains: bool) -> Vec3 {
     let photo = of.photo;
     // Levels are counted from the largest that is held.
-    let held = (of.pixels.size()[0] as f32 / photo.size.x.max(1.0)).max(1e-6).log2();
+    let held = (of.pixels.size()[0] as f32 / photo.size.x.max(1.0))
+        .max(1e-6)
+        .log2();
     let level = (candidate.level + held - SHARPER).max(0.0) + coarser;
-    let color = Vec3::from(of.pixels.sample((candidate.pixel / photo.size).to_array(), level));
+    let color = Vec3::from(
+        of.pixels
+            .sample((candidate.pixel / photo.size).to_array(), level),
+    );
     if gains { color * photo.gain } else { color }
 }
 
@@ -303,15 +323,22 @@ fn mixed(
     let first = best[0];
     let chosen = color_of(&first, of(&first), 0.0, settings.gains);
     let (mut sum, mut weights) = (chosen * first.weight, first.weight);
-    for other in best.iter().skip(1).take(settings.blend.saturating_sub(1) as usize) {
+    for other in best
+        .iter()
+        .skip(1)
+        .take(settings.blend.saturating_sub(1) as usize)
+    {
         let color = color_of(other, of(other), 0.0, settings.gains);
         let apart = (color - chosen).abs().max_element();
-        let weight = other.weight * (1.0 - smooth(settings.tolerance, 2.0 * settings.tolerance, apart));
+        let weight =
+            other.weight * (1.0 - smooth(settings.tolerance, 2.0 * settings.tolerance, apart));
         sum += color * weight;
         weights += weight;
     }
     LookPixel {
-        color: (sum / weights.max(1e-20)).clamp(Vec3::ZERO, Vec3::ONE).to_array(),
+        color: (sum / weights.max(1e-20))
+            .clamp(Vec3::ZERO, Vec3::ONE)
+            .to_array(),
         weight: first.weight,
         best: first.list_index,
     }
@@ -327,14 +354,20 @@ const COARSER: f32 = 2.0;
 fn agree(best: &mut [PixelCandidate], photos: &[LookPhoto<'_>], settings: &LookSettings) {
     let mut colors = [Vec3::ZERO; CANDIDATES];
     for (color, candidate) in colors.iter_mut().zip(best.iter()) {
-        *color = color_of(candidate, &photos[candidate.list_index as usize], COARSER, settings.gains);
+        *color = color_of(
+            candidate,
+            &photos[candidate.list_index as usize],
+            COARSER,
+            settings.gains,
+        );
     }
     let mut weights = [0.0; CANDIDATES];
     for i in 0..best.len() {
         let (mut same, mut all) = (0.0, 0.0);
         for j in 0..best.len() {
             let apart = (colors[i] - colors[j]).abs().max_element();
-            same += best[j].weight * (1.0 - smooth(settings.tolerance, 2.5 * settings.tolerance, apart));
+            same += best[j].weight
+                * (1.0 - smooth(settings.tolerance, 2.5 * settings.tolerance, apart));
             all += best[j].weight;
         }
         weights[i] = best[i].weight * same / all;
@@ -345,3 +378,7 @@ fn agree(best: &mut [PixelCandidate], photos: &[LookPhoto<'_>], settings: &LookS
     // Few values; stable, so that ties keep their order.
     best.sort_by(|a, b| b.weight.total_cmp(&a.weight));
 }
+
+#[cfg(test)]
+#[path = "look/tests.rs"]
+mod tests;

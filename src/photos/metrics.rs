@@ -50,11 +50,19 @@ impl ComparedPictures<'_> {
 
     fn psnr_db(&self) -> f64 {
         let mut sum = 0.0;
-        for ((photo, picture), _) in (self.photo.iter().zip(self.picture).zip(self.mask)).filter(|(_, m)| **m) {
-            sum += (0..3).map(|c| f64::from(picture[c] - photo[c]).powi(2)).sum::<f64>();
+        for ((photo, picture), _) in
+            (self.photo.iter().zip(self.picture).zip(self.mask)).filter(|(_, m)| **m)
+        {
+            sum += (0..3)
+                .map(|c| f64::from(picture[c] - photo[c]).powi(2))
+                .sum::<f64>();
         }
         let mean = sum / (3 * self.counted().max(1)) as f64;
-        if mean > 0.0 { (-10.0 * mean.log10()).min(BEST_DB) } else { BEST_DB }
+        if mean > 0.0 {
+            (-10.0 * mean.log10()).min(BEST_DB)
+        } else {
+            BEST_DB
+        }
     }
 
     /// Both pictures, equal where nothing counts.
@@ -85,7 +93,10 @@ impl ComparedPictures<'_> {
         let [photo, picture] = self.masked();
         let share = self.mask.len() as f64 / counted as f64;
         let map = flip(&photo, &picture, PIXELS_PER_DEGREE)?.map;
-        let flip = (map.iter().zip(self.mask)).filter(|(_, m)| **m).map(|(v, _)| f64::from(*v)).sum::<f64>();
+        let flip = (map.iter().zip(self.mask))
+            .filter(|(_, m)| **m)
+            .map(|(v, _)| f64::from(*v))
+            .sum::<f64>();
         Ok(RephotographyErrors {
             psnr_db: self.psnr_db(),
             // What does not count is equal, so it adds no loss.
@@ -97,13 +108,16 @@ impl ComparedPictures<'_> {
 
     fn one_minus_ncc(&self) -> f64 {
         let (w, h) = (self.width as usize, self.height as usize);
-        let luma = |c: &[f32; 3]| 0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2]);
+        let luma = |c: &[f32; 3]| {
+            0.2126 * f64::from(c[0]) + 0.7152 * f64::from(c[1]) + 0.0722 * f64::from(c[2])
+        };
         let first: Vec<f64> = self.photo.iter().map(luma).collect();
         let second: Vec<f64> = self.picture.iter().map(luma).collect();
         let (mut sum, mut windows) = (0.0, 0_usize);
         for y in HALF..h.saturating_sub(HALF) {
             for x in HALF..w.saturating_sub(HALF) {
-                let rows = (y - HALF..=y + HALF).map(|row| row * w + x - HALF..row * w + x + HALF + 1);
+                let rows =
+                    (y - HALF..=y + HALF).map(|row| row * w + x - HALF..row * w + x + HALF + 1);
                 if rows.clone().any(|row| self.mask[row].iter().any(|m| !*m)) {
                     continue;
                 }
@@ -121,7 +135,11 @@ impl ComparedPictures<'_> {
                     continue;
                 }
                 // A flat window of the picture does not correlate.
-                let ncc = if vb > FLAT { (ab - a * b) / (va * vb).sqrt() } else { 0.0 };
+                let ncc = if vb > FLAT {
+                    (ab - a * b) / (va * vb).sqrt()
+                } else {
+                    0.0
+                };
                 sum += 1.0 - ncc.clamp(-1.0, 1.0);
                 windows += 1;
             }
@@ -132,7 +150,9 @@ impl ComparedPictures<'_> {
     /// The factor of each channel that brings the picture nearest to the photograph, by least squares.
     pub fn channel_gains(&self) -> [f32; 3] {
         let mut sums = [[0.0_f64; 2]; 3];
-        for ((photo, picture), _) in (self.photo.iter().zip(self.picture).zip(self.mask)).filter(|(_, m)| **m) {
+        for ((photo, picture), _) in
+            (self.photo.iter().zip(self.picture).zip(self.mask)).filter(|(_, m)| **m)
+        {
             for (c, sum) in sums.iter_mut().enumerate() {
                 let (p, q) = (f64::from(photo[c]), f64::from(picture[c]));
                 *sum = [sum[0] + p * q, sum[1] + q * q];
@@ -159,7 +179,11 @@ impl ComparedPictures<'_> {
                 }
             }
         }
-        if energy[1] > 0.0 { energy[0] / energy[1] } else { 1.0 }
+        if energy[1] > 0.0 {
+            energy[0] / energy[1]
+        } else {
+            1.0
+        }
     }
 }
 
@@ -174,8 +198,18 @@ mod tests {
         [0, 1, 2].map(|c| 0.4 + 0.2 * (1.3 * x + 0.7 * y + c as f32).sin())
     }
 
-    fn compared<'a>(photo: &'a [[f32; 3]], picture: &'a [[f32; 3]], mask: &'a [bool]) -> ComparedPictures<'a> {
-        ComparedPictures { width: W as u32, height: W as u32, photo, picture, mask }
+    fn compared<'a>(
+        photo: &'a [[f32; 3]],
+        picture: &'a [[f32; 3]],
+        mask: &'a [bool],
+    ) -> ComparedPictures<'a> {
+        ComparedPictures {
+            width: W as u32,
+            height: W as u32,
+            photo,
+            picture,
+            mask,
+        }
     }
 
     #[test]
@@ -191,37 +225,74 @@ mod tests {
         let all = vec![true; W * W];
         assert!(compared(&photo, &picture, &all).errors().unwrap().psnr_db < 50.0);
         let none = vec![false; W * W];
-        assert_eq!(compared(&photo, &picture, &none).errors().unwrap(), RephotographyErrors::default());
+        assert_eq!(
+            compared(&photo, &picture, &none).errors().unwrap(),
+            RephotographyErrors::default()
+        );
     }
 
     #[test]
     fn one_gain_a_channel_takes_exposure_out_and_correlation_never_had_it() {
         let photo: Vec<_> = (0..W * W).map(texture).collect();
-        let picture: Vec<_> = photo.iter().map(|c| [c[0] * 0.5, c[1] * 0.8, c[2]]).collect();
+        let picture: Vec<_> = photo
+            .iter()
+            .map(|c| [c[0] * 0.5, c[1] * 0.8, c[2]])
+            .collect();
         let all = vec![true; W * W];
         let of = compared(&photo, &picture, &all);
         let gains = of.channel_gains();
-        assert!((gains[0] - 2.0).abs() < 1e-4 && (gains[1] - 1.25).abs() < 1e-4 && (gains[2] - 1.0).abs() < 1e-4);
+        assert!(
+            (gains[0] - 2.0).abs() < 1e-4
+                && (gains[1] - 1.25).abs() < 1e-4
+                && (gains[2] - 1.0).abs() < 1e-4
+        );
         let gray: Vec<_> = photo.iter().map(|c| c.map(|v| 0.5 * v)).collect();
-        assert!(compared(&photo, &gray, &all).errors().unwrap().one_minus_ncc < 1e-6);
+        assert!(
+            compared(&photo, &gray, &all)
+                .errors()
+                .unwrap()
+                .one_minus_ncc
+                < 1e-6
+        );
         // A difference of one tenth is 20 dB.
         let shifted: Vec<_> = photo.iter().map(|c| c.map(|v| v + 0.1)).collect();
         assert!((compared(&photo, &shifted, &all).errors().unwrap().psnr_db - 20.0).abs() < 1e-4);
         // The negative correlates at -1, a flat picture not at all.
         let negative: Vec<_> = photo.iter().map(|c| c.map(|v| 1.0 - v)).collect();
-        assert!((compared(&photo, &negative, &all).errors().unwrap().one_minus_ncc - 2.0).abs() < 1e-6);
+        assert!(
+            (compared(&photo, &negative, &all)
+                .errors()
+                .unwrap()
+                .one_minus_ncc
+                - 2.0)
+                .abs()
+                < 1e-6
+        );
         let flat = vec![[0.3; 3]; W * W];
-        assert!((compared(&photo, &flat, &all).errors().unwrap().one_minus_ncc - 1.0).abs() < 1e-9);
+        assert!(
+            (compared(&photo, &flat, &all)
+                .errors()
+                .unwrap()
+                .one_minus_ncc
+                - 1.0)
+                .abs()
+                < 1e-9
+        );
     }
 
     #[test]
     fn a_step_between_labels_is_a_seam() {
         let photo: Vec<_> = (0..W * W).map(texture).collect();
         let labels: Vec<u32> = (0..W * W).map(|at| u32::from(at % W >= 12)).collect();
-        let stepped: Vec<_> = (photo.iter().zip(&labels)).map(|(c, l)| c.map(|v| v + 0.3 * *l as f32)).collect();
+        let stepped: Vec<_> = (photo.iter().zip(&labels))
+            .map(|(c, l)| c.map(|v| v + 0.3 * *l as f32))
+            .collect();
         let all = vec![true; W * W];
         assert!((compared(&photo, &photo, &all).seam_energy(&labels) - 1.0).abs() < 1e-9);
         assert!(compared(&photo, &stepped, &all).seam_energy(&labels) > 1.5);
-        assert_eq!(compared(&photo, &stepped, &all).seam_energy(&vec![0; W * W]), 1.0);
+        assert_eq!(
+            compared(&photo, &stepped, &all).seam_energy(&vec![0; W * W]),
+            1.0
+        );
     }
 }

@@ -2,12 +2,28 @@
 //!
 //! [`formats`] reads a scene of photographs into the plain structures of [`scene`], in one convention; [`check`] finds wrong
 //! conventions by the colors of sparse points. [`decode`] and [`library`] bring photographs into memory as [`pyramid`]s.
+//!
+//! The look is a pass over the pixels of a surface ([`surface`]), so it does not matter what drew that. [`choose`] picks
+//! photographs for a frame, with directions corrected by [`hull`]; [`look`] gives each pixel its color from them, with
+//! visibility by [`depth_map`] and exposures by [`gains`]. [`session`] holds what is loaded and drawn once. [`score`] leaves
+//! one photograph out and predicts it from the others.
 
 pub mod check;
+pub mod choose;
 pub mod decode;
+pub mod depth_map;
 pub mod error;
 pub mod formats;
+pub mod gains;
+pub mod hull;
 pub mod lens;
 pub mod library;
+pub mod look;
+pub mod metrics;
+pub mod projected;
 pub mod pyramid;
+pub mod report;
 pub mod scene;
+pub mod score;
+pub mod session;
+pub mod surface;

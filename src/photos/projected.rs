@@ -131,13 +131,19 @@ mod tests {
         for pixel in [DVec2::new(10.0, 1990.0), DVec2::new(1500.5, 700.25)] {
             let world = camera.center + 8.0 * camera.direction(pixel).unwrap();
             let place = photo.place((world - origin).as_vec3()).unwrap();
-            assert!((place.pixel.as_dvec2() - pixel).length() < 0.01, "{place:?}");
+            assert!(
+                (place.pixel.as_dvec2() - pixel).length() < 0.01,
+                "{place:?}"
+            );
         }
         // Behind, outside, in the eye and nowhere.
         let ahead = photo.rotation.transpose() * Vec3::Z;
         assert!(photo.place(photo.center + 5.0 * ahead).is_some());
         assert_eq!(photo.place(photo.center - 5.0 * ahead), None);
-        assert_eq!(photo.place(photo.center + 5.0 * ahead.any_orthonormal_vector()), None);
+        assert_eq!(
+            photo.place(photo.center + 5.0 * ahead.any_orthonormal_vector()),
+            None
+        );
         assert_eq!(photo.place(photo.center), None);
         assert_eq!(photo.place(Vec3::NAN), None);
     }

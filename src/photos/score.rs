@@ -64,13 +64,37 @@ pub fn ladder() -> Vec<LadderRung> {
     };
     vec![
         rung("vertices", "mean colors of vertices", None),
-        rung("axis", "one photograph by optical axis, equation 2.8 as printed", Some(printed)),
-        rung("hull", "the same with Princ's corrected direction", Some(hull)),
-        rung("visible", "and visibility by depth, soft at edges", Some(visible)),
-        rung("mended", "his weight mended, a ray for each pixel", Some(mended)),
-        rung("best", "one photograph by ray, texels and border", Some(best)),
+        rung(
+            "axis",
+            "one photograph by optical axis, equation 2.8 as printed",
+            Some(printed),
+        ),
+        rung(
+            "hull",
+            "the same with Princ's corrected direction",
+            Some(hull),
+        ),
+        rung(
+            "visible",
+            "and visibility by depth, soft at edges",
+            Some(visible),
+        ),
+        rung(
+            "mended",
+            "his weight mended, a ray for each pixel",
+            Some(mended),
+        ),
+        rung(
+            "best",
+            "one photograph by ray, texels and border",
+            Some(best),
+        ),
         rung("gains", "and exposures brought together", Some(gains)),
-        rung("blend", "and up to three blended where they agree", Some(LookSettings::default())),
+        rung(
+            "blend",
+            "and up to three blended where they agree",
+            Some(LookSettings::default()),
+        ),
     ]
 }
 
@@ -142,8 +166,10 @@ fn target(photo: &ScenePhoto, longest: u32) -> Result<TargetPhoto, PhotoError> {
         let mut sum = [0.0_f32; 3];
         let (x, y) = (at % width, at / width);
         for k in 0..factor * factor {
-            let pixel = [x * factor + k % factor, y * factor + k / factor].map(|v| f64::from(v) + 0.5);
-            let ray = [0, 1].map(|i| (pixel[i] - photo.camera.principal[i]) / photo.camera.focal[i]);
+            let pixel =
+                [x * factor + k % factor, y * factor + k / factor].map(|v| f64::from(v) + 0.5);
+            let ray =
+                [0, 1].map(|i| (pixel[i] - photo.camera.principal[i]) / photo.camera.focal[i]);
             let place = photo.camera.lens.distort(ray).map(|bent| {
                 [0, 1].map(|i| bent[i] * photo.camera.focal[i] + photo.camera.principal[i])
             });
@@ -191,16 +217,30 @@ impl PhotoJudge<'_, '_> {
         let target = target(photo, self.longest_side)?;
         let size = [target.camera.width, target.camera.height];
         let surface = self.session.drawer().surface(&target.camera)?;
-        let others: Vec<usize> = self.session.usable().into_iter().filter(|i| *i != index).collect();
-        let colors = self.session.vertex_colors(&others)?;
-        let base: Vec<[f32; 3]> = (self.session.drawer().vertex_colors(&colors, &target.camera)?)
-            .iter()
-            .map(|[r, g, b, _]| [*r, *g, *b])
+        let others: Vec<usize> = self
+            .session
+            .usable()
+            .into_iter()
+            .filter(|i| *i != index)
             .collect();
+        let colors = self.session.vertex_colors(&others)?;
+        let base: Vec<[f32; 3]> = (self
+            .session
+            .drawer()
+            .vertex_colors(&colors, &target.camera)?)
+        .iter()
+        .map(|[r, g, b, _]| [*r, *g, *b])
+        .collect();
         let on_mesh: Vec<bool> = surface.pixels.iter().map(Option::is_some).collect();
         // Seen by another photograph: what soft visibility and a mild limit of the angle leave.
-        let reference = self.session.picture(&target.camera, &surface, &others, &LookSettings::default())?;
-        let seen: Vec<bool> = reference.pixels.iter().map(|pixel| pixel.weight > 0.0).collect();
+        let reference =
+            self.session
+                .picture(&target.camera, &surface, &others, &LookSettings::default())?;
+        let seen: Vec<bool> = reference
+            .pixels
+            .iter()
+            .map(|pixel| pixel.weight > 0.0)
+            .collect();
         let mut score = PhotoScore {
             name: photo.name.clone(),
             mesh_pixels: on_mesh.iter().filter(|m| **m).count() as u64,
@@ -209,17 +249,30 @@ impl PhotoJudge<'_, '_> {
         };
         let mut pictures = ScorePictures {
             photo: image_of(size, &target.values),
-            mask: image_of(size, &seen.iter().map(|m| [f32::from(u8::from(*m)); 3]).collect::<Vec<_>>()),
+            mask: image_of(
+                size,
+                &seen
+                    .iter()
+                    .map(|m| [f32::from(u8::from(*m)); 3])
+                    .collect::<Vec<_>>(),
+            ),
             rungs: Vec::new(),
         };
         for rung in self.rungs.clone() {
             let picture = match &rung.settings {
-                Some(settings) => Some(self.session.picture(&target.camera, &surface, &others, settings)?),
+                Some(settings) => {
+                    Some(
+                        self.session
+                            .picture(&target.camera, &surface, &others, settings)?,
+                    )
+                }
                 None => None,
             };
             let values = composed(picture.as_ref(), &surface, &base);
             let labels = labels_of(picture.as_ref(), on_mesh.len());
-            score.rungs.push(rung_score(&target, &values, [&seen, &on_mesh], &labels)?);
+            score
+                .rungs
+                .push(rung_score(&target, &values, [&seen, &on_mesh], &labels)?);
             pictures.rungs.push(image_of(size, &values));
         }
         let everything = self.session.usable();
@@ -231,14 +284,23 @@ impl PhotoJudge<'_, '_> {
     }
 
     /// PSNR of a picture from a camera, with the photograph itself among the others.
-    fn self_psnr(&mut self, target: &TargetPhoto, camera: CalibratedCamera, all: &[usize]) -> Result<f64, PhotoError> {
+    fn self_psnr(
+        &mut self,
+        target: &TargetPhoto,
+        camera: CalibratedCamera,
+        all: &[usize],
+    ) -> Result<f64, PhotoError> {
         let surface = self.session.drawer().surface(&camera)?;
         let settings = LookSettings {
             gains: false,
             ..LookSettings::default()
         };
         let picture = self.session.picture(&camera, &surface, all, &settings)?;
-        let mask: Vec<bool> = picture.pixels.iter().map(|pixel| pixel.weight > 0.0).collect();
+        let mask: Vec<bool> = picture
+            .pixels
+            .iter()
+            .map(|pixel| pixel.weight > 0.0)
+            .collect();
         let values: Vec<[f32; 3]> = picture.pixels.iter().map(|pixel| pixel.color).collect();
         Ok(compared(target, &values, &mask).errors()?.psnr_db)
     }
@@ -269,9 +331,15 @@ impl PhotoJudge<'_, '_> {
 }
 
 /// The picture's colors where it has any, else those of vertices, else black.
-fn composed(picture: Option<&PhotoPicture>, surface: &SurfacePicture, base: &[[f32; 3]]) -> Vec<[f32; 3]> {
+fn composed(
+    picture: Option<&PhotoPicture>,
+    surface: &SurfacePicture,
+    base: &[[f32; 3]],
+) -> Vec<[f32; 3]> {
     let of = |at: usize| {
-        let covered = picture.map(|p| p.pixels[at]).filter(|pixel| pixel.weight > 0.0);
+        let covered = picture
+            .map(|p| p.pixels[at])
+            .filter(|pixel| pixel.weight > 0.0);
         match (covered, &surface.pixels[at]) {
             (_, None) => [0.0; 3],
             (Some(pixel), Some(_)) => pixel.color,
@@ -288,12 +356,22 @@ fn labels_of(picture: Option<&PhotoPicture>, count: usize) -> Vec<u32> {
         Some(picture) => picture
             .pixels
             .iter()
-            .map(|pixel| if pixel.weight > 0.0 { pixel.best } else { u32::MAX })
+            .map(|pixel| {
+                if pixel.weight > 0.0 {
+                    pixel.best
+                } else {
+                    u32::MAX
+                }
+            })
             .collect(),
     }
 }
 
-fn compared<'a>(target: &'a TargetPhoto, picture: &'a [[f32; 3]], mask: &'a [bool]) -> ComparedPictures<'a> {
+fn compared<'a>(
+    target: &'a TargetPhoto,
+    picture: &'a [[f32; 3]],
+    mask: &'a [bool],
+) -> ComparedPictures<'a> {
     ComparedPictures {
         width: target.camera.width,
         height: target.camera.height,
@@ -315,7 +393,11 @@ fn rung_score(
         .map(|value| [0, 1, 2].map(|c| (value[c] * gains[c]).clamp(0.0, 1.0)))
         .collect();
     let mesh = on_mesh.iter().filter(|m| **m).count().max(1);
-    let colored = labels.iter().zip(on_mesh).filter(|(label, on)| **on && **label != u32::MAX).count();
+    let colored = labels
+        .iter()
+        .zip(on_mesh)
+        .filter(|(label, on)| **on && **label != u32::MAX)
+        .count();
     Ok(RungScore {
         seen: of.errors()?,
         seen_gain: compared(target, &corrected, seen).errors()?,

@@ -109,7 +109,8 @@ impl<'m> PhotoSession<'m> {
     ) -> Result<Self, PhotoError> {
         let model = drawer.model();
         let used = &model.vertices[..(model.used_vertices as usize).min(model.vertices.len())];
-        let middle = used.iter().map(|v| v.position.as_dvec3()).sum::<DVec3>() / used.len().max(1) as f64;
+        let middle =
+            used.iter().map(|v| v.position.as_dvec3()).sum::<DVec3>() / used.len().max(1) as f64;
         let mut session = Self {
             scene,
             library: PhotoLibrary::new(scene.photos.len(), options.budget_bytes),
@@ -141,7 +142,12 @@ impl<'m> PhotoSession<'m> {
                 scene.path.display()
             )));
         }
-        if session.ready.iter().flatten().all(|ready| ready.projected.area == 0.0) {
+        if session
+            .ready
+            .iter()
+            .flatten()
+            .all(|ready| ready.projected.area == 0.0)
+        {
             return Err(PhotoError::Usage(format!(
                 "{}: no photograph shows the model; mesh and cameras are in different frames",
                 scene.path.display()
@@ -160,7 +166,10 @@ impl<'m> PhotoSession<'m> {
         let mut projected = ProjectedPhoto::new(index as u32, &photo.camera, model.origin, size);
         let used = &model.vertices[..(model.used_vertices as usize).min(model.vertices.len())];
         let step = stride(used.len(), HULL_POINTS);
-        let points = used.iter().step_by(step).map(|v| model.origin + v.position.as_dvec3());
+        let points = used
+            .iter()
+            .step_by(step)
+            .map(|v| model.origin + v.position.as_dvec3());
         let hull = hull_direction(&photo.camera, points, HullMiddle::Area);
         (projected.direction, projected.area) = (hull.direction.as_vec3(), hull.area as f32);
         let depth = self.drawer.depth_map(&photo.camera)?;
@@ -172,7 +181,9 @@ impl<'m> PhotoSession<'m> {
                 Some(load_photo(&of_mask, self.options.longest_side)?)
             }
         };
-        let pixels = self.library.whole(index, photo, self.options.longest_side)?;
+        let pixels = self
+            .library
+            .whole(index, photo, self.options.longest_side)?;
         let step = stride(used.len(), GAIN_PLACES);
         let look = LookPhoto {
             photo: &projected,
@@ -180,7 +191,10 @@ impl<'m> PhotoSession<'m> {
             depth: &depth,
             mask: mask.as_ref(),
         };
-        let colors = used.iter().step_by(step).map(|v| color_at(&look, v.position, normal_of(v)));
+        let colors = used
+            .iter()
+            .step_by(step)
+            .map(|v| color_at(&look, v.position, normal_of(v)));
         let colors = colors.collect();
         Ok(Some(ReadyPhoto {
             colors,
@@ -202,12 +216,18 @@ impl<'m> PhotoSession<'m> {
 
     /// Indices of the photographs that can be used.
     pub fn usable(&self) -> Vec<usize> {
-        (0..self.ready.len()).filter(|i| self.ready[*i].is_some()).collect()
+        (0..self.ready.len())
+            .filter(|i| self.ready[*i].is_some())
+            .collect()
     }
 
     /// Gains of the given photographs from what they show in common, in their order.
     pub fn gains(&self, photos: &[usize]) -> Vec<Vec3> {
-        let of = |i: &usize| self.ready[*i].as_ref().map_or_else(Vec::new, |ready| ready.colors.clone());
+        let of = |i: &usize| {
+            self.ready[*i]
+                .as_ref()
+                .map_or_else(Vec::new, |ready| ready.colors.clone())
+        };
         exposure_gains(&photos.iter().map(of).collect::<Vec<_>>())
     }
 
@@ -242,7 +262,13 @@ impl<'m> PhotoSession<'m> {
     }
 
     /// Weight of a photograph at a place, without its pixels and its mask.
-    fn worth(&self, index: usize, pixel: &SurfacePixel, view: &LookView, settings: &LookSettings) -> f32 {
+    fn worth(
+        &self,
+        index: usize,
+        pixel: &SurfacePixel,
+        view: &LookView,
+        settings: &LookSettings,
+    ) -> f32 {
         let Some(ready) = &self.ready[index] else {
             return 0.0;
         };
@@ -268,26 +294,36 @@ impl<'m> PhotoSession<'m> {
                 continue;
             };
             let photo = &self.scene.photos[*index];
-            let pixels = self.library.whole(*index, photo, self.options.longest_side)?;
+            let pixels = self
+                .library
+                .whole(*index, photo, self.options.longest_side)?;
             let look = LookPhoto {
                 photo: &ready.projected,
                 pixels: &pixels,
                 depth: &ready.depth,
                 mask: ready.mask.as_ref(),
             };
-            sums.par_iter_mut().zip(&model.vertices).for_each(|((sum, weight), vertex)| {
-                let normal = normal_of(vertex);
-                if let Some(color) = color_at(&look, vertex.position, normal) {
-                    let facing = normal.dot(ready.projected.ray_to(vertex.position)).abs().max(0.05);
-                    *sum += color * facing;
-                    *weight += facing;
-                }
-            });
+            sums.par_iter_mut()
+                .zip(&model.vertices)
+                .for_each(|((sum, weight), vertex)| {
+                    let normal = normal_of(vertex);
+                    if let Some(color) = color_at(&look, vertex.position, normal) {
+                        let facing = normal
+                            .dot(ready.projected.ray_to(vertex.position))
+                            .abs()
+                            .max(0.05);
+                        *sum += color * facing;
+                        *weight += facing;
+                    }
+                });
         }
-        Ok(sums.iter().map(|(sum, weight)| match *weight > 0.0 {
-            true => (*sum / *weight * 255.0 + 0.5).to_array().map(|v| v as u8),
-            false => [128; 3],
-        }).collect())
+        Ok(sums
+            .iter()
+            .map(|(sum, weight)| match *weight > 0.0 {
+                true => (*sum / *weight * 255.0 + 0.5).to_array().map(|v| v as u8),
+                false => [128; 3],
+            })
+            .collect())
     }
 
     /// The view of a camera for the look.
@@ -321,7 +357,10 @@ impl<'m> PhotoSession<'m> {
             let worth: Vec<Vec<f32>> = (allowed.par_iter())
                 .map(|index| places.iter().map(|pixel| weight(*index, pixel)).collect())
                 .collect();
-            return most_worth(&worth, most).iter().map(|i| (allowed[*i], 0)).collect();
+            return most_worth(&worth, most)
+                .iter()
+                .map(|i| (allowed[*i], 0))
+                .collect();
         }
         let direction = |index: &usize| match &self.ready[*index] {
             Some(ready) if settings.direction == PhotoDirection::Axis => {
@@ -338,7 +377,8 @@ impl<'m> PhotoSession<'m> {
             .collect();
         let clusters = cluster_normals(&uncovered);
         let second = supplementary_photos(&clusters, &directions, &first, most / 2, places.len());
-        let staged = |list: Vec<usize>, stage: u32| list.into_iter().map(move |i| (allowed[i], stage));
+        let staged =
+            |list: Vec<usize>, stage: u32| list.into_iter().map(move |i| (allowed[i], stage));
         staged(first, 0).chain(staged(second, 1)).collect()
     }
 
@@ -362,7 +402,11 @@ impl<'m> PhotoSession<'m> {
         };
         let mut held: Vec<(ProjectedPhoto, Arc<PhotoPyramid>)> = Vec::new();
         for ((index, stage), gain) in chosen.iter().zip(gains) {
-            let pixels = self.library.whole(*index, &self.scene.photos[*index], self.options.longest_side)?;
+            let pixels = self.library.whole(
+                *index,
+                &self.scene.photos[*index],
+                self.options.longest_side,
+            )?;
             if let Some(ready) = &self.ready[*index] {
                 let photo = ProjectedPhoto {
                     stage: *stage,
@@ -399,8 +443,15 @@ impl<'m> PhotoSession<'m> {
 /// Places of a picture that stand for all of it.
 fn places_of(surface: &SurfacePicture) -> Vec<SurfacePixel> {
     let width = surface.image.width as usize;
-    let rows = surface.pixels.chunks(width.max(1)).skip(CHOICE_STEP / 2).step_by(CHOICE_STEP);
-    rows.flat_map(|row| row.iter().skip(CHOICE_STEP / 2).step_by(CHOICE_STEP)).flatten().copied().collect()
+    let rows = surface
+        .pixels
+        .chunks(width.max(1))
+        .skip(CHOICE_STEP / 2)
+        .step_by(CHOICE_STEP);
+    rows.flat_map(|row| row.iter().skip(CHOICE_STEP / 2).step_by(CHOICE_STEP))
+        .flatten()
+        .copied()
+        .collect()
 }
 
 fn normal_of(vertex: &crate::abi::Vertex) -> Vec3 {
@@ -421,5 +472,6 @@ fn color_at(look: &LookPhoto<'_>, position: Vec3, normal: Vec3) -> Option<Vec3> 
     let seen = look.depth.visibility(query, PhotoVisibility::DepthSoft);
     let at = (place.pixel / photo.size).to_array();
     let is_masked = look.mask.is_some_and(|mask| mask.sample(at, 0.0)[1] < 0.5);
-    (seen > 0.5 && facing > 0.2 && !is_masked).then(|| Vec3::from(look.pixels.sample(at, GAIN_LEVEL)))
+    (seen > 0.5 && facing > 0.2 && !is_masked)
+        .then(|| Vec3::from(look.pixels.sample(at, GAIN_LEVEL)))
 }

@@ -35,7 +35,11 @@ pub fn renderer_camera(camera: &CalibratedCamera, model: &Model) -> Option<Camer
     let corners = (0..8).map(|i| {
         let pick = |bit: usize, low: f32, high: f32| if i >> bit & 1 == 0 { low } else { high };
         let (low, high) = (model.min, model.max);
-        let corner = Vec3::new(pick(0, low.x, high.x), pick(1, low.y, high.y), pick(2, low.z, high.z));
+        let corner = Vec3::new(
+            pick(0, low.x, high.x),
+            pick(1, low.y, high.y),
+            pick(2, low.z, high.z),
+        );
         camera.to_camera(model.origin + corner.as_dvec3()).z
     });
     let (nearest, farthest) = corners.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), z| {
@@ -55,7 +59,12 @@ pub fn renderer_camera(camera: &CalibratedCamera, model: &Model) -> Option<Camer
     let proj = DMat4::from_cols(
         DVec4::new(2.0 * camera.focal[0] / w, 0.0, 0.0, 0.0),
         DVec4::new(0.0, 2.0 * camera.focal[1] / h, 0.0, 0.0),
-        DVec4::new(1.0 - 2.0 * cx / w, 2.0 * cy / h - 1.0, far / (near - far), -1.0),
+        DVec4::new(
+            1.0 - 2.0 * cx / w,
+            2.0 * cy / h - 1.0,
+            far / (near - far),
+            -1.0,
+        ),
         DVec4::new(0.0, 0.0, near * far / (near - far), 0.0),
     );
     Some(Camera {
@@ -75,12 +84,18 @@ pub fn calibrated_camera(camera: &Camera) -> Option<CalibratedCamera> {
     let rotation = flip * DMat3::from_mat4(camera.view);
     let [w, h] = [camera.width, camera.height].map(f64::from);
     let sign = if camera.y_down { -1.0 } else { 1.0 };
-    let (p, is_perspective) = (camera.proj, camera.proj.row(3) == DVec4::new(0.0, 0.0, -1.0, 0.0));
+    let (p, is_perspective) = (
+        camera.proj,
+        camera.proj.row(3) == DVec4::new(0.0, 0.0, -1.0, 0.0),
+    );
     let found = CalibratedCamera {
         width: camera.width,
         height: camera.height,
         focal: [0.5 * w * p.x_axis.x, 0.5 * sign * h * p.y_axis.y],
-        principal: [0.5 * w * (1.0 - p.z_axis.x), 0.5 * h * (1.0 + sign * p.z_axis.y)],
+        principal: [
+            0.5 * w * (1.0 - p.z_axis.x),
+            0.5 * h * (1.0 + sign * p.z_axis.y),
+        ],
         lens: Default::default(),
         rotation,
         center: -(rotation.transpose() * (flip * camera.view.w_axis.truncate())),
@@ -118,7 +133,12 @@ impl<'m> SurfaceDrawer<'m> {
         self.model
     }
 
-    fn picture(&self, model: &Model, camera: &CalibratedCamera, outputs: PictureOutputs) -> Result<Image, PhotoError> {
+    fn picture(
+        &self,
+        model: &Model,
+        camera: &CalibratedCamera,
+        outputs: PictureOutputs,
+    ) -> Result<Image, PhotoError> {
         let size = (camera.width, camera.height);
         let Some(of_renderer) = renderer_camera(camera, self.model) else {
             let mut nothing = Image::filled(size.0, size.1, [0, 0, 0, 0]);
@@ -194,7 +214,11 @@ impl<'m> SurfaceDrawer<'m> {
     ///
     /// # Errors
     /// When the backend cannot draw it.
-    pub fn vertex_colors(&self, colors: &[[u8; 3]], camera: &CalibratedCamera) -> Result<Vec<[f32; 4]>, PhotoError> {
+    pub fn vertex_colors(
+        &self,
+        colors: &[[u8; 3]],
+        camera: &CalibratedCamera,
+    ) -> Result<Vec<[f32; 4]>, PhotoError> {
         let mut colored = self.model.clone();
         colored.has_colors = true;
         for (vertex, [r, g, b]) in colored.vertices.iter_mut().zip(colors) {
@@ -207,7 +231,11 @@ impl<'m> SurfaceDrawer<'m> {
         };
         let image = self.picture(&colored, camera, outputs)?;
         // What faces the light has a value of 0.8.
-        Ok(image.values.iter().map(|[r, g, b, a]| [r / 0.8, g / 0.8, b / 0.8, *a]).collect())
+        Ok(image
+            .values
+            .iter()
+            .map(|[r, g, b, a]| [r / 0.8, g / 0.8, b / 0.8, *a])
+            .collect())
     }
 
     /// What a photograph sees of the model, in a map of at most [`DEPTH_SIDE`] texels that holds all rays of its lens.
@@ -223,7 +251,12 @@ impl<'m> SurfaceDrawer<'m> {
         let image = self.picture(self.model, &of_map, outputs)?;
         let pair = |v: [f64; 2]| Vec2::new(v[0] as f32, v[1] as f32);
         let size = [of_map.width, of_map.height];
-        Ok(PhotoDepth::new(size, pair(of_map.focal), pair(of_map.principal), image.depth))
+        Ok(PhotoDepth::new(
+            size,
+            pair(of_map.focal),
+            pair(of_map.principal),
+            image.depth,
+        ))
     }
 }
 
