@@ -13,8 +13,8 @@ use crate::generate::{self, ShapeSpec};
 use crate::input::{self, Counts, FilePart, Format, InputStream, Warning};
 use crate::math::camera::Camera;
 use crate::mesh::Mesh;
-use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::mesh::attributes::PointAttributes;
+use crate::mesh::creases::USUAL_CREASE_DEGREES;
 use crate::pages::file::PagedFile;
 use crate::pages::qs::{self, QsCloud};
 use crate::pages::source::{ByteSource, FileSource, MemorySource};
@@ -319,6 +319,7 @@ impl From<QsCloud> for SourceContent {
             file_bytes: 0,
             warnings: Vec::new(),
             parts: Vec::new(),
+            attributes: PointAttributes::default(),
             scene: None,
         }
     }

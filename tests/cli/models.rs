@@ -186,7 +186,10 @@ fn clouds_are_listed_and_colored_by_what_they_carry() {
     std::fs::write(&cloud, format!("x,y,z,intensity,class\n{rows}")).unwrap();
     let run = surfel([Path::new("info"), &cloud]);
     assert_eq!(run.code, 0, "{}", run.err);
-    assert!(run.out.contains("attribute intensity") && run.out.contains("0 to 99, 1 byte a point"));
+    assert!(
+        run.text().contains("attribute intensity")
+            && run.text().contains("0 to 99, 1 byte a point")
+    );
     assert!(
         run.err
             .contains("warning: columns: x y z intensity class; between commas")
