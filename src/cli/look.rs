@@ -4,7 +4,9 @@ use super::light::LightArgs;
 use super::{Failure, usage};
 use clap::builder::Resettable;
 use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
+use std::str::FromStr;
 use surfel::cut::SizeMetric;
+use surfel::input::PointColoring;
 use surfel::pack::ColorBy;
 use surfel::render::{
     Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, Reconstruction, Settings,
@@ -230,6 +232,26 @@ enum ColorByName {
     Overdraw,
 }
 
+/// What decides the color.
+#[derive(Debug, Clone)]
+enum ColorChoice {
+    /// How the picture is drawn.
+    Picture(ColorByName),
+    /// What the points of a cloud carry.
+    Points(PointColoring),
+}
+
+impl FromStr for ColorChoice {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        match ColorByName::from_str(name, false) {
+            Ok(name) => Ok(Self::Picture(name)),
+            Err(_) => name.parse().map(Self::Points),
+        }
+    }
+}
+
 /// How the model is drawn.
 #[derive(Debug, Clone, ClapArgs)]
 pub(crate) struct LookArgs {
@@ -290,9 +312,9 @@ pub(crate) struct LookArgs {
     /// How strong eye-dome lighting is
     #[arg(long, value_name = "FACTOR", default_value = "1")]
     eye_dome_strength: f32,
-    /// What decides the color
-    #[arg(long, value_enum, default_value = "shading")]
-    color_by: ColorByName,
+    /// What decides the color: shading (light and vertex colors), primitive (splats red, triangles blue); not lit: level (of the tree, the root dark), normal, depth (near bright), overdraw (from 1, dark violet, over 8 to 64, yellow); classification of visibility splats; or what colors the points: height, intensity, class, return, time or another attribute that `surfel info` lists
+    #[arg(long, value_name = "WHAT", default_value = "shading", value_parser = str::parse::<ColorChoice>)]
+    color_by: ColorChoice,
     #[command(flatten)]
     light: LightArgs,
     /// Light front sides only
@@ -338,6 +360,28 @@ impl LookArgs {
         look.one_sided |= self.one_sided;
         look.no_colors |= self.no_colors;
         Ok(look)
+    }
+
+    /// Takes what colors the points of a cloud, if that was asked for: then light falls on those colors.
+    pub(crate) fn take_point_color(&mut self) -> Option<PointColoring> {
+        let shading = ColorChoice::Picture(ColorByName::Shading);
+        match std::mem::replace(&mut self.color_by, shading) {
+            ColorChoice::Points(by) => Some(by),
+            picture @ ColorChoice::Picture(_) => {
+                self.color_by = picture;
+                None
+            }
+        }
+    }
+
+    /// What decides the color of the picture.
+    fn picture_color(&self) -> Result<ColorByName, Failure> {
+        match &self.color_by {
+            ColorChoice::Picture(name) => Ok(*name),
+            ColorChoice::Points(_) => Err(usage(
+                "--color-by: expected shading, primitive, classification, level, normal, depth or overdraw; height and attributes color points in surfel render and the window",
+            )),
+        }
     }
 
     /// Whether the method follows from a bound.
@@ -459,7 +503,7 @@ impl LookArgs {
                 CullingName::On => Culling::On,
                 CullingName::Off => Culling::Off,
             },
-            color_by: match self.color_by {
+            color_by: match self.picture_color()? {
                 ColorByName::Shading => ColorBy::Shading,
                 ColorByName::Primitive => ColorBy::Primitive,
                 ColorByName::Classification => ColorBy::Classification,

@@ -1,7 +1,7 @@
 //! The model of a command: arguments become options of [`surfel::open`].
 
-use super::Failure;
 use super::progress::Bar;
+use super::{Failure, usage};
 use clap::Args;
 use std::path::PathBuf;
 use surfel::input::{self, ColorSetting, PointColoring};
@@ -43,11 +43,11 @@ fn parse_crease(text: &str) -> Result<f32, String> {
 /// What colors a cloud.
 #[derive(Debug, Clone, Default, Args)]
 pub(crate) struct ColorArgs {
-    /// Color by height or by what the points carry: intensity, class, return, time, or another attribute that `surfel info` lists
-    #[arg(long, value_name = "WHAT", value_parser = str::parse::<PointColoring>)]
-    color_by: Option<PointColoring>,
-    /// Values of the first and the last color [default: those that 2% of the points are below and above]
-    #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, requires = "color_by", allow_hyphen_values = true)]
+    /// What colors the points: `--color-by` of the look.
+    #[arg(skip)]
+    pub(crate) by: Option<PointColoring>,
+    /// Values of the first and the last color of points by --color-by [default: those that 2% of the points are below and above]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = parse_range, allow_hyphen_values = true)]
     color_range: Option<[f64; 2]>,
 }
 
@@ -65,12 +65,18 @@ fn parse_range(text: &str) -> Result<[f64; 2], String> {
 
 impl ColorArgs {
     /// The setting of the options of opening.
-    pub(crate) fn setting(&self) -> Option<ColorSetting> {
-        let by = self.color_by.clone()?;
-        Some(ColorSetting {
-            by,
-            range: self.color_range,
-        })
+    pub(crate) fn setting(&self) -> Result<Option<ColorSetting>, Failure> {
+        let range = self.color_range;
+        match &self.by {
+            Some(by) => Ok(Some(ColorSetting {
+                by: by.clone(),
+                range,
+            })),
+            None if range.is_some() => Err(usage(
+                "--color-range goes with --color-by height or an attribute of the points",
+            )),
+            None => Ok(None),
+        }
     }
 }
 
@@ -116,7 +122,7 @@ impl Source {
         progress: &dyn Progress,
     ) -> Result<OpenedModel, Failure> {
         let mut options = open_options(self.weld, self.frame, self.surface);
-        options.input.color = color.setting();
+        options.input.color = color.setting()?;
         let opened = surfel::open(&self.model, &options, progress)?;
         for warning in &opened.warnings {
             super::say(&format!("surfel: {}: warning: {warning}", opened.name));

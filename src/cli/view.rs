@@ -130,6 +130,7 @@ impl From<viewer::Error> for Failure {
 
 pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     args.look.default_eye_dome();
+    args.color.by = args.look.take_point_color();
     let mut settings = args.look.settings()?;
     let gpu = args.device.options();
     let backend = args.device.window_backend()?;
@@ -184,7 +185,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
     let camera_size = camera.as_ref().map(|c| (c.width, c.height));
     let size = args.size.or(camera_size).or(left_size);
     let mut opening = open_options(args.weld, args.frame, args.surface);
-    opening.input.color = args.color.setting();
+    opening.input.color = args.color.setting()?;
     let options = ViewerOptions {
         model_is_usual: args.model.is_none(),
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),

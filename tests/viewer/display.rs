@@ -426,6 +426,11 @@ impl<'d> Window<'d> {
 
     /// Drops a file onto the window, as a file manager does (the XDND protocol).
     pub(crate) fn drop_file(&self, path: &Path) {
+        self.drop_files(&[path]);
+    }
+
+    /// Drops files onto the window together.
+    pub(crate) fn drop_files(&self, paths: &[&Path]) {
         let x = &self.display.x;
         let source = x.generate_id().unwrap();
         x.create_window(
@@ -454,7 +459,10 @@ impl<'d> Window<'d> {
             let Some(Event::SelectionRequest(asked)) = x.poll_for_event().unwrap() else {
                 return None;
             };
-            let text = format!("file://{}\r\n", path.display());
+            let lines = paths
+                .iter()
+                .map(|path| format!("file://{}\r\n", path.display()));
+            let text: String = lines.collect();
             x.change_property8(
                 PropMode::REPLACE,
                 asked.requestor,

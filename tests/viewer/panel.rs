@@ -201,6 +201,44 @@ fn a_dropped_model_is_opened_and_a_broken_one_is_told() {
 }
 
 #[test]
+fn files_dropped_together_are_shown_together() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name);
+    for (name, x) in [("left.obj", 0), ("right.obj", 2)] {
+        let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| format!("v {} {j} 0\n", x + i));
+        std::fs::write(file(name), corners.concat() + "f 1 2 3 4\n").unwrap();
+    }
+    let size = ["--size", "300x200"];
+    let quiet = ["--validate", "--panel", "off"];
+    let window = Window::open(
+        &display,
+        &[&["generate:statue:2000"], &size[..], &quiet].concat(),
+    );
+    window.wait_for_title("generate:statue:2000 - pop");
+    let both = [file("left.obj"), file("right.obj")];
+    window.drop_files(&[&both[0], &both[1]]);
+    window.wait_for_title("left.obj - pop");
+    let names = both.each_ref().map(|path| path.to_str().unwrap());
+    let expected = render(&[&names[..], &size].concat(), &file("drawn.png"));
+    window.wait_for_picture("both models", &expected);
+    // What cannot be opened is told, and the rest is shown.
+    window.drop_files(&[&both[1], &file("missing.obj")]);
+    window.wait_for_title("right.obj - pop");
+    let alone = render(&[&[names[1]], &size[..]].concat(), &file("alone.png"));
+    wait_for("the model and a message", || {
+        let off = changed(&window.picture(), &alone);
+        (off > 1000 && off < 20_000).then_some(())
+    });
+    window.key("BackSpace");
+    window.wait_for_picture("the model that is there", &alone);
+    window.key("q");
+    must_succeed(&window.end());
+}
+
+#[test]
 fn full_screen_fills_the_screen_and_gives_it_back() {
     let Some(display) = Display::open() else {
         return;
