@@ -178,9 +178,15 @@ fn by_quantity(
             .collect(),
         remark: Warning::ColoredBy {
             name: name.to_owned(),
-            meaning: format!("dark blue {low} to yellow {high}"),
+            meaning: format!("dark blue {} to yellow {}", rounded(low), rounded(high)),
         },
     }
+}
+
+/// A number in seven digits.
+fn rounded(value: f64) -> f64 {
+    // The text of a number in scientific form is a number.
+    format!("{value:.6e}").parse().unwrap_or(value)
 }
 
 /// The values that two hundredths of all are below and above; 0 and 1 where none is finite.
@@ -330,5 +336,7 @@ mod tests {
         assert_eq!(percentiles(1000, &value), [20.0, 980.0]);
         assert_eq!(percentiles(1, &|_| 5.0), [5.0, 5.0]);
         assert_eq!(percentiles(3, &|_| f64::NAN), [0.0, 1.0]);
+        assert_eq!(rounded(408.729_999_542_236_3).to_string(), "408.73");
+        assert_eq!(rounded(-30.0).to_string(), "-30");
     }
 }
