@@ -361,18 +361,22 @@ fn text(path: &Path, scene: &PhotoScene, check: &SceneCheck) -> String {
         let camera = &photo.camera;
         let ending = photo.file.as_deref().and_then(Path::extension);
         let ending = ending.map_or("not there".into(), |e| e.to_string_lossy().to_uppercase());
+        let [x, y] = camera.principal;
+        let size = match camera.width > 0 {
+            true => format!(
+                "{} x {} (principal point {x:.1} {y:.1}) ",
+                camera.width, camera.height
+            ),
+            false => String::new(),
+        };
         let found = check.photos.iter().find(|found| found.photo == index);
         let correlation = found.and_then(|found| found.correlation);
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.2}"));
         let _ = writeln!(
             out,
-            "  {index:>4} {:<width$} {} x {} {ending}, focal length {:.1}, principal point {:.1} {:.1}, distortion {}{correlation}",
+            "  {index:>4} {:<width$} {size}{ending}, focal length {:.1}, distortion {}{correlation}",
             photo.name,
-            camera.width,
-            camera.height,
             camera.focal[0],
-            camera.principal[0],
-            camera.principal[1],
             camera.lens.model.name()
         );
     }
