@@ -43,7 +43,7 @@ pub struct SceneCheck {
     pub correlation: Option<f64>,
     /// Median distance between measured and projected points, pixels; `None` where the file has no measurements.
     pub reprojection_px: Option<f64>,
-    /// What could not be looked at, and what looks wrong, a sentence each.
+    /// Sentences on all that could not be looked at or looks wrong.
     pub warnings: Vec<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Which photographs a frame uses: for its view, and for what those leave uncovered.
+//! Choice of the photographs of a frame: for its view, and for what those leave uncovered.
 //!
 //! Princ, sections 2.3.3, 3.4 and 3.5.2, as mended in docs/METHODS.md: photographs are ranked by the angle between the view's
 //! direction and theirs; normals of uncovered pixels are clustered by k-means on directions, and each cluster gets the

@@ -1,6 +1,6 @@
 //! Photographs from files: JPEG and PNG, whole or as a small picture first, never more than a budget of bytes.
 //!
-//! What EXIF says about the orientation is obeyed only where the stored size is the transpose of the calibrated one: a
+//! EXIF orientation is obeyed only where the stored size is the transpose of the calibrated one: a
 //! calibration is of stored pixels, unless the program that made it turned them.
 
 use crate::photos::error::PhotoError;

@@ -1,4 +1,4 @@
-//! What a photograph sees of a model: its depth, and how near each texel is to an edge of the depth.
+//! Depth of a model as a photograph sees it, and how near each texel is to an edge of the depth.
 //!
 //! Princ, section 2.3.2, has no test of occlusion; methods: shadow maps of the chosen photographs alone, with a bias by slope,
 //! percentage-closer filtering of 2 x 2, and weights that fade near edges (Floating Textures), where mesh and photograph seldom
@@ -6,7 +6,7 @@
 
 use glam::Vec2;
 
-/// How visibility from a photograph is decided.
+/// Test of visibility from a photograph.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum PhotoVisibility {
     /// Not at all, as Princ.
@@ -27,7 +27,7 @@ pub const EDGE_TEXELS: f32 = 4.0;
 /// Part of the depth that a surface may lie behind the map.
 const RELATIVE_BIAS: f32 = 0.002;
 
-/// What is left of a weight at an edge: where no other photograph sees a place, it still is the best.
+/// Part of a weight that is left at an edge: where no other photograph sees a place, it still is the best.
 const LEAST_AT_EDGE: f32 = 0.02;
 
 /// Depth of a model as a photograph's pinhole camera sees it.
@@ -124,7 +124,7 @@ impl PhotoDepth {
         y * self.width as usize + x
     }
 
-    /// How much of a point the photograph sees, 0 to 1. Errs towards seen by up to two texels' slope and 0.2 % of the depth.
+    /// Part of a point that the photograph sees, 0 to 1. Errs towards seen by up to two texels' slope and 0.2 % of the depth.
     /// 1 without a map.
     pub fn visibility(&self, query: DepthQuery, mode: PhotoVisibility) -> f32 {
         if mode == PhotoVisibility::Off || self.depth.is_empty() {

@@ -1,8 +1,8 @@
-//! Why photographs cannot be used: each error names the file, the place in it, the cause and what to do.
+//! Errors of photographs: each error names the file, the place in it, the cause and what to do.
 
 use std::path::{Path, PathBuf};
 
-/// Why a scene or a photograph is unusable.
+/// Fault of a scene or a photograph.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PhotoError {
@@ -11,7 +11,7 @@ pub enum PhotoError {
     Read {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// Message of the operating system.
         cause: String,
     },
     /// The file does not hold what its format asks for.
@@ -32,7 +32,7 @@ pub enum PhotoError {
     NoScene {
         /// The file or folder.
         path: PathBuf,
-        /// What was found instead.
+        /// Thing that was found instead.
         cause: String,
     },
     /// A lens is described by a model that is not known.
@@ -51,7 +51,7 @@ pub enum PhotoError {
     NoCamera {
         /// The file.
         path: PathBuf,
-        /// What is wrong with them.
+        /// Fault of the last one.
         cause: String,
     },
     /// A photograph could not be decoded.
@@ -59,7 +59,7 @@ pub enum PhotoError {
     Decode {
         /// The file.
         path: PathBuf,
-        /// What the decoder said.
+        /// Message of the decoder.
         cause: String,
     },
     /// Photographs, cameras and mesh do not belong together, or something that was asked for is not there.

@@ -36,7 +36,11 @@ pub fn exposure_gains(colors: &[Vec<Option<Vec3>>]) -> Vec<Vec3> {
         for i in 0..count {
             for j in i + 1..count {
                 if let Some((ratio, weight)) = median_ratio([&colors[i], &colors[j]], channel) {
-                    pairs.push((i, j, ratio, weight));
+                    pairs.push(PairRatio {
+                        photos: [i, j],
+                        ratio,
+                        weight,
+                    });
                 }
             }
         }
@@ -66,26 +70,36 @@ fn median_ratio(pair: [&Vec<Option<Vec3>>; 2], channel: usize) -> Option<(f64, f
     Some((*median, ratios.len() as f64))
 }
 
+/// Ratio of the colors of two photographs.
+struct PairRatio {
+    photos: [usize; 2],
+    /// Median of log(second / first).
+    ratio: f64,
+    /// Number of common places.
+    weight: f64,
+}
+
 /// Logarithms of the gains, with mean 0.
-fn solve(count: usize, pairs: &[(usize, usize, f64, f64)]) -> Vec<f64> {
+fn solve(count: usize, pairs: &[PairRatio]) -> Vec<f64> {
     let mut logs = vec![0.0; count];
     for _ in 0..ROUNDS {
         for photo in 0..count {
             let (mut sum, mut weights) = (0.0, PRIOR);
-            for (i, j, ratio, weight) in pairs {
+            for pair in pairs {
                 // g_i - g_j = ratio brings both to one value.
-                if *i == photo {
-                    sum += weight * (logs[*j] + ratio);
-                    weights += weight;
-                } else if *j == photo {
-                    sum += weight * (logs[*i] - ratio);
-                    weights += weight;
-                }
+                let [i, j] = pair.photos;
+                let wanted = match photo {
+                    _ if photo == i => logs[j] + pair.ratio,
+                    _ if photo == j => logs[i] - pair.ratio,
+                    _ => continue,
+                };
+                sum += pair.weight * wanted;
+                weights += pair.weight;
             }
             logs[photo] = sum / weights;
         }
     }
-    let is_tied = |photo: usize| pairs.iter().any(|(i, j, ..)| *i == photo || *j == photo);
+    let is_tied = |photo: usize| pairs.iter().any(|pair| pair.photos.contains(&photo));
     let tied: Vec<usize> = (0..count).filter(|photo| is_tied(*photo)).collect();
     let mean = tied.iter().map(|i| logs[*i]).sum::<f64>() / tied.len().max(1) as f64;
     tied.iter().for_each(|i| logs[*i] -= mean);

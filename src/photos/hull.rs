@@ -6,7 +6,7 @@
 use crate::photos::scene::CalibratedCamera;
 use glam::{DVec2, DVec3};
 
-/// Which middle a hull has.
+/// Middle of a hull.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum HullMiddle {
     /// Centroid of its area.

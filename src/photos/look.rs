@@ -102,13 +102,13 @@ pub struct LookPhoto<'a> {
     pub photo: &'a ProjectedPhoto,
     /// Its pixels.
     pub pixels: &'a PhotoPyramid,
-    /// What it sees.
+    /// Its depth map.
     pub depth: &'a PhotoDepth,
     /// Its mask, where it has one: what is dark is not used.
     pub mask: Option<&'a PhotoPyramid>,
 }
 
-/// What a pixel became.
+/// Color of a pixel and where it comes from.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct LookPixel {
     /// Red, green, blue, 0..=1.

@@ -1,4 +1,4 @@
-//! How far a picture is from a photograph, over the pixels that count.
+//! Differences between a picture and a photograph, over the pixels that count.
 //!
 //! PSNR, SSIM and FLIP as `surfel compare` has them; 1 - NCC over windows of 5 x 5 pixels is the measure of Waechter et al.,
 //! *Virtual Rephotography* (TOG 2017). A seam is a border between pixels that different photographs colored.

@@ -1,4 +1,4 @@
-//! What a score says: a table for people, JSON, and a page with the pictures beside the photographs that were left out.
+//! Reports of a score: a table for people, JSON, and a page with the pictures beside the photographs that were left out.
 
 use crate::measure::ValueDistribution;
 use crate::photos::score::{LadderRung, PhotoScore, RungScore};

@@ -88,7 +88,7 @@ impl CalibratedCamera {
         ))
     }
 
-    /// Whether a pixel lies in the photograph.
+    /// True of a pixel in the photograph.
     pub fn contains(&self, pixel: DVec2) -> bool {
         pixel.x >= 0.0
             && pixel.y >= 0.0
@@ -124,7 +124,7 @@ impl CalibratedCamera {
         }
     }
 
-    /// The same camera without distortion.
+    /// This camera without distortion.
     #[must_use]
     pub fn pinhole(&self) -> Self {
         Self {
@@ -133,7 +133,7 @@ impl CalibratedCamera {
         }
     }
 
-    /// Whether every number is finite, the focal lengths are positive and the rotation is one (to 1e-3).
+    /// True where every number is finite, the focal lengths are positive and the rotation is one (to 1e-3).
     pub fn is_usable(&self) -> bool {
         let r = self.rotation;
         let is_rotation = (r * r.transpose() - DMat3::IDENTITY)
@@ -187,7 +187,7 @@ pub struct SparsePoint {
 /// Photographs with their cameras, and the points that calibrated them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PhotoScene {
-    /// What it was read as.
+    /// Format of the file.
     pub format: SceneFormat,
     /// The file.
     pub path: PathBuf,
@@ -195,7 +195,7 @@ pub struct PhotoScene {
     pub photos: Vec<ScenePhoto>,
     /// Sparse points; may be empty.
     pub points: Vec<SparsePoint>,
-    /// What was left out or guessed, a sentence each.
+    /// Sentences on all that was left out or guessed.
     pub remarks: Vec<String>,
 }
 

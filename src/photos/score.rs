@@ -103,7 +103,7 @@ pub fn ladder() -> Vec<LadderRung> {
 pub struct RungScore {
     /// Over pixels that another photograph sees, as the picture is.
     pub seen: RephotographyErrors,
-    /// The same after one gain a channel.
+    /// Those after one gain a channel.
     pub seen_gain: RephotographyErrors,
     /// Over all pixels of the mesh; what is uncovered has the colors of vertices.
     pub mesh: RephotographyErrors,
@@ -126,7 +126,7 @@ pub struct PhotoScore {
     pub rungs: Vec<RungScore>,
     /// PSNR with the photograph itself among the others, decibels.
     pub self_psnr_db: f64,
-    /// The same with the principal point of its camera half a pixel off.
+    /// As `self_psnr_db`, with the principal point of its camera half a pixel off.
     pub shifted_self_psnr_db: f64,
 }
 

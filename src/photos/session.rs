@@ -33,7 +33,7 @@ const GAIN_LEVEL: f32 = 3.0;
 /// Every so many pixels along each axis one stands for its neighbors when photographs are chosen.
 const CHOICE_STEP: usize = 24;
 
-/// How photographs are chosen and kept.
+/// Limits of what is chosen and kept.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SessionOptions {
     /// Longest side of the photographs in memory, pixels.
@@ -73,7 +73,7 @@ pub struct PhotoSession<'m> {
     library: PhotoLibrary,
     ready: Vec<Option<ReadyPhoto>>,
     middle: Vec3,
-    /// What could not be used, a sentence each.
+    /// Sentences on all that could not be used.
     pub remarks: Vec<String>,
 }
 
@@ -84,7 +84,7 @@ pub struct PhotoPicture {
     pub width: u32,
     /// Height in pixels.
     pub height: u32,
-    /// What each pixel became; weight 0 where no photograph shows it or nothing is there.
+    /// Color and photograph of each pixel; weight 0 where no photograph shows it or nothing is there.
     pub pixels: Vec<LookPixel>,
     /// Indices in the scene of the photographs that were used; [`LookPixel::best`] counts in this list.
     pub chosen: Vec<usize>,
@@ -209,7 +209,7 @@ impl<'m> PhotoSession<'m> {
         self.scene
     }
 
-    /// What draws the surface.
+    /// Renderer of the surface.
     pub fn drawer(&self) -> &SurfaceDrawer<'m> {
         &self.drawer
     }

@@ -238,7 +238,7 @@ impl<'m> SurfaceDrawer<'m> {
             .collect())
     }
 
-    /// What a photograph sees of the model, in a map of at most [`DEPTH_SIDE`] texels that holds all rays of its lens.
+    /// Depth of the model as a photograph sees it, in a map of at most [`DEPTH_SIDE`] texels that holds all rays of its lens.
     ///
     /// # Errors
     /// When the backend cannot draw it.

@@ -1,4 +1,4 @@
-//! What both forms of a COLMAP model share: camera models by name and number, poses, points.
+//! Parts that both forms of a COLMAP model share: camera models by name and number, poses, points.
 //!
 //! World to camera is q (w x y z), t; x right, y down, z forward; the center of the top left pixel is at (0.5, 0.5).
 

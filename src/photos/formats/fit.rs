@@ -4,7 +4,7 @@ use super::source::stored_size;
 use crate::photos::error::PhotoError;
 use crate::photos::scene::{PhotoScene, ScenePhoto};
 
-/// How the stored photograph stands to the calibrated one.
+/// Relation of the stored photograph to the calibrated one.
 enum StoredFit {
     Equal,
     /// Scaled: the camera is scaled with it.

@@ -21,7 +21,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-/// What is done to a photograph or a mesh that is found in a folder.
+/// Place and format of a scene.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SceneLocation {
     /// The format.
@@ -164,7 +164,7 @@ fn location_of_file(path: &Path) -> Option<SceneLocation> {
 /// not fit their calibration.
 ///
 /// # Errors
-/// What is wrong in the file, with its place, or [`PhotoError::NoCamera`].
+/// The fault in the file, with its place, or [`PhotoError::NoCamera`].
 pub fn read_scene(path: &Path, photos: Option<&Path>) -> Result<PhotoScene, PhotoError> {
     let location = locate_scene(path)?;
     let path = location.path.as_path();

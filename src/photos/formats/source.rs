@@ -1,4 +1,4 @@
-//! What all readers share: files with a limit, words and bytes with a place for errors, and the search for photographs.
+//! Tools of all readers: files with a limit, words and bytes with a place for errors, and the search for photographs.
 
 use crate::photos::error::PhotoError;
 use crate::photos::lens::CameraLens;

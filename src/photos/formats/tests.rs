@@ -1,4 +1,4 @@
-//! The same two cameras written in every format, each with its traps.
+//! Two cameras written in every format, each with its traps.
 
 #[path = "tests/colmap.rs"]
 mod colmap;
@@ -29,7 +29,7 @@ fn truth() -> [CalibratedCamera; 2] {
     })
 }
 
-/// The same with the principal point in the middle.
+/// These with the principal point in the middle.
 fn centered() -> [CalibratedCamera; 2] {
     truth().map(|camera| CalibratedCamera {
         principal: [32.0, 24.0],
