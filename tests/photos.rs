@@ -1,6 +1,8 @@
 //! Photographs on models: real scenes of calibrated photographs, where they are, and generated ones.
 #![allow(clippy::unwrap_used, reason = "tests may panic")]
 
+#[path = "photos/castle.rs"]
+mod castle;
 #[path = "photos/conventions.rs"]
 mod conventions;
 #[path = "common/models.rs"]
