@@ -126,7 +126,7 @@ impl CameraLens {
             return Some([x, y]);
         }
         let r2 = x * x + y * y;
-        if !(r2 <= self.largest_radius * self.largest_radius) {
+        if r2.is_nan() || r2 > self.largest_radius * self.largest_radius {
             return None;
         }
         let factor = self.radial_factor(r2);

@@ -298,10 +298,10 @@ impl FoundPhoto {
     pub(super) fn locate(self, folders: &PhotoFolders) -> ScenePhoto {
         let file = folders.find(&self.name);
         let mut camera = self.camera;
-        if camera.width == 0 || camera.height == 0 {
-            if let Some([width, height]) = file.as_deref().and_then(stored_size) {
-                (camera.width, camera.height) = (width, height);
-            }
+        let is_unknown = camera.width == 0 || camera.height == 0;
+        let stored = file.as_deref().filter(|_| is_unknown).and_then(stored_size);
+        if let Some([width, height]) = stored {
+            (camera.width, camera.height) = (width, height);
         }
         let [w, h] = [camera.width, camera.height].map(f64::from);
         if self.is_normalized {
