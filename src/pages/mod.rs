@@ -4,13 +4,19 @@
 //! [`quantize`] has its node in few bits, [`qs`] its files. A file of our own ([`mod@format`]) is divided into pages
 //! ([`page`]), each of which decodes into a small model that today's cut walks over. [`source`] is where its bytes lie,
 //! [`file`] reads its pages, [`write`](mod@write) makes it, [`check`] proves it, [`join`] makes a whole model of it.
+//!
+//! While one looks, [`cut`] goes over the pages that are in memory and names those that are wanted, [`loader`] reads them,
+//! the most wanted first, and [`cache`] keeps what was needed last.
 
 mod bits;
+pub mod cache;
 pub mod check;
+pub mod cut;
 mod extract;
 pub mod file;
 pub mod format;
 pub mod join;
+pub mod loader;
 pub mod page;
 pub mod qs;
 pub mod quantize;

@@ -1,0 +1,318 @@
+//! The cut over the pages that are in memory, and the pages that it wants.
+//!
+//! Each page is cut as a small model by the same tests as a whole one. The leaves of an upper page are the roots of the
+//! pages below: one that is small enough is drawn as it is; of one that is not, the page is cut where it is in memory, and
+//! else it is wanted and drawn as it is meanwhile. So nothing is ever missing, only coarser.
+
+use super::file::PagedFile;
+use super::format::PageEntry;
+use super::page::{ChildPages, DecodedPage};
+use crate::cut::{Cut, CutSelector, CutSettings, CutStats, FacingTest, NodeTester};
+use crate::math::camera::{self, Camera, View};
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+/// The pages that are in memory.
+pub trait ResidentPages {
+    /// A page, where it is there.
+    fn page(&self, id: u32) -> Option<Arc<DecodedPage>>;
+}
+
+/// What is drawn of a page.
+#[derive(Debug, Clone)]
+pub struct PagePart {
+    /// The page's number.
+    pub id: u32,
+    /// The page: ids are of its model.
+    pub page: Arc<DecodedPage>,
+    /// What is drawn. Leaves of upper pages stand for the pages below them, as points.
+    pub cut: Cut,
+}
+
+/// A page that is needed for the picture, but is not in memory.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct WantedPage {
+    /// Where it lies.
+    pub entry: PageEntry,
+    /// How wide its root is on the screen, pixels; infinite where it reaches the near plane.
+    pub size_px: f32,
+}
+
+/// The cut over pages.
+#[derive(Debug, Clone, Default)]
+pub struct PagedCut {
+    /// What is drawn, page by page, in the order of the file.
+    pub parts: Vec<PagePart>,
+    /// Pages that would make the picture finer, the largest first.
+    pub wanted: Vec<WantedPage>,
+    /// Numbers of all pages that were walked over, ascending: they must stay in memory for this cut to come out again.
+    pub needed: Vec<u32>,
+    /// The work, added up.
+    pub stats: CutStats,
+}
+
+/// Cuts over pages, and keeps its working memory from one to the next.
+#[derive(Debug, Default)]
+pub struct PageCutSelector {
+    selector: CutSelector,
+}
+
+impl PageCutSelector {
+    /// The cut of a file for a camera. Where nothing is in memory it draws nothing and wants the first page.
+    ///
+    /// # Errors
+    /// A camera that cannot look at the model.
+    pub fn select(
+        &mut self,
+        file: &PagedFile,
+        pages: &dyn ResidentPages,
+        camera: &Camera,
+        settings: &CutSettings,
+    ) -> Result<PagedCut, camera::Error> {
+        let mut out = PagedCut::default();
+        let first = file.root().map(|entry| WantedPage {
+            entry,
+            size_px: f32::INFINITY,
+        });
+        let mut waiting: VecDeque<WantedPage> = first.into_iter().collect();
+        while let Some(own) = waiting.pop_front() {
+            let id = own.entry.id;
+            let Some(page) = pages.page(id) else {
+                out.wanted.push(own);
+                continue;
+            };
+            out.needed.push(id);
+            let view = camera.view(page.model.origin)?;
+            let mut cut = Cut::default();
+            self.selector.select(&page.model, &view, settings, &mut cut);
+            if let Some(below) = &page.children {
+                let leaves = self.upper_leaves(&page, below, (&view, settings), &mut cut);
+                let tester = NodeTester::new(&page.model, &view, settings);
+                for leaf in leaves {
+                    let sphere = page.model.tree.leaves[leaf as usize];
+                    let entry = below.entries[leaf as usize];
+                    let is_there = || pages.page(entry.id).is_some();
+                    if tester.is_small(sphere.center, sphere.radius) {
+                        cut.leaves.push(leaf);
+                        continue;
+                    }
+                    let wanted = WantedPage {
+                        entry,
+                        size_px: tester.size_px(sphere.center, sphere.radius) as f32,
+                    };
+                    if is_there() {
+                        waiting.push_back(wanted);
+                    } else {
+                        cut.leaves.push(leaf);
+                        out.wanted.push(wanted);
+                    }
+                }
+            }
+            out.stats.add(&cut.stats);
+            let is_empty = cut.nodes.is_empty()
+                && cut.strips.is_empty()
+                && cut.leaves.is_empty()
+                && cut.triangles.is_empty();
+            if !is_empty {
+                out.parts.push(PagePart { id, page, cut });
+            }
+        }
+        out.wanted
+            .sort_by(|a, b| b.size_px.total_cmp(&a.size_px).then(a.entry.id.cmp(&b.entry.id)));
+        Ok(out)
+    }
+
+    /// The leaves of an upper page that are in view and do not face away as a whole; takes them out of the cut. Its own
+    /// test of leaves is that of points, by one normal, which is not that of a whole page.
+    fn upper_leaves(
+        &mut self,
+        page: &DecodedPage,
+        below: &ChildPages,
+        (view, settings): (&View, &CutSettings),
+        cut: &mut Cut,
+    ) -> Vec<u32> {
+        if !settings.cull_back {
+            return std::mem::take(&mut cut.leaves);
+        }
+        let both_sides = CutSettings {
+            cull_back: false,
+            ..*settings
+        };
+        let mut all = Cut::default();
+        self.selector.select(&page.model, view, &both_sides, &mut all);
+        let tester = NodeTester::new(&page.model, view, settings);
+        all.leaves.retain(|&leaf| {
+            let sphere = &page.model.tree.leaves[leaf as usize];
+            let cone = below.cones[leaf as usize];
+            tester.facing(sphere.center, sphere.radius, cone) != FacingTest::Away
+        });
+        cut.leaves.clear();
+        all.leaves
+    }
+}
+
+#[cfg(test)]
+#[allow(clippy::unwrap_used, reason = "a test may panic")]
+mod tests {
+    use super::*;
+    use crate::generate::GeneratedShape;
+    use crate::pages::join::whole_model;
+    use crate::pages::page::DecodeOptions;
+    use crate::pages::tests::{SMALL_PAGES, model, opened};
+    use crate::pages::write::to_bytes;
+    use crate::progress::Silent;
+    use crate::tree::Model;
+    use std::collections::{BTreeMap, BTreeSet};
+
+    /// Pages in memory, and numbers in the joined model of the first node of each level and the first leaf.
+    struct KnownPages {
+        pages: BTreeMap<u32, Arc<DecodedPage>>,
+        places: BTreeMap<u32, (Vec<u32>, u32)>,
+    }
+
+    impl ResidentPages for KnownPages {
+        fn page(&self, id: u32) -> Option<Arc<DecodedPage>> {
+            self.pages.get(&id).cloned()
+        }
+    }
+
+    fn all_pages(file: &PagedFile, joined: &Model) -> KnownPages {
+        let mut known = KnownPages {
+            pages: BTreeMap::new(),
+            places: BTreeMap::new(),
+        };
+        let mut wanted = vec![file.root().unwrap()];
+        let (mut level, mut next_leaf) = (0, 0);
+        while !wanted.is_empty() {
+            let mut below = Vec::new();
+            let mut levels = 0;
+            let mut starts: Vec<u32> = joined.tree.level_starts[level..].to_vec();
+            for entry in wanted {
+                let page = file.read_page(&entry, DecodeOptions::default()).unwrap();
+                levels = page.model.tree.level_count();
+                known.places.insert(entry.id, (starts.clone(), next_leaf));
+                for l in 0..levels {
+                    starts[l] += page.model.tree.level(l).len() as u32;
+                }
+                match &page.children {
+                    Some(children) => below.extend(children.entries.iter().copied()),
+                    None => next_leaf += page.model.tree.leaf_count(),
+                }
+                known.pages.insert(entry.id, Arc::new(page));
+            }
+            level += levels;
+            wanted = below;
+        }
+        known
+    }
+
+    /// Ids of the joined model that a cut over pages draws: nodes, leaves, triangles.
+    fn in_joined(cut: &PagedCut, known: &KnownPages, joined: &Model) -> [BTreeSet<u32>; 3] {
+        let mut out: [BTreeSet<u32>; 3] = Default::default();
+        for part in &cut.parts {
+            let tree = &part.page.model.tree;
+            let (starts, first_leaf) = &known.places[&part.id];
+            let strips = part.cut.strips.iter().map(|strip| strip.node);
+            for id in part.cut.nodes.iter().copied().chain(strips) {
+                let level = tree.level_of(id);
+                assert!(out[0].insert(starts[level] + id - tree.level(level).start));
+            }
+            for &leaf in &part.cut.leaves {
+                let is_new = match &part.page.children {
+                    // The root of the page below: the first of its places.
+                    Some(below) => {
+                        let id = below.entries[leaf as usize].id;
+                        out[0].insert(known.places[&id].0[0])
+                    }
+                    None => out[1].insert(first_leaf + leaf),
+                };
+                assert!(is_new);
+            }
+            out[2].extend(part.cut.triangles.iter().map(|t| first_leaf + t));
+        }
+        let _ = joined;
+        out
+    }
+
+    #[test]
+    fn over_all_pages_it_is_the_cut_of_the_whole_tree() {
+        for is_cloud in [false, true] {
+            let whole = model(GeneratedShape::Statue, 12_000, is_cloud);
+            let file = opened(to_bytes(&whole, &SMALL_PAGES).unwrap()).unwrap();
+            let joined = whole_model(&file, &Silent).unwrap();
+            let known = all_pages(&file, &joined);
+            let mut selector = PageCutSelector::default();
+            for (fill, threshold_px, cull_back) in
+                [(1.0, 1.0, true), (1.0, 8.0, true), (6.0, 2.0, false), (30.0, 1.0, true), (0.05, 4.0, false)]
+            {
+                let camera = joined.orbit_camera((640, 480), 0.7, 0.3, fill);
+                let settings = CutSettings {
+                    threshold_px,
+                    cull_back: cull_back && !is_cloud,
+                    ..CutSettings::default()
+                };
+                let found = selector.select(&file, &known, &camera, &settings).unwrap();
+                assert!(found.wanted.is_empty());
+                let ids = in_joined(&found, &known, &joined);
+                let mut expected = Cut::default();
+                let view = camera.view(joined.origin).unwrap();
+                CutSelector::default().select(&joined, &view, &settings, &mut expected);
+                let strips = expected.strips.iter().map(|strip| strip.node);
+                let lists = [
+                    expected.nodes.iter().copied().chain(strips).collect::<BTreeSet<u32>>(),
+                    expected.leaves.into_iter().collect(),
+                    expected.triangles.into_iter().collect(),
+                ];
+                // Pages have zeros of their own: what is at a limit may be rounded to the other side.
+                let count: usize = lists.iter().map(BTreeSet::len).sum();
+                let off: usize = ids
+                    .iter()
+                    .zip(&lists)
+                    .map(|(a, b)| a.symmetric_difference(b).count())
+                    .sum();
+                assert!(off <= count / 500 + 4, "{fill} {threshold_px}: {off} of {count}");
+                assert!(count > 0);
+            }
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_drawn_coarser_and_wanted_largest_first() {
+        let whole = model(GeneratedShape::Torus, 12_000, false);
+        let file = opened(to_bytes(&whole, &SMALL_PAGES).unwrap()).unwrap();
+        let joined = whole_model(&file, &Silent).unwrap();
+        let all = all_pages(&file, &joined);
+        let mut known = KnownPages {
+            pages: BTreeMap::new(),
+            places: all.places.clone(),
+        };
+        let camera = joined.orbit_camera((640, 480), 0.7, 0.3, 2.0);
+        let settings = CutSettings::default();
+        let mut selector = PageCutSelector::default();
+        let mut rounds = 0;
+        loop {
+            let found = selector.select(&file, &known, &camera, &settings).unwrap();
+            // Every leaf of the model that is in view is below exactly one id: no two ids overlap.
+            let ids = in_joined(&found, &all, &joined);
+            let mut covered = BTreeSet::new();
+            for &id in &ids[0] {
+                joined.tree.leaf_range(id).for_each(|leaf| assert!(covered.insert(leaf)));
+            }
+            for &leaf in ids[1].iter().chain(&ids[2]) {
+                assert!(covered.insert(leaf));
+            }
+            let sizes: Vec<f32> = found.wanted.iter().map(|wanted| wanted.size_px).collect();
+            assert!(sizes.windows(2).all(|w| w[0] >= w[1]));
+            assert!(found.needed.windows(2).all(|w| w[0] < w[1]));
+            let Some(next) = found.wanted.first() else {
+                break;
+            };
+            if rounds > 0 {
+                assert!(!covered.is_empty());
+            }
+            known.pages.insert(next.entry.id, all.pages[&next.entry.id].clone());
+            rounds += 1;
+        }
+        assert!(rounds > 20 && rounds <= all.pages.len());
+    }
+}
