@@ -515,3 +515,33 @@ fn a_qsplat_tree_opens_as_the_cloud_of_its_leaves() {
         "{error}"
     );
 }
+
+#[test]
+fn a_paged_tree_opens_whole_from_a_file_and_from_a_stream() {
+    use crate::pages::write::{PagedOptions, to_bytes};
+    let folder = folder();
+    let at = folder.path().join("paged.surfel");
+    let whole = opened("generate:torus:6000").unwrap().model;
+    let bytes = to_bytes(&whole, &PagedOptions::default()).unwrap();
+    std::fs::write(&at, &bytes).unwrap();
+    let found = opened(&at).unwrap();
+    assert_eq!(found.format, SourceFormat::PagedTree);
+    assert_eq!(found.format.name(), "paged surfel tree");
+    assert_eq!(found.file_bytes, bytes.len() as u64);
+    assert_eq!(found.model.kind(), ModelKind::Surface);
+    assert_eq!(found.model.triangles.len(), whole.triangles.len());
+    assert_eq!(found.model.is_closed, whole.is_closed);
+    let stream = InputStream {
+        path: Path::new(input::STANDARD_INPUT),
+        folder: None,
+        reader: &mut Dripping(&bytes),
+        expected_bytes: 0,
+    };
+    let streamed = read_stream(stream, false, &OpenOptions::default(), &Silent).unwrap();
+    assert_eq!(streamed.format, SourceFormat::PagedTree);
+    assert_eq!(streamed.file_bytes, bytes.len() as u64);
+    std::fs::write(&at, &bytes[..bytes.len() - 1]).unwrap();
+    let error = opened(&at).unwrap_err().to_string();
+    assert!(error.contains("paged.surfel, byte"), "{error}");
+    assert!(error.contains("its header says"), "{error}");
+}

@@ -145,7 +145,10 @@ mod tests {
             cache.begin_frame(&[]);
             assert!(cache.insert(id, page.clone()));
         }
-        assert_eq!((ids(&cache), cache.bytes(), cache.len()), (vec![5, 6, 7], 3 * bytes, 3));
+        assert_eq!(
+            (ids(&cache), cache.bytes(), cache.len()),
+            (vec![5, 6, 7], 3 * bytes, 3)
+        );
         // 5 is needed again, so 6 is the oldest.
         cache.begin_frame(&[5, 19]);
         assert!(cache.insert(8, page.clone()));

@@ -211,7 +211,10 @@ impl PageLoader {
         let mut state = self.shared.state();
         loop {
             let only_failed = state.reading.is_empty()
-                && state.queue.iter().all(|w| state.failed.contains_key(&w.entry.id));
+                && state
+                    .queue
+                    .iter()
+                    .all(|w| state.failed.contains_key(&w.entry.id));
             let now = Instant::now();
             if !state.done.is_empty() || only_failed || now >= end {
                 return;
@@ -292,7 +295,9 @@ mod tests {
         let bytes = to_bytes(&whole, &SMALL_PAGES).unwrap();
         let memory = MemorySource::new("t.surfel", bytes);
         let file = PagedFile::open(Arc::new(memory.clone())).unwrap();
-        let top = file.read_page(&file.root().unwrap(), DecodeOptions::default()).unwrap();
+        let top = file
+            .read_page(&file.root().unwrap(), DecodeOptions::default())
+            .unwrap();
         let entries = top.children.unwrap().entries;
         let source = Arc::new(GatedSource {
             inner: memory,
@@ -337,7 +342,11 @@ mod tests {
 
     #[test]
     fn the_most_wanted_comes_first_and_what_is_not_wanted_any_more_is_dropped() {
-        let LoaderScene { source, loader, entries } = scene(0);
+        let LoaderScene {
+            source,
+            loader,
+            entries,
+        } = scene(0);
         assert!(entries.len() > 6);
         let gate = source.gate.lock().unwrap();
         loader.want(&wanted(&entries[1..6]));
@@ -352,13 +361,20 @@ mod tests {
         assert_eq!(ids, [entries[1].id, entries[4].id, entries[3].id]);
         assert_eq!(loader.pending(), 0);
         let order = source.order.lock().unwrap().clone();
-        assert_eq!(order, [entries[1].offset, entries[4].offset, entries[3].offset]);
+        assert_eq!(
+            order,
+            [entries[1].offset, entries[4].offset, entries[3].offset]
+        );
         assert!(loader.messages().is_empty());
     }
 
     #[test]
     fn a_page_that_fails_is_said_once_and_tried_again() {
-        let LoaderScene { source, loader, entries } = scene(3);
+        let LoaderScene {
+            source,
+            loader,
+            entries,
+        } = scene(3);
         let start = Instant::now();
         loader.want(&wanted(&entries[..2]));
         let ids: Vec<u32> = all(&loader, 2).iter().map(|page| page.id).collect();
@@ -375,7 +391,11 @@ mod tests {
 
     #[test]
     fn dropping_it_ends_its_threads_whatever_waits() {
-        let LoaderScene { source, loader, entries } = scene(u32::MAX);
+        let LoaderScene {
+            source,
+            loader,
+            entries,
+        } = scene(u32::MAX);
         loader.want(&wanted(&entries[..1]));
         loader.wait(Duration::from_secs(5));
         assert_eq!(loader.take().len(), 0);
