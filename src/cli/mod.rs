@@ -7,6 +7,7 @@ mod build;
 mod cameras;
 mod chart;
 mod check;
+mod color_choice;
 mod compare;
 mod costs;
 mod demo;
