@@ -146,7 +146,7 @@ mod tests {
             "{area}"
         );
         assert!(
-            (corners.x / corners.z - (-0.4 + 0.4 * 0.6366)).abs() < 0.02,
+            (corners.x / corners.z - (-0.4 + 0.4 * std::f64::consts::FRAC_2_PI)).abs() < 0.02,
             "{corners}"
         );
     }
