@@ -12,6 +12,7 @@ const COMMANDS: &[&str] = &[
     "scenes",
     "profile",
     "motion",
+    "photos",
     "stability",
     "chart",
     "bench",
