@@ -118,9 +118,9 @@ impl ResidentPages for PageCache {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
-    use crate::generate::GeneratedShape;
+
     use crate::pages::page::DecodeOptions;
-    use crate::pages::tests::{SMALL_PAGES, model, opened};
+    use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model, opened};
     use crate::pages::write::to_bytes;
 
     fn page() -> Arc<DecodedPage> {

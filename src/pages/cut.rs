@@ -159,10 +159,10 @@ impl PageCutSelector {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
-    use crate::generate::GeneratedShape;
+
     use crate::pages::join::whole_model;
     use crate::pages::page::DecodeOptions;
-    use crate::pages::tests::{SMALL_PAGES, model, opened};
+    use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model, opened};
     use crate::pages::write::to_bytes;
     use crate::progress::Silent;
     use crate::tree::Model;

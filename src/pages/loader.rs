@@ -242,10 +242,10 @@ impl Drop for PageLoader {
 #[allow(clippy::unwrap_used, reason = "a test may panic")]
 mod tests {
     use super::*;
-    use crate::generate::GeneratedShape;
+
     use crate::pages::format::{HEADER, PageEntry};
     use crate::pages::source::{ByteSource, MemorySource};
-    use crate::pages::tests::{SMALL_PAGES, model};
+    use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model};
     use crate::pages::write::to_bytes;
     use std::io;
     use std::sync::atomic::{AtomicU32, Ordering};
