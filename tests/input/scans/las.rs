@@ -282,3 +282,15 @@ fn packed_and_plain_autzen_are_one() {
     assert_eq!(plain.mesh, packed.mesh);
     assert_eq!(plain.attributes, packed.attributes);
 }
+
+#[test]
+fn layers_longer_than_their_chunk_are_refused() {
+    let mut bytes = small((1, 4), 7, true, 40);
+    let word = |at: usize| u32::from_le_bytes(*bytes[at..].first_chunk().unwrap()) as usize;
+    let record = usize::from(u16::from_le_bytes([bytes[105], bytes[106]]));
+    // After the offset of the table: the first point, the number of points, the lengths of the layers.
+    let lengths_at = word(96) + 8 + record + 4;
+    bytes[lengths_at..lengths_at + 4].fill(0xff);
+    let text = try_read("a.laz", bytes).unwrap_err().to_string();
+    assert!(text.contains("its layers are said to have 42949"), "{text}");
+}
