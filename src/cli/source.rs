@@ -123,7 +123,12 @@ impl Source {
     ) -> Result<OpenedModel, Failure> {
         let mut options = open_options(self.weld, self.frame, self.surface);
         options.input.color = color.setting()?;
-        let opened = surfel::open(&self.model, &options, progress)?;
+        let opened = surfel::open(&self.model, &options, progress).map_err(|error| match error {
+            surfel::Error::Input(input::Error::UnknownAttribute { .. }) => usage(format!(
+                "{error}; looks of the picture are shading, primitive, classification, level, normal, depth and overdraw"
+            )),
+            other => other.into(),
+        })?;
         for warning in &opened.warnings {
             super::say(&format!("surfel: {}: warning: {warning}", opened.name));
         }
