@@ -195,8 +195,8 @@ mod tests {
                 let page = file.read_page(&entry, DecodeOptions::default()).unwrap();
                 levels = page.model.tree.level_count();
                 known.places.insert(entry.id, (starts.clone(), next_leaf));
-                for l in 0..levels {
-                    starts[l] += page.model.tree.level(l).len() as u32;
+                for (l, start) in starts.iter_mut().enumerate().take(levels) {
+                    *start += page.model.tree.level(l).len() as u32;
                 }
                 match &page.children {
                     Some(children) => below.extend(children.entries.iter().copied()),

@@ -10,7 +10,7 @@ use std::ops::Range;
 /// leaves where that is the model's last level.
 fn levels_below(tree: &Tree, root: u32, last: usize) -> Vec<Range<u32>> {
     let first = tree.level_of(root);
-    let mut levels = vec![root..root + 1];
+    let mut levels: Vec<Range<u32>> = std::iter::once(root..root + 1).collect();
     for _ in first..last {
         let own = levels[levels.len() - 1].clone();
         // Siblings stand together, and so do all children of nodes that do.

@@ -173,7 +173,7 @@ fn encode(model: &Model, options: &PagedOptions) -> Result<PagedParts, Error> {
         let mut own = Vec::new();
         for index in 0..level_len(level) {
             let bytes = match bands.get(band + 1) {
-                None => leaf_pages[index].bytes.len(),
+                None => leaf_pages.get(index).map_or(0, |page| page.bytes.len()),
                 Some(&next) => {
                     let (nodes, leaves) =
                         counts(tree.level(level).start + index as u32, level..next);

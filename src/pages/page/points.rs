@@ -374,9 +374,10 @@ fn fill_attributes(
                 continue;
             }
             let first = node.first_child as usize;
-            for leaf in first..first + usize::from(node.child_count) {
-                let weight = area_of_point(tree.leaves[leaf].radius).max(1e-30);
-                let [r, g, b, _] = vertices[leaf].color;
+            let own = first..first + usize::from(node.child_count);
+            for (leaf, vertex) in tree.leaves[own.clone()].iter().zip(&vertices[own]) {
+                let weight = area_of_point(leaf.radius).max(1e-30);
+                let [r, g, b, _] = vertex.color;
                 for (sum, value) in sum.iter_mut().zip([r, g, b].map(f32::from)) {
                     *sum += value * weight;
                 }

@@ -78,7 +78,7 @@ impl<'a> FragmentReader<'a> {
         if reader.options & !(COLORS | COMMENT) != 0 {
             return Err(reader.wrong(start + 16, "unknown options"));
         }
-        if length < header || length > rest.len() || length % 4 != 0 {
+        if length < header || length > rest.len() || !length.is_multiple_of(4) {
             let cause = format!(
                 "a fragment of {length} bytes, where the file has {} more",
                 rest.len()

@@ -55,9 +55,10 @@ pub fn to_bytes(tree: &QsTree) -> Option<Vec<u8>> {
         if has_parents(first, count) {
             out.extend(u32::try_from(end - out.len()).ok()?.to_be_bytes());
         }
-        for id in first..first + count {
-            let node = tree.nodes.get(id)?;
-            let children = (first_child[id], usize::from(node.children));
+        let own = first..first + count;
+        let nodes = tree.nodes.get(own.clone())?.iter();
+        for (node, &first_child) in nodes.zip(first_child.get(own)?) {
+            let children = (first_child, usize::from(node.children));
             let mut word = node.sphere << 3 | u16::from(node.children.saturating_sub(1));
             if node.children > 0 {
                 if has_parents(children.0, children.1) {
