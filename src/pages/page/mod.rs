@@ -1,7 +1,7 @@
 //! A page: a part of the tree in few bits, and decoded into a small model of its own.
 //!
-//! A leaf page ([`points`], [`triangles`]) is a node with all below it. Spheres, normals and cones are in QSplat's bits
-//! ([`super::quantize`]), each sphere in its decoded parent's. What lies above the leaf pages is in upper pages ([`upper`]),
+//! A leaf page (`points`, `triangles`) is a node with all below it. Spheres, normals and cones are in QSplat's bits
+//! ([`super::quantize`]), each sphere in its decoded parent's. What lies above the leaf pages is in upper pages (`upper`),
 //! one node in some thousands, in the records of the tree as they are; the leaves of an upper page are the roots of the
 //! pages below it, and stand for them as points until those are there.
 //!
