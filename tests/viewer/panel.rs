@@ -226,7 +226,7 @@ fn files_dropped_together_are_shown_together() {
     window.wait_for_picture("both models", &expected);
     // What cannot be opened is told, and the rest is shown.
     window.drop_files(&[&both[1], &file("missing.obj")]);
-    window.wait_for_title("right.obj - pop");
+    window.wait_for_title("missing.obj");
     let alone = render(&[&[names[1]], &size[..]].concat(), &file("alone.png"));
     wait_for("the model and a message", || {
         let off = changed(&window.picture(), &alone);
