@@ -31,7 +31,7 @@ pub(crate) struct Args {
     json: bool,
 }
 
-/// Whether a file is a paged tree, by its first bytes; what cannot be read is none.
+/// Tells by its first bytes whether a file is a paged tree; one that cannot be read is none.
 fn is_paged(path: &Path) -> bool {
     let mut start = [0; MAGIC.len()];
     let read = std::fs::File::open(path).and_then(|mut file| file.read_exact(&mut start));
@@ -48,7 +48,7 @@ fn check_pages(path: &Path) -> Result<PagedReport, tree::Error> {
     Ok(pages::check::check(&file, &Silent))
 }
 
-/// What was found in a paged file, as text and as a row.
+/// Findings about a paged file, as text and as a row.
 fn add_pages(path: &Path, report: &PagedReport, text: &mut String, rows: &mut Vec<Value>) {
     let name = path.display().to_string();
     // Writing to a string cannot fail.

@@ -23,12 +23,12 @@ pub(crate) enum ColorByName {
     Overdraw,
 }
 
-/// What decides the color.
+/// Value of `--color-by`.
 #[derive(Debug, Clone)]
 pub(crate) enum ColorChoice {
     /// How the picture is drawn.
     Picture(ColorByName),
-    /// What the points of a cloud carry.
+    /// Height, or an attribute that the points of a cloud carry.
     Points(PointColoring),
 }
 

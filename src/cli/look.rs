@@ -273,7 +273,7 @@ pub(crate) struct LookArgs {
     /// How strong eye-dome lighting is
     #[arg(long, value_name = "FACTOR", default_value = "1")]
     eye_dome_strength: f32,
-    /// What decides the color: shading (light and vertex colors), primitive (splats red, triangles blue); not lit: level (of the tree, the root dark), normal, depth (near bright), overdraw (from 1, dark violet, over 8 to 64, yellow); classification of visibility splats; or what colors the points: height, intensity, class, return, time or another attribute that `surfel info` lists
+    /// Source of the color: shading (light and vertex colors), primitive (splats red, triangles blue); not lit: level (of the tree, the root dark), normal, depth (near bright), overdraw (from 1, dark violet, over 8 to 64, yellow); classification of visibility splats; or, of points, height, intensity, class, return, time or another attribute that `surfel info` lists
     #[arg(long, value_name = "WHAT", default_value = "shading", value_parser = str::parse::<ColorChoice>)]
     color_by: ColorChoice,
     #[command(flatten)]
@@ -335,7 +335,10 @@ impl LookArgs {
         }
     }
 
-    /// What decides the color of the picture.
+    /// Look that colors the picture.
+    ///
+    /// # Errors
+    /// When points are to be colored, which this command does not do.
     fn picture_color(&self) -> Result<ColorByName, Failure> {
         match &self.color_by {
             ColorChoice::Picture(name) => Ok(*name),

@@ -17,7 +17,7 @@ use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// A shape of about that many triangles with colors, or the cloud of its vertices.
-pub(super) fn model(shape: GeneratedShape, triangles: u64, is_cloud: bool) -> Model {
+pub(in crate::pages) fn model(shape: GeneratedShape, triangles: u64, is_cloud: bool) -> Model {
     let spec = ShapeSpec::with_triangles(shape, triangles).unwrap();
     let mut mesh = generate::mesh(&spec);
     mesh.colors = mesh

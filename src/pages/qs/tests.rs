@@ -1,25 +1,15 @@
 #![allow(clippy::unwrap_used, reason = "a test may panic")]
 
 use super::*;
-use crate::generate::{self, GeneratedShape, ShapeSpec};
+use crate::generate::GeneratedShape;
 use crate::math::octahedral;
 use crate::pages::quantize::CONE_SINES;
 use crate::progress::Silent;
-use crate::tree::{self, BuildOptions, Model};
+use crate::tree::{self, Model};
 use std::path::Path;
 
 fn model(triangles: u64) -> Model {
-    let spec = ShapeSpec::with_triangles(GeneratedShape::Torus, triangles).unwrap();
-    let mut mesh = generate::mesh(&spec);
-    mesh.colors = mesh
-        .positions
-        .iter()
-        .map(|p| {
-            let [r, g, b] = (*p * 80.0 + 128.0).to_array().map(|c| c as u8);
-            [r, g, b, 255]
-        })
-        .collect();
-    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+    crate::pages::tests::model(GeneratedShape::Torus, triangles, false)
 }
 
 fn read_one(bytes: &[u8]) -> Result<QsTree, QsError> {
