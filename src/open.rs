@@ -36,6 +36,10 @@ pub struct OpenOptions {
     pub input: input::Options,
     /// Let the first view frame everything, however far off ([`Model::framed`] is then `None`).
     pub frame_all: bool,
+    /// Leave the pages of a paged tree file where they are: the model then stands in for them, and
+    /// [`OpenedModel::paged`] has the file, for [`PagedModel`](crate::render::paged_model::PagedModel). Else all are read and
+    /// joined.
+    pub streams_pages: bool,
     /// How the tree is built. A crease angle replaces the normals of the file; without one these are kept, and where there
     /// are none the angle is [`USUAL_CREASE_DEGREES`].
     pub tree: BuildOptions,
@@ -154,6 +158,8 @@ pub struct OpenedModel {
     /// What the vertices carry beside position, normal and color, in the order of the file; empty for most models and
     /// for tree files.
     pub attributes: PointAttributes,
+    /// The file whose pages the model stands in for; `None` where the model is all.
+    pub paged: Option<PagedFile>,
     /// How it is looked at, where it is a scene.
     pub scene: Option<SceneView>,
     /// Time to read or generate it, milliseconds.
@@ -243,6 +249,7 @@ pub fn open_with_preview(
         warnings,
         parts: found.parts,
         attributes: found.attributes,
+        paged: found.paged,
         scene: found.scene,
         load_ms,
         build_ms,
@@ -270,6 +277,7 @@ struct SourceContent {
     warnings: Vec<Warning>,
     parts: Vec<FilePart>,
     attributes: PointAttributes,
+    paged: Option<PagedFile>,
     scene: Option<SceneView>,
 }
 
@@ -286,6 +294,7 @@ impl SourceContent {
             warnings: Vec::new(),
             parts: Vec::new(),
             attributes: PointAttributes::default(),
+            paged: None,
             scene,
         }
     }
@@ -302,6 +311,7 @@ impl SourceContent {
             warnings: Vec::new(),
             parts: Vec::new(),
             attributes: PointAttributes::default(),
+            paged: None,
             scene: None,
         }
     }
@@ -320,6 +330,7 @@ impl From<QsCloud> for SourceContent {
             warnings: Vec::new(),
             parts: Vec::new(),
             attributes: PointAttributes::default(),
+            paged: None,
             scene: None,
         }
     }
@@ -335,6 +346,7 @@ impl From<input::Loaded> for SourceContent {
             warnings: loaded.warnings,
             parts: loaded.parts,
             attributes: loaded.attributes,
+            paged: None,
             scene: None,
         }
     }
@@ -439,6 +451,18 @@ fn read_stream(
         };
         let file_bytes = source.len();
         let file = PagedFile::open(source).map_err(tree::Error::from)?;
+        if options.streams_pages {
+            let model = file.stand_in(file.origin()).map_err(tree::Error::from)?;
+            return Ok(SourceContent {
+                format: SourceFormat::PagedTree,
+                counts: Counts {
+                    vertices: if file.is_surface() { 0 } else { file.header().leaf_count },
+                    faces: if file.is_surface() { file.header().leaf_count } else { 0 },
+                },
+                paged: Some(file),
+                ..SourceContent::tree(model, file_bytes)
+            });
+        }
         let model = join::whole_model(&file, progress)?;
         return Ok(SourceContent {
             format: SourceFormat::PagedTree,

@@ -42,7 +42,12 @@ const LAYERS: &[Layer] = &[
     // The strips' exact size of a triangle reads those records.
     layer("cut", &["math", "threads", "simd", "tree", "abi"]),
     // Pages decode into the records of a tree, and a cut of a page is a cut of its tree.
-    layer("pages", &["progress", "math", "mesh", "abi", "tree", "cut"]),
+    layer(
+        "pages",
+        &[
+            "progress", "math", "threads", "mesh", "abi", "tree", "cut",
+        ],
+    ),
     layer("pack", &["math", "threads", "simd", "tree", "cut", "abi"]),
     layer("image", &["math"]),
     // Vulkan knows records and layouts, but neither trees nor meshes.
@@ -50,7 +55,7 @@ const LAYERS: &[Layer] = &[
     layer(
         "render",
         &[
-            "progress", "math", "abi", "tree", "cut", "pack", "image", "gpu",
+            "progress", "math", "abi", "tree", "cut", "pages", "pack", "image", "gpu",
         ],
     ),
     layer(

@@ -41,6 +41,7 @@ impl<'m> Window<'m> {
         let shown = ShownModel {
             models: &[self.model],
             scene: &mut self.scene,
+            pages: &mut [],
         };
         let submitted = self.renderer.submit(shown, view, settings, nowhere());
         self.renderer.finish(submitted.unwrap()).unwrap()
@@ -149,6 +150,7 @@ fn who_is_insisted_on_draws_or_says_why_not() {
     let shown = ShownModel {
         models: &[&model],
         scene: &mut window.scene,
+        pages: &mut [],
     };
     let gauss = of_splat(SplatKind::Gauss, 2.0);
     let refused = window.renderer.submit(shown, &view, &gauss, nowhere());
@@ -170,8 +172,9 @@ fn what_was_predicted_is_drawn_of_the_same_settings_alone() {
         let shown = ShownModel {
             models: &[&model],
             scene: &mut window.scene,
+            pages: &mut [],
         };
-        let ahead = window.renderer.predict(&shown, &view, &predicted);
+        let ahead = window.renderer.predict(shown, &view, &predicted);
         assert!(ahead.counts.nodes_visited > 0 && ahead.counts.splats > 0);
         assert!(ahead.by_compute && !ahead.is_free);
         let times = window.draw(&view, &drawn);

@@ -5,7 +5,7 @@ use super::cameras::{orbit_cameras, parse_orbit, parse_size, read_camera, resize
 use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
-use super::source::{ColorArgs, Source};
+use super::source::{ColorArgs, PageArgs, Source};
 use super::{Failure, Outcome, say, usage, write_text};
 use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
@@ -15,6 +15,7 @@ use surfel::image::{FloatImage, Image};
 use surfel::pack::ColorBy;
 use surfel::progress::Progress;
 use surfel::render::engine::{Backend, Engine};
+use surfel::render::paged_model::PagedModel;
 use surfel::render::stats::FrameTimes;
 use surfel::render::stats::OverdrawSummary;
 use surfel::render::vulkan::overdraw;
@@ -148,6 +149,8 @@ pub(crate) struct Args {
     more: Vec<PathBuf>,
     #[command(flatten)]
     color: ColorArgs,
+    #[command(flatten)]
+    pages: PageArgs,
     /// Draw a built-in scene with its own camera, picture size and threshold, unless those are given; `list` lists them
     #[arg(long, value_name = "NAME", conflicts_with = "model")]
     scene: Option<String>,
@@ -274,16 +277,25 @@ impl Args {
     }
 
     /// Opens the models after the first, and moves them to the space of that.
-    fn open_others(&self, first: &OpenedModel, quiet: bool) -> Result<Vec<OpenedModel>, Failure> {
+    fn open_others(
+        &self,
+        first: &OpenedModel,
+        streams_pages: bool,
+        quiet: bool,
+    ) -> Result<Vec<OpenedModel>, Failure> {
         let mut others = Vec::with_capacity(self.more.len());
         for path in &self.more {
             let source = Source {
                 model: path.clone(),
                 ..self.source.clone()
             };
-            let mut other = source.open_colored(&self.color, &Bar::new(quiet))?;
+            let mut other = source.open_as(&self.color, streams_pages, &Bar::new(quiet))?;
             let moving = Bar::new(quiet);
-            other.model = (other.model).moved_to(first.model.origin, &moving)?;
+            let origin = first.model.origin;
+            other.model = match &other.paged {
+                Some(file) => file.stand_in(origin).map_err(surfel::tree::Error::from)?,
+                None => (other.model).moved_to(origin, &moving)?,
+            };
             others.push(other);
         }
         Ok(others)
@@ -378,8 +390,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             "--cut-camera: only --method pop and --method splats draw a cut",
         ));
     }
-    let ready = args.source.open_colored(&args.color, &Bar::new(quiet))?;
-    let others = args.open_others(&ready, quiet)?;
+    let streams_pages = settings.method == Method::Pop && !args.look.is_auto();
+    let ready = (args.source).open_as(&args.color, streams_pages, &Bar::new(quiet))?;
+    let others = args.open_others(&ready, streams_pages, quiet)?;
     let mut models = vec![&ready.model];
     models.extend(others.iter().map(|other| &other.model));
     let sphere = (models.iter().map(|model| model.orbit_sphere()))
@@ -395,7 +408,11 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     }
     let is_smooth = args.is_smooth(&settings);
     let has_squares = settings.method == Method::Pop && settings.splat == SplatKind::Square;
-    if is_smooth && has_squares && ready.model.kind().is_surface() {
+    let is_surface = match &ready.paged {
+        Some(file) => file.is_surface(),
+        None => ready.model.kind().is_surface(),
+    };
+    if is_smooth && has_squares && is_surface {
         args.look.default_threshold(SMOOTH_THRESHOLD_PX);
         settings = args.look.settings_to_choose()?;
     }
@@ -415,6 +432,13 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         values: false,
     };
     let mut engine = Engine::of_models(&backend, &models, size, outputs)?;
+    for (index, opened) in [&ready].into_iter().chain(&others).enumerate() {
+        if let Some(file) = &opened.paged {
+            let options = args.pages.options(ready.model.origin);
+            let pages = PagedModel::open(file.clone(), options).map_err(surfel::tree::Error::from)?;
+            engine.set_pages(index, pages);
+        }
+    }
     let views = cameras
         .iter()
         .map(|c| c.view(ready.model.origin))
@@ -447,6 +471,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             )));
         }
         times.push(engine.draw(view, &settings)?);
+        for message in engine.take_page_messages() {
+            say(&format!("surfel: warning: {message}; what is known of that part is drawn coarser"));
+        }
         if args.wants_picture() {
             let picture = match args.samples {
                 None if is_smooth => Picture::Mean(engine.smooth(view, &settings)?),

@@ -3,9 +3,11 @@
 use super::progress::Bar;
 use super::{Failure, usage};
 use clap::Args;
+use glam::DVec3;
 use std::path::PathBuf;
 use surfel::input::{self, ColorSetting, PointColoring};
 use surfel::progress::Progress;
+use surfel::render::paged_model::PagedModelOptions;
 use surfel::tree::BuildOptions;
 use surfel::{OpenOptions, OpenedModel};
 
@@ -37,6 +39,57 @@ fn parse_crease(text: &str) -> Result<f32, String> {
     match text.parse() {
         Ok(degrees) if (0.0..=180.0).contains(&degrees) => Ok(degrees),
         _ => Err("expected an angle from 0 to 180 degrees".into()),
+    }
+}
+
+/// How much of paged files is in memory.
+#[derive(Debug, Clone, Copy, Default, Args)]
+pub(crate) struct PageArgs {
+    /// Memory for the pages of paged tree files, such as 512MiB or 4GiB; what does not fit is drawn coarser [default: half of what is free, at most 4GiB]
+    #[arg(long, value_name = "SIZE", value_parser = parse_bytes)]
+    memory: Option<u64>,
+}
+
+impl PageArgs {
+    /// Bytes of pages in memory.
+    pub(crate) fn bytes(self) -> u64 {
+        self.memory.unwrap_or_else(surfel::pages::cache::usual_budget)
+    }
+
+    /// How a paged file is drawn in the space of a model with this origin.
+    pub(crate) fn options(self, origin: DVec3) -> PagedModelOptions {
+        PagedModelOptions {
+            memory_bytes: self.bytes(),
+            origin: Some(origin),
+            ..PagedModelOptions::default()
+        }
+    }
+}
+
+/// A number of bytes, such as `512MiB`, `1.5 GB` or `4096`.
+fn parse_bytes(text: &str) -> Result<u64, String> {
+    let text = text.trim();
+    let split = text
+        .find(|c: char| c.is_ascii_alphabetic())
+        .unwrap_or(text.len());
+    let (number, unit) = (text[..split].trim(), text[split..].to_ascii_lowercase());
+    let unit: f64 = match unit.as_str() {
+        "" | "b" => 1.0,
+        "kib" => 1024.0,
+        "mib" => 1_048_576.0,
+        "gib" => 1_073_741_824.0,
+        "tib" => 1_099_511_627_776.0,
+        "kb" => 1e3,
+        "mb" => 1e6,
+        "gb" => 1e9,
+        "tb" => 1e12,
+        _ => return Err("the unit is one of B, KB, MB, GB, TB, KiB, MiB, GiB, TiB".to_owned()),
+    };
+    match number.parse::<f64>() {
+        Ok(count) if count >= 0.0 && count * unit >= 1.0 && count * unit < 1e18 => {
+            Ok((count * unit) as u64)
+        }
+        _ => Err("expected a size such as 512MiB or 4GiB".to_owned()),
     }
 }
 
@@ -97,6 +150,7 @@ pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> 
             ..input::Options::default()
         },
         frame_all: frame == Framing::All,
+        streams_pages: false,
         tree: BuildOptions {
             crease_degrees: surface.crease,
             ..BuildOptions::default()
@@ -121,8 +175,19 @@ impl Source {
         color: &ColorArgs,
         progress: &dyn Progress,
     ) -> Result<OpenedModel, Failure> {
+        self.open_as(color, false, progress)
+    }
+
+    /// As [`Source::open_colored`]; with `streams_pages` the pages of a paged file are left where they are.
+    pub(crate) fn open_as(
+        &self,
+        color: &ColorArgs,
+        streams_pages: bool,
+        progress: &dyn Progress,
+    ) -> Result<OpenedModel, Failure> {
         let mut options = open_options(self.weld, self.frame, self.surface);
         options.input.color = color.setting()?;
+        options.streams_pages = streams_pages;
         let opened = surfel::open(&self.model, &options, progress).map_err(|error| match error {
             surfel::Error::Input(input::Error::UnknownAttribute { .. }) => usage(format!(
                 "{error}; looks of the picture are shading, primitive, classification, level, normal, depth and overdraw"

@@ -4,10 +4,11 @@ use super::cameras::{parse_orbit, parse_size, read_camera};
 use super::look::LookArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
-use super::source::{ColorArgs, Framing, SurfaceArgs, open_options};
+use super::source::{ColorArgs, PageArgs, Framing, SurfaceArgs, open_options};
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
+use surfel::render::paged_model::PagedModelOptions;
 use surfel::viewer::{self, InjectedFaults, ViewerOptions, store};
 
 /// Mouse and keys, for `surfel --help`.
@@ -43,6 +44,8 @@ pub(crate) struct Args {
     surface: SurfaceArgs,
     #[command(flatten)]
     color: ColorArgs,
+    #[command(flatten)]
+    pages: PageArgs,
     #[command(flatten)]
     look: LookArgs,
     /// Size of the window [default: as it was left, or 1024x768]
@@ -191,6 +194,10 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         more: args.more,
         opening,
+        paged: PagedModelOptions {
+            memory_bytes: args.pages.bytes(),
+            ..PagedModelOptions::default()
+        },
         size: size.unwrap_or((window.width, window.height)),
         size_is_usual: size.is_none() && is_attended,
         ui_scale: args.ui_scale,

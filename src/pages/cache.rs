@@ -14,6 +14,18 @@ struct CachedPage {
     frame: u64,
 }
 
+/// The usual budget: half of the memory that the system has free, at most 4 GiB; 1 GiB where it does not say.
+pub fn usual_budget() -> u64 {
+    const MOST: u64 = 4 << 30;
+    const UNKNOWN: u64 = 1 << 30;
+    let free = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
+        let line = text.lines().find(|line| line.starts_with("MemAvailable:"))?;
+        let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+        Some(kib * 1024)
+    });
+    free.map_or(UNKNOWN, |free| (free / 2).min(MOST))
+}
+
 /// Pages by number. What was needed least recently goes first; what the present frame needs stays.
 #[derive(Debug)]
 pub struct PageCache {
@@ -53,6 +65,11 @@ impl PageCache {
     /// Whether no page is in memory.
     pub fn is_empty(&self) -> bool {
         self.pages.is_empty()
+    }
+
+    /// All pages in memory, by number.
+    pub fn iter(&self) -> impl Iterator<Item = (u32, &Arc<DecodedPage>)> {
+        self.pages.iter().map(|(&id, own)| (id, &own.page))
     }
 
     /// A new frame, which needs these pages; unknown ones are passed over.

@@ -4,12 +4,11 @@
 //! pages below: one that is small enough is drawn as it is; of one that is not, the page is cut where it is in memory, and
 //! else it is wanted and drawn as it is meanwhile. So nothing is ever missing, only coarser.
 
-use super::file::PagedFile;
 use super::format::PageEntry;
-use super::page::{ChildPages, DecodedPage};
+use super::page::DecodedPage;
 use crate::cut::{Cut, CutSelector, CutSettings, CutStats, FacingTest, NodeTester};
-use crate::math::camera::{self, Camera, View};
-use std::collections::VecDeque;
+use crate::math::camera::View;
+use crate::threads;
 use std::sync::Arc;
 
 /// The pages that are in memory.
@@ -51,70 +50,105 @@ pub struct PagedCut {
     pub stats: CutStats,
 }
 
-/// Cuts over pages, and keeps its working memory from one to the next.
+/// Chooses the cut of one page's model: told a selector, the page's number, the page, and where the cut goes.
+pub type PageChoice<'a> = dyn Fn(&mut CutSelector, u32, &DecodedPage, &mut Cut) + Sync + 'a;
+
+/// How the cut of a frame is chosen.
+#[derive(Clone, Copy)]
+pub struct PageTests<'a> {
+    /// The view, in model space.
+    pub view: &'a View,
+    /// What decides which nodes and pages are drawn.
+    pub settings: &'a CutSettings,
+    /// Chooses what is drawn of a page, by these settings.
+    pub choose: &'a PageChoice<'a>,
+}
+
+/// What was found of one page.
 #[derive(Debug, Default)]
+struct PageVerdict {
+    cut: Cut,
+    /// Pages below it that are too large to be drawn as one splat, whether they are there or not.
+    open: Vec<WantedPage>,
+}
+
+/// Cuts over pages, and keeps its working memory from one to the next.
+#[derive(Debug)]
 pub struct PageCutSelector {
-    selector: CutSelector,
+    /// One for each thread. Pages are small: many are cut at once, each by one thread.
+    workers: Vec<CutSelector>,
+}
+
+impl Default for PageCutSelector {
+    fn default() -> Self {
+        let worker = || CutSelector::with_threads(1);
+        Self {
+            workers: (0..threads::count()).map(|_| worker()).collect(),
+        }
+    }
 }
 
 impl PageCutSelector {
-    /// The cut of a file for a camera. Where nothing is in memory it draws nothing and wants the first page.
-    ///
-    /// # Errors
-    /// A camera that cannot look at the model.
+    /// As [`CutSelector::with_subpixel_bits`].
+    #[must_use]
+    pub fn with_subpixel_bits(mut self, bits: u32) -> Self {
+        let workers = std::mem::take(&mut self.workers).into_iter();
+        self.workers = workers
+            .map(|worker| worker.with_subpixel_bits(bits))
+            .collect();
+        self
+    }
+
+    /// The cut over the pages below `root`, all of them in model space ([`DecodedPage::in_model_space`]). Where nothing is
+    /// in memory it draws nothing and wants the first page.
     pub fn select(
         &mut self,
-        file: &PagedFile,
-        pages: &dyn ResidentPages,
-        camera: &Camera,
-        settings: &CutSettings,
-    ) -> Result<PagedCut, camera::Error> {
+        root: Option<PageEntry>,
+        pages: &(dyn ResidentPages + Sync),
+        tests: PageTests<'_>,
+    ) -> PagedCut {
         let mut out = PagedCut::default();
-        let first = file.root().map(|entry| WantedPage {
+        let first = root.map(|entry| WantedPage {
             entry,
             size_px: f32::INFINITY,
         });
-        let mut waiting: VecDeque<WantedPage> = first.into_iter().collect();
-        while let Some(own) = waiting.pop_front() {
-            let id = own.entry.id;
-            let Some(page) = pages.page(id) else {
-                out.wanted.push(own);
-                continue;
-            };
-            out.needed.push(id);
-            let view = camera.view(page.model.origin)?;
-            let mut cut = Cut::default();
-            self.selector.select(&page.model, &view, settings, &mut cut);
-            if let Some(below) = &page.children {
-                let leaves = self.upper_leaves(&page, below, (&view, settings), &mut cut);
-                let tester = NodeTester::new(&page.model, &view, settings);
-                for leaf in leaves {
-                    let sphere = page.model.tree.leaves[leaf as usize];
-                    let entry = below.entries[leaf as usize];
-                    let is_there = || pages.page(entry.id).is_some();
-                    if tester.is_small(sphere.center, sphere.radius) {
-                        cut.leaves.push(leaf);
-                        continue;
-                    }
-                    let wanted = WantedPage {
-                        entry,
-                        size_px: tester.size_px(sphere.center, sphere.radius) as f32,
-                    };
-                    if is_there() {
-                        waiting.push_back(wanted);
+        let mut band: Vec<WantedPage> = first.into_iter().collect();
+        while !band.is_empty() {
+            // Pages of one band do not depend on one another.
+            let mut found: Vec<(u32, Arc<DecodedPage>, PageVerdict)> = Vec::new();
+            for own in band.drain(..) {
+                match pages.page(own.entry.id) {
+                    Some(page) => found.push((own.entry.id, page, PageVerdict::default())),
+                    None => out.wanted.push(own),
+                }
+            }
+            threads::share(
+                &mut self.workers,
+                found.iter_mut(),
+                |worker, (id, page, verdict)| look_at(worker, *id, page, tests, verdict),
+            );
+            for (id, page, PageVerdict { mut cut, open }) in found {
+                out.needed.push(id);
+                for wanted in open {
+                    if pages.page(wanted.entry.id).is_some() {
+                        band.push(wanted);
                     } else {
+                        let below = page.children.as_ref();
+                        let first = below.and_then(|below| below.entries.first());
+                        let leaf = first.map_or(0, |first| wanted.entry.id - first.id);
                         cut.leaves.push(leaf);
                         out.wanted.push(wanted);
                     }
                 }
-            }
-            out.stats.add(&cut.stats);
-            let is_empty = cut.nodes.is_empty()
-                && cut.strips.is_empty()
-                && cut.leaves.is_empty()
-                && cut.triangles.is_empty();
-            if !is_empty {
-                out.parts.push(PagePart { id, page, cut });
+                cut.leaves.sort_unstable();
+                out.stats.add(&cut.stats);
+                let is_empty = cut.nodes.is_empty()
+                    && cut.strips.is_empty()
+                    && cut.leaves.is_empty()
+                    && cut.triangles.is_empty();
+                if !is_empty {
+                    out.parts.push(PagePart { id, page, cut });
+                }
             }
         }
         out.wanted.sort_by(|a, b| {
@@ -122,36 +156,54 @@ impl PageCutSelector {
                 .total_cmp(&a.size_px)
                 .then(a.entry.id.cmp(&b.entry.id))
         });
-        Ok(out)
+        out
     }
+}
 
-    /// The leaves of an upper page that are in view and do not face away as a whole; takes them out of the cut. Its own
-    /// test of leaves is that of points, by one normal, which is not that of a whole page.
-    fn upper_leaves(
-        &mut self,
-        page: &DecodedPage,
-        below: &ChildPages,
-        (view, settings): (&View, &CutSettings),
-        cut: &mut Cut,
-    ) -> Vec<u32> {
-        if !settings.cull_back {
-            return std::mem::take(&mut cut.leaves);
+/// Cuts one page. Its leaves that are drawn are in the cut; those to be opened are named.
+fn look_at(
+    selector: &mut CutSelector,
+    id: u32,
+    page: &DecodedPage,
+    tests: PageTests<'_>,
+    verdict: &mut PageVerdict,
+) {
+    let PageTests {
+        view,
+        settings,
+        choose,
+    } = tests;
+    let PageVerdict { cut, open } = verdict;
+    choose(selector, id, page, cut);
+    let Some(below) = &page.children else {
+        return;
+    };
+    // The test of leaves is that of points, by one normal, which is not that of a whole page.
+    cut.leaves.clear();
+    cut.triangles.clear();
+    let both_sides = CutSettings {
+        cull_back: false,
+        ..*settings
+    };
+    let mut all = Cut::default();
+    selector.select(&page.model, view, &both_sides, &mut all);
+    let tester = NodeTester::new(&page.model, view, settings);
+    for leaf in all.leaves {
+        let sphere = page.model.tree.leaves[leaf as usize];
+        let cone = below.cones[leaf as usize];
+        let faces_away = settings.cull_back
+            && tester.facing(sphere.center, sphere.radius, cone) == FacingTest::Away;
+        if faces_away {
+            continue;
         }
-        let both_sides = CutSettings {
-            cull_back: false,
-            ..*settings
-        };
-        let mut all = Cut::default();
-        self.selector
-            .select(&page.model, view, &both_sides, &mut all);
-        let tester = NodeTester::new(&page.model, view, settings);
-        all.leaves.retain(|&leaf| {
-            let sphere = &page.model.tree.leaves[leaf as usize];
-            let cone = below.cones[leaf as usize];
-            tester.facing(sphere.center, sphere.radius, cone) != FacingTest::Away
-        });
-        cut.leaves.clear();
-        all.leaves
+        if tester.is_small(sphere.center, sphere.radius) {
+            cut.leaves.push(leaf);
+        } else {
+            open.push(WantedPage {
+                entry: below.entries[leaf as usize],
+                size_px: tester.size_px(sphere.center, sphere.radius) as f32,
+            });
+        }
     }
 }
 
@@ -160,6 +212,7 @@ impl PageCutSelector {
 mod tests {
     use super::*;
 
+    use crate::pages::file::PagedFile;
     use crate::pages::join::whole_model;
     use crate::pages::page::DecodeOptions;
     use crate::pages::tests::{GeneratedShape, SMALL_PAGES, model, opened};
@@ -167,6 +220,31 @@ mod tests {
     use crate::progress::Silent;
     use crate::tree::Model;
     use std::collections::{BTreeMap, BTreeSet};
+
+    fn in_space_of(file: &PagedFile) -> DecodeOptions {
+        DecodeOptions {
+            moments: false,
+            model_origin: Some(file.origin()),
+        }
+    }
+
+    /// The cut of a file by the plain tests of a tree.
+    fn selected(
+        selector: &mut PageCutSelector,
+        file: &PagedFile,
+        pages: &KnownPages,
+        (view, settings): (&View, &CutSettings),
+    ) -> PagedCut {
+        let choose = |selector: &mut CutSelector, _: u32, page: &DecodedPage, cut: &mut Cut| {
+            selector.select(&page.model, view, settings, cut);
+        };
+        let tests = PageTests {
+            view,
+            settings,
+            choose: &choose,
+        };
+        selector.select(file.root(), pages, tests)
+    }
 
     /// Pages in memory, and numbers in the joined model of the first node of each level and the first leaf.
     struct KnownPages {
@@ -192,7 +270,7 @@ mod tests {
             let mut levels = 0;
             let mut starts: Vec<u32> = joined.tree.level_starts[level..].to_vec();
             for entry in wanted {
-                let page = file.read_page(&entry, DecodeOptions::default()).unwrap();
+                let page = file.read_page(&entry, in_space_of(file)).unwrap();
                 levels = page.model.tree.level_count();
                 known.places.insert(entry.id, (starts.clone(), next_leaf));
                 for (l, start) in starts.iter_mut().enumerate().take(levels) {
@@ -259,11 +337,11 @@ mod tests {
                     cull_back: cull_back && !is_cloud,
                     ..CutSettings::default()
                 };
-                let found = selector.select(&file, &known, &camera, &settings).unwrap();
+                let view = camera.view(joined.origin).unwrap();
+                let found = selected(&mut selector, &file, &known, (&view, &settings));
                 assert!(found.wanted.is_empty());
                 let ids = in_joined(&found, &known, &joined);
                 let mut expected = Cut::default();
-                let view = camera.view(joined.origin).unwrap();
                 CutSelector::default().select(&joined, &view, &settings, &mut expected);
                 let strips = expected.strips.iter().map(|strip| strip.node);
                 let lists = [
@@ -314,7 +392,8 @@ mod tests {
         let mut selector = PageCutSelector::default();
         let mut rounds = 0;
         loop {
-            let found = selector.select(&file, &known, &camera, &settings).unwrap();
+            let view = camera.view(joined.origin).unwrap();
+                let found = selected(&mut selector, &file, &known, (&view, &settings));
             // Every leaf of the model that is in view is below exactly one id: no two ids overlap.
             let ids = in_joined(&found, &all, &joined);
             let mut covered = BTreeSet::new();

@@ -6,8 +6,9 @@ use super::format::{
 use super::page::{DecodeOptions, DecodedPage, decode};
 use super::source::ByteSource;
 use crate::tree::file::hash;
+use crate::tree::Model;
 use bytemuck::Zeroable;
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::sync::Arc;
 
 /// An open paged file: its header. Pages are read when they are asked for.
@@ -85,6 +86,33 @@ impl PagedFile {
         DVec3::from_array(self.header.origin)
     }
 
+    /// A model with the nodes of the first page, and the box and sphere of the whole file, in coordinates around `origin`
+    /// (world space): for whatever asks where the model is and how large. Its leaves stand for pages.
+    ///
+    /// # Errors
+    /// As [`PagedFile::read_page`].
+    pub fn stand_in(&self, origin: DVec3) -> Result<Model, PageError> {
+        let options = DecodeOptions {
+            moments: true,
+            model_origin: Some(origin),
+        };
+        let header = &self.header;
+        let first = self.root().map(|root| self.read_page(&root, options));
+        let model = first.transpose()?.map_or_else(Model::default, |page| page.model);
+        let shift = self.origin() - origin;
+        let moved = |place: [f32; 3]| (shift + Vec3::from_array(place).as_dvec3()).as_vec3();
+        Ok(Model {
+            origin,
+            min: moved(header.min),
+            max: moved(header.max),
+            orbit_center: moved(header.orbit_center),
+            orbit_radius: header.orbit_radius,
+            is_closed: self.is_closed(),
+            has_colors: self.has_colors(),
+            ..model
+        })
+    }
+
     /// Reads and decodes a page. Its bytes are asked for only where the file has them.
     ///
     /// # Errors
@@ -145,6 +173,9 @@ impl PagedFile {
             }
             page.model.is_closed = self.is_closed();
         }
-        Ok(page)
+        Ok(match options.model_origin {
+            Some(origin) => page.in_model_space(origin),
+            None => page,
+        })
     }
 }

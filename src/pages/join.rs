@@ -3,12 +3,12 @@
 use super::extract::link;
 use super::file::PagedFile;
 use super::format::{PageEntry, PageError};
-use super::page::{DecodeOptions, DecodedPage};
+use super::page::{DecodeOptions, DecodedPage, moved_sphere};
 use crate::progress::Progress;
 use crate::tree::{
     AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, Tree, fill_moments, links,
 };
-use glam::{DVec3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 /// Reads all pages and joins their records. Vertices of several pages come once for each.
@@ -59,19 +59,6 @@ pub fn whole_model(file: &PagedFile, progress: &dyn Progress) -> Result<Model, E
     Ok(model)
 }
 
-/// A sphere of a page in the whole model: its center moved, its radius grown by the rounding.
-fn moved(center: Vec3, radius: f32, base: DVec3) -> (Vec3, f32) {
-    let exact = base + center.as_dvec3();
-    let center = exact.as_vec3();
-    let off = center.as_dvec3().distance(exact);
-    let radius = if off > 0.0 {
-        crate::math::sphere::round_up(f64::from(radius) + off)
-    } else {
-        radius
-    };
-    (center, radius)
-}
-
 fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
     let header = file.header();
     let mut model = Model {
@@ -104,7 +91,7 @@ fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
                 let tree = &page.model.tree;
                 for id in tree.level(level) {
                     let mut node = tree.nodes[id as usize];
-                    (node.center, node.radius) = moved(node.center, node.radius, page.base);
+                    (node.center, node.radius) = moved_sphere(node.center, node.radius, page.base);
                     nodes[at] = node;
                     attributes[at] = tree.attributes[id as usize];
                     at += 1;
@@ -128,7 +115,7 @@ fn join(file: &PagedFile, bands: &[Vec<DecodedPage>]) -> Option<Model> {
     for page in bands.last().into_iter().flatten() {
         let first = model.vertices.len() as u32;
         for leaf in page.model.tree.leaves.iter() {
-            let (center, radius) = moved(leaf.center, leaf.radius, page.base);
+            let (center, radius) = moved_sphere(leaf.center, leaf.radius, page.base);
             leaves.push(Leaf { center, radius });
         }
         for vertex in &page.model.vertices {

@@ -60,6 +60,12 @@ struct LoaderState {
 }
 
 impl LoaderState {
+    /// Nothing is being read, and all that waits has failed before.
+    fn is_stuck(&self) -> bool {
+        let has_failed = |wanted: &WantedPage| self.failed.contains_key(&wanted.entry.id);
+        self.reading.is_empty() && self.queue.iter().all(has_failed)
+    }
+
     /// The most wanted page that may be tried now; else how long none may be, if any is wanted at all.
     fn next(&mut self, now: Instant) -> Result<WantedPage, Option<Duration>> {
         let may_be_tried = |wanted: &WantedPage| {
@@ -194,6 +200,16 @@ impl PageLoader {
         std::mem::take(&mut self.shared.state().done)
     }
 
+    /// Whether there are pages that were not taken yet.
+    pub fn has_pages(&self) -> bool {
+        !self.shared.state().done.is_empty()
+    }
+
+    /// Whether nothing is under way, and all that waits has failed before.
+    pub fn is_stuck(&self) -> bool {
+        self.shared.state().is_stuck()
+    }
+
     /// The messages since the last call: one for each page that failed.
     pub fn messages(&self) -> Vec<String> {
         std::mem::take(&mut self.shared.state().messages)
@@ -210,13 +226,8 @@ impl PageLoader {
         let end = Instant::now() + longest;
         let mut state = self.shared.state();
         loop {
-            let only_failed = state.reading.is_empty()
-                && state
-                    .queue
-                    .iter()
-                    .all(|w| state.failed.contains_key(&w.entry.id));
             let now = Instant::now();
-            if !state.done.is_empty() || only_failed || now >= end {
+            if !state.done.is_empty() || state.is_stuck() || now >= end {
                 return;
             }
             state = match self.shared.changed.wait_timeout(state, end - now) {

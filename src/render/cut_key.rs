@@ -84,6 +84,11 @@ impl CutKey {
         }
     }
 
+    /// The view that decides it.
+    pub(crate) fn view(&self) -> &View {
+        &self.view
+    }
+
     /// Whether it has to be known what of the model is not drawn.
     pub(crate) fn needs_undrawn(&self) -> bool {
         self.seen.is_some()

@@ -5,6 +5,7 @@ use crate::gpu::frame::FrameMeasure;
 use crate::gpu::{DeviceOptions, Error, Gpu};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
+use crate::progress::{Progress, Silent};
 use crate::render::PictureOutputs;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::DrawCosts;
@@ -13,6 +14,7 @@ use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::cpu::supported::unsupported_reason;
 use crate::render::frame_plan::{FramePlan, resolve_of_parts};
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
+use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::stats::FrameTimes;
@@ -95,6 +97,8 @@ pub struct Engine<'m> {
     device: Option<DeviceEngine>,
     cpu: Option<CpuEngine>,
     reference: Option<Box<MirrorEngine>>,
+    /// Of pages that could not be read.
+    page_messages: Vec<String>,
     /// What drew the last frame.
     last: FrameBackend,
 }
@@ -105,6 +109,8 @@ struct EngineModel<'m> {
     model: &'m Model,
     facts: Arc<ModelFacts>,
     is_shown: bool,
+    /// It stands in for these pages.
+    pages: Option<PagedModel>,
 }
 
 /// The part of an engine that draws on a device.
@@ -182,6 +188,7 @@ impl<'m> Engine<'m> {
             device: None,
             cpu: None,
             reference: None,
+            page_messages: Vec::new(),
             last: FrameBackend::Reference,
         };
         match backend {
@@ -217,9 +224,67 @@ impl<'m> Engine<'m> {
                 model,
                 facts: facts_of(index, model),
                 is_shown: true,
+                pages: None,
             })
             .collect();
         Ok(engine)
+    }
+
+    /// Lets the model of this index stand in for the pages of a paged file ([`PagedModel::stand_in`]), which are drawn in its
+    /// place; nothing where there is no model of this index.
+    pub fn set_pages(&mut self, index: usize, pages: PagedModel) {
+        if let Some(model) = self.models.get_mut(index) {
+            model.pages = Some(pages);
+        }
+    }
+
+    /// Takes the pages of the model of this index back, where it stands in for any.
+    #[cfg(feature = "viewer")]
+    pub(crate) fn take_pages(&mut self, index: usize) -> Option<PagedModel> {
+        self.models.get_mut(index)?.pages.take()
+    }
+
+    /// Loads the pages that the picture of a view needs, as [`PagedModel::load`], of all models that are shown. Drawing does
+    /// so too, but tells no progress.
+    ///
+    /// # Errors
+    /// As there.
+    pub fn load_pages(
+        &mut self,
+        view: &View,
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<Vec<String>, Error> {
+        let mut messages = Vec::new();
+        for model in self.models.iter_mut().filter(|model| model.is_shown) {
+            if let Some(pages) = &mut model.pages {
+                messages.append(&mut pages.load(view, settings, progress)?);
+            }
+        }
+        Ok(messages)
+    }
+
+    /// Takes the messages of pages that could not be read since the last call, one for each.
+    pub fn take_page_messages(&mut self) -> Vec<String> {
+        std::mem::take(&mut self.page_messages)
+    }
+
+    /// Loads and readies the pages of a frame, and gives the settings that it is drawn with.
+    ///
+    /// # Errors
+    /// As [`PagedModel::prepare`]; when device memory runs out.
+    fn prepare_pages(&mut self, view: &View, settings: &Settings) -> Result<Settings, Error> {
+        let mut messages = self.load_pages(view, settings, &Silent)?;
+        self.page_messages.append(&mut messages);
+        let shown = self.models.iter_mut().filter(|model| model.is_shown);
+        let pages = shown.filter_map(|model| model.pages.as_mut());
+        let settings = prepare_all(pages, view, settings)?;
+        if let Some(device) = &mut self.device {
+            let shown = self.models.iter().filter(|model| model.is_shown);
+            let pages = shown.filter_map(|model| model.pages.as_ref());
+            device.scene.hold(pages.flat_map(PagedModel::parts))?;
+        }
+        Ok(settings)
     }
 
     /// Draws a model from the next frame on, or leaves it out; nothing where there is no model of this index.
@@ -269,8 +334,9 @@ impl<'m> Engine<'m> {
         self.last = self
             .available()
             .choose(settings, self.outputs, [view.width, view.height])?;
-        let (models, parts) = drawn(&self.models);
-        let parts = DrawnParts::new(&parts);
+        let settings = &self.prepare_pages(view, settings)?;
+        let (parts, generation) = drawn(&self.models);
+        let parts = DrawnParts::new(&parts).with_generation(generation);
         match (
             self.last,
             &mut self.cpu,
@@ -282,7 +348,7 @@ impl<'m> Engine<'m> {
                 let DeviceEngine {
                     renderer, scene, ..
                 } = device;
-                renderer.draw_models(&models, scene, view, settings)
+                renderer.draw_parts(parts, scene, view, settings)
             }
             (FrameBackend::Reference, .., Some(reference)) => {
                 let settings = resolve_of_parts(settings, parts, view);
@@ -373,8 +439,9 @@ impl<'m> Engine<'m> {
         let backend = self
             .available()
             .choose(settings, values, [view.width, view.height])?;
-        let (models, parts) = drawn(&self.models);
-        let parts = DrawnParts::new(&parts);
+        let settings = &self.prepare_pages(view, settings)?;
+        let (parts, generation) = drawn(&self.models);
+        let parts = DrawnParts::new(&parts).with_generation(generation);
         match (
             backend,
             &mut self.cpu,
@@ -389,7 +456,7 @@ impl<'m> Engine<'m> {
                 samples.draw(parts, view, settings)?;
                 Ok(samples.read(view))
             }
-            (FrameBackend::Device, _, Some(device), _) => device.sample(&models, view, settings),
+            (FrameBackend::Device, _, Some(device), _) => device.sample(parts, view, settings),
             (FrameBackend::Reference, .., Some(reference)) => {
                 let outputs = std::mem::replace(&mut reference.outputs, values);
                 let settings = resolve_of_parts(settings, parts, view);
@@ -483,7 +550,7 @@ impl DeviceEngine {
     /// As [`Engine::sample`].
     fn sample(
         &mut self,
-        models: &[&Model],
+        parts: DrawnParts<'_>,
         view: &View,
         settings: &Settings,
     ) -> Result<Image, Error> {
@@ -499,22 +566,23 @@ impl DeviceEngine {
         if samples.costs() != renderer.costs() {
             samples.set_costs(renderer.costs());
         }
-        samples.draw_models(models, scene, view, settings)?;
+        samples.draw_parts(parts, scene, view, settings)?;
         samples.read(view)
     }
 }
 
-/// All models, and the parts that are drawn.
-fn drawn<'a, 'm>(models: &'a [EngineModel<'m>]) -> (Vec<&'m Model>, Vec<FactedModel<'a>>) {
-    let shown = models.iter().filter(|model| model.is_shown);
-    let part = |own: &'a EngineModel<'m>| FactedModel {
+/// The parts that are drawn, models that are there as a whole first, and a number that stands for the cuts of pages.
+fn drawn<'a>(models: &'a [EngineModel<'_>]) -> (Vec<FactedModel<'a>>, u64) {
+    let shown = || models.iter().filter(|model| model.is_shown);
+    let whole = shown().filter(|own| own.pages.is_none());
+    let whole = whole.map(|own| FactedModel {
         model: own.model,
         facts: &own.facts,
-    };
-    (
-        models.iter().map(|own| own.model).collect(),
-        shown.map(part).collect(),
-    )
+        cut: None,
+    });
+    let pages = || shown().filter_map(|own| own.pages.as_ref());
+    let parts = pages().flat_map(PagedModel::parts).map(|(part, _)| part);
+    (whole.chain(parts).collect(), generation_of(pages()))
 }
 
 impl CpuPictures {

@@ -53,7 +53,7 @@ pub(crate) fn resolve_of_parts(
 
 /// Resolves settings as [`resolve_settings`] does, of all that is drawn; `surrounds` tells whether a closed surface does
 /// so to the eye of a view.
-fn resolved(
+pub(crate) fn resolved(
     settings: &Settings,
     facts: &DrawnFacts,
     view: &View,

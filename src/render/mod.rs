@@ -18,6 +18,7 @@ pub mod frame_plan;
 pub mod model_facts;
 mod outputs;
 pub mod pack_params;
+pub mod paged_model;
 pub mod part_cuts;
 #[cfg(feature = "viewer")]
 pub(crate) mod probe_area;

@@ -1,6 +1,6 @@
 //! Facts of what is drawn, found once: of each model, and of several that are drawn together.
 
-use crate::cut::ZeroAreaSet;
+use crate::cut::{Cut, ZeroAreaSet};
 use crate::tree::{Model, ModelKind};
 use glam::{DVec3, Vec3};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,6 +25,8 @@ pub struct FactedModel<'a> {
     pub model: &'a Model,
     /// Facts of this model.
     pub facts: &'a ModelFacts,
+    /// What is drawn of it, where that was chosen beside the frame: of a page of a paged file.
+    pub cut: Option<&'a Cut>,
 }
 
 /// Facts on which a plan rests, of a model or of several that are drawn together; lengths and places in model space.
@@ -103,6 +105,16 @@ impl ModelFacts {
         }
     }
 
+    /// Those of a page of a paged file, whose frames rest on facts of the whole file; `has_colors` of the file too.
+    pub(crate) fn of_page(drawn: DrawnFacts, has_colors: bool) -> Self {
+        Self {
+            id: MODELS.fetch_add(1, Ordering::Relaxed),
+            has_colors,
+            drawn,
+            undrawn: OnceLock::new(),
+        }
+    }
+
     /// Number that no other model of this process has or had.
     pub(crate) fn id(&self) -> u64 {
         self.id
@@ -121,7 +133,11 @@ impl ModelFacts {
 
 /// Models that are shown, with facts that a scene shares.
 pub(crate) fn facted<'a>(shown: &'a [(&'a Model, Arc<ModelFacts>)]) -> Vec<FactedModel<'a>> {
-    let of = |(model, facts): &'a (&'a Model, Arc<ModelFacts>)| FactedModel { model, facts };
+    let of = |(model, facts): &'a (&'a Model, Arc<ModelFacts>)| FactedModel {
+        model,
+        facts,
+        cut: None,
+    };
     shown.iter().map(of).collect()
 }
 
@@ -129,6 +145,8 @@ pub(crate) fn facted<'a>(shown: &'a [(&'a Model, Arc<ModelFacts>)]) -> Vec<Facte
 #[derive(Debug, Clone, Copy)]
 pub struct DrawnParts<'a> {
     parts: &'a [FactedModel<'a>],
+    /// Stands for the cuts that were chosen beside the frame; 0 where none was.
+    generation: u64,
 }
 
 impl<'a> DrawnParts<'a> {
@@ -140,7 +158,17 @@ impl<'a> DrawnParts<'a> {
                 .all(|two| two[0].model.origin == two[1].model.origin),
             "parts share one space"
         );
-        Self { parts }
+        Self {
+            parts,
+            generation: 0,
+        }
+    }
+
+    /// The same parts, some of whose cuts were chosen beside the frame; `generation` (not 0) stands for those cuts, and
+    /// others have another.
+    #[must_use]
+    pub(crate) fn with_generation(self, generation: u64) -> Self {
+        Self { generation, ..self }
     }
 
     /// The parts, in their order.
@@ -156,7 +184,7 @@ impl<'a> DrawnParts<'a> {
     /// The only part; `None` where there are several or none.
     pub fn single(self) -> Option<FactedModel<'a>> {
         match self.parts {
-            [part] => Some(*part),
+            [part] if part.cut.is_none() => Some(*part),
             _ => None,
         }
     }
@@ -164,12 +192,14 @@ impl<'a> DrawnParts<'a> {
     /// A number that stands for these parts: that of the model where there is one, else a hash of those of all.
     pub(crate) fn id(self) -> u64 {
         match self.parts {
-            [part] => part.facts.id,
+            [part] if part.cut.is_none() => part.facts.id,
             // FNV-1a over the numbers, in the upper half of all: models are counted from 0.
             parts => {
-                parts.iter().fold(0xcbf2_9ce4_8422_2325, |hash: u64, part| {
-                    (hash ^ part.facts.id).wrapping_mul(0x0000_0100_0000_01b3)
-                }) | 1 << 63
+                let ids = parts.iter().map(|part| part.facts.id);
+                let join = |hash: u64, id: u64| (hash ^ id).wrapping_mul(0x0000_0100_0000_01b3);
+                ids.chain([self.generation])
+                    .fold(0xcbf2_9ce4_8422_2325, join)
+                    | 1 << 63
             }
         }
     }
@@ -238,6 +268,7 @@ mod tests {
         let part = |i: usize| FactedModel {
             model: &models[i],
             facts: &found[i],
+            cut: None,
         };
         let id = |parts: &[FactedModel<'_>]| DrawnParts::new(parts).id();
         let all = [

@@ -14,7 +14,8 @@ pub struct PartCuts {
 }
 
 impl PartCuts {
-    /// Chooses the cut of each part by a key of its own. What is hidden is left out within each part alone.
+    /// Chooses the cut of each part by a key of its own, or takes that which was chosen beside the frame. What is hidden is
+    /// left out within each part alone.
     pub(crate) fn select(
         &mut self,
         selector: &mut CutSelector,
@@ -26,6 +27,10 @@ impl PartCuts {
             self.cuts.resize_with(self.count, Cut::default);
         }
         for (part, cut) in parts.iter().zip(&mut self.cuts) {
+            if let Some(chosen) = part.cut {
+                cut.clone_from(chosen);
+                continue;
+            }
             let undrawn = || part.facts.undrawn(part.model);
             key_of(part).select(selector, part.model, undrawn, cut);
         }

@@ -12,7 +12,8 @@ use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::frame_estimate::FrameEstimate;
 use crate::render::frame_plan::FramePlan;
-use crate::render::model_facts::{DrawnParts, facted};
+use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
+use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
 use crate::render::probe_area::ProbeArea;
 use crate::render::stats::{FrameTimes, KeptWork};
 use crate::render::vulkan::renderer::present::ShownFrame;
@@ -49,6 +50,73 @@ pub struct ShownModel<'a> {
     pub models: &'a [&'a Model],
     /// Their copies on the device, with their facts.
     pub scene: &'a mut DeviceScene,
+    /// Of each model that is a paged file, its pages: the model stands in for them. `None`, or nothing at the end, for one
+    /// that is there as a whole.
+    pub pages: &'a mut [Option<PagedModel>],
+}
+
+/// What is shown in a frame: the parts of models and pages.
+struct ShownParts<'a> {
+    whole: Vec<(&'a Model, Arc<ModelFacts>)>,
+    pages: Vec<&'a PagedModel>,
+    scene: &'a mut DeviceScene,
+    settings: Settings,
+}
+
+impl<'a> ShownModel<'a> {
+    /// Readies pages and lists all that is shown.
+    ///
+    /// # Errors
+    /// As [`PagedModel::prepare`]; when device memory runs out.
+    fn parts(
+        self,
+        view: &View,
+        settings: &Settings,
+        draws_on_device: bool,
+    ) -> Result<ShownParts<'a>, Error> {
+        let ShownModel {
+            models,
+            scene,
+            pages,
+        } = self;
+        let is_shown: Vec<bool> = (0..models.len())
+            .map(|index| scene.is_shown(index))
+            .collect();
+        let paged = pages.iter_mut().zip(&is_shown);
+        let paged = paged.filter_map(|(own, &is_shown)| own.as_mut().filter(|_| is_shown));
+        let settings = prepare_all(paged, view, settings)?;
+        let pages: &'a [Option<PagedModel>] = pages;
+        let is_paged = |index: usize| pages.get(index).is_some_and(Option::is_some);
+        let whole = (0..models.len()).filter(|&index| is_shown[index] && !is_paged(index));
+        let whole = whole.map(|index| (models[index], scene.facts_of(index)));
+        let whole = whole.collect();
+        let pages: Vec<&PagedModel> = (pages.iter().zip(&is_shown))
+            .filter_map(|(own, &is_shown)| own.as_ref().filter(|_| is_shown))
+            .collect();
+        if draws_on_device {
+            scene.hold(pages.iter().flat_map(|own| own.parts()))?;
+        }
+        Ok(ShownParts {
+            whole,
+            pages,
+            scene,
+            settings,
+        })
+    }
+}
+
+/// The parts of a frame: models that are there as a whole, then pages.
+fn facted_parts<'a>(
+    whole: &'a [(&'a Model, Arc<ModelFacts>)],
+    pages: &[&'a PagedModel],
+) -> Vec<FactedModel<'a>> {
+    let whole = whole.iter().map(|(model, facts)| FactedModel {
+        model,
+        facts,
+        cut: None,
+    });
+    let pages = pages.iter().flat_map(|own| own.parts());
+    whole.chain(pages.map(|(part, _)| part)).collect()
 }
 
 /// Draws the frames of a window of any size, by the backend that the settings of each call for.
@@ -164,23 +232,33 @@ impl WindowRenderer {
     /// Counts what a frame of these settings would draw, without drawing it: [`VulkanRenderer::predict`].
     pub fn predict(
         &mut self,
-        shown: &ShownModel<'_>,
+        shown: ShownModel<'_>,
         view: &View,
         settings: &Settings,
     ) -> FrameEstimate {
-        let ShownModel { models, scene } = shown;
-        match (self.is_by_cpu(settings), &mut self.cpu) {
-            (Ok(true), Some(cpu)) => {
-                let shown = scene.shown(models);
-                let parts = facted(&shown);
-                let parts = DrawnParts::new(&parts);
+        let is_by_cpu = self.is_by_cpu(settings).is_ok_and(|by_cpu| by_cpu);
+        // Where anything fails the frame will say why.
+        let Ok(shown) = shown.parts(view, settings, !is_by_cpu) else {
+            return FrameEstimate::default();
+        };
+        let ShownParts {
+            whole,
+            pages,
+            scene,
+            settings,
+        } = shown;
+        let facted = facted_parts(&whole, &pages);
+        let generation = generation_of(pages.iter().copied());
+        let parts = DrawnParts::new(&facted).with_generation(generation);
+        let settings = &settings;
+        match &mut self.cpu {
+            Some(cpu) if is_by_cpu => {
                 match FramePlan::for_processor(settings, parts, view, WINDOW_OUTPUTS) {
                     Ok(plan) => cpu.renderer.predict(parts, &plan),
-                    // The frame will say why.
                     Err(_) => FrameEstimate::default(),
                 }
             }
-            _ => self.device.predict(models, scene, view, settings),
+            _ => (self.device).predict_parts(parts, scene, view, settings),
         }
     }
 
@@ -204,19 +282,24 @@ impl WindowRenderer {
         settings: &Settings,
         show: ShownFrame<'_>,
     ) -> Result<SubmittedFrame, Error> {
-        let ShownModel { models, scene } = shown;
         self.is_of_cpu = self.is_by_cpu(settings)?;
+        let start = Instant::now();
+        let shown = shown.parts(view, settings, !self.is_of_cpu)?;
+        let ShownParts {
+            whole,
+            pages,
+            scene,
+            settings,
+        } = shown;
+        let facted = facted_parts(&whole, &pages);
+        let generation = generation_of(pages.iter().copied());
+        let parts = DrawnParts::new(&facted).with_generation(generation);
         match &mut self.cpu {
             Some(cpu) if self.is_of_cpu => {
-                let start = Instant::now();
-                let shown = scene.shown(models);
-                let parts = facted(&shown);
-                let times = cpu.draw(&self.device, DrawnParts::new(&parts), view, settings)?;
+                let times = cpu.draw(&self.device, parts, view, &settings)?;
                 submit_picture(&mut self.device, cpu, times, start, show)
             }
-            _ => self
-                .device
-                .submit_shown(models, scene, view, settings, show),
+            _ => (self.device).submit_shown(parts, scene, view, &settings, show),
         }
     }
 

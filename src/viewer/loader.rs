@@ -8,6 +8,7 @@ use crate::mesh::Mesh;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
 use crate::render::model_facts::{DrawnParts, facted};
+use crate::render::paged_model::{PagedModel, PagedModelOptions};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::Model;
 use std::path::{Path, PathBuf};
@@ -47,6 +48,8 @@ type OpenFunction =
 pub struct Loaded {
     /// The model.
     pub model: Model,
+    /// What it stands in for, where it is a paged file.
+    pub pages: Option<PagedModel>,
     /// What of its file was repaired or left out.
     pub warnings: Vec<Warning>,
     /// Models that are drawn with it, in its space.
@@ -66,6 +69,8 @@ pub struct LoadedPart {
     pub path: PathBuf,
     /// The model.
     pub model: Model,
+    /// What it stands in for, where it is a paged file.
+    pub pages: Option<PagedModel>,
     /// What of its file was repaired or left out.
     pub warnings: Vec<Warning>,
 }
@@ -132,7 +137,11 @@ const FAREWELL: Duration = Duration::from_secs(2);
 
 impl ModelLoader {
     /// A loader without a job.
-    pub fn new(options: OpenOptions) -> Self {
+    pub fn new(options: OpenOptions, paged: PagedModelOptions) -> Self {
+        let options = OpenOptions {
+            streams_pages: true,
+            ..options
+        };
         Self::of_function(Arc::new(move |path, progress, on_preview| {
             let mut on_mesh = |mesh: &Mesh| {
                 if let Some(model) = preview::model(mesh, progress) {
@@ -140,8 +149,11 @@ impl ModelLoader {
                 }
             };
             let opened = open_with_preview(path, &options, progress, &mut on_mesh)?;
+            let pages = opened.paged.map(|file| PagedModel::open(file, paged));
+            let pages = pages.transpose().map_err(crate::tree::Error::from);
             Ok(Loaded {
                 model: opened.model,
+                pages: pages.map_err(crate::Error::from)?,
                 warnings: opened.warnings,
                 ..Loaded::default()
             })
@@ -271,10 +283,19 @@ impl ModelLoader {
 impl Loaded {
     /// Adds a model that was loaded alone, in the space of the first.
     fn add(&mut self, path: PathBuf, other: Self, progress: &dyn Progress) {
-        match other.model.moved_to(self.model.origin, progress) {
-            Ok(model) => self.more.push(LoadedPart {
+        let origin = self.model.origin;
+        let moved = match other.pages {
+            Some(pages) => pages
+                .moved_to(origin)
+                .map(|pages| (pages.stand_in().clone(), Some(pages)))
+                .map_err(crate::tree::Error::from),
+            None => (other.model.moved_to(origin, progress)).map(|model| (model, None)),
+        };
+        match moved {
+            Ok((model, pages)) => self.more.push(LoadedPart {
                 path,
                 model,
+                pages,
                 warnings: other.warnings,
             }),
             Err(error) => {

@@ -33,6 +33,7 @@ use crate::gpu::messages::LayerMessages;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
 use crate::open::OpenOptions;
+use crate::render::paged_model::PagedModelOptions;
 use crate::render::Settings;
 use crate::render::window_renderer::WindowBackend;
 use app::ViewerApp;
@@ -137,6 +138,8 @@ pub struct ViewerOptions {
     /// Close after so many frames of the model, drawn one after the other.
     pub exit_after_frames: Option<u64>,
     /// For tests: what goes wrong, and how often.
+    /// How paged files are drawn.
+    pub paged: PagedModelOptions,
     #[doc(hidden)]
     pub faults: InjectedFaults,
 }
@@ -151,7 +154,7 @@ pub struct ViewerOptions {
 /// When there is no window or device, the device is lost and cannot be opened again, or a file that was asked for
 /// cannot be read or written.
 pub fn run(options: ViewerOptions, should_stop: &dyn Fn() -> bool) -> Result<(), Error> {
-    let mut loader = ModelLoader::new(options.opening.clone());
+    let mut loader = ModelLoader::new(options.opening.clone(), options.paged);
     let outcome = if options.headless {
         replay_headless(options, &mut loader, should_stop)
     } else {

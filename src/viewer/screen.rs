@@ -11,9 +11,11 @@ use crate::gpu::surface::WindowSurface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
+use crate::progress::Silent;
 use crate::render::cost::model::{DrawCosts, PerRasterizer, SplatCosts};
 use crate::render::stats::FrameTimes;
 use crate::render::vulkan::renderer::{SubmittedFrame, present::ShownFrame};
+use crate::render::paged_model::PagedModel;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
 use crate::render::{Method, Settings, SplatKind};
@@ -97,6 +99,12 @@ pub(super) struct WindowScreen {
     model: Option<Model>,
     /// Models that are drawn with it.
     more: Vec<Model>,
+    /// Of each model that is a paged file, its pages.
+    pages: Vec<Option<PagedModel>>,
+    /// A frame waits until its pages are there.
+    waits_for_pages: bool,
+    /// Of pages that could not be read while a frame waited.
+    page_messages: Vec<String>,
     /// Which models are drawn, the first included.
     shown: Vec<bool>,
     scene: Option<DeviceScene>,
@@ -139,6 +147,9 @@ impl WindowScreen {
         Ok(Self {
             model: None,
             more: Vec::new(),
+            pages: Vec::new(),
+            waits_for_pages: false,
+            page_messages: Vec::new(),
             shown: Vec::new(),
             scene: None,
             renderer,
@@ -184,6 +195,8 @@ impl WindowScreen {
         }
         new.model = self.model.take();
         new.more = std::mem::take(&mut self.more);
+        new.pages = std::mem::take(&mut self.pages);
+        new.waits_for_pages = self.waits_for_pages;
         new.shown = vec![true; self.shown.len()];
         (self.shown.iter().enumerate()).for_each(|(i, &is_shown)| new.show(i, is_shown));
         new.faults = self.faults;
@@ -267,9 +280,45 @@ impl WindowScreen {
         Ok(())
     }
 
+    /// Gives the pages that models stand in for, in their order, and tells whether frames wait for them.
+    pub(super) fn set_pages(&mut self, pages: Vec<Option<PagedModel>>, waits: bool) {
+        (self.pages, self.waits_for_pages) = (pages, waits);
+    }
+
+    /// Whether pages came that the last frame did not have.
+    pub(super) fn has_new_pages(&self) -> bool {
+        self.pages.iter().flatten().any(PagedModel::has_news)
+    }
+
+    /// Number of pages that would make the last frame finer.
+    pub(super) fn wanted_pages(&self) -> usize {
+        self.pages.iter().flatten().map(PagedModel::wanted_pages).sum()
+    }
+
+    /// Messages of pages that could not be read, since the last call.
+    pub(super) fn take_page_messages(&mut self) -> Vec<String> {
+        let mut all = std::mem::take(&mut self.page_messages);
+        let pages = self.pages.iter().flatten();
+        all.extend(pages.flat_map(PagedModel::messages));
+        all
+    }
+
+    /// Loads the pages that a frame needs.
+    ///
+    /// # Errors
+    /// As [`PagedModel::load`].
+    fn load_pages(&mut self, view: &View, settings: &Settings) -> Result<(), Error> {
+        for own in self.pages.iter_mut().flatten() {
+            let mut messages = own.load(view, settings, &Silent)?;
+            self.page_messages.append(&mut messages);
+        }
+        Ok(())
+    }
+
     pub(super) fn drop_model(&mut self) {
         (self.model, self.scene) = (None, None);
         (self.more, self.shown) = (Vec::new(), Vec::new());
+        self.pages = Vec::new();
         self.renderer.forget_prediction();
         (self.drawn, self.picture) = (None, None);
         self.frame_times_ms.clear();
@@ -359,8 +408,9 @@ impl WindowScreen {
         let shown = ShownModel {
             models: &models,
             scene,
+            pages: &mut self.pages,
         };
-        let foreseen = self.renderer.predict(&shown, &view, settings);
+        let foreseen = self.renderer.predict(shown, &view, settings);
         FrameWork {
             visited: foreseen.counts.nodes_visited,
             splats: foreseen.counts.splats,
@@ -536,6 +586,9 @@ impl WindowScreen {
             (self.picture, self.drawn) = (None, None);
         }
         self.renderer.resize(size.0, size.1)?;
+        if let (Some(view), true) = (&view, self.waits_for_pages) {
+            self.load_pages(view, settings)?;
+        }
         let shown = ShownFrame {
             onto,
             overlay: self.overlay.as_mut().filter(|_| has_overlay),
@@ -547,6 +600,7 @@ impl WindowScreen {
                 let drawn = ShownModel {
                     models: &models,
                     scene,
+                    pages: &mut self.pages,
                 };
                 let submitted = (self.renderer).submit(drawn, &view, settings, shown)?;
                 self.drawn = Some(view);

@@ -80,6 +80,14 @@ pub fn loading(name: &str, status: &str) -> String {
     format!("{name} - {status} - surfel")
 }
 
+/// What is said while pages of a paged file are still to come.
+pub fn pages_to_come(count: usize) -> String {
+    match count {
+        1 => "1 finer page is on its way".to_owned(),
+        _ => format!("{count} finer pages are on their way"),
+    }
+}
+
 /// The title that tells of a failure: its first line.
 pub fn failed(message: &str) -> String {
     format!("{} - surfel", message.lines().next().unwrap_or("failed"))

@@ -304,7 +304,7 @@ impl ViewerWindow {
                 // Nothing to do (or the window gives no image for now): the last frames end, then it sleeps.
                 app.finish(Some(&self.window))?;
                 self.update_title(app, loader);
-                let is_loading = loader.path().is_some();
+                let is_loading = loader.path().is_some() || app.screen.wanted_pages() > 0;
                 let longest = if is_loading || can_draw {
                     LOADING_WAIT_S
                 } else {
@@ -317,6 +317,7 @@ impl ViewerWindow {
                     glfw.poll_events();
                 }
             }
+            app.take_pages();
             let now = glfw.get_time();
             let mut entries = Vec::new();
             let entry = |event| RecordEntry {

@@ -8,11 +8,13 @@
 //! A page decodes into a [`Model`] with the tree that a cut walks over, in coordinates relative to an origin in double
 //! precision. What is decoded is sound: a walk over it leaves no array.
 
+mod model_space;
 mod nodes;
 mod points;
 mod triangles;
 mod upper;
 
+pub(super) use model_space::moved_sphere;
 pub(super) use upper::{UpperPlace, encode_upper, upper_bytes};
 
 use super::format::{MOST_LEAVES, MOST_LEVELS};
@@ -32,10 +34,13 @@ pub enum ColorBits {
 }
 
 /// What is decoded.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct DecodeOptions {
     /// Compute what filtered splats need ([`crate::tree::Moments`]); else it is zero.
     pub moments: bool,
+    /// Move the page into the coordinates of a model with this world position of its zero
+    /// ([`DecodedPage::in_model_space`]); else it stays in coordinates of its own.
+    pub model_origin: Option<DVec3>,
 }
 
 /// A page as it is drawn.

@@ -322,7 +322,7 @@ impl CpuRenderer {
         let mut undrawn_count = 0;
         if has_one_size && is_cut {
             let cut_meshes: Vec<CutMesh<'_>> = (frame.drawn.iter().zip(self.cuts.iter()))
-                .map(|(FactedModel { model, facts }, cut)| CutMesh {
+                .map(|(FactedModel { model, facts, .. }, cut)| CutMesh {
                     model,
                     undrawn: facts.undrawn(model),
                     cut,

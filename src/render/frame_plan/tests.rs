@@ -43,6 +43,7 @@ fn planned(settings: &Settings, capabilities: &RendererCapabilities) -> Result<F
     let parts = [FactedModel {
         model: &model,
         facts: &facts,
+        cut: None,
     }];
     let input = PlanInput {
         parts: DrawnParts::new(&parts),
@@ -191,6 +192,7 @@ fn plans_of_the_same_lists_are_told_from_others() {
     let parts = [FactedModel {
         model: &model,
         facts: &facts,
+        cut: None,
     }];
     let key = |settings: &Settings, view: &View| {
         let input = PlanInput {

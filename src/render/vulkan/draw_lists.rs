@@ -208,7 +208,7 @@ impl DrawLists {
                 let out = written.room::<SplatId>(gpu, buffer, cuts.splat_count(plan))?;
                 // Of one model alone.
                 if let (Some(part), Some(cut)) = (parts.single(), cuts.iter().next()) {
-                    let FactedModel { model, facts } = part;
+                    let FactedModel { model, facts, .. } = part;
                     written.packed = ids::pack(model, facts.undrawn(model), (cut, view, plan), out);
                 }
             }

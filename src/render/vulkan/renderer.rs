@@ -307,8 +307,24 @@ impl VulkanRenderer {
         view: &View,
         settings: &Settings,
     ) -> Result<FrameTimes, Error> {
+        let shown = scene.shown(models);
+        let parts = facted(&shown);
+        self.draw_parts(DrawnParts::new(&parts), scene, view, settings)
+    }
+
+    /// Draws one frame of parts of the scene, and waits until it is finished on the device.
+    ///
+    /// # Errors
+    /// As [`VulkanRenderer::draw`].
+    pub(crate) fn draw_parts(
+        &mut self,
+        parts: DrawnParts<'_>,
+        scene: &mut DeviceScene,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<FrameTimes, Error> {
         let end: &mut FrameEnding<'_> = &mut |frame, _| frame.submit();
-        let submitted = self.submit(models, scene, view, settings, end)?;
+        let submitted = self.submit(parts, scene, view, settings, end)?;
         self.finish(submitted)
     }
 
@@ -368,16 +384,13 @@ impl VulkanRenderer {
     /// Records and submits one frame that `end` ends.
     fn submit(
         &mut self,
-        models: &[&Model],
+        parts: DrawnParts<'_>,
         scene: &mut DeviceScene,
         view: &View,
         settings: &Settings,
         end: &mut FrameEnding<'_>,
     ) -> Result<SubmittedFrame, Error> {
         self.check_size(view)?;
-        let shown = scene.shown(models);
-        let parts = facted(&shown);
-        let parts = DrawnParts::new(&parts);
         let (plan, planning) = self.prepared_plan((parts, scene), view, settings)?;
         let drawn = PlannedFrame {
             plan: &plan,

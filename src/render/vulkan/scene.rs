@@ -5,6 +5,7 @@ use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::tree::Model;
+use std::collections::HashSet;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -54,6 +55,8 @@ struct DevicePart {
     /// Its pages among those of the scene.
     pages: Range<usize>,
     is_shown: bool,
+    /// A page of a paged file, which is there while somebody else knows its facts.
+    is_page: bool,
 }
 
 /// Most vertices (at least 3) and triangles (at least 1) of a page.
@@ -127,9 +130,57 @@ impl DeviceScene {
                 facts: Arc::new(ModelFacts::of(model)),
                 pages: first..scene.pages.len(),
                 is_shown: true,
+                is_page: false,
             });
         }
         Ok(scene)
+    }
+
+    /// Copies pages of paged files that a frame draws triangles of, and that are not here yet; drops pages then that nobody
+    /// else has in memory. The index of a page among [`DeviceScene::pages`] may change where any is new.
+    ///
+    /// # Errors
+    /// When device memory runs out.
+    pub(crate) fn hold<'m>(
+        &mut self,
+        pages: impl Iterator<Item = (FactedModel<'m>, &'m Arc<ModelFacts>)>,
+    ) -> Result<(), Error> {
+        let known: HashSet<u64> = self.parts.iter().map(|part| part.facts.id()).collect();
+        let is_new = |(part, facts): &(FactedModel<'_>, &Arc<ModelFacts>)| {
+            part.cut.is_some_and(|cut| !cut.triangles.is_empty()) && !known.contains(&facts.id())
+        };
+        let new: Vec<_> = pages.filter(is_new).collect();
+        if new.is_empty() {
+            return Ok(());
+        }
+        let mut old = std::mem::take(&mut self.pages).into_iter();
+        let mut parts = Vec::with_capacity(self.parts.len() + new.len());
+        for part in self.parts.drain(..) {
+            let own: Vec<ScenePage> = old.by_ref().take(part.pages.len()).collect();
+            if part.is_page && Arc::strong_count(&part.facts) == 1 {
+                continue;
+            }
+            let first = self.pages.len();
+            self.pages.extend(own);
+            parts.push(DevicePart {
+                pages: first..self.pages.len(),
+                ..part
+            });
+        }
+        self.parts = parts;
+        let limits = PageLimits::of(&self.gpu);
+        for (part, facts) in new {
+            let first = self.pages.len();
+            let mut own = pages_of(&self.gpu, part.model, limits)?;
+            self.pages.append(&mut own);
+            self.parts.push(DevicePart {
+                facts: facts.clone(),
+                pages: first..self.pages.len(),
+                is_shown: true,
+                is_page: true,
+            });
+        }
+        Ok(())
     }
 
     /// Draws a model from the next frame on, or leaves it out; nothing where there is no model of this index.
@@ -144,11 +195,21 @@ impl DeviceScene {
 
     /// The models of a frame with the facts of each: those of `models`, all of the scene's, that are shown.
     pub(crate) fn shown<'m>(&self, models: &[&'m Model]) -> Vec<(&'m Model, Arc<ModelFacts>)> {
-        debug_assert_eq!(models.len(), self.parts.len(), "the models of the scene");
-        let all = models.iter().zip(&self.parts);
+        let own = self.parts.iter().filter(|part| !part.is_page);
+        debug_assert_eq!(
+            models.len(),
+            own.clone().count(),
+            "the models of the scene"
+        );
+        let all = models.iter().zip(own);
         all.filter(|(_, part)| part.is_shown)
             .map(|(&model, part)| (model, part.facts.clone()))
             .collect()
+    }
+
+    /// Whether the model of this index is drawn.
+    pub(crate) fn is_shown(&self, index: usize) -> bool {
+        self.parts.get(index).is_some_and(|part| part.is_shown)
     }
 
     /// The pages of models that are shown.

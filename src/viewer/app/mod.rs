@@ -106,6 +106,8 @@ pub(super) struct ViewerApp {
     is_preview: bool,
     /// What the window does besides, such as `scan.ply - building nodes 43%`.
     pub(super) status: Option<String>,
+    /// What of paged files is still to come, shown in its place.
+    page_status: Option<String>,
     pub(super) name: String,
     pub(super) has_panel: bool,
     has_help: bool,
@@ -187,6 +189,7 @@ impl ViewerApp {
             path: PathBuf::new(),
             is_preview: false,
             status: None,
+            page_status: None,
             name: text::name(&options.model),
             has_panel: options.window.panel,
             has_help: false,
@@ -296,13 +299,18 @@ impl ViewerApp {
                 }
                 self.failures = loaded.failures;
                 let parts = loaded.more.into_iter();
-                let (names, more): (Vec<_>, Vec<_>) = parts
-                    .map(|part| (text::name(&part.path), part.model))
-                    .unzip();
-                self.part_names = [text::name(path)].into_iter().chain(names).collect();
-                self.screen
-                    .set_model(loaded.model, more, loaded.scene)
-                    .map_err(LoadError::from)
+                self.part_names = vec![text::name(path)];
+                let (mut more, mut pages) = (Vec::new(), vec![loaded.pages]);
+                for part in parts {
+                    self.part_names.push(text::name(&part.path));
+                    more.push(part.model);
+                    pages.push(part.pages);
+                }
+                let shown = self.screen.set_model(loaded.model, more, loaded.scene);
+                if shown.is_ok() {
+                    self.screen.set_pages(pages, self.waits_for_pages());
+                }
+                shown.map_err(LoadError::from)
             }
             Err(error) => Err(error),
         };
@@ -319,6 +327,29 @@ impl ViewerApp {
                 self.warn(&failure(path, &error));
                 Ok(())
             }
+        }
+    }
+
+    /// Whether frames wait until their pages are there: pictures that nobody watches, and recordings, are the same each time.
+    fn waits_for_pages(&self) -> bool {
+        self.is_unattended() || self.options.replay.is_some()
+    }
+
+    /// Whether the next frame would be finer, since pages came.
+    pub(super) fn take_pages(&mut self) {
+        for message in self.screen.take_page_messages() {
+            self.warn(&message);
+        }
+        if self.screen.has_new_pages() {
+            self.is_dirty = true;
+        }
+        let status = match self.screen.wanted_pages() {
+            0 => None,
+            count => Some(text::pages_to_come(count)),
+        };
+        if status != self.page_status {
+            self.page_status = status;
+            self.is_cover_dirty = true;
         }
     }
 

@@ -71,7 +71,7 @@ impl ViewerApp {
             light: self.light_kind(),
             radius: self.around().map_or(1.0, |(_, radius)| radius),
             facts: self.facts.as_ref(),
-            status: self.status.as_deref(),
+            status: self.status.as_deref().or(self.page_status.as_deref()),
             frame_ms: self.screen.frame_ms(),
             counts: self.screen.times().counts,
             overdraw: self.screen.times().overdraw,

@@ -7,6 +7,7 @@ use crate::math::camera::Camera;
 use crate::render::engine::{Backend, Engine};
 use crate::render::window_renderer::{WINDOW_OUTPUTS, WindowBackend};
 use crate::render::{Method, Settings};
+use crate::tree::Model;
 
 /// Samples a pixel, in each direction.
 const SAMPLES_SIDE: u32 = 4;
@@ -23,7 +24,8 @@ impl WindowScreen {
         camera: &Camera,
     ) -> Result<Option<Image>, Error> {
         self.finish()?;
-        let Some(model) = &self.model else {
+        let models: Vec<&Model> = self.model.iter().chain(&self.more).collect();
+        let Some(model) = models.first() else {
             return Ok(None);
         };
         let Ok(view) = camera.view(model.origin) else {
@@ -40,8 +42,20 @@ impl WindowScreen {
             WindowBackend::Cpu => Backend::Cpu,
         };
         let scene = &mut self.scene;
-        let mut engine = Engine::of_scene(&backend, &[model], scene, size, WINDOW_OUTPUTS)?;
+        let mut engine = Engine::of_scene(&backend, &models, scene, size, WINDOW_OUTPUTS)?;
+        for (index, &is_shown) in self.shown.iter().enumerate() {
+            engine.show(index, is_shown);
+        }
+        for (index, own) in self.pages.iter_mut().enumerate() {
+            if let Some(pages) = own.take() {
+                engine.set_pages(index, pages);
+            }
+        }
         let picture = engine.supersample(&view, &settings, SAMPLES_SIDE);
+        self.page_messages.append(&mut engine.take_page_messages());
+        for (index, own) in self.pages.iter_mut().enumerate() {
+            *own = engine.take_pages(index);
+        }
         if let Some(scene) = engine.into_scene() {
             self.scene = Some(scene);
         }

@@ -107,13 +107,23 @@ impl VulkanRenderer {
         view: &View,
         settings: &Settings,
     ) -> FrameEstimate {
+        let shown = scene.shown(models);
+        let parts = facted(&shown);
+        self.predict_parts(DrawnParts::new(&parts), scene, view, settings)
+    }
+
+    /// As [`VulkanRenderer::predict`], of parts of the scene.
+    pub(crate) fn predict_parts(
+        &mut self,
+        parts: DrawnParts<'_>,
+        scene: &DeviceScene,
+        view: &View,
+        settings: &Settings,
+    ) -> FrameEstimate {
         if !settings.has_cut() {
             return FrameEstimate::default();
         }
         let start = Instant::now();
-        let shown = scene.shown(models);
-        let parts = facted(&shown);
-        let parts = DrawnParts::new(&parts);
         let Ok(plan) = self.plan(parts, scene, view, settings) else {
             return FrameEstimate::default();
         };
@@ -155,16 +165,16 @@ impl VulkanRenderer {
     ///
     /// # Errors
     /// As [`VulkanRenderer::draw`]; an acquired image must be abandoned then.
-    pub fn submit_shown(
+    pub(crate) fn submit_shown(
         &mut self,
-        models: &[&Model],
+        parts: DrawnParts<'_>,
         scene: &mut DeviceScene,
         view: &View,
         settings: &Settings,
         mut shown: ShownFrame<'_>,
     ) -> Result<SubmittedFrame, Error> {
         self.prepare_overlay(&mut shown)?;
-        self.submit(models, scene, view, settings, &mut |frame, color| {
+        self.submit(parts, scene, view, settings, &mut |frame, color| {
             shown.end(frame, color)
         })
     }

@@ -1,0 +1,379 @@
+//! A paged file as a frame draws it: the pages that its cut needs and that are in memory, each a part with a cut of its own.
+//!
+//! Before a frame, [`PagedModel::prepare`] takes the pages that were read meanwhile, chooses the cut over what is in memory
+//! (`src/pages/cut.rs`) and tells the loader which pages would make the picture finer. What is not there yet is drawn as the
+//! node that stands for it, so nothing is missing, only coarser.
+
+use crate::cut::{Cut, CutSelector};
+use crate::gpu::Error;
+use crate::math::camera::View;
+use crate::pages::cache::PageCache;
+use crate::pages::cut::{PageCutSelector, PageTests, PagedCut, ResidentPages};
+use crate::pages::file::PagedFile;
+use crate::pages::format::PageError;
+use crate::pages::loader::{LoaderOptions, PageLoader};
+use crate::pages::page::{DecodeOptions, DecodedPage};
+use crate::progress::Progress;
+use crate::render::cut_key::{CutKey, cut_settings};
+use crate::render::frame_plan::resolved;
+use crate::render::model_facts::{DrawnFacts, FactedModel, ModelFacts};
+use crate::render::{Culling, Occlusion, Settings};
+use crate::tree::{Model, ModelKind, Node};
+use glam::{DVec3, Vec3};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+/// How a paged file is drawn.
+#[derive(Debug, Clone, Copy)]
+pub struct PagedModelOptions {
+    /// Bytes of pages in memory. What the picture needs first is held first; what does not fit is drawn coarser.
+    pub memory_bytes: u64,
+    /// Threads that read and decode.
+    pub threads: usize,
+    /// World position of the zero of the space in which it is drawn; `None` for that of the file.
+    pub origin: Option<DVec3>,
+}
+
+impl Default for PagedModelOptions {
+    /// 1 GiB, and two threads.
+    fn default() -> Self {
+        Self {
+            memory_bytes: 1 << 30,
+            threads: 2,
+            origin: None,
+        }
+    }
+}
+
+/// Facts of a page in memory.
+#[derive(Debug)]
+struct PageFacts {
+    /// The page that they are of: one that was read anew has others.
+    page: Arc<DecodedPage>,
+    facts: Arc<ModelFacts>,
+    /// Of an upper page that stands for pages which are not there: its leaves are points of any size.
+    coarse: Option<Arc<ModelFacts>>,
+}
+
+/// What decides the cut over pages; equal ones choose the same.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct PagedCutKey {
+    cut: CutKey,
+    /// Number of changes of what is in memory.
+    changes: u64,
+}
+
+/// A paged file that is drawn while its pages come.
+#[derive(Debug)]
+pub struct PagedModel {
+    file: PagedFile,
+    options: PagedModelOptions,
+    stand_in: Model,
+    facts: DrawnFacts,
+    has_colors: bool,
+    loader: PageLoader,
+    cache: PageCache,
+    known: BTreeMap<u32, PageFacts>,
+    selector: PageCutSelector,
+    cut: PagedCut,
+    /// What the cut was chosen for.
+    chosen: Option<PagedCutKey>,
+    /// Grows with each cut that is chosen.
+    generation: u64,
+    changes: u64,
+    /// Pages that are wanted do not fit beside those that the picture needs.
+    is_full: bool,
+}
+
+impl PagedModel {
+    /// Opens a file: reads its header and first page, and starts the threads that read the others.
+    ///
+    /// # Errors
+    /// The first page cannot be read, or the system gives no thread.
+    pub fn open(file: PagedFile, options: PagedModelOptions) -> Result<Self, PageError> {
+        let origin = options.origin.unwrap_or_else(|| file.origin());
+        let decode = DecodeOptions {
+            moments: true,
+            model_origin: Some(origin),
+        };
+        let stand_in = file.stand_in(origin)?;
+        let facts = DrawnFacts {
+            kind: match file.is_surface() {
+                true => ModelKind::Surface,
+                false => ModelKind::Points,
+            },
+            ..DrawnFacts::from(&stand_in)
+        };
+        let loader_options = LoaderOptions {
+            threads: options.threads,
+            decode,
+            ..LoaderOptions::default()
+        };
+        let loader =
+            PageLoader::new(file.clone(), loader_options).map_err(|error| PageError::Io {
+                name: file.name().to_owned(),
+                offset: 0,
+                end: 0,
+                cause: format!("the system gives no thread to read it: {error}"),
+            })?;
+        Ok(Self {
+            has_colors: file.has_colors(),
+            file,
+            options,
+            stand_in,
+            facts,
+            loader,
+            cache: PageCache::new(options.memory_bytes),
+            known: BTreeMap::new(),
+            selector: PageCutSelector::default(),
+            cut: PagedCut::default(),
+            chosen: None,
+            generation: 0,
+            changes: 0,
+            is_full: false,
+        })
+    }
+
+    /// The same file to be drawn in the space of a model with this origin, with nothing in memory yet.
+    ///
+    /// # Errors
+    /// As [`PagedModel::open`].
+    pub fn moved_to(self, origin: DVec3) -> Result<Self, PageError> {
+        let options = PagedModelOptions {
+            origin: Some(origin),
+            ..self.options
+        };
+        Self::open(self.file, options)
+    }
+
+    /// The file.
+    pub fn file(&self) -> &PagedFile {
+        &self.file
+    }
+
+    /// A model with the first page's nodes and the whole file's box and sphere, for whatever asks where the model is.
+    pub fn stand_in(&self) -> &Model {
+        &self.stand_in
+    }
+
+    /// Bytes of the pages in memory.
+    pub fn resident_bytes(&self) -> u64 {
+        self.cache.bytes()
+    }
+
+    /// Number of pages in memory.
+    pub fn resident_pages(&self) -> usize {
+        self.cache.len()
+    }
+
+    /// Number of pages that would make the picture of the last frame finer, and can be had.
+    pub fn wanted_pages(&self) -> usize {
+        match self.is_full {
+            true => 0,
+            false => self.cut.wanted.len(),
+        }
+    }
+
+    /// Whether pages came that the last frame did not have.
+    pub fn has_news(&self) -> bool {
+        self.loader.has_pages()
+    }
+
+    /// Messages since the last call, one for each page that failed.
+    pub fn messages(&self) -> Vec<String> {
+        self.loader.messages()
+    }
+
+    /// Readies the parts of a frame, and gives the settings that it is drawn with.
+    ///
+    /// Nothing is left out because parts hide one another: occlusion culling goes over one model alone. Where a closed surface
+    /// surrounds the eye, faces that face away are drawn, as of whole models.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] of methods that draw all of a model: not all of it is in memory.
+    pub(crate) fn prepare(&mut self, view: &View, settings: &Settings) -> Result<Settings, Error> {
+        if !settings.has_cut() || settings.method != crate::render::Method::Pop {
+            return Err(Error::Unsupported {
+                what: "a paged file by a method that draws all of a model",
+                why: "only the pages that the view needs are in memory; leave --method out, or use --method pop".into(),
+            });
+        }
+        let settings = Settings {
+            occlusion: Occlusion::Off,
+            ..*settings
+        };
+        for loaded in self.loader.take() {
+            self.is_full |= !self.cache.insert(loaded.id, loaded.page);
+            self.changes += 1;
+        }
+        let is_inside = |view: &View| {
+            view.is_perspective && self.facts.is_closed && surrounds(&self.stand_in, view.eye)
+        };
+        let mut drawn_with = resolved(&settings, &self.facts, view, is_inside);
+        if drawn_with.culling != Culling::Off {
+            drawn_with.culling = settings.culling;
+        }
+        let cut = CutKey::of(&drawn_with, &self.facts, view);
+        let key = PagedCutKey {
+            cut,
+            changes: self.changes,
+        };
+        if self.chosen != Some(key) {
+            if self.chosen.is_none_or(|old| old.cut != key.cut) {
+                self.is_full = false;
+            }
+            self.choose(&drawn_with, &cut);
+            self.chosen = Some(key);
+        }
+        // The rest is resolved with all that is drawn.
+        Ok(Settings {
+            culling: drawn_with.culling,
+            ..settings
+        })
+    }
+
+    /// Chooses the cut over the pages in memory.
+    fn choose(&mut self, settings: &Settings, key: &CutKey) {
+        self.generation += 1;
+        let cut_settings = cut_settings(settings, self.facts);
+        self.know_pages();
+        let known = &self.known;
+        let choose = |selector: &mut CutSelector, id: u32, page: &DecodedPage, cut: &mut Cut| {
+            let own = known.get(&id);
+            let Some(own) = own else { return };
+            key.select(selector, &page.model, || own.facts.undrawn(&page.model), cut);
+        };
+        let tests = PageTests {
+            view: key.view(),
+            settings: &cut_settings,
+            choose: &choose,
+        };
+        self.cut = self.selector.select(self.file.root(), &self.cache, tests);
+        self.cache.begin_frame(&self.cut.needed);
+        match self.is_full {
+            true => self.loader.want(&[]),
+            false => self.loader.want(&self.cut.wanted),
+        }
+    }
+
+    /// Finds facts of pages that are new, and forgets those of pages that went.
+    fn know_pages(&mut self) {
+        let cache = &self.cache;
+        self.known.retain(|&id, own| {
+            cache
+                .page(id)
+                .is_some_and(|page| Arc::ptr_eq(&page, &own.page))
+        });
+        for (id, page) in cache.iter() {
+            let (drawn, has_colors) = (self.facts, self.has_colors);
+            self.known.entry(id).or_insert_with(|| PageFacts {
+                facts: Arc::new(ModelFacts::of_page(drawn, has_colors)),
+                coarse: page.children.as_ref().map(|_| {
+                    let drawn = DrawnFacts {
+                        kind: ModelKind::Points,
+                        ..drawn
+                    };
+                    Arc::new(ModelFacts::of_page(drawn, has_colors))
+                }),
+                page: page.clone(),
+            });
+        }
+    }
+
+    /// The parts of the frame that was prepared, each with its cut.
+    pub(crate) fn parts(&self) -> impl Iterator<Item = (FactedModel<'_>, &Arc<ModelFacts>)> {
+        // What stands for pages that are missing has its own sizes.
+        let is_coarse = !self.cut.wanted.is_empty();
+        self.cut.parts.iter().filter_map(move |part| {
+            let own = self.known.get(&part.id)?;
+            let coarse = own.coarse.as_ref().filter(|_| is_coarse);
+            let facts = coarse.unwrap_or(&own.facts);
+            let facted = FactedModel {
+                model: &part.page.model,
+                facts,
+                cut: Some(&part.cut),
+            };
+            Some((facted, facts))
+        })
+    }
+
+    /// Number of the present parts and cuts: others have another.
+    pub(crate) fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// Loads what the picture of a view needs, as far as memory allows, and gives a message for each page that failed: what
+    /// stands for it is drawn instead. Ends early where `progress` is cancelled.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] of methods that draw all of a model.
+    pub fn load(
+        &mut self,
+        view: &View,
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<Vec<String>, Error> {
+        let mut messages = Vec::new();
+        progress.stage("read pages", 0);
+        loop {
+            let before = self.cache.len();
+            self.prepare(view, settings)?;
+            progress.advance((self.cache.len() - before.min(self.cache.len())) as u64);
+            messages.append(&mut self.loader.messages());
+            let is_over = self.wanted_pages() == 0 || progress.is_cancelled();
+            if is_over || (self.loader.is_stuck() && !self.loader.has_pages()) {
+                return Ok(messages);
+            }
+            self.loader.wait(Duration::from_millis(50));
+        }
+    }
+}
+
+/// Readies the paged ones of some models for a frame, and gives the settings that it is drawn with.
+///
+/// # Errors
+/// As [`PagedModel::prepare`].
+pub(crate) fn prepare_all<'a>(
+    pages: impl Iterator<Item = &'a mut PagedModel>,
+    view: &View,
+    settings: &Settings,
+) -> Result<Settings, Error> {
+    let mut drawn_with = *settings;
+    for own in pages {
+        drawn_with = own.prepare(view, &drawn_with)?;
+    }
+    Ok(drawn_with)
+}
+
+/// A number that stands for the cuts of some paged models; 0 of none.
+pub(crate) fn generation_of<'a>(pages: impl Iterator<Item = &'a PagedModel>) -> u64 {
+    pages.fold(0, |sum: u64, own| {
+        sum.wrapping_mul(0x0000_0100_0000_01b3) ^ (own.generation() + 1)
+    })
+}
+
+/// Whether a closed surface surrounds a point, by what the nodes of a page's last level say of it: the sum of their solid
+/// angles, each node's taken for that of its vector area at its center. Source: Barill, Dickson, Schmidt, Levin and Jacobson,
+/// *Fast Winding Numbers for Soups and Clouds* (2018), order 0. Exact far from the surface; near it by a node's size.
+fn surrounds(model: &Model, point: Vec3) -> bool {
+    let tree = &model.tree;
+    let Some(last) = tree.level_count().checked_sub(1) else {
+        return false;
+    };
+    let solid_angle = |id: u32| {
+        let node: &Node = &tree.nodes[id as usize];
+        let area = tree.attributes[id as usize].area;
+        let unit = crate::tree::Moments::UNIT;
+        let vector = tree.moments[id as usize].vector_area.map(f32::from);
+        let vector = (Vec3::from_array(vector) * (area / unit)).as_dvec3();
+        let to = node.center.as_dvec3() - point.as_dvec3();
+        let distance = to.length().max(f64::from(node.radius) * 0.5);
+        vector.dot(to) / distance.powi(3)
+    };
+    let sum: f64 = tree.level(last).map(solid_angle).sum();
+    sum > 2.0 * std::f64::consts::PI
+}
+
+#[cfg(test)]
+mod tests;
