@@ -12,6 +12,7 @@ use crate::Error;
 use crate::generate::{self, ShapeSpec};
 use crate::input::{self, Counts, FilePart, Format, InputStream, Warning};
 use crate::math::camera::Camera;
+use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
 use crate::mesh::creases::USUAL_CREASE_DEGREES;
@@ -22,6 +23,7 @@ use crate::pages::{self, join};
 use crate::progress::Progress;
 use crate::scenes::{self, SceneError};
 use crate::tree::{self, BuildOptions, Model};
+use glam::DVec3;
 use std::fmt;
 use std::fs::File;
 use std::io::{self, Read};
@@ -138,6 +140,57 @@ pub struct SceneView {
     pub threshold_px: f32,
 }
 
+/// The axis that is up in a model, and why that is thought.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct UpGuess {
+    /// The axis.
+    pub axis: UpAxis,
+    /// Why, in words; empty where nothing says another than y.
+    pub reason: &'static str,
+}
+
+impl UpGuess {
+    /// Decides by the format, then by where the model lies.
+    fn of(format: SourceFormat, model: &Model) -> Self {
+        let z = |reason| Self {
+            axis: UpAxis::Z,
+            reason,
+        };
+        let y = Self {
+            axis: UpAxis::Y,
+            reason: "",
+        };
+        match format {
+            SourceFormat::Generated | SourceFormat::Mesh(Format::Gltf | Format::Glb) => return y,
+            SourceFormat::Mesh(
+                Format::Las | Format::Laz | Format::Copc | Format::E57 | Format::Ptx,
+            ) => return z("surveys have it so"),
+            SourceFormat::Mesh(Format::StlAscii | Format::StlBinary) => {
+                return z("files for printing have it so");
+            }
+            _ => {}
+        }
+        // Coordinates of maps, meters: no other model is that far from its zero.
+        if model.origin.abs().max_element() > 1e4 {
+            return z("its coordinates are those of a map");
+        }
+        let (low, size) = (model.min, model.max - model.min);
+        let middle = (model.min + model.max) / 2.0;
+        let stands = |axis: usize| {
+            let others = (0..3).filter(|&other| other != axis);
+            size[axis] > 0.0
+                && low[axis].abs() < 0.002 * size[axis]
+                && others
+                    .map(|i| middle[i].abs() / size[i].max(f32::MIN_POSITIVE))
+                    .all(|off| off < 0.1)
+        };
+        if model.origin == DVec3::ZERO && stands(2) && !stands(1) {
+            return z("it stands on z = 0");
+        }
+        y
+    }
+}
+
 /// A model that was opened, and what is known about its source.
 #[derive(Debug, Clone)]
 pub struct OpenedModel {
@@ -160,6 +213,8 @@ pub struct OpenedModel {
     pub attributes: PointAttributes,
     /// The file whose pages the model stands in for; `None` where the model is all.
     pub paged: Option<PagedFile>,
+    /// The axis that is up, as far as format and place tell.
+    pub up: UpGuess,
     /// How it is looked at, where it is a scene.
     pub scene: Option<SceneView>,
     /// Time to read or generate it, milliseconds.
@@ -240,6 +295,7 @@ pub fn open_with_preview(
             sizes: part.farthest / (2.0 * part.radius).max(f32::MIN_POSITIVE),
         });
     }
+    let up = UpGuess::of(found.format, &model);
     Ok(OpenedModel {
         model,
         name: source.display().to_string(),
@@ -249,6 +305,7 @@ pub fn open_with_preview(
         warnings,
         parts: found.parts,
         attributes: found.attributes,
+        up,
         paged: found.paged,
         scene: found.scene,
         load_ms,
@@ -456,8 +513,16 @@ fn read_stream(
             return Ok(SourceContent {
                 format: SourceFormat::PagedTree,
                 counts: Counts {
-                    vertices: if file.is_surface() { 0 } else { file.header().leaf_count },
-                    faces: if file.is_surface() { file.header().leaf_count } else { 0 },
+                    vertices: if file.is_surface() {
+                        0
+                    } else {
+                        file.header().leaf_count
+                    },
+                    faces: if file.is_surface() {
+                        file.header().leaf_count
+                    } else {
+                        0
+                    },
                 },
                 paged: Some(file),
                 ..SourceContent::tree(model, file_bytes)

@@ -44,9 +44,7 @@ const LAYERS: &[Layer] = &[
     // Pages decode into the records of a tree, and a cut of a page is a cut of its tree.
     layer(
         "pages",
-        &[
-            "progress", "math", "threads", "mesh", "abi", "tree", "cut",
-        ],
+        &["progress", "math", "threads", "mesh", "abi", "tree", "cut"],
     ),
     layer("pack", &["math", "threads", "simd", "tree", "cut", "abi"]),
     layer("image", &["math"]),

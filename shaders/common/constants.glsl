@@ -43,8 +43,6 @@ const float LEAST_FILTERED_COVERAGE = 0.002;
 const float LARGEST_SMALL_BLENDED_PX = 16.0;
 // From so many splats and triangles in a pixel on, the heat map of overdraw has the color of the end of its ramp.
 const float MOST_OVERDRAW = 64.0;
-// The last pass goes over squares of this side where the host knows which have filtered splats in them, pixels.
-const uint FILTERED_TILE_PX = 8u;
 // Steps in a sum of 1 of small splats, coarse and fine. Sums below 65536 and below 64 fit.
 const float COARSE_STEPS = 65536.0;
 const float FINE_STEPS = 67108864.0;

@@ -5,6 +5,8 @@ use clap::Args as ClapArgs;
 use std::path::{Path, PathBuf};
 use surfel::OpenedModel;
 use surfel::math::camera::Camera;
+use surfel::math::up_axis::UpAxis;
+use surfel::open::UpGuess;
 use surfel::tree::OrbitSphere;
 
 pub(crate) fn parse_size(text: &str) -> Result<(u32, u32), String> {
@@ -58,19 +60,60 @@ impl CameraArgs {
     }
 }
 
+/// The axis that is up.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub(crate) enum UpChoice {
+    /// As format and place of the model tell; y where they do not
+    #[default]
+    Auto,
+    /// x
+    X,
+    /// y
+    Y,
+    /// z
+    Z,
+}
+
+impl UpChoice {
+    /// The axis that was asked for; none where the model decides.
+    pub(crate) fn named(self) -> Option<UpAxis> {
+        match self {
+            Self::Auto => None,
+            Self::X => Some(UpAxis::X),
+            Self::Y => Some(UpAxis::Y),
+            Self::Z => Some(UpAxis::Z),
+        }
+    }
+
+    /// The axis of a model, with a word where it is a guess that turns the picture.
+    pub(crate) fn of(self, guess: UpGuess, name: &str, quiet: bool) -> UpAxis {
+        self.named().unwrap_or_else(|| {
+            if guess.axis != UpAxis::Y && !quiet {
+                let (axis, reason) = (guess.axis.name(), guess.reason);
+                super::say(&format!(
+                    "surfel: {name}: {axis} is up, as {reason} (--up y for another)"
+                ));
+            }
+            guess.axis
+        })
+    }
+}
+
 /// The camera of `orbit` for a model.
 pub(crate) fn orbit_camera(ready: &OpenedModel, size: (u32, u32), orbit: [f64; 3]) -> Camera {
-    camera_around(ready.model.orbit_sphere(), size, orbit)
+    camera_around(UpAxis::Y, ready.model.orbit_sphere(), size, orbit)
 }
 
 /// The camera of `orbit` for a sphere.
 fn camera_around(
+    up: UpAxis,
     sphere: OrbitSphere,
     size: (u32, u32),
     [azimuth, elevation, fill]: [f64; 3],
 ) -> Camera {
     let (azimuth, elevation) = (azimuth.to_radians(), elevation.to_radians());
-    Camera::orbit(size, sphere.center, sphere.radius, azimuth, elevation, fill)
+    let angles = (azimuth, elevation, fill);
+    Camera::orbit_about(up, size, sphere.center, sphere.radius, angles)
 }
 
 /// Reads a camera file; every error names it.
@@ -106,9 +149,21 @@ pub(crate) fn orbit_cameras(
     orbit: Option<[f64; 3]>,
     frames: u32,
 ) -> Vec<Camera> {
+    orbit_cameras_about(UpAxis::Y, sphere, size, orbit, frames)
+}
+
+/// As [`orbit_cameras`], about another axis than y.
+pub(crate) fn orbit_cameras_about(
+    up: UpAxis,
+    sphere: OrbitSphere,
+    size: Option<(u32, u32)>,
+    orbit: Option<[f64; 3]>,
+    frames: u32,
+) -> Vec<Camera> {
     let size = size.unwrap_or((500, 500));
     if frames == 1 {
         return vec![camera_around(
+            up,
             sphere,
             size,
             orbit.unwrap_or([30.0, 20.0, 1.0]),
@@ -118,7 +173,7 @@ pub(crate) fn orbit_cameras(
     (0..frames)
         .map(|k| {
             let turn = (f64::from(k) + 0.5) * 360.0 / f64::from(frames);
-            camera_around(sphere, size, [azimuth + turn, elevation, fill])
+            camera_around(up, sphere, size, [azimuth + turn, elevation, fill])
         })
         .collect()
 }

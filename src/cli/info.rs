@@ -1,12 +1,12 @@
 //! `surfel info`
 
-use super::source::Source;
+use super::progress::Bar;
+use super::source::{ColorArgs, Source};
 use super::{Failure, Outcome, bytes, count, print};
 use serde_json::json;
 use std::fmt::Write;
 use surfel::OpenedModel;
 use surfel::input::FilePart;
-use surfel::open::SourceFormat;
 use surfel::photos::formats::locate_scene;
 
 /// Say what is in a model file, or in a scene of photographs.
@@ -30,7 +30,7 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
         [v.x, v.y, v.z]
     };
     let memory = m.memory_bytes();
-    json!({
+    let mut facts = json!({
         "file": ready.name,
         "format": ready.format.name(),
         "file_bytes": ready.file_bytes,
@@ -57,7 +57,26 @@ pub(crate) fn facts(ready: &OpenedModel) -> serde_json::Value {
         "remarks": ready.warnings.iter().map(ToString::to_string).collect::<Vec<_>>(),
         "load_ms": ready.load_ms,
         "build_ms": ready.build_ms,
-    })
+    });
+    // The model stands in for pages, of which the file's header tells.
+    if let Some(file) = &ready.paged {
+        let header = file.header();
+        let leaves = header.leaf_count;
+        facts["is_cloud"] = json!(!file.is_surface());
+        facts["triangles"] = json!(if file.is_surface() { leaves } else { 0 });
+        facts["vertices"] = match file.is_surface() {
+            true => json!(null),
+            false => json!(leaves),
+        };
+        facts["used_vertices"] = facts["vertices"].clone();
+        facts["tree"] = json!({
+            "nodes": header.node_count + leaves,
+            "interior_nodes": header.node_count,
+            "leaves": leaves,
+            "pages": header.page_count,
+        });
+    }
+    facts
 }
 
 /// A part of the file, as JSON.
@@ -105,7 +124,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
     if path.is_dir() || locate_scene(path).is_ok() {
         return super::photos::info(path, args.json);
     }
-    let ready = args.source.open(quiet)?;
+    let ready = (args.source).open_as(&ColorArgs::default(), true, &Bar::new(quiet))?;
     let facts = facts(&ready);
     if args.json {
         let text = serde_json::to_string_pretty(&facts).map_err(|e| Failure::Run(e.into()))?;
@@ -123,18 +142,27 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         ready.format,
         bytes(ready.file_bytes)
     );
-    let _ = writeln!(
-        out,
-        "  {} vertices ({} used), {} triangles{}",
-        count(m.vertices.len() as u64),
-        count(u64::from(m.used_vertices)),
-        count(m.triangles.len() as u64),
-        if !m.kind().is_surface() {
-            ": a point cloud"
-        } else {
-            ""
-        }
-    );
+    let (leaf_count, kind) = match &ready.paged {
+        Some(file) if file.is_surface() => (file.header().leaf_count, "triangles"),
+        Some(file) => (file.header().leaf_count, "points"),
+        None => (0, ""),
+    };
+    if ready.paged.is_some() {
+        let _ = writeln!(out, "  {} {kind}", count(leaf_count));
+    } else {
+        let _ = writeln!(
+            out,
+            "  {} vertices ({} used), {} triangles{}",
+            count(m.vertices.len() as u64),
+            count(u64::from(m.used_vertices)),
+            count(m.triangles.len() as u64),
+            if !m.kind().is_surface() {
+                ": a point cloud"
+            } else {
+                ""
+            }
+        );
+    }
     let _ = writeln!(
         out,
         "  {}, {}",
@@ -154,18 +182,26 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         format!("({} {} {})", v.x, v.y, v.z)
     };
     let _ = writeln!(out, "  box {} to {}", corner(m.min), corner(m.max));
-    let _ = writeln!(
-        out,
-        "  tree: {} nodes ({} interior) on {} levels, {} ({:.1} bytes a leaf)",
-        count((m.tree.nodes.len() + m.tree.leaves.len()) as u64),
-        count(m.tree.nodes.len() as u64),
-        m.tree.level_starts.len(),
-        bytes(tree_bytes),
-        tree_bytes as f64 / leaves
-    );
-    if ready.format == SourceFormat::PagedTree {
-        let per_leaf = ready.file_bytes as f64 / leaves;
-        let _ = writeln!(out, "  in the file {per_leaf:.2} bytes a leaf");
+    if let Some(file) = &ready.paged {
+        let header = file.header();
+        let _ = writeln!(
+            out,
+            "  tree: {} nodes ({} interior) in {} pages, {:.2} bytes a leaf",
+            count(header.node_count + header.leaf_count),
+            count(header.node_count),
+            count(header.page_count),
+            ready.file_bytes as f64 / header.leaf_count.max(1) as f64
+        );
+    } else {
+        let _ = writeln!(
+            out,
+            "  tree: {} nodes ({} interior) on {} levels, {} ({:.1} bytes a leaf)",
+            count((m.tree.nodes.len() + m.tree.leaves.len()) as u64),
+            count(m.tree.nodes.len() as u64),
+            m.tree.level_starts.len(),
+            bytes(tree_bytes),
+            tree_bytes as f64 / leaves
+        );
     }
     let _ = writeln!(
         out,

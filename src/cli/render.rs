@@ -1,7 +1,9 @@
 //! `surfel render`
 
 use super::auto::AutoArgs;
-use super::cameras::{orbit_cameras, parse_orbit, parse_size, read_camera, resized};
+use super::cameras::{
+    UpChoice, orbit_cameras_about, parse_orbit, parse_size, read_camera, resized,
+};
 use super::costs::costs_of;
 use super::look::LookArgs;
 use super::progress::{Bar, is_interrupted};
@@ -175,6 +177,9 @@ pub(crate) struct Args {
     /// Look at the model's middle from azimuth and elevation in degrees; fill 1 has the bounding sphere fill the picture [default: 30,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
+    /// Axis that is up for --orbit and --frames
+    #[arg(long, value_enum, default_value_t = UpChoice::Auto, value_name = "AXIS", conflicts_with = "camera")]
+    up: UpChoice,
     /// Draw the cut of this camera, which shows from elsewhere what it draws (--method pop and splats)
     #[arg(long, value_name = "FILE")]
     cut_camera: Option<PathBuf>,
@@ -422,7 +427,10 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     let camera = read.or(own);
     let cameras = match camera {
         Some(camera) => vec![resized(camera, args.size)?],
-        None => orbit_cameras(sphere, args.size, args.orbit, args.frames),
+        None => {
+            let up = args.up.of(ready.up, &ready.name, quiet);
+            orbit_cameras_about(up, sphere, args.size, args.orbit, args.frames)
+        }
     };
     let backend = args.device.open()?;
     let size = (cameras[0].width, cameras[0].height);
@@ -435,7 +443,8 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
     for (index, opened) in [&ready].into_iter().chain(&others).enumerate() {
         if let Some(file) = &opened.paged {
             let options = args.pages.options(ready.model.origin);
-            let pages = PagedModel::open(file.clone(), options).map_err(surfel::tree::Error::from)?;
+            let pages =
+                PagedModel::open(file.clone(), options).map_err(surfel::tree::Error::from)?;
             engine.set_pages(index, pages);
         }
     }
@@ -472,7 +481,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         }
         times.push(engine.draw(view, &settings)?);
         for message in engine.take_page_messages() {
-            say(&format!("surfel: warning: {message}; what is known of that part is drawn coarser"));
+            say(&format!(
+                "surfel: warning: {message}; what is known of that part is drawn coarser"
+            ));
         }
         if args.wants_picture() {
             let picture = match args.samples {

@@ -53,7 +53,8 @@ pub(crate) struct PageArgs {
 impl PageArgs {
     /// Bytes of pages in memory.
     pub(crate) fn bytes(self) -> u64 {
-        self.memory.unwrap_or_else(surfel::pages::cache::usual_budget)
+        self.memory
+            .unwrap_or_else(surfel::pages::cache::usual_budget)
     }
 
     /// How a paged file is drawn in the space of a model with this origin.

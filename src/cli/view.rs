@@ -1,10 +1,10 @@
 //! `surfel MODEL`
 
-use super::cameras::{parse_orbit, parse_size, read_camera};
+use super::cameras::{UpChoice, parse_orbit, parse_size, read_camera};
 use super::look::LookArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
-use super::source::{ColorArgs, PageArgs, Framing, SurfaceArgs, open_options};
+use super::source::{ColorArgs, Framing, PageArgs, SurfaceArgs, open_options};
 use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
@@ -54,6 +54,9 @@ pub(crate) struct Args {
     /// First view: azimuth and elevation in degrees, and the part of the picture that the model fills [default: 30,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
+    /// Axis that is up [key Shift U]
+    #[arg(long, value_enum, default_value_t = UpChoice::Auto, value_name = "AXIS")]
+    up: UpChoice,
     /// First view: a camera file as `surfel render --save-camera` or Ctrl C in the window writes it
     #[arg(long, value_name = "FILE", conflicts_with = "orbit")]
     camera: Option<PathBuf>,
@@ -194,6 +197,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         more: args.more,
         opening,
+        up: args.up.named(),
         paged: PagedModelOptions {
             memory_bytes: args.pages.bytes(),
             ..PagedModelOptions::default()

@@ -170,7 +170,8 @@ impl BufferUsage {
 const STAGING_BYTES: usize = 32 << 20;
 
 impl DeviceBuffer {
-    /// Makes a buffer of `bytes` bytes that only the device writes. Its contents are undefined until then.
+    /// Makes a buffer of `bytes` bytes that the device writes, or [`DeviceBuffer::write`]. Its contents are undefined until
+    /// then.
     ///
     /// # Errors
     /// When memory cannot be had or `bytes` is more than the device's buffers hold.
@@ -191,26 +192,45 @@ impl DeviceBuffer {
         usage: BufferUsage,
         data: &[u8],
     ) -> Result<Self, Error> {
-        let flags = usage.flags() | vk::BufferUsageFlags::TRANSFER_DST;
-        let mut raw = RawBuffer::new(gpu, name, data.len() as u64, flags, MemoryLocation::GpuOnly)?;
-        let may_map = raw.is_coherent() && !gpu.pretend_noncoherent;
-        if let (true, Some(mapped)) = (may_map, raw.mapped_mut()) {
-            mapped[..data.len()].copy_from_slice(data);
-            return Ok(Self { raw });
+        let mut buffer = Self::new(gpu, name, usage, data.len() as u64)?;
+        buffer.write(gpu, 0, data)?;
+        Ok(buffer)
+    }
+
+    /// Writes bytes from byte `offset` on, and waits until they are there. No submission may read or write this part
+    /// meanwhile; others may use the rest.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] past the buffer's end; when memory runs out or the device is lost.
+    pub fn write(&mut self, gpu: &Arc<Gpu>, offset: u64, data: &[u8]) -> Result<(), Error> {
+        let end = offset.saturating_add(data.len() as u64);
+        if end > self.raw.bytes {
+            return Err(Error::Limit {
+                what: format!("the end of what is written to {}", self.raw.name),
+                value: end,
+                limit: self.raw.bytes,
+            });
         }
-        let buffer = Self { raw };
+        let may_map = self.raw.is_coherent() && !gpu.pretend_noncoherent;
+        if let (true, Some(mapped)) = (may_map, self.raw.mapped_mut()) {
+            mapped[offset as usize..end as usize].copy_from_slice(data);
+            return Ok(());
+        }
+        if data.is_empty() {
+            return Ok(());
+        }
         let mut staging = UploadBuffer::new(
             gpu,
-            &format!("staging for {name}"),
+            &format!("staging for {}", self.raw.name),
             STAGING_BYTES.min(data.len()) as u64,
         )?;
         for (index, chunk) in data.chunks(STAGING_BYTES).enumerate() {
             staging.bytes_mut()[..chunk.len()].copy_from_slice(chunk);
             staging.flush(0..chunk.len() as u64);
-            let offset = (index * STAGING_BYTES) as u64;
-            super::frame::copy_once(gpu, &staging, &buffer, offset, chunk.len() as u64)?;
+            let at = offset + (index * STAGING_BYTES) as u64;
+            super::frame::copy_once(gpu, &staging, self, at, chunk.len() as u64)?;
         }
-        Ok(buffer)
+        Ok(())
     }
 }
 

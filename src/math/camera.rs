@@ -3,6 +3,7 @@
 //! World space is right-handed; view space looks down -z with +x right and +y up. Matrices of a camera file
 //! are column-major, clip = proj * view * world, with clip depth 0 at the near and 1 at the far plane.
 
+use crate::math::up_axis::UpAxis;
 use glam::{DMat4, DVec3, DVec4, Mat4, Vec3, Vec4};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -166,6 +167,31 @@ impl Camera {
             fov_y,
             (near, d + 1.05 * radius),
         )
+    }
+
+    /// As [`Camera::orbit`], about another axis than y: the same picture of a model that lies turned, so that `up` is y of
+    /// the orbit.
+    pub fn orbit_about(
+        up: UpAxis,
+        size: (u32, u32),
+        center: DVec3,
+        radius: f64,
+        (azimuth, elevation, fill): (f64, f64, f64),
+    ) -> Self {
+        let turned = Self::orbit(size, DVec3::ZERO, radius, azimuth, elevation, fill);
+        if up == UpAxis::Y {
+            return Self::orbit(size, center, radius, azimuth, elevation, fill);
+        }
+        let orbit_from_world = DMat4::from_cols(
+            up.from_world(DVec3::X).extend(0.0),
+            up.from_world(DVec3::Y).extend(0.0),
+            up.from_world(DVec3::Z).extend(0.0),
+            (-up.from_world(center)).extend(1.0),
+        );
+        Self {
+            view: turned.view * orbit_from_world,
+            ..turned
+        }
     }
 
     /// View `k` of `n` of the standard orbit: azimuth (k + 1/2) * 360/n degrees, elevation 20 degrees.
@@ -379,6 +405,27 @@ impl View {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A model that was turned is seen as it was before, from an orbit about the axis that y became.
+    #[test]
+    fn an_orbit_about_another_axis_sees_a_turned_model_as_it_was() {
+        let (center, point) = (DVec3::new(10.0, -3.0, 7.0), DVec3::new(0.3, 1.1, -0.7));
+        for up in [UpAxis::X, UpAxis::Y, UpAxis::Z] {
+            for angles in [
+                (0.5, 0.3, 1.0),
+                (-2.0, -1.2, 0.25),
+                (1.0, 1.57079632679, 2.0),
+            ] {
+                let (azimuth, elevation, fill) = angles;
+                let plain = Camera::orbit((300, 200), center, 2.0, azimuth, elevation, fill);
+                let turned = Camera::orbit_about(up, (300, 200), center, 2.0, angles);
+                let seen = plain.view.transform_point3(center + point);
+                let own = turned.view.transform_point3(center + up.to_world(point));
+                assert!(seen.distance(own) < 1e-9, "{up:?} {angles:?}");
+                assert_eq!(plain.proj, turned.proj);
+            }
+        }
+    }
 
     #[test]
     fn near_and_far_come_back_out_of_the_projection() {

@@ -5,3 +5,4 @@ pub mod cone;
 pub mod frustum;
 pub mod octahedral;
 pub mod sphere;
+pub mod up_axis;

@@ -56,6 +56,47 @@ fn a_mesh_file_comes_with_its_format_its_counts_and_what_was_left_out() {
     assert_eq!(scan.file_bytes, stored);
 }
 
+/// A box as OBJ, from its smallest to its largest corner.
+fn box_obj(low: [f64; 3], high: [f64; 3]) -> String {
+    let mut text = String::new();
+    for corner in 0..8 {
+        let side = |axis: usize| {
+            if corner >> axis & 1 == 0 {
+                low[axis]
+            } else {
+                high[axis]
+            }
+        };
+        text += &format!("v {} {} {}\n", side(0), side(1), side(2));
+    }
+    text + "f 1 2 4 3\nf 5 6 8 7\nf 1 2 6 5\nf 3 4 8 7\n"
+}
+
+#[test]
+fn the_axis_that_is_up_is_told_by_format_and_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let up = |name: &str, text: &str| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        let guess = opened(&path).unwrap().up;
+        assert_eq!(guess.axis == UpAxis::Y, guess.reason.is_empty());
+        guess.axis
+    };
+    // A tower on the ground, one that lies, a cube around the zero, a place on a map.
+    let tower = box_obj([-1.0, -1.0, 0.0], [1.0, 1.0, 5.0]);
+    assert_eq!(up("tower.obj", &tower), UpAxis::Z);
+    let other = box_obj([-1.0, 0.0, -1.0], [1.0, 5.0, 1.0]);
+    assert_eq!(up("other.obj", &other), UpAxis::Y);
+    assert_eq!(up("cube.obj", &box_obj([-1.0; 3], [1.0; 3])), UpAxis::Y);
+    // In the first octant nothing tells.
+    assert_eq!(up("corner.obj", &box_obj([0.0; 3], [1.0; 3])), UpAxis::Y);
+    let map = box_obj([4e5, 5e6, 100.0], [4.001e5, 5.0001e6, 130.0]);
+    assert_eq!(up("map.obj", &map), UpAxis::Z);
+    let facet = "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n";
+    assert_eq!(up("part.stl", facet), UpAxis::Z);
+    assert_eq!(opened("generate:square:100").unwrap().up.axis, UpAxis::Y);
+}
+
 #[test]
 fn options_reach_the_reader() {
     let folder = tempfile::tempdir().unwrap();

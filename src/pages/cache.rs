@@ -18,11 +18,15 @@ struct CachedPage {
 pub fn usual_budget() -> u64 {
     const MOST: u64 = 4 << 30;
     const UNKNOWN: u64 = 1 << 30;
-    let free = std::fs::read_to_string("/proc/meminfo").ok().and_then(|text| {
-        let line = text.lines().find(|line| line.starts_with("MemAvailable:"))?;
-        let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-        Some(kib * 1024)
-    });
+    let free = std::fs::read_to_string("/proc/meminfo")
+        .ok()
+        .and_then(|text| {
+            let line = text
+                .lines()
+                .find(|line| line.starts_with("MemAvailable:"))?;
+            let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+            Some(kib * 1024)
+        });
     free.map_or(UNKNOWN, |free| (free / 2).min(MOST))
 }
 

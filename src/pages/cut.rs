@@ -393,7 +393,7 @@ mod tests {
         let mut rounds = 0;
         loop {
             let view = camera.view(joined.origin).unwrap();
-                let found = selected(&mut selector, &file, &known, (&view, &settings));
+            let found = selected(&mut selector, &file, &known, (&view, &settings));
             // Every leaf of the model that is in view is below exactly one id: no two ids overlap.
             let ids = in_joined(&found, &all, &joined);
             let mut covered = BTreeSet::new();

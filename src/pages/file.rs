@@ -5,8 +5,8 @@ use super::format::{
 };
 use super::page::{DecodeOptions, DecodedPage, decode};
 use super::source::ByteSource;
-use crate::tree::file::hash;
 use crate::tree::Model;
+use crate::tree::file::hash;
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use std::sync::Arc;
@@ -98,7 +98,9 @@ impl PagedFile {
         };
         let header = &self.header;
         let first = self.root().map(|root| self.read_page(&root, options));
-        let model = first.transpose()?.map_or_else(Model::default, |page| page.model);
+        let model = first
+            .transpose()?
+            .map_or_else(Model::default, |page| page.model);
         let shift = self.origin() - origin;
         let moved = |place: [f32; 3]| (shift + Vec3::from_array(place).as_dvec3()).as_vec3();
         Ok(Model {

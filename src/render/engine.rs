@@ -282,7 +282,9 @@ impl<'m> Engine<'m> {
         if let Some(device) = &mut self.device {
             let shown = self.models.iter().filter(|model| model.is_shown);
             let pages = shown.filter_map(|model| model.pages.as_ref());
-            device.scene.hold(pages.flat_map(PagedModel::parts))?;
+            let all = self.models.iter().filter_map(|model| model.pages.as_ref());
+            let resident = all.flat_map(PagedModel::resident);
+            (device.scene).hold(pages.flat_map(PagedModel::parts), resident)?;
         }
         Ok(settings)
     }

@@ -242,7 +242,12 @@ impl PagedModel {
         let choose = |selector: &mut CutSelector, id: u32, page: &DecodedPage, cut: &mut Cut| {
             let own = known.get(&id);
             let Some(own) = own else { return };
-            key.select(selector, &page.model, || own.facts.undrawn(&page.model), cut);
+            key.select(
+                selector,
+                &page.model,
+                || own.facts.undrawn(&page.model),
+                cut,
+            );
         };
         let tests = PageTests {
             view: key.view(),
@@ -296,6 +301,11 @@ impl PagedModel {
             };
             Some((facted, facts))
         })
+    }
+
+    /// All pages in memory, with their facts.
+    pub(crate) fn resident(&self) -> impl Iterator<Item = (&Model, &Arc<ModelFacts>)> {
+        self.known.values().map(|own| (&own.page.model, &own.facts))
     }
 
     /// Number of the present parts and cuts: others have another.

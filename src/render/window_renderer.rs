@@ -90,11 +90,13 @@ impl<'a> ShownModel<'a> {
         let whole = (0..models.len()).filter(|&index| is_shown[index] && !is_paged(index));
         let whole = whole.map(|index| (models[index], scene.facts_of(index)));
         let whole = whole.collect();
+        let all = pages.iter().flatten();
         let pages: Vec<&PagedModel> = (pages.iter().zip(&is_shown))
             .filter_map(|(own, &is_shown)| own.as_ref().filter(|_| is_shown))
             .collect();
         if draws_on_device {
-            scene.hold(pages.iter().flat_map(|own| own.parts()))?;
+            let drawn = pages.iter().flat_map(|own| own.parts());
+            scene.hold(drawn, all.flat_map(PagedModel::resident))?;
         }
         Ok(ShownParts {
             whole,

@@ -5,6 +5,7 @@
 //! it is on screen; a new center changes nothing that is seen.
 
 use crate::math::camera::Camera;
+use crate::math::up_axis::UpAxis;
 use glam::{DVec2, DVec3};
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -24,6 +25,8 @@ const POLE: f64 = 1e-6;
 pub struct OrbitCamera {
     model_center: DVec3,
     radius: f64,
+    /// The turntable's axis.
+    up: UpAxis,
     size: (u32, u32),
     home: (f64, f64, f64),
     pivot: DVec3,
@@ -48,6 +51,7 @@ impl OrbitCamera {
         let mut orbit = Self {
             model_center: center,
             radius: if radius > 0.0 { radius } else { 1.0 },
+            up: UpAxis::Y,
             size: (size.0.max(1), size.1.max(1)),
             home: (azimuth, elevation, fill),
             pivot: center,
@@ -58,6 +62,23 @@ impl OrbitCamera {
         };
         orbit.frame(fill);
         orbit
+    }
+
+    /// The same about another axis.
+    #[must_use]
+    pub fn about(self, up: UpAxis) -> Self {
+        Self { up, ..self }
+    }
+
+    /// Turns the table about another axis from now on; the model is framed as at first.
+    pub fn set_up(&mut self, up: UpAxis) {
+        self.up = up;
+        self.reset();
+    }
+
+    /// The turntable's axis.
+    pub fn up(&self) -> UpAxis {
+        self.up
     }
 
     /// Distance from which the model fills the part `fill` of the shorter side.
@@ -82,12 +103,14 @@ impl OrbitCamera {
         let back = world_from_view
             .transform_vector3(DVec3::Z)
             .normalize_or(DVec3::Z);
-        self.elevation = back.y.clamp(-1.0, 1.0).asin();
+        let turned = self.up.from_world(back);
+        self.elevation = turned.y.clamp(-1.0, 1.0).asin();
         if self.elevation.cos() > POLE {
-            self.azimuth = back.x.atan2(back.z).rem_euclid(2.0 * PI);
+            self.azimuth = turned.x.atan2(turned.z).rem_euclid(2.0 * PI);
         } else {
             // Straight down or up: the turn is in the direction that is up on the picture.
-            let up = world_from_view.transform_vector3(DVec3::Y) * -back.y.signum();
+            let up = world_from_view.transform_vector3(DVec3::Y) * -turned.y.signum();
+            let up = self.up.from_world(up);
             self.azimuth = up.x.atan2(up.z).rem_euclid(2.0 * PI);
         }
         let distance = (eye - self.model_center).dot(back);
@@ -164,10 +187,11 @@ impl OrbitCamera {
     fn basis(&self) -> (DVec3, DVec3, DVec3) {
         let (sin_a, cos_a) = self.azimuth.sin_cos();
         let (sin_e, cos_e) = self.elevation.sin_cos();
+        let world = |v| self.up.to_world(v);
         (
-            DVec3::new(cos_a, 0.0, -sin_a),
-            DVec3::new(-sin_e * sin_a, cos_e, -sin_e * cos_a),
-            DVec3::new(cos_e * sin_a, sin_e, cos_e * cos_a),
+            world(DVec3::new(cos_a, 0.0, -sin_a)),
+            world(DVec3::new(-sin_e * sin_a, cos_e, -sin_e * cos_a)),
+            world(DVec3::new(cos_e * sin_a, sin_e, cos_e * cos_a)),
         )
     }
 
@@ -307,7 +331,7 @@ impl OrbitCamera {
         let world_up = if self.elevation.cos() < POLE {
             up
         } else {
-            DVec3::Y
+            self.up.direction()
         };
         Camera::look_at(self.size, eye, target, world_up, FOV_Y, self.near_far())
     }
@@ -355,6 +379,29 @@ mod tests {
                 let standard = Camera::orbit(size, CENTER, radius, azimuth, elevation, fill);
                 assert_eq!(ours, standard);
             }
+        }
+    }
+
+    #[test]
+    fn about_another_axis_it_is_the_orbit_about_that() {
+        for up in [UpAxis::X, UpAxis::Z] {
+            let angles = (HOME.0, HOME.1, 0.7);
+            let ours = OrbitCamera::new(CENTER, 2.0, SIZE, angles).about(up);
+            let standard = Camera::orbit_about(up, SIZE, CENTER, 2.0, angles);
+            assert!(
+                ours.camera().view.abs_diff_eq(standard.view, 1e-9),
+                "{up:?}"
+            );
+            // Another one takes its view over.
+            let mut other = OrbitCamera::new(CENTER, 2.0, SIZE, (2.0, -0.5, 1.0)).about(up);
+            other.look_as(&standard);
+            assert!(
+                other.camera().view.abs_diff_eq(standard.view, 1e-9),
+                "{up:?}"
+            );
+            other.set_up(UpAxis::Y);
+            let level = other.camera().view.row(0).y;
+            assert!(level.abs() < 1e-9, "{level}");
         }
     }
 

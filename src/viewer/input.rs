@@ -33,6 +33,7 @@ pub const KEYS: &[KeyGroup] = &[
         &[
             ("F", "frame the model"),
             ("R", "reset the view"),
+            ("Shift U", "the next axis is up: y, z, x"),
             (
                 "Numpad 1 3 7",
                 "front, right, top; with Ctrl back, left, bottom",
@@ -172,6 +173,8 @@ pub enum Command {
     FrameTime(i32),
     /// Light both sides, or fronts only.
     TwoSided,
+    /// The next axis that is up.
+    Up,
     /// Switch vertex colors.
     Colors,
     /// The next background.
@@ -317,6 +320,7 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
             'l' if modifiers.shift => Command::Lamp(LampChange::Anchor),
             'l' => Command::Light,
             'w' => Command::FrameTime(if modifiers.shift { -1 } else { 1 }),
+            'u' if modifiers.shift => Command::Up,
             'u' => Command::TwoSided,
             'v' => Command::Colors,
             'i' => Command::Background,

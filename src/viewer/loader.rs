@@ -4,6 +4,7 @@
 use super::preview;
 use crate::gpu::{self, Gpu, lock};
 use crate::input::Warning;
+use crate::math::up_axis::UpAxis;
 use crate::mesh::Mesh;
 use crate::open::{OpenOptions, open_with_preview};
 use crate::progress::Progress;
@@ -50,6 +51,8 @@ pub struct Loaded {
     pub model: Model,
     /// What it stands in for, where it is a paged file.
     pub pages: Option<PagedModel>,
+    /// The axis that is up.
+    pub up: UpAxis,
     /// What of its file was repaired or left out.
     pub warnings: Vec<Warning>,
     /// Models that are drawn with it, in its space.
@@ -154,6 +157,7 @@ impl ModelLoader {
             Ok(Loaded {
                 model: opened.model,
                 pages: pages.map_err(crate::Error::from)?,
+                up: opened.up.axis,
                 warnings: opened.warnings,
                 ..Loaded::default()
             })

@@ -32,9 +32,10 @@ use crate::bench::calibrate;
 use crate::gpu::messages::LayerMessages;
 use crate::gpu::{self, Gpu};
 use crate::math::camera::Camera;
+use crate::math::up_axis::UpAxis;
 use crate::open::OpenOptions;
-use crate::render::paged_model::PagedModelOptions;
 use crate::render::Settings;
+use crate::render::paged_model::PagedModelOptions;
 use crate::render::window_renderer::WindowBackend;
 use app::ViewerApp;
 use glfw::{ClientApiHint, WindowHint};
@@ -140,6 +141,8 @@ pub struct ViewerOptions {
     /// For tests: what goes wrong, and how often.
     /// How paged files are drawn.
     pub paged: PagedModelOptions,
+    /// The axis that is up; none: as each model's format and place tell.
+    pub up: Option<UpAxis>,
     #[doc(hidden)]
     pub faults: InjectedFaults,
 }

@@ -13,9 +13,9 @@ use crate::image::Image;
 use crate::math::camera::{Camera, View};
 use crate::progress::Silent;
 use crate::render::cost::model::{DrawCosts, PerRasterizer, SplatCosts};
+use crate::render::paged_model::PagedModel;
 use crate::render::stats::FrameTimes;
 use crate::render::vulkan::renderer::{SubmittedFrame, present::ShownFrame};
-use crate::render::paged_model::PagedModel;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
 use crate::render::{Method, Settings, SplatKind};
@@ -292,7 +292,11 @@ impl WindowScreen {
 
     /// Number of pages that would make the last frame finer.
     pub(super) fn wanted_pages(&self) -> usize {
-        self.pages.iter().flatten().map(PagedModel::wanted_pages).sum()
+        self.pages
+            .iter()
+            .flatten()
+            .map(PagedModel::wanted_pages)
+            .sum()
     }
 
     /// Messages of pages that could not be read, since the last call.

@@ -20,14 +20,14 @@ mod tests;
 pub use crate::render::cpu::triangles::{Light, MeshVertices, Triangles};
 
 use crate::abi::FilteredSplat;
-use crate::abi::constants::FILTERED_TILE_PX;
 use crate::pack::filtered::ScreenGroups;
 use crate::pack::parallel;
 use crate::render::cpu::filtered::splat_block::Blocks;
 use fearless_simd::{Level, Simd, dispatch};
 
-/// Rows of a band: whole tiles.
-const BAND_PX: u32 = 4 * FILTERED_TILE_PX;
+/// Rows of a band.
+const BAND_PX: u32 = 32;
+
 /// The part of a picture that is drawn in, and what of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Canvas {
@@ -59,7 +59,6 @@ pub(crate) struct Band<'a> {
     pub(crate) rows: [u32; 2],
     pub(crate) front: &'a mut [u32],
     pub(crate) sums: &'a mut [u64],
-    tiles: Vec<[f32; 2]>,
 }
 
 /// Splats of a model.
@@ -83,30 +82,17 @@ pub struct List<'a> {
 }
 
 /// Draws a list. `front` and `sums` become what storage of the canvas holds after the passes by compute, whatever they held; the
-/// first so many words, see [`Canvas::pixels`] and [`Canvas::words`]. `tiles` become the centers of the squares of
-/// [`FILTERED_TILE_PX`] pixels, counted from the picture's corner, that have a depth or a deposit in them.
+/// first so many words, see [`Canvas::pixels`] and [`Canvas::words`].
 ///
 /// # Panics
 /// When `front` or `sums` is shorter than that, or `groups` are of another list; when triangles were
 /// set up for another part of the picture.
-pub fn draw(
-    list: List<'_>,
-    canvas: Canvas,
-    front: &mut [u32],
-    sums: &mut [u64],
-    tiles: &mut Vec<[f32; 2]>,
-) {
-    draw_by(Level::new(), list, canvas, (front, sums), tiles);
+pub fn draw(list: List<'_>, canvas: Canvas, front: &mut [u32], sums: &mut [u64]) {
+    draw_by(Level::new(), list, canvas, (front, sums));
 }
 
 /// The same by vectors of a level.
-fn draw_by(
-    level: Level,
-    list: List<'_>,
-    canvas: Canvas,
-    (front, sums): (&mut [u32], &mut [u64]),
-    tiles: &mut Vec<[f32; 2]>,
-) {
+fn draw_by(level: Level, list: List<'_>, canvas: Canvas, (front, sums): (&mut [u32], &mut [u64])) {
     assert!(
         list.triangles.are_within(canvas.rect_px),
         "they are of another part"
@@ -121,8 +107,6 @@ fn draw_by(
             draw_band::<_, false>(simd, &list, &canvas, band)
         });
     });
-    tiles.clear();
-    tiles.extend(bands.iter().flat_map(|band| &band.tiles));
 }
 
 /// The bands of a canvas, which begin at whole multiples of their height.
@@ -141,7 +125,6 @@ fn bands<'a>(canvas: Canvas, mut front: &'a mut [u32], mut sums: &'a mut [u64]) 
             rows: [first, end],
             front: own,
             sums: own_sums,
-            tiles: Vec::new(),
         });
         first = end;
     }
@@ -181,36 +164,4 @@ fn draw_band<S: Simd, const GRAY: bool>(
             .for_each(|splats| large::blend(splats, canvas, band));
     }
     list.triangles.blend(list.meshes, canvas, band);
-    find_tiles::<GRAY>(canvas, band);
-}
-
-/// The tiles of a band that have anything in them.
-#[inline(always)]
-fn find_tiles<const GRAY: bool>(canvas: &Canvas, band: &mut Band<'_>) {
-    let words = if GRAY { 2 } else { 4 };
-    let (width, tile) = (canvas.width(), FILTERED_TILE_PX as usize);
-    let [left, _, right, _] = canvas.rect_px;
-    let first_tile = left / FILTERED_TILE_PX;
-    let tiles = right.div_ceil(FILTERED_TILE_PX) - first_tile;
-    let (mut row, end) = (band.rows[0], band.rows[1]);
-    while row < end {
-        let below = ((row / FILTERED_TILE_PX + 1) * FILTERED_TILE_PX).min(end);
-        for column in first_tile..first_tile + tiles {
-            let x = (column * FILTERED_TILE_PX).max(left) - left;
-            let end_x = ((column + 1) * FILTERED_TILE_PX).min(right) - left;
-            let has_any = (row..below).any(|y| {
-                let at = (y - band.rows[0]) as usize * width;
-                let (first, last) = (at + x as usize, at + end_x as usize);
-                let front = band.front[first..last].iter().fold(0, |a, b| a | b);
-                let sums = &band.sums[words * first..words * last];
-                front != 0 || sums.iter().fold(0, |a, b| a | b) != 0
-            });
-            if has_any {
-                let center = |i: u32| (i * FILTERED_TILE_PX) as f32 + 0.5 * tile as f32;
-                band.tiles
-                    .push([center(column), center(row / FILTERED_TILE_PX)]);
-            }
-        }
-        row = below;
-    }
 }

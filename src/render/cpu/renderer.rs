@@ -74,7 +74,6 @@ pub struct CpuRenderer {
     filtered: Vec<FilteredSplat>,
     front: Vec<u32>,
     sums: Vec<u64>,
-    tiles: Vec<[f32; 2]>,
     /// Reversed depths of the rectangle, row by row.
     depths: Vec<f32>,
     planes: FloatPlanes,
@@ -113,7 +112,6 @@ impl CpuRenderer {
             filtered: Vec::new(),
             front: Vec::new(),
             sums: Vec::new(),
-            tiles: Vec::new(),
             depths: Vec::new(),
             planes: FloatPlanes::default(),
             rect_px: [0; 4],
@@ -484,7 +482,7 @@ impl CpuRenderer {
             triangles: &self.triangles,
         };
         let (front, sums) = (&mut self.front[..count], &mut self.sums[..words]);
-        filtered::draw(list, canvas, front, sums, &mut self.tiles);
+        filtered::draw(list, canvas, front, sums);
         let params = NormalizeParams::new(frame.constants);
         let depths = &mut self.depths[..count];
         let pitch = pixels.pitch;

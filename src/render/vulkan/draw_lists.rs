@@ -154,9 +154,9 @@ impl DrawLists {
             });
             let lists = (&mut *self, &mut so_far, is_small);
             if are_ids {
-                triangles::write(part, scene, ids, lists, (|_, id| id, |_, _| {}));
+                triangles::write(part, scene, ids, lists, (|_, id, _| id, |_, _| {}));
             } else {
-                let of = |corners: &[[u32; 3]], id| corners[id as usize];
+                let of = |corners: &[[u32; 3]], id, base| corners[id as usize].map(|c| c + base);
                 let ahead = |corners: &[[u32; 3]], id| prefetch_index(corners, id as usize);
                 triangles::write(part, scene, ids, lists, (of, ahead));
             }

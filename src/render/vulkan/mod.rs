@@ -11,6 +11,7 @@ pub(crate) mod eye_dome;
 pub(crate) mod look;
 pub mod opaque;
 pub mod overdraw;
+mod page_pool;
 pub(crate) mod raster_pass;
 pub mod renderer;
 pub mod scene;

@@ -174,6 +174,9 @@ impl RasterList<'_> {
         }
         if let RasterTriangles::Runs(indices, _) = self.triangles {
             pass = pass.indices(indices);
+            for vertices in self.scene.pooled_buffers() {
+                pass = pass.vertices(vertices);
+            }
         }
         match &self.splats {
             RasterSplats::Records(records) => pass.vertices(records.buffer),
@@ -212,7 +215,6 @@ fn needed(pipeline: Option<&ShaderPipeline>) -> &ShaderPipeline {
 }
 
 fn draw_triangles(draw: &mut DrawRecorder<'_>, list: &RasterList<'_>) {
-    let pages = &list.scene.pages;
     match list.triangles {
         RasterTriangles::Scene => {
             for page in list.scene.shown_pages() {
@@ -227,7 +229,7 @@ fn draw_triangles(draw: &mut DrawRecorder<'_>, list: &RasterList<'_>) {
         RasterTriangles::Runs(indices, runs) => {
             draw.indices(indices, 0);
             for run in runs {
-                draw.vertices(&pages[run.page].vertices, 0);
+                draw.vertices(list.scene.vertices_of(run.page), 0);
                 draw.draw_indexed(run.first, run.count, 0);
             }
         }

@@ -456,7 +456,6 @@ impl VulkanRenderer {
         settings: &Settings,
     ) -> Result<FramePlan, Error> {
         let info = self.gpu.info();
-        let pages = &scene.pages;
         let [no_cut_of, no_tree_of] = self.too_large;
         let capabilities = RendererCapabilities {
             max_point_px: info.max_point_size_px,
@@ -465,9 +464,8 @@ impl VulkanRenderer {
             is_software: info.is_cpu(),
             has_int64_atomics: info.has_int64_atomics,
             max_storage_range: info.max_storage_range,
-            binds_vertices: pages
-                .iter()
-                .all(|page| AnyBuffer::bytes(&page.vertices) <= info.max_storage_range),
+            binds_vertices: (scene.vertex_buffers())
+                .all(|vertices| AnyBuffer::bytes(vertices) <= info.max_storage_range),
             cuts_sooner: self.costs.is_some_and(|costs| costs.cuts_on_device()),
             fits_device_cut: no_cut_of != Some(scene.id()),
             fits_tree: no_tree_of != Some(scene.id()),

@@ -4,8 +4,9 @@ use crate::abi::Vertex;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
+use crate::render::vulkan::page_pool::{PagePool, PoolPlace, PooledPage};
 use crate::tree::Model;
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -45,6 +46,9 @@ pub struct DeviceScene {
     /// Pages of one model after the other, each in tree order.
     pub pages: Vec<ScenePage>,
     parts: Vec<DevicePart>,
+    /// Vertices of pages of paged files.
+    pool: PagePool,
+    held: HashMap<u64, HeldPage>,
     gpu: Arc<Gpu>,
 }
 
@@ -55,8 +59,13 @@ struct DevicePart {
     /// Its pages among those of the scene.
     pages: Range<usize>,
     is_shown: bool,
-    /// A page of a paged file, which is there while somebody else knows its facts.
-    is_page: bool,
+}
+
+/// A page of a paged file, which is there while somebody else knows its facts.
+#[derive(Debug)]
+struct HeldPage {
+    facts: Arc<ModelFacts>,
+    place: Option<PoolPlace>,
 }
 
 /// Most vertices (at least 3) and triangles (at least 1) of a page.
@@ -121,6 +130,8 @@ impl DeviceScene {
         let mut scene = Self {
             pages: Vec::new(),
             parts: Vec::new(),
+            pool: PagePool::new(limits.vertices),
+            held: HashMap::new(),
             gpu: gpu.clone(),
         };
         for model in models {
@@ -130,57 +141,89 @@ impl DeviceScene {
                 facts: Arc::new(ModelFacts::of(model)),
                 pages: first..scene.pages.len(),
                 is_shown: true,
-                is_page: false,
             });
         }
         Ok(scene)
     }
 
-    /// Copies pages of paged files that a frame draws triangles of, and that are not here yet; drops pages then that nobody
-    /// else has in memory. The index of a page among [`DeviceScene::pages`] may change where any is new.
+    /// Copies pages of paged files that a frame draws triangles of, and that are not here yet; those that nobody else has in
+    /// memory are dropped then. `pages` are all that are drawn, `resident` all in memory.
     ///
     /// # Errors
     /// When device memory runs out.
     pub(crate) fn hold<'m>(
         &mut self,
         pages: impl Iterator<Item = (FactedModel<'m>, &'m Arc<ModelFacts>)>,
+        resident: impl Iterator<Item = (&'m Model, &'m Arc<ModelFacts>)>,
     ) -> Result<(), Error> {
-        let known: HashSet<u64> = self.parts.iter().map(|part| part.facts.id()).collect();
-        let is_new = |(part, facts): &(FactedModel<'_>, &Arc<ModelFacts>)| {
-            part.cut.is_some_and(|cut| !cut.triangles.is_empty()) && !known.contains(&facts.id())
-        };
-        let new: Vec<_> = pages.filter(is_new).collect();
-        if new.is_empty() {
+        let mut is_new = false;
+        for (part, facts) in pages {
+            let has_triangles = part.cut.is_some_and(|cut| !cut.triangles.is_empty());
+            if has_triangles && !self.held.contains_key(&facts.id()) {
+                is_new = true;
+                let page = HeldPage {
+                    facts: facts.clone(),
+                    place: None,
+                };
+                self.held.insert(facts.id(), page);
+            }
+        }
+        if !is_new {
             return Ok(());
         }
-        let mut old = std::mem::take(&mut self.pages).into_iter();
-        let mut parts = Vec::with_capacity(self.parts.len() + new.len());
-        for part in self.parts.drain(..) {
-            let own: Vec<ScenePage> = old.by_ref().take(part.pages.len()).collect();
-            if part.is_page && Arc::strong_count(&part.facts) == 1 {
-                continue;
+        self.held
+            .retain(|_, page| Arc::strong_count(&page.facts) > 1);
+        let mut ids = Vec::with_capacity(self.held.len());
+        let mut placed = Vec::with_capacity(self.held.len());
+        for (model, facts) in resident {
+            if let Some(page) = self.held.get(&facts.id()) {
+                ids.push(facts.id());
+                placed.push(PooledPage {
+                    vertices: &model.vertices[..model.used_vertices as usize],
+                    place: page.place,
+                });
             }
-            let first = self.pages.len();
-            self.pages.extend(own);
-            parts.push(DevicePart {
-                pages: first..self.pages.len(),
-                ..part
-            });
         }
-        self.parts = parts;
-        let limits = PageLimits::of(&self.gpu);
-        for (part, facts) in new {
-            let first = self.pages.len();
-            let mut own = pages_of(&self.gpu, part.model, limits)?;
-            self.pages.append(&mut own);
-            self.parts.push(DevicePart {
-                facts: facts.clone(),
-                pages: first..self.pages.len(),
-                is_shown: true,
-                is_page: true,
-            });
+        let outcome = self.pool.place_all(&self.gpu, &mut placed);
+        if outcome.is_err() {
+            self.held.clear();
+            self.pool = PagePool::new(PageLimits::of(&self.gpu).vertices);
+            return outcome;
+        }
+        let known: HashSet<u64> = ids.iter().copied().collect();
+        self.held.retain(|id, _| known.contains(id));
+        for (id, page) in ids.into_iter().zip(placed) {
+            if let Some(held) = self.held.get_mut(&id) {
+                held.place = page.place;
+            }
         }
         Ok(())
+    }
+
+    /// Where the triangles of a page of a paged file have their vertices: the index of the buffer as of
+    /// [`DeviceScene::vertices_of`], and the first vertex; `None` of a model that is here as a whole.
+    pub(crate) fn pooled(&self, part: FactedModel<'_>) -> Option<(usize, u32)> {
+        let place = self.held.get(&part.facts.id())?.place?;
+        Some((self.pages.len() + place.chunk, place.first))
+    }
+
+    /// Vertices of a page, or of pages of paged files together behind those.
+    pub(crate) fn vertices_of(&self, index: usize) -> &DeviceBuffer {
+        match self.pages.get(index) {
+            Some(page) => &page.vertices,
+            None => &self.pool.chunks()[index - self.pages.len()].vertices,
+        }
+    }
+
+    /// All buffers of vertices.
+    pub(crate) fn vertex_buffers(&self) -> impl Iterator<Item = &DeviceBuffer> {
+        let pages = self.pages.iter().map(|page| &page.vertices);
+        pages.chain(self.pooled_buffers())
+    }
+
+    /// Buffers with the vertices of pages of paged files.
+    pub(crate) fn pooled_buffers(&self) -> impl Iterator<Item = &DeviceBuffer> {
+        self.pool.chunks().iter().map(|chunk| &chunk.vertices)
     }
 
     /// Draws a model from the next frame on, or leaves it out; nothing where there is no model of this index.
@@ -195,13 +238,8 @@ impl DeviceScene {
 
     /// The models of a frame with the facts of each: those of `models`, all of the scene's, that are shown.
     pub(crate) fn shown<'m>(&self, models: &[&'m Model]) -> Vec<(&'m Model, Arc<ModelFacts>)> {
-        let own = self.parts.iter().filter(|part| !part.is_page);
-        debug_assert_eq!(
-            models.len(),
-            own.clone().count(),
-            "the models of the scene"
-        );
-        let all = models.iter().zip(own);
+        debug_assert_eq!(models.len(), self.parts.len(), "the models of the scene");
+        let all = models.iter().zip(&self.parts);
         all.filter(|(_, part)| part.is_shown)
             .map(|(&model, part)| (model, part.facts.clone()))
             .collect()

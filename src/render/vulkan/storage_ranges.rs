@@ -56,7 +56,7 @@ impl<'a> TriangleRanges<'a> {
         for run in self.runs {
             let range = (run.first / 3, run.count / 3);
             let own = bound(frame, context, max_binding, (self.corners, 12), range)?;
-            let vertices = BufferSlice::whole(&self.scene.pages[run.page].vertices);
+            let vertices = BufferSlice::whole(self.scene.vertices_of(run.page));
             triangles.extend(own.into_iter().map(|bound| (bound, vertices)));
         }
         Ok(triangles)

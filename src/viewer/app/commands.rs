@@ -153,6 +153,12 @@ impl ViewerApp {
             Command::LookFrom(azimuth, elevation) => {
                 self.change(|orbit| orbit.look_from(azimuth, elevation));
             }
+            Command::Up => {
+                self.up = self.up.next();
+                let up = self.up;
+                self.change(|orbit| orbit.set_up(up));
+                self.inform(&format!("{} is up", up.name()));
+            }
             Command::Fly => self.set_flying(self.fly.is_none()),
             Command::CopyCamera => {
                 if let Some(camera) = self.camera()

@@ -21,6 +21,7 @@ use super::ui::PanelInterface;
 use super::{Error, ViewerOptions, text};
 use crate::gpu::messages::LayerMessages;
 use crate::math::camera::{Camera, Light};
+use crate::math::up_axis::UpAxis;
 use crate::pack::{Lighting, Phong};
 use crate::render::{Method, Settings};
 use crate::tree::{Model, OrbitSphere};
@@ -106,6 +107,8 @@ pub(super) struct ViewerApp {
     is_preview: bool,
     /// What the window does besides, such as `scan.ply - building nodes 43%`.
     pub(super) status: Option<String>,
+    /// The axis that is up in the model.
+    up: UpAxis,
     /// What of paged files is still to come, shown in its place.
     page_status: Option<String>,
     pub(super) name: String,
@@ -190,6 +193,7 @@ impl ViewerApp {
             is_preview: false,
             status: None,
             page_status: None,
+            up: UpAxis::Y,
             name: text::name(&options.model),
             has_panel: options.window.panel,
             has_help: false,
@@ -298,6 +302,10 @@ impl ViewerApp {
                     }
                 }
                 self.failures = loaded.failures;
+                // The view of a preview stays.
+                if !loaded.is_preview {
+                    self.up = self.options.up.unwrap_or(loaded.up);
+                }
                 let parts = loaded.more.into_iter();
                 self.part_names = vec![text::name(path)];
                 let (mut more, mut pages) = (Vec::new(), vec![loaded.pages]);
@@ -385,8 +393,17 @@ impl ViewerApp {
         let Some(OrbitSphere { center, radius }) = self.screen.orbit_sphere() else {
             return Ok(());
         };
+        let up = self.up;
+        if let Some(orbit) = self
+            .orbit
+            .as_mut()
+            .filter(|orbit| is_expected && orbit.up() != up)
+        {
+            orbit.set_up(up);
+        }
         if !is_expected || self.orbit.is_none() {
-            self.orbit = Some(OrbitCamera::new(center, radius, self.picture_size(), orbit));
+            let orbit = OrbitCamera::new(center, radius, self.picture_size(), orbit);
+            self.orbit = Some(orbit.about(self.up));
             if is_another {
                 self.fixed = None;
             }

@@ -128,14 +128,13 @@ fn crowd(count: usize, largest: f32, seed: u64) -> Vec<FilteredSplat> {
         .collect()
 }
 
-/// Front, sums and tiles, by what the processor has or by the least that all have.
-type Drawn = (Vec<u32>, Vec<u64>, Vec<[f32; 2]>);
+/// Front and sums, by what the processor has or by the least that all have.
+type Drawn = (Vec<u32>, Vec<u64>);
 
 fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
     // What was there before must not show, and what lies behind must stay.
     let mut front = vec![7; canvas.pixels() + 9];
     let mut sums = vec![7; canvas.pixels() * canvas.words() + 9];
-    let mut tiles = vec![[1.0; 2]];
     // In two parts with a gap between them.
     let (first, second) = splats.split_at(splats.len() / 3);
     let gap = [FilteredSplat {
@@ -162,10 +161,10 @@ fn drawn(level: Level, splats: &[FilteredSplat], canvas: Canvas) -> Drawn {
         meshes: &[],
         triangles: &Triangles::default(),
     };
-    draw_by(level, list, canvas, storage, &mut tiles);
+    draw_by(level, list, canvas, storage);
     assert_eq!(front.split_off(canvas.pixels()), [7; 9]);
     assert_eq!(sums.split_off(canvas.pixels() * canvas.words()), [7; 9]);
-    (front, sums, tiles)
+    (front, sums)
 }
 
 /// All of a picture of 70 x 50 pixels, parts of it, one and three columns, and a pixel.
@@ -194,38 +193,14 @@ fn front_and_sums_are_those_of_the_rules() {
                     "{what}"
                 );
                 for level in levels() {
-                    let (own_front, own_sums, tiles) = drawn(level, &splats, canvas);
+                    let (own_front, own_sums) = drawn(level, &splats, canvas);
                     let what = format!("{what}, {level:?}");
                     assert!(own_front == front, "{what}: front");
                     assert!(own_sums == sums, "{what}: sums");
-                    assert_eq!(tiles, expected_tiles(&front, &sums, canvas), "{what}");
                 }
             }
         }
     }
-}
-
-/// In the order in which they are found: bands of two tiles, row by row.
-fn expected_tiles(front: &[u32], sums: &[u64], canvas: Canvas) -> Vec<[f32; 2]> {
-    let [left, top, right, bottom] = canvas.rect_px;
-    let tile = FILTERED_TILE_PX;
-    let mut tiles = Vec::new();
-    for row in top / tile..bottom.div_ceil(tile) {
-        for column in left / tile..right.div_ceil(tile) {
-            let is_in = |x: u32, y: u32| x / tile == column && y / tile == row;
-            let has_any = (top..bottom).any(|y| {
-                (left..right).filter(|&x| is_in(x, y)).any(|x| {
-                    let at = (y - top) as usize * canvas.width() + (x - left) as usize;
-                    let words = at * canvas.words()..(at + 1) * canvas.words();
-                    front[at] > 0 || sums[words].iter().any(|&sum| sum > 0)
-                })
-            });
-            if has_any {
-                tiles.push([column, row].map(|i| (i as f32 + 0.5) * tile as f32));
-            }
-        }
-    }
-    tiles
 }
 
 #[test]
@@ -277,7 +252,7 @@ fn splats_reach_into_the_next_band() {
                 color: [0.5; 3],
                 unused: 0,
             }];
-            let (front, sums, _) = drawn(Level::new(), &splats, canvas);
+            let (front, sums) = drawn(Level::new(), &splats, canvas);
             let what = format!("{side_px} and {high} px at {eighths} eighths");
             assert!((front, sums) == expected(&splats, canvas), "{what}");
         }

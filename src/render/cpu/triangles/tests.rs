@@ -78,7 +78,7 @@ fn drawn(triangles: &Triangles, model: &Model, canvas: Canvas) -> Drawn {
         meshes: &[&model.vertices],
         triangles,
     };
-    draw(list, canvas, &mut front, &mut sums, &mut Vec::new());
+    draw(list, canvas, &mut front, &mut sums);
     let front = front.into_iter().map(f32::from_bits).collect();
     Drawn { front, sums }
 }

@@ -148,8 +148,8 @@ impl BoundLists<'_> {
         let mut pass = pass.storage_read(self.list.splats);
         if !self.triangles.is_empty() {
             pass = pass.storage_read(self.list.triangles.corners);
-            for page in &self.list.triangles.scene.pages {
-                pass = pass.storage_read(&page.vertices);
+            for vertices in self.list.triangles.scene.vertex_buffers() {
+                pass = pass.storage_read(vertices);
             }
         }
         pass

@@ -21,7 +21,7 @@ pub(super) fn write<T: bytemuck::Pod + Send>(
         Option<impl Fn(u32) -> bool + Sync>,
     ),
     (of, ahead): (
-        impl Fn(&[[u32; 3]], u32) -> T + Sync,
+        impl Fn(&[[u32; 3]], u32, u32) -> T + Sync,
         impl Fn(&[[u32; 3]], u32) + Sync,
     ),
 ) {
@@ -32,11 +32,20 @@ pub(super) fn write<T: bytemuck::Pod + Send>(
     let mut written = [so_far.large, so_far.small];
     let mut done = 0;
     let (first_page, pages) = scene.pages_of(part);
-    for (index, page) in pages.iter().enumerate() {
-        let end = done + ids[done..].partition_point(|&id| id < page.triangles.end);
-        let (ids, corners) = (&ids[done..end], page.corners(model));
-        let first = page.triangles.start;
-        let of = |id| of(corners, id - first);
+    // Vertices of a page of a paged file lie among those of others.
+    let pooled = scene.pooled(part);
+    let first_page = pooled.map_or(first_page, |(index, _)| index);
+    let base = pooled.map_or(0, |(_, first)| first);
+    let whole = [(0..u32::MAX, &*model.triangles)];
+    let own = pages
+        .iter()
+        .map(|page| (page.triangles.clone(), page.corners(model)));
+    let all = whole.into_iter().filter(|_| pooled.is_some()).chain(own);
+    for (index, (range, corners)) in all.enumerate() {
+        let end = done + ids[done..].partition_point(|&id| id < range.end);
+        let ids = &ids[done..end];
+        let first = range.start;
+        let of = |id| of(corners, id - first, base);
         let before = written;
         match &is_small {
             Some(is_small) => {
@@ -59,11 +68,18 @@ pub(super) fn write<T: bytemuck::Pod + Send>(
             .enumerate()
         {
             if written[which] > before[which] {
-                runs.push(PageRange {
+                let run = PageRange {
                     page: first_page + index,
                     first: 3 * before[which] as u32,
                     count: 3 * (written[which] - before[which]) as u32,
-                });
+                };
+                match runs.last_mut() {
+                    // Of the same buffer, one behind the other: one run.
+                    Some(last) if last.page == run.page && last.first + last.count == run.first => {
+                        last.count += run.count;
+                    }
+                    _ => runs.push(run),
+                }
             }
         }
         done = end;

@@ -153,8 +153,8 @@ impl ComputeRasterizer {
                 .pass("small.triangles")
                 .storage_read(list.corners)
                 .storage(&self.keys);
-            for page in &list.scene.pages {
-                pass = pass.storage_read(&page.vertices);
+            for vertices in list.scene.vertex_buffers() {
+                pass = pass.storage_read(vertices);
             }
             pass.compute(|compute| {
                 for &((part, uniform, count), vertices) in triangles {
@@ -213,8 +213,8 @@ impl ComputeRasterizer {
             .fragment_storage(list.splats)
             .fragment_storage(list.corners)
             .fragment_storage(buffer);
-        for page in &list.scene.pages {
-            pass = pass.fragment_storage(&page.vertices);
+        for vertices in list.scene.vertex_buffers() {
+            pass = pass.fragment_storage(vertices);
         }
         pass.draw_whole(|draw| {
             for &((part, uniform, _), vertices) in &items.triangles {

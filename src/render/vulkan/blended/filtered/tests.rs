@@ -178,7 +178,7 @@ fn picture_by_cpu(
     };
     let mut front = vec![0; canvas.pixels()];
     let mut sums = vec![0; canvas.pixels() * canvas.words()];
-    filtered::draw(list, canvas, &mut front, &mut sums, &mut Vec::new());
+    filtered::draw(list, canvas, &mut front, &mut sums);
     let (pitch, [left, top, ..]) = (SIZE.0 as usize, rect_px.map(|v| v as usize));
     let background = settings().background.map(|c| unorm8(f64::from(c)));
     let background = u32::from_le_bytes([background[0], background[1], background[2], 0]);

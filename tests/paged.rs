@@ -1,0 +1,389 @@
+//! Paged files drawn from their pages: every backend as the reference draws them, whole pictures as of the joined model, and
+//! coarser ones without a hole while pages are missing.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+mod common;
+
+use common::pictures::{self, PictureOracle};
+use common::{Device, generated, orbit, orthographic};
+use glam::DVec3;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use surfel::generate::{GeneratedShape, ShapeSpec};
+use surfel::image::Image;
+use surfel::math::camera::{Camera, View};
+use surfel::pages::file::PagedFile;
+use surfel::pages::join::whole_model;
+use surfel::pages::source::{ByteSource, MemorySource};
+use surfel::pages::write::{PagedOptions, to_bytes};
+use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::paged_model::{PagedModel, PagedModelOptions};
+use surfel::render::{Culling, Method, Occlusion, Path, Settings, SplatKind};
+use surfel::tree::{self, BuildOptions, Model};
+
+const SIZE: (u32, u32) = (240, 200);
+
+const SMALL_PAGES: PagedOptions = PagedOptions {
+    page_leaves: 256,
+    colors: None,
+};
+
+/// A statue with colors, or the cloud of its vertices.
+fn statue(triangles: u64, is_cloud: bool) -> Model {
+    let spec = ShapeSpec::with_triangles(GeneratedShape::Statue, triangles).unwrap();
+    let mut mesh = surfel::generate::mesh(&spec);
+    let shade = |x: f32| (x * 80.0 + 128.0) as u8;
+    let colors = mesh.positions.iter();
+    mesh.colors = colors
+        .map(|p| [shade(p.x), shade(p.y), shade(p.z), 255])
+        .collect();
+    if is_cloud {
+        mesh.triangles.clear();
+    }
+    // Far from the world's zero.
+    mesh.origin = DVec3::new(4.0e5, 5.0e6, 100.0);
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+fn paged(model: &Model) -> PagedFile {
+    let bytes = to_bytes(model, &SMALL_PAGES).unwrap();
+    let file = PagedFile::open(Arc::new(MemorySource::new("t.surfel", bytes))).unwrap();
+    assert!(file.header().page_count > 60);
+    file
+}
+
+fn opened(file: &PagedFile, memory_bytes: u64) -> PagedModel {
+    let options = PagedModelOptions {
+        memory_bytes,
+        ..PagedModelOptions::default()
+    };
+    PagedModel::open(file.clone(), options).unwrap()
+}
+
+const ENOUGH: u64 = 1 << 30;
+
+fn settings_of(splat: SplatKind, threshold_px: f32) -> Settings {
+    Settings {
+        splat,
+        threshold_px,
+        background: [0.1, 0.2, 0.3],
+        ..Settings::default()
+    }
+}
+
+fn picture(
+    backend: &Backend,
+    pages: PagedModel,
+    view: &View,
+    settings: &Settings,
+) -> Option<(Image, Vec<String>)> {
+    let stand_in = pages.stand_in().clone();
+    let outputs = pictures::with_depth(false);
+    let engine = Engine::new(backend, &stand_in, SIZE, outputs).unwrap();
+    let mut engine = match backend {
+        Backend::Mirror => engine.with_subpixel_bits(common::subpixel_bits()),
+        _ => engine,
+    };
+    engine.set_pages(0, pages);
+    let image = engine.render(view, settings).ok()?;
+    Some((image, engine.take_page_messages()))
+}
+
+fn views(model: &Model) -> [(&'static str, View); 4] {
+    let mut part = orbit(model, SIZE, 30.0, 20.0, 1.3);
+    part.offset = [0.4, -0.3];
+    [
+        ("whole", orbit(model, SIZE, 40.0, 25.0, 1.0)),
+        ("near", orbit(model, SIZE, 200.0, -15.0, 6.0)),
+        ("part", part),
+        ("orthographic", orthographic(model, SIZE)),
+    ]
+}
+
+fn ways() -> Vec<(Settings, PictureOracle)> {
+    use SplatKind::{Disc, Ellipse, Filtered, Gauss, Square};
+    let splats = pictures::REFERENCE_SNAPPED_SPLATS;
+    vec![
+        (settings_of(Square, 1.0), pictures::REFERENCE_LAYERS),
+        (settings_of(Square, 4.5), splats),
+        (settings_of(Disc, 3.0), splats),
+        (settings_of(Ellipse, 4.0), splats),
+        (settings_of(Gauss, 4.0), pictures::REFERENCE_BLENDED),
+        (settings_of(Filtered, 2.0), pictures::REFERENCE_FILTERED),
+    ]
+}
+
+/// Draws every way by a backend, all pages there and with memory for few of them, and holds it to the reference.
+fn hold_to_reference(backend: &Backend, path: Path) -> usize {
+    let mut drawn = 0;
+    for is_cloud in [false, true] {
+        let model = statue(40_000, is_cloud);
+        let file = paged(&model);
+        for (name, view) in views(&model) {
+            for (settings, oracle) in ways() {
+                for memory in [ENOUGH, 1] {
+                    let settings = Settings { path, ..settings };
+                    let what = format!("{name}, cloud {is_cloud}, {memory}, {settings:?}");
+                    let own = picture(backend, opened(&file, memory), &view, &settings);
+                    let Some((own, messages)) = own else {
+                        continue;
+                    };
+                    assert!(messages.is_empty(), "{messages:?}");
+                    let plain = Settings {
+                        path: Path::Auto,
+                        ..settings
+                    };
+                    let wanted = picture(&Backend::Mirror, opened(&file, memory), &view, &plain);
+                    oracle.assert_same(&wanted.unwrap().0, &own, &what);
+                    drawn += 1;
+                }
+            }
+        }
+    }
+    drawn
+}
+
+#[test]
+fn the_processor_draws_pages_as_the_reference_does() {
+    // It has neither ellipses nor fuzzy splats.
+    assert_eq!(hold_to_reference(&Backend::Cpu, Path::Auto), 2 * 4 * 4 * 2);
+}
+
+#[test]
+fn a_device_draws_pages_as_the_reference_does() {
+    let Some(device) = Device::open() else { return };
+    let backend = Backend::Vulkan(device.gpu().clone());
+    for &path in device.paths() {
+        let drawn = hold_to_reference(&backend, path);
+        // Compute has no fuzzy splats of several parts.
+        let kinds = if path == Path::Compute { 5 } else { 6 };
+        assert_eq!(drawn, 2 * 4 * kinds * 2, "{path:?}");
+    }
+}
+
+/// How many pixels differ by more than a few levels, and how many are covered in the second alone.
+fn differences(one: &Image, two: &Image) -> (usize, usize) {
+    let pixels = || one.color.iter().zip(&two.color);
+    let is_off = |(a, b): &(&[u8; 4], &[u8; 4])| (0..3).any(|i| a[i].abs_diff(b[i]) > 4);
+    let is_missing = |(a, b): &(&[u8; 4], &[u8; 4])| a[3] == 0 && b[3] > 0;
+    (
+        pixels().filter(is_off).count(),
+        pixels().filter(is_missing).count(),
+    )
+}
+
+#[test]
+fn a_whole_picture_is_that_of_the_joined_model() {
+    for is_cloud in [false, true] {
+        let file = paged(&statue(60_000, is_cloud));
+        let joined = whole_model(&file, &Silent).unwrap();
+        for (name, view) in views(&joined) {
+            for splat in [SplatKind::Square, SplatKind::Filtered] {
+                let settings = Settings {
+                    occlusion: Occlusion::Off,
+                    ..settings_of(splat, 2.0)
+                };
+                let (own, _) =
+                    picture(&Backend::Cpu, opened(&file, ENOUGH), &view, &settings).unwrap();
+                let outputs = pictures::with_depth(false);
+                let wanted =
+                    pictures::draw(&Backend::Cpu, &joined, &view, &settings, outputs).unwrap();
+                let covered = wanted.color.iter().filter(|c| c[3] > 0).count();
+                assert!(covered > 5_000);
+                // Nodes at a limit of the cut may fall to the other side, as zeros are others. Which triangles are drawn as
+                // filtered splats is decided for each page by itself.
+                let share = if splat == SplatKind::Filtered {
+                    20
+                } else {
+                    100
+                };
+                let (off, _) = differences(&own, &wanted);
+                assert!(
+                    off <= covered / share,
+                    "{name}, cloud {is_cloud}, {splat:?}: {off} of {covered}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fit_memory_is_coarser_and_nothing_is_missing() {
+    let model = statue(60_000, false);
+    let file = paged(&model);
+    let mut coarser = 0;
+    for (name, view) in views(&model) {
+        let settings = settings_of(SplatKind::Square, 1.0);
+        let (full, _) = picture(&Backend::Cpu, opened(&file, ENOUGH), &view, &settings).unwrap();
+        for memory in [1, 200_000, 600_000] {
+            let mut pages = opened(&file, memory);
+            assert!(pages.load(&view, &settings, &Silent).unwrap().is_empty());
+            // The first page is always there.
+            let first = 120_000;
+            assert!(pages.resident_bytes() <= memory.max(first), "{memory}");
+            let (own, _) = picture(&Backend::Cpu, pages, &view, &settings).unwrap();
+            let (off, missing) = differences(&own, &full);
+            coarser += usize::from(off > 2_000);
+            assert_eq!(missing, 0, "{name}, {memory}");
+        }
+    }
+    assert!(coarser >= 6, "{coarser}");
+}
+
+/// Fails where it is told to.
+#[derive(Debug)]
+struct FaultySource {
+    inner: MemorySource,
+    /// Reads of this place and behind fail.
+    from: u64,
+    is_broken: AtomicBool,
+}
+
+impl ByteSource for FaultySource {
+    fn name(&self) -> &str {
+        self.inner.name()
+    }
+
+    fn len(&self) -> u64 {
+        self.inner.len()
+    }
+
+    fn read_at(&self, offset: u64, out: &mut [u8]) -> std::io::Result<()> {
+        if offset >= self.from && self.is_broken.load(Ordering::Relaxed) {
+            return Err(std::io::Error::other("no network"));
+        }
+        self.inner.read_at(offset, out)
+    }
+}
+
+#[test]
+fn pages_that_cannot_be_read_are_named_and_what_stands_for_them_is_drawn() {
+    let model = statue(60_000, false);
+    let bytes = to_bytes(&model, &SMALL_PAGES).unwrap();
+    let view = orbit(&model, SIZE, 40.0, 25.0, 1.0);
+    let settings = settings_of(SplatKind::Square, 1.0);
+    let whole = PagedFile::open(Arc::new(MemorySource::new("t.surfel", bytes.clone()))).unwrap();
+    let (full, _) = picture(&Backend::Cpu, opened(&whole, ENOUGH), &view, &settings).unwrap();
+    // A source that stops in the middle.
+    let source = FaultySource {
+        from: bytes.len() as u64 * 3 / 4,
+        inner: MemorySource::new("t.surfel", bytes.clone()),
+        is_broken: AtomicBool::new(true),
+    };
+    let broken = PagedFile::open(Arc::new(source)).unwrap();
+    let (own, messages) =
+        picture(&Backend::Cpu, opened(&broken, ENOUGH), &view, &settings).unwrap();
+    assert!(
+        messages.len() > 3 && messages[0].contains("no network"),
+        "{messages:?}"
+    );
+    assert!(messages.iter().all(|message| message.contains("t.surfel")));
+    let (off, missing) = differences(&own, &full);
+    assert!(off > 500 && missing == 0, "{off} {missing}");
+    // A page whose bytes are others.
+    let mut damaged = bytes;
+    let at = damaged.len() - 100;
+    damaged[at] ^= 1;
+    let file = PagedFile::open(Arc::new(MemorySource::new("t.surfel", damaged))).unwrap();
+    let mut pages = opened(&file, ENOUGH);
+    let both_sides = Settings {
+        culling: Culling::Off,
+        threshold_px: 0.0,
+        ..settings
+    };
+    let messages = pages.load(&view, &both_sides, &Silent).unwrap();
+    assert!(
+        messages.len() == 1 && messages[0].contains("checksum"),
+        "{messages:?}"
+    );
+}
+
+#[test]
+fn several_files_and_models_are_drawn_together_and_can_be_hidden() {
+    let first = statue(40_000, false);
+    let mut mesh =
+        surfel::generate::mesh(&ShapeSpec::with_triangles(GeneratedShape::Torus, 20_000).unwrap());
+    mesh.origin = first.origin + DVec3::new(0.25, 0.5, -0.125);
+    let second = tree::build(mesh, &BuildOptions::default(), &Silent).unwrap();
+    let moved = second.clone().moved_to(first.origin, &Silent).unwrap();
+    let files = [paged(&first), paged(&second)];
+    let joined = whole_model(&files[0], &Silent).unwrap();
+    let view = orbit(&first, SIZE, 40.0, 25.0, 0.7);
+    let settings = Settings {
+        occlusion: Occlusion::Off,
+        ..settings_of(SplatKind::Square, 1.0)
+    };
+    let device = Device::open();
+    let mut backends = vec![Backend::Cpu, Backend::Mirror];
+    backends.extend(
+        device
+            .as_ref()
+            .map(|device| Backend::Vulkan(device.gpu().clone())),
+    );
+    for backend in backends {
+        let pages = files
+            .each_ref()
+            .map(|file| opened(file, ENOUGH).moved_to(first.origin).unwrap());
+        let stand_ins = pages.each_ref().map(|own| own.stand_in().clone());
+        let all: Vec<&Model> = stand_ins.iter().collect();
+        let outputs = pictures::with_depth(false);
+        let mut engine = Engine::of_models(&backend, &all, SIZE, outputs).unwrap();
+        for (index, own) in pages.into_iter().enumerate() {
+            engine.set_pages(index, own);
+        }
+        let mut whole = Engine::of_models(&backend, &[&joined, &moved], SIZE, outputs).unwrap();
+        for shown in [[true, true], [false, true], [true, true], [true, false]] {
+            for (index, is_shown) in shown.into_iter().enumerate() {
+                engine.show(index, is_shown);
+                whole.show(index, is_shown);
+            }
+            let own = engine.render(&view, &settings).unwrap();
+            let wanted = whole.render(&view, &settings).unwrap();
+            let covered = wanted.color.iter().filter(|c| c[3] > 0).count();
+            let (off, _) = differences(&own, &wanted);
+            assert!(
+                covered > 3_000 && off <= covered / 50,
+                "{shown:?} {}: {off} of {covered}",
+                backend.name()
+            );
+        }
+    }
+}
+
+#[test]
+fn methods_that_draw_all_of_a_model_are_refused_by_name() {
+    let file = paged(&generated(GeneratedShape::Statue, 30_000));
+    let view = orbit(opened(&file, ENOUGH).stand_in(), SIZE, 40.0, 25.0, 1.0);
+    for method in [Method::Triangles, Method::Points, Method::Splats] {
+        let settings = Settings {
+            method,
+            ..Settings::default()
+        };
+        let refused = opened(&file, ENOUGH).load(&view, &settings, &Silent);
+        let why = refused.unwrap_err().to_string();
+        assert!(why.contains("paged") && why.contains("--method"), "{why}");
+    }
+}
+
+#[test]
+fn inside_a_closed_surface_its_inside_is_drawn() {
+    let model = generated(GeneratedShape::Sphere, 60_000);
+    let file = paged(&model);
+    let settings = settings_of(SplatKind::Square, 1.0);
+    for distance in [0.0, 0.5, 3.0] {
+        let eye = DVec3::new(0.6, 0.4, 0.69).normalize() * distance;
+        let at = eye - DVec3::new(0.5, 0.7, 0.5);
+        let camera = Camera::look_at(SIZE, eye, at, DVec3::Y, 0.9, (0.05, 10.0));
+        let view = camera.view(model.origin).unwrap();
+        let own = picture(&Backend::Cpu, opened(&file, ENOUGH), &view, &settings);
+        let outputs = pictures::with_depth(false);
+        let wanted = pictures::draw(&Backend::Cpu, &model, &view, &settings, outputs).unwrap();
+        let covered = wanted.color.iter().filter(|c| c[3] > 0).count();
+        let (off, missing) = differences(&own.unwrap().0, &wanted);
+        assert!(
+            covered > 3_000 && off < covered / 50 && missing < 20,
+            "{off} {missing}"
+        );
+    }
+}
