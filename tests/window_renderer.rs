@@ -258,3 +258,83 @@ fn a_window_that_changes_its_size_goes_on() {
         }
     }
 }
+
+/// Mean difference of all pixels, levels of 255.
+fn mean_levels(one: &Image, two: &Image) -> f64 {
+    let pixels = one.color.iter().zip(&two.color);
+    let sum: u32 = pixels
+        .flat_map(|(a, b)| (0..3).map(|i| u32::from(a[i].abs_diff(b[i]))))
+        .sum();
+    f64::from(sum) / (3 * one.color.len()) as f64
+}
+
+#[test]
+fn a_resting_picture_becomes_the_mean_of_samples() {
+    let Some(device) = Device::open() else { return };
+    let model = generated(GeneratedShape::Statue, 60_000);
+    let [here, there] = [20.0, 70.0].map(|azimuth| orbit(&model, SIZE, azimuth, 20.0, 0.8));
+    for (backend, engine) in [
+        (WindowBackend::Cpu, Backend::Cpu),
+        (WindowBackend::Vulkan, Backend::Vulkan(device.gpu().clone())),
+    ] {
+        let mut window = Window::new(&device, &model, backend);
+        for look in [
+            of_splat(SplatKind::Square, 1.0),
+            of_splat(SplatKind::Filtered, 2.0),
+        ] {
+            let what = format!("{backend:?} {:?}", look.splat);
+            let single = window.picture(&here, &look);
+            let mut shown_after = Vec::new();
+            let mut samples = 0;
+            while window.renderer.can_be_smoother(&look) {
+                let shown = ShownModel {
+                    models: &[window.model],
+                    scene: &mut window.scene,
+                    pages: &mut [],
+                };
+                samples += 1;
+                if window.renderer.add_sample(shown, &here, &look).unwrap() {
+                    shown_after.push(samples);
+                    let again = window.renderer.submit_again(nowhere()).unwrap();
+                    window.renderer.finish(again).unwrap();
+                }
+                assert!(samples <= 64, "{what}");
+            }
+            assert!(
+                shown_after.starts_with(&[4, 16]) && shown_after.last() == Some(&samples),
+                "{what}: {shown_after:?}"
+            );
+            let smooth = window.renderer.read(&here).unwrap();
+            assert!(window.renderer.read_shown(None).unwrap().color == smooth.color);
+            let reference = Settings {
+                method: Method::Triangles,
+                splat: SplatKind::Square,
+                threshold_px: 1.0,
+                ..look
+            };
+            let outputs = PictureOutputs::default();
+            let mut engine = Engine::new(&engine, &model, SIZE, outputs).unwrap();
+            let mean = engine.supersample(&here, &reference, 8).unwrap().to_image();
+            let (own, before) = (mean_levels(&smooth, &mean), mean_levels(&single, &mean));
+            if look.splat == SplatKind::Square {
+                assert!(own < 1.0 && own < before / 3.0, "{what}: {own} of {before}");
+            } else {
+                assert!(own <= before, "{what}: {own} of {before}");
+            }
+            // Another view, and the same again, begin with one sample.
+            let other = window.picture(&there, &look);
+            assert!(other != smooth && window.renderer.can_be_smoother(&look));
+            assert!(window.picture(&here, &look) == single, "{what}");
+        }
+    }
+    let window = Window::new(&device, &model, WindowBackend::Auto);
+    for look in [
+        of_splat(SplatKind::Visibility, 2.0),
+        Settings {
+            color_by: surfel::pack::ColorBy::Depth,
+            ..Settings::default()
+        },
+    ] {
+        assert!(!window.renderer.can_be_smoother(&look));
+    }
+}

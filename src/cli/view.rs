@@ -54,6 +54,9 @@ pub(crate) struct Args {
     /// First view: azimuth and elevation in degrees, and the part of the picture that the model fills [default: 30,20,1]
     #[arg(long, value_name = "AZIMUTH,ELEVATION,FILL", value_parser = parse_orbit, allow_hyphen_values = true)]
     orbit: Option<[f64; 3]>,
+    /// Draw samples while the view rests, until its picture is smooth
+    #[arg(long, value_enum, default_value = "on", value_name = "SWITCH")]
+    smooth: Switch,
     /// Axis that is up [key Shift U]
     #[arg(long, value_enum, default_value_t = UpChoice::Auto, value_name = "AXIS")]
     up: UpChoice,
@@ -197,6 +200,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         model: args.model.unwrap_or_else(|| BUILT_IN.into()),
         more: args.more,
         opening,
+        smooths: args.smooth == Switch::On,
         up: args.up.named(),
         paged: PagedModelOptions {
             memory_bytes: args.pages.bytes(),

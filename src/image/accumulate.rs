@@ -101,6 +101,20 @@ impl Accumulator {
     }
 }
 
+/// Mean over the pixels that either picture covers of the largest difference of a color, 1 is white; 0 where none is.
+pub fn mean_difference(one: &FloatImage, other: &FloatImage) -> f64 {
+    let (mut sum, mut count) = (0.0, 0u64);
+    for (a, b) in one.color.iter().zip(&other.color) {
+        if a[3] > 0.0 || b[3] > 0.0 {
+            sum += (0..3)
+                .map(|i| f64::from((a[i] - b[i]).abs()))
+                .fold(0.0, f64::max);
+            count += 1;
+        }
+    }
+    sum / count.max(1) as f64
+}
+
 /// The view whose pixel centers lie where sample `i` of a regular `k` x `k` grid lies in each pixel of `view`:
 /// with a = i mod k and b = i / k, to the right of the center by (a + 1/2)/k - 1/2 pixels, and below it by
 /// (b + 1/2)/k - 1/2. `i` counts modulo k², and k = 0 counts as 1 (the view itself).
@@ -128,7 +142,7 @@ pub fn stratified(view: &View, i: u32, k: u32) -> View {
 }
 
 /// The view whose pixel centers lie `right_px` to the right of and `down_px` below those of `view`.
-fn shifted(view: &View, right_px: f64, down_px: f64) -> View {
+pub fn shifted(view: &View, right_px: f64, down_px: f64) -> View {
     // Samples move right and down when the picture moves left and up: x_ndc by -2 right / W, y_ndc (up) by
     // +2 down / H. A perspective adds offset * z / -z = -offset, so there the signs turn around.
     let sign = if view.is_perspective { -1.0 } else { 1.0 };

@@ -10,7 +10,7 @@ mod compare;
 mod file;
 mod sheet;
 
-pub use accumulate::{Accumulator, jittered, stratified};
+pub use accumulate::{Accumulator, jittered, mean_difference, shifted, stratified};
 pub use channels::{
     ChannelComparison, ChannelDifference, PictureChannel, PictureChannels, compare_channels,
 };

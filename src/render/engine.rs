@@ -3,7 +3,7 @@
 
 use crate::gpu::frame::FrameMeasure;
 use crate::gpu::{DeviceOptions, Error, Gpu};
-use crate::image::{Accumulator, FloatImage, Image, jittered};
+use crate::image::{Accumulator, FloatImage, Image, jittered, mean_difference};
 use crate::math::camera::View;
 use crate::progress::{Progress, Silent};
 use crate::render::PictureOutputs;
@@ -532,20 +532,6 @@ impl Engine<'_> {
         }
         Ok(all.mean())
     }
-}
-
-/// Mean over the pixels that either picture covers of the largest difference of a color, 1 is white; 0 where none is.
-fn mean_difference(one: &FloatImage, other: &FloatImage) -> f64 {
-    let (mut sum, mut count) = (0.0, 0u64);
-    for (a, b) in one.color.iter().zip(&other.color) {
-        if a[3] > 0.0 || b[3] > 0.0 {
-            sum += (0..3)
-                .map(|i| f64::from((a[i] - b[i]).abs()))
-                .fold(0.0, f64::max);
-            count += 1;
-        }
-    }
-    sum / count.max(1) as f64
 }
 
 impl DeviceEngine {

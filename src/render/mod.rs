@@ -23,6 +23,8 @@ pub mod part_cuts;
 #[cfg(feature = "viewer")]
 pub(crate) mod probe_area;
 pub mod reference;
+#[cfg(feature = "viewer")]
+pub(crate) mod rest_picture;
 pub(crate) mod screen_bounds;
 mod settings;
 pub mod stats;

@@ -15,6 +15,7 @@ use crate::render::frame_plan::FramePlan;
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
 use crate::render::probe_area::ProbeArea;
+use crate::render::rest_picture::{RestPicture, SampleRequest, has_mean};
 use crate::render::stats::{FrameTimes, KeptWork};
 use crate::render::vulkan::renderer::present::ShownFrame;
 use crate::render::vulkan::renderer::{SubmittedFrame, VulkanRenderer};
@@ -130,6 +131,9 @@ pub struct WindowRenderer {
     cpu: Option<CpuFrames>,
     /// The last picture is one of the processor's.
     is_of_cpu: bool,
+    rest: RestPicture,
+    /// The last submission that reads a mean of samples.
+    rest_reader: Option<FrameTicket>,
 }
 
 /// Frames that the processor draws.
@@ -164,6 +168,8 @@ impl WindowRenderer {
             backend,
             cpu: None,
             is_of_cpu: false,
+            rest: RestPicture::default(),
+            rest_reader: None,
         })
     }
 
@@ -190,6 +196,9 @@ impl WindowRenderer {
     /// # Errors
     /// When a side is 0 or above the device's limit, or memory runs out.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
+        if self.device.size() != [width, height] {
+            self.rest.resize();
+        }
         self.device.resize(width, height)?;
         if let Some(cpu) = &self.cpu
             && cpu.renderer.size() != [width, height]
@@ -284,6 +293,7 @@ impl WindowRenderer {
         settings: &Settings,
         show: ShownFrame<'_>,
     ) -> Result<SubmittedFrame, Error> {
+        self.rest.forget();
         self.is_of_cpu = self.is_by_cpu(settings)?;
         let start = Instant::now();
         let shown = shown.parts(view, settings, !self.is_of_cpu)?;
@@ -310,13 +320,55 @@ impl WindowRenderer {
     /// # Errors
     /// When memory runs out or the device is lost; an acquired image must be abandoned then.
     pub fn submit_again(&mut self, show: ShownFrame<'_>) -> Result<SubmittedFrame, Error> {
+        let (times, start) = (FrameTimes::default(), Instant::now());
+        if let Some(mean) = self.rest.shown() {
+            let submitted = self.device.submit_picture(mean, times, start, show)?;
+            self.rest_reader = Some(submitted.ticket());
+            return Ok(submitted);
+        }
         match &mut self.cpu {
             Some(cpu) if self.is_of_cpu => {
-                let (times, start) = (FrameTimes::default(), Instant::now());
                 submit_picture(&mut self.device, cpu, times, start, show)
             }
             _ => self.device.submit_again(show),
         }
+    }
+
+    /// Whether samples would make the picture of the last frame, drawn with these settings, smoother.
+    pub fn can_be_smoother(&self, settings: &Settings) -> bool {
+        has_mean(settings) && !self.rest.is_over()
+    }
+
+    /// Draws a sample of the last frame, which had this view and these settings; tells whether [`WindowRenderer::submit_again`]
+    /// has something smoother to show. Waits for frames on their way.
+    ///
+    /// # Errors
+    /// As [`WindowRenderer::submit`].
+    pub fn add_sample(
+        &mut self,
+        shown: ShownModel<'_>,
+        view: &View,
+        settings: &Settings,
+    ) -> Result<bool, Error> {
+        if let Some(reader) = self.rest_reader.take() {
+            self.device.wait_for(reader)?;
+        }
+        let is_of_cpu = self.is_of_cpu;
+        let ShownParts {
+            whole,
+            pages,
+            scene,
+            settings,
+        } = shown.parts(view, settings, !is_of_cpu)?;
+        let facted = facted_parts(&whole, &pages);
+        let generation = generation_of(pages.iter().copied());
+        let request = SampleRequest {
+            parts: DrawnParts::new(&facted).with_generation(generation),
+            view,
+            settings: &settings,
+            device: (!is_of_cpu).then_some((&self.device, scene)),
+        };
+        self.rest.add_sample(&self.gpu, request)
     }
 
     /// Submits a frame that shows the background alone: [`VulkanRenderer::submit_background`].
@@ -329,6 +381,7 @@ impl WindowRenderer {
         show: ShownFrame<'_>,
     ) -> Result<SubmittedFrame, Error> {
         self.is_of_cpu = false;
+        self.rest.forget();
         self.device.submit_background(background, show)
     }
 
@@ -345,6 +398,23 @@ impl WindowRenderer {
     /// # Errors
     /// When memory runs out or the device is lost.
     pub fn read(&mut self, view: &View) -> Result<Image, Error> {
+        let [width, height] = self.device.size();
+        if let Some(mean) = self.rest.shown_mut() {
+            let (words, pitch) = mean.words_mut();
+            let rows = words.chunks(pitch).take(height as usize);
+            let row = |row: &[u32]| -> Vec<[u8; 4]> {
+                row[..width as usize]
+                    .iter()
+                    .map(|word| word.to_le_bytes())
+                    .collect()
+            };
+            return Ok(Image {
+                width,
+                height,
+                color: rows.flat_map(row).collect(),
+                ..Image::default()
+            });
+        }
         match &mut self.cpu {
             Some(cpu) if self.is_of_cpu => {
                 let (words, pitch) = cpu.pictures[cpu.last].image.words_mut();
@@ -362,6 +432,7 @@ impl WindowRenderer {
     pub fn read_shown(&mut self, overlay: Option<&WindowOverlay>) -> Result<Image, Error> {
         let cpu = self.cpu.as_ref().filter(|_| self.is_of_cpu);
         let picture = cpu.map(|cpu| &cpu.pictures[cpu.last].image);
+        let picture = self.rest.shown().or(picture);
         self.device.read_shown(overlay, picture)
     }
 

@@ -15,6 +15,7 @@ mod inside;
 mod kind;
 mod moments;
 mod moved;
+mod neighborhood;
 mod node;
 mod order;
 mod partition;

@@ -1,5 +1,6 @@
 //! Distance of each point of a cloud to its neighbors, found through the tree's own order.
 
+use super::neighborhood::closing_share;
 use super::shape::TreeShape;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -12,6 +13,15 @@ pub(super) const NEIGHBORS: usize = 6;
 /// median of its neighbors' radii, so that it is a dot and no box. Where a cloud is sparse its neighbors are as far apart
 /// as itself, and nothing changes.
 const MOST_OF_NEIGHBORS: f32 = 3.0;
+
+/// Spacing at a point.
+#[derive(Debug, Clone, Copy, Default)]
+struct PointSpacing {
+    /// The radius, before it is compared with others.
+    radius: f32,
+    /// The neighbors make no surface, so that nothing has to be closed.
+    is_scattered: bool,
+}
 
 /// Neighbors in the order of the tree among which a point must stand out before its nearest are looked for again.
 const AROUND: usize = 64;
@@ -79,7 +89,8 @@ impl NearestPoints {
 }
 
 /// For each of `points`, in tree order, the distance to its sixth nearest other place; to the farthest one if there are
-/// fewer places, 0 if there is none; less where a point stands apart ([`MOST_OF_NEIGHBORS`]). Deterministic. About O(n log n) also for coincident points. `stop` ends it early with
+/// fewer places, 0 if there is none; less where a point stands apart ([`MOST_OF_NEIGHBORS`]). Where its neighbors make no
+/// surface it is less too ([`closing_share`]), and at most the median of those around. Deterministic. About O(n log n) also for coincident points. `stop` ends it early with
 /// zeros; `done` hears of numbers of finished points.
 pub(super) fn radii(
     shape: &TreeShape,
@@ -93,30 +104,30 @@ pub(super) fn radii(
         points,
         boxes: &boxes,
     };
-    let mut radii = vec![0.0; points.len()];
+    let mut spacings = vec![PointSpacing::default(); points.len()];
     let chunk = (points.len() / 2048).max(4096);
-    radii
+    spacings
         .par_chunks_mut(chunk)
         .enumerate()
-        .for_each(|(index, radii)| {
+        .for_each(|(index, spacings)| {
             if stop.load(Ordering::Relaxed) {
                 return;
             }
-            for (offset, radius) in radii.iter_mut().enumerate() {
-                *radius = search.radius((index * chunk + offset) as u32);
+            for (offset, spacing) in spacings.iter_mut().enumerate() {
+                *spacing = search.spacing((index * chunk + offset) as u32);
             }
-            done(radii.len() as u64);
+            done(spacings.len() as u64);
         });
-    let limited: Vec<(u32, f32)> = radii
+    let limited: Vec<(u32, f32)> = spacings
         .par_chunks(AROUND)
         .enumerate()
         .with_min_len(64)
-        .flat_map_iter(|(chunk, own)| search.limited(&radii, chunk * AROUND, own, stop))
+        .flat_map_iter(|(chunk, own)| search.limited(&spacings, chunk * AROUND, own, stop))
         .collect();
     for (index, radius) in limited {
-        radii[index as usize] = radius;
+        spacings[index as usize].radius = radius;
     }
-    radii
+    spacings.into_iter().map(|spacing| spacing.radius).collect()
 }
 
 /// The upper median; 0 of nothing.
@@ -169,38 +180,56 @@ struct SpacingSearch<'a> {
 }
 
 impl SpacingSearch<'_> {
-    /// The points among `own`, the radii from point `first` on, that stand apart, with the radius that is left to them.
+    /// The points among `own`, the spacings from point `first` on, that stand apart, with the radius that is left to them.
     fn limited(
         &self,
-        radii: &[f32],
+        spacings: &[PointSpacing],
         first: usize,
-        own: &[f32],
+        own: &[PointSpacing],
         stop: &AtomicBool,
     ) -> Vec<(u32, f32)> {
         if stop.load(Ordering::Relaxed) {
             return Vec::new();
         }
-        let usual = MOST_OF_NEIGHBORS * median(&mut own.to_vec());
+        let around = median(&mut own.iter().map(|spacing| spacing.radius).collect::<Vec<_>>());
         (first as u32..)
             .zip(own)
-            .filter(|&(_, &radius)| radius > usual)
-            .filter_map(|(index, &radius)| {
-                let nearest = self.nearest(index);
-                let mut theirs: Vec<f32> = nearest.indices[..nearest.count]
-                    .iter()
-                    .map(|&neighbor| radii[neighbor as usize])
-                    .collect();
-                let most = MOST_OF_NEIGHBORS * median(&mut theirs);
-                (radius > most).then_some((index, most))
-            })
+            .filter_map(
+                |(
+                    index,
+                    &PointSpacing {
+                        radius,
+                        is_scattered,
+                    },
+                )| {
+                    if is_scattered {
+                        return (radius > around).then_some((index, around));
+                    }
+                    if radius <= MOST_OF_NEIGHBORS * around {
+                        return None;
+                    }
+                    let nearest = self.nearest(index);
+                    let mut theirs: Vec<f32> = nearest.indices[..nearest.count]
+                        .iter()
+                        .map(|&neighbor| spacings[neighbor as usize].radius)
+                        .collect();
+                    let most = MOST_OF_NEIGHBORS * median(&mut theirs);
+                    (radius > most).then_some((index, most))
+                },
+            )
             .collect()
     }
 
-    fn radius(&self, index: u32) -> f32 {
+    fn spacing(&self, index: u32) -> PointSpacing {
         let nearest = self.nearest(index);
-        match nearest.count {
-            0 => 0.0,
-            count => nearest.found[count - 1].0.sqrt(),
+        let Some(&(farthest, _)) = nearest.found[..nearest.count].last() else {
+            return PointSpacing::default();
+        };
+        let around = nearest.found[..nearest.count].iter();
+        let share = closing_share(around.map(|&(_, p)| p - nearest.at));
+        PointSpacing {
+            radius: farthest.sqrt() * share,
+            is_scattered: share < 1.0,
         }
     }
 
@@ -254,7 +283,7 @@ impl SpacingSearch<'_> {
 mod tests {
     use super::*;
 
-    fn brute_force(points: &[Vec3], index: usize) -> f32 {
+    fn brute_force(points: &[Vec3], index: usize) -> PointSpacing {
         let mut places: Vec<Vec3> = points
             .iter()
             .copied()
@@ -262,20 +291,29 @@ mod tests {
             .collect();
         places.sort_by(|a, b| a.to_array().partial_cmp(&b.to_array()).unwrap());
         places.dedup();
-        let mut distances: Vec<f32> = places
-            .iter()
-            .map(|p| p.distance_squared(points[index]))
-            .collect();
-        distances.sort_by(f32::total_cmp);
-        distances.truncate(NEIGHBORS);
-        distances.last().map_or(0.0, |d| d.sqrt())
+        let own = points[index];
+        places.sort_by(|a, b| a.distance_squared(own).total_cmp(&b.distance_squared(own)));
+        places.truncate(NEIGHBORS);
+        let around = places.iter().map(|&p| p - own);
+        let share = closing_share(around);
+        PointSpacing {
+            radius: places
+                .last()
+                .map_or(0.0, |p| p.distance_squared(own).sqrt())
+                * share,
+            is_scattered: share < 1.0,
+        }
     }
 
     /// The radius that is left to a point: `raw` of all, and the nearest by brute force.
-    fn limited(points: &[Vec3], raw: &[f32], index: usize) -> f32 {
+    fn limited(points: &[Vec3], raw: &[PointSpacing], index: usize) -> f32 {
         let chunk = index / AROUND * AROUND;
-        let usual =
-            MOST_OF_NEIGHBORS * median(&mut raw[chunk..raw.len().min(chunk + AROUND)].to_vec());
+        let of = |own: &[PointSpacing]| own.iter().map(|own| own.radius).collect::<Vec<_>>();
+        let around = median(&mut of(&raw[chunk..raw.len().min(chunk + AROUND)]));
+        let own = raw[index];
+        if own.is_scattered {
+            return own.radius.min(around);
+        }
         let mut order: Vec<usize> = (0..points.len())
             .filter(|&i| points[i] != points[index])
             .collect();
@@ -285,12 +323,12 @@ mod tests {
         });
         order.dedup_by_key(|i| points[*i].to_array().map(f32::to_bits));
         order.truncate(NEIGHBORS);
-        let most =
-            MOST_OF_NEIGHBORS * median(&mut order.iter().map(|&i| raw[i]).collect::<Vec<_>>());
-        if raw[index] > usual {
-            raw[index].min(most)
+        let most = MOST_OF_NEIGHBORS
+            * median(&mut order.iter().map(|&i| raw[i].radius).collect::<Vec<_>>());
+        if own.radius > MOST_OF_NEIGHBORS * around {
+            own.radius.min(most)
         } else {
-            raw[index]
+            own.radius
         }
     }
 
@@ -350,11 +388,11 @@ mod tests {
                     &AtomicBool::new(false),
                     &|_| {},
                 );
-                let raw: Vec<f32> = (0..n).map(|index| brute_force(&points, index)).collect();
+                let raw: Vec<PointSpacing> =
+                    (0..n).map(|index| brute_force(&points, index)).collect();
                 for (index, radius) in radii.into_iter().enumerate() {
                     // Of equally far neighbors any may be the last: no exact number where that decides.
-                    if cells < 100.0 && radius != raw[index] {
-                        assert!(radius < raw[index]);
+                    if cells < 100.0 && radius != raw[index].radius {
                         continue;
                     }
                     assert_eq!(

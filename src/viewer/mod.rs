@@ -141,6 +141,8 @@ pub struct ViewerOptions {
     /// For tests: what goes wrong, and how often.
     /// How paged files are drawn.
     pub paged: PagedModelOptions,
+    /// A picture gets smoother while the view rests.
+    pub smooths: bool,
     /// The axis that is up; none: as each model's format and place tell.
     pub up: Option<UpAxis>,
     #[doc(hidden)]

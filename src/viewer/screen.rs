@@ -622,6 +622,32 @@ impl WindowScreen {
         Ok(submitted)
     }
 
+    /// Whether samples would make the picture of the last frame, drawn with these settings, smoother: where all of its pages are
+    /// there, and a frame takes less than this many milliseconds.
+    pub(super) fn can_be_smoother(&self, settings: &Settings, most_ms: f64) -> bool {
+        let is_finished = self.drawn.is_some() && self.picture.is_some() && self.pending.is_empty();
+        let is_fine = self.wanted_pages() == 0 && self.times.frame_ms < most_ms;
+        is_finished && is_fine && self.renderer.can_be_smoother(settings)
+    }
+
+    /// Draws a sample of the last frame; tells whether it is to be shown again.
+    ///
+    /// # Errors
+    /// As [`WindowScreen::draw`].
+    pub(super) fn add_sample(&mut self, settings: &Settings) -> Result<bool, Error> {
+        let (Some(view), Some(model), Some(scene)) = (self.drawn, &self.model, &mut self.scene)
+        else {
+            return Ok(false);
+        };
+        let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
+        let shown = ShownModel {
+            models: &models,
+            scene,
+            pages: &mut self.pages,
+        };
+        self.renderer.add_sample(shown, &view, settings)
+    }
+
     /// View-space distance of what the last frame shows near a pixel.
     pub(super) fn distance_at(&mut self, at: DVec2) -> Result<Option<f64>, Error> {
         let Some(view) = self.drawn else {

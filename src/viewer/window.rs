@@ -298,6 +298,7 @@ impl ViewerWindow {
         let mut answers = vec![self.size_event(), ViewerEvent::Panel(app.has_panel)];
         while !(app.is_closing || self.window.should_close() || should_stop()) {
             let can_draw = app.is_dirty() && self.can_draw();
+            let smooths_in = app.smooths_in().filter(|_| loader.path().is_none());
             if can_draw && has_drawn || !answers.is_empty() {
                 glfw.poll_events();
             } else {
@@ -310,6 +311,7 @@ impl ViewerWindow {
                 } else {
                     IDLE_WAIT_S
                 };
+                let longest = smooths_in.map_or(longest, |at| at.min(longest));
                 let due = app.next_tick().map_or(longest, |at| at - glfw.get_time());
                 if due > 0.0 && !app.has_finished() {
                     glfw.wait_events_timeout(due.min(longest));
@@ -363,6 +365,8 @@ impl ViewerWindow {
             }
             if has_events || draws && has_drawn {
                 step += 1;
+            } else if smooths_in.is_some_and(|seconds| seconds <= 0.0) {
+                app.smooth(Some(&self.window))?;
             }
             answers = self.answer(app, loader, glfw);
             if self.title_time.elapsed() >= TITLE_INTERVAL {

@@ -15,6 +15,13 @@ use crate::viewer::recovery::{RecoveryWay, way_after};
 use crate::viewer::screen::{FrameRequest, ShowOutcome};
 use glam::DVec3;
 use std::sync::Arc;
+use std::time::Instant;
+
+/// So long the view rests before its picture gets smoother, seconds: hands that turn pause for less.
+const REST_S: f64 = 0.25;
+
+/// A picture whose frame takes longer is not made smoother: what is pressed meanwhile would be answered late.
+const SLOWEST_SAMPLE_MS: f64 = 150.0;
 
 impl ViewerApp {
     /// What the frames that have finished cost, as events.
@@ -239,6 +246,7 @@ impl ViewerApp {
             self.screen.finish()?;
         }
         if is_new_picture {
+            self.drawn_with = Some((settings, Instant::now()));
             self.is_dirty = shown == ShowOutcome::Again;
             if orbit_is_there && shown == ShowOutcome::Frame {
                 self.frames += 1;
@@ -252,6 +260,43 @@ impl ViewerApp {
             }
         }
         Ok(shown)
+    }
+
+    /// How long until the resting picture may get smoother, seconds; none where it may not. Somebody who watches sees the
+    /// same picture in the same view; recordings and pictures that nobody watches are what the settings say.
+    pub(in crate::viewer) fn smooths_in(&self) -> Option<f64> {
+        let (settings, at) = self.drawn_with.as_ref()?;
+        let may = self.options.smooths
+            && !self.is_unattended()
+            && self.options.replay.is_none()
+            && !(self.is_dirty() || self.is_preview || self.is_moving())
+            && self.turntable.is_none()
+            && self.screen.can_be_smoother(settings, SLOWEST_SAMPLE_MS);
+        let rest = REST_S - at.elapsed().as_secs_f64();
+        may.then_some(rest.max(0.0))
+    }
+
+    /// Draws a sample of the resting picture.
+    pub(in crate::viewer) fn smooth(&mut self, window: Option<&glfw::Window>) -> Result<(), Error> {
+        let Some((settings, _)) = self.drawn_with else {
+            return Ok(());
+        };
+        match self.screen.add_sample(&settings) {
+            // Shown again, nothing else.
+            Ok(true) => {
+                self.is_cover_dirty = true;
+                Ok(())
+            }
+            Ok(false) => Ok(()),
+            Err(error) if way_after(&error) == RecoveryWay::NewDevice => {
+                self.open_new_device(window, error)
+            }
+            // The frame as it is stays.
+            Err(_) => {
+                self.drawn_with = None;
+                Ok(())
+            }
+        }
     }
 
     /// The settings cannot be drawn with: back to the last that could.

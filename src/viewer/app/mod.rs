@@ -29,6 +29,7 @@ use commands::TurntableRun;
 use glam::DVec2;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::time::Instant;
 
 /// What the app asks of the window around it.
 #[derive(Debug, Clone, PartialEq)]
@@ -107,6 +108,8 @@ pub(super) struct ViewerApp {
     is_preview: bool,
     /// What the window does besides, such as `scan.ply - building nodes 43%`.
     pub(super) status: Option<String>,
+    /// How the last frame was drawn, and when.
+    drawn_with: Option<(Settings, Instant)>,
     /// The axis that is up in the model.
     up: UpAxis,
     /// What of paged files is still to come, shown in its place.
@@ -193,6 +196,7 @@ impl ViewerApp {
             is_preview: false,
             status: None,
             page_status: None,
+            drawn_with: None,
             up: UpAxis::Y,
             name: text::name(&options.model),
             has_panel: options.window.panel,

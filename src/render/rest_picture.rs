@@ -1,0 +1,224 @@
+//! The picture of a camera that rests: samples at shifted places, one after the other, whose mean gets smoother.
+
+use crate::gpu::image::DeviceImage as MappedImage;
+use crate::gpu::{Error, Gpu};
+use crate::image::{Accumulator, Image, mean_difference, shifted};
+use crate::math::camera::View;
+use crate::pack::ColorBy;
+use crate::render::cpu::picture::{DrawnArea, PixelWords};
+use crate::render::cpu::renderer::CpuRenderer;
+use crate::render::frame_plan::FramePlan;
+use crate::render::model_facts::DrawnParts;
+use crate::render::vulkan::renderer::VulkanRenderer;
+use crate::render::vulkan::scene::DeviceScene;
+use crate::render::{Method, PictureOutputs, Settings, SplatKind};
+use std::sync::Arc;
+
+/// Samples of a pixel at most, and those after which it is looked whether they are enough.
+const MOST_SAMPLES: u32 = 64;
+const LEAST_SAMPLES: u32 = 16;
+
+/// Mean difference of covered pixels between two halves of the samples below which they are enough, 1 is white.
+const ENOUGH: f64 = 2.0 / 255.0;
+
+/// Numbers of samples after which their mean is shown.
+const SHOWN_AFTER: [u32; 4] = [4, LEAST_SAMPLES, 32, MOST_SAMPLES];
+
+/// Threshold of the samples of surfaces by squares, pixels, where frames have one of a pixel. Squares that contain no sample
+/// are dropped, so that they cost no more.
+const SAMPLE_THRESHOLD_PX: f32 = 0.125;
+
+/// Samples have values, so that only their mean is rounded.
+const VALUES: PictureOutputs = PictureOutputs {
+    depth: false,
+    normal: false,
+    values: true,
+};
+
+/// A picture that gets smoother.
+#[derive(Debug, Default)]
+pub(crate) struct RestPicture {
+    /// Samples of even and of odd numbers.
+    halves: [Accumulator; 2],
+    is_over: bool,
+    /// The mean that is shown, once one is.
+    shown: Option<usize>,
+    images: Vec<MappedImage>,
+    device: Option<Box<VulkanRenderer>>,
+    cpu: Option<CpuSampler>,
+}
+
+/// What draws samples on the processor.
+#[derive(Debug)]
+struct CpuSampler {
+    renderer: Box<CpuRenderer>,
+    words: Vec<u32>,
+    area: DrawnArea,
+}
+
+/// What a sample is drawn of, and by whom.
+pub(crate) struct SampleRequest<'a> {
+    pub(crate) parts: DrawnParts<'a>,
+    pub(crate) view: &'a View,
+    pub(crate) settings: &'a Settings,
+    /// The device's frames and models; none where the processor draws.
+    pub(crate) device: Option<(&'a VulkanRenderer, &'a mut DeviceScene)>,
+}
+
+/// Whether frames of these settings have a mean: not visibility splats, which are put together from whole pixels, nor data.
+pub(crate) fn has_mean(settings: &Settings) -> bool {
+    let shows_light = matches!(settings.color_by, ColorBy::Shading | ColorBy::Primitive);
+    shows_light && !settings.draws_visibility() && !settings.holds_cut()
+}
+
+impl RestPicture {
+    /// Begins anew: another frame was drawn.
+    pub(crate) fn forget(&mut self) {
+        self.halves = Default::default();
+        (self.is_over, self.shown) = (false, None);
+    }
+
+    /// Forgets all that has a size.
+    pub(crate) fn resize(&mut self) {
+        *self = Self::default();
+    }
+
+    /// Whether more samples would make it smoother.
+    pub(crate) fn is_over(&self) -> bool {
+        self.is_over
+    }
+
+    /// The mean that is shown; none yet, or no more.
+    pub(crate) fn shown(&self) -> Option<&MappedImage> {
+        self.images.get(self.shown?)
+    }
+
+    /// The same, to be read.
+    pub(crate) fn shown_mut(&mut self) -> Option<&mut MappedImage> {
+        self.images.get_mut(self.shown?)
+    }
+
+    /// Number of samples so far.
+    fn count(&self) -> u32 {
+        self.halves.iter().map(Accumulator::count).sum()
+    }
+
+    /// Draws one more sample. Tells whether there is a new mean to be shown. No submission may read the means.
+    ///
+    /// # Errors
+    /// As frames of these settings; when memory runs out.
+    pub(crate) fn add_sample(
+        &mut self,
+        gpu: &Arc<Gpu>,
+        request: SampleRequest<'_>,
+    ) -> Result<bool, Error> {
+        let (width, height) = (request.view.width, request.view.height);
+        if self.images.is_empty() {
+            for index in 0..2 {
+                let name = format!("mean {index} of samples");
+                match MappedImage::mapped(gpu, &name, width, height)? {
+                    Some(image) => self.images.push(image),
+                    None => {
+                        self.is_over = true;
+                        return Ok(false);
+                    }
+                }
+            }
+        }
+        let count = self.count();
+        let image = self.sample(request, count)?;
+        let half = &mut self.halves[(count % 2) as usize];
+        if half.add(&image).is_err() {
+            self.resize();
+            return Ok(false);
+        }
+        let count = count + 1;
+        if !SHOWN_AFTER.contains(&count) {
+            return Ok(false);
+        }
+        let [even, odd] = &self.halves;
+        let is_enough =
+            count >= LEAST_SAMPLES && mean_difference(&even.mean(), &odd.mean()) <= ENOUGH;
+        self.is_over = is_enough || count >= MOST_SAMPLES;
+        let mut all = even.clone();
+        if all.join(odd).is_err() {
+            unreachable!("halves have one size");
+        }
+        self.put(&all.mean().to_image());
+        Ok(true)
+    }
+
+    /// Draws the sample of this number.
+    fn sample(&mut self, request: SampleRequest<'_>, number: u32) -> Result<Image, Error> {
+        let SampleRequest {
+            parts,
+            view,
+            settings,
+            device,
+        } = request;
+        // Places of low discrepancy, so that any number of them is even: Roberts, *The Unreasonable Effectiveness of
+        // Quasirandom Sequences* (2018).
+        let at = |step: f64| (0.5 + step * f64::from(number)).fract() - 0.5;
+        let view = &shifted(
+            view,
+            at(0.754_877_666_246_692_8),
+            at(0.569_840_290_998_053_3),
+        );
+        let is_surface = parts.facts().kind.is_surface();
+        let is_square = settings.method == Method::Pop && settings.splat == SplatKind::Square;
+        let settings = &Settings {
+            threshold_px: match is_surface && is_square && settings.threshold_px == 1.0 {
+                true => SAMPLE_THRESHOLD_PX,
+                false => settings.threshold_px,
+            },
+            ..*settings
+        };
+        match device {
+            Some((frames, scene)) => {
+                let own = match &mut self.device {
+                    Some(made) => made,
+                    none => none.insert(Box::new(frames.of_values()?)),
+                };
+                if own.costs() != frames.costs() {
+                    own.set_costs(frames.costs());
+                }
+                own.draw_parts(parts, scene, view, settings)?;
+                own.read(view)
+            }
+            None => {
+                let (width, height) = (view.width, view.height);
+                let own = self.cpu.get_or_insert_with(|| CpuSampler {
+                    renderer: Box::new(CpuRenderer::new(width, height).with_outputs(VALUES)),
+                    words: vec![0; width as usize * height as usize],
+                    area: DrawnArea::unknown(width, height),
+                });
+                let plan = FramePlan::for_processor(settings, parts, view, VALUES)?;
+                let pixels = PixelWords {
+                    words: &mut own.words,
+                    pitch: width as usize,
+                };
+                own.renderer.draw(parts, &plan, pixels, &mut own.area);
+                let pixels = PixelWords {
+                    words: &mut own.words,
+                    pitch: width as usize,
+                };
+                Ok(own.renderer.read(view, &pixels, false))
+            }
+        }
+    }
+
+    /// Shows a mean from now on.
+    fn put(&mut self, mean: &Image) {
+        let next = self.shown.map_or(0, |last| 1 - last);
+        let image = &mut self.images[next];
+        let (words, pitch) = image.words_mut();
+        let rows = mean.color.chunks(mean.width as usize);
+        for (to, from) in words.chunks_mut(pitch).zip(rows) {
+            for (to, from) in to.iter_mut().zip(from) {
+                *to = u32::from_le_bytes(*from);
+            }
+        }
+        image.flush();
+        self.shown = Some(next);
+    }
+}
