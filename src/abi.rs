@@ -129,6 +129,44 @@ pub struct FilteredSplat {
     pub unused: u32,
 }
 
+/// A convex polygon in a plane, with a normal that may vary over it; 144 bytes. Splats cut at sharp edges and patches of
+/// a cut are such polygons.
+///
+/// A point of the plane is `center + u axis + v (normal x axis)`, u and v in model units.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct OrientedPolygon {
+    /// Where u = v = 0, model space.
+    pub center: Vec3,
+    /// What is drawn has u² + v² of at most its square, model units; infinite where the corners alone bound it.
+    pub round_radius: f32,
+    /// Unit normal of the plane, on the side that is seen.
+    pub normal: Vec3,
+    /// Greatest distance of the surface from the plane, model units: by what that is on the picture the polygon is
+    /// widened. 0 for splats.
+    pub thickness: f32,
+    /// Unit vector in the plane, the direction of u.
+    pub axis: Vec3,
+    /// How many corners there are, 3 to [`OrientedPolygon::MOST_CORNERS`].
+    pub corner_count: u32,
+    /// (u, v) of the corners, counter-clockwise seen from the normal's side; those past the count repeat the last.
+    pub corners: [[f32; 2]; 8],
+    /// Normal for light at u = v = 0, model space; of length 1, or less where it averages a rough surface.
+    pub shading_normal: Vec3,
+    /// Red, green, blue (0..=255, used as value / 255 without decoding); alpha 255.
+    pub color: [u8; 4],
+    /// Change of that normal: it is `shading_normal + (s0 u + s1 v) axis + (s1 u + s2 v) (normal x axis)`, 1 / model
+    /// units. 0 for splats.
+    pub shape_operator: [f32; 3],
+    /// Nothing.
+    pub unused: u32,
+}
+
+impl OrientedPolygon {
+    /// Most corners of a polygon.
+    pub const MOST_CORNERS: usize = 8;
+}
+
 /// What every pass of a frame knows, 304 bytes: the uniform block of `shaders/common/frame.glsl`.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]

@@ -8,6 +8,7 @@ pub mod fuzzy;
 pub mod ids;
 mod light;
 pub(crate) mod parallel;
+pub mod polygons;
 pub mod small_triangles;
 pub mod splats;
 pub mod triangles;
