@@ -54,6 +54,7 @@ pub mod math;
 pub mod measure;
 pub mod mesh;
 pub mod open;
+pub mod oriented;
 pub mod pack;
 pub mod pages;
 pub mod photos;

@@ -47,6 +47,8 @@ const LAYERS: &[Layer] = &[
         &["progress", "math", "threads", "mesh", "abi", "tree", "cut"],
     ),
     layer("pack", &["math", "threads", "simd", "tree", "cut", "abi"]),
+    // Splats from vertices, cut at edges: polygons of a mesh, without a tree.
+    layer("oriented", &["math", "mesh", "abi", "pack"]),
     layer("image", &["math"]),
     // Vulkan knows records and layouts, but neither trees nor meshes.
     layer("gpu", &["abi"]),
