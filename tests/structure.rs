@@ -55,7 +55,7 @@ const LAYERS: &[Layer] = &[
     layer(
         "render",
         &[
-            "progress", "math", "abi", "tree", "cut", "pages", "pack", "image", "gpu",
+            "progress", "math", "abi", "tree", "cut", "pages", "pack", "oriented", "image", "gpu",
         ],
     ),
     layer(

@@ -2,6 +2,7 @@
 
 use super::color_choice::{ColorByName, ColorChoice};
 use super::light::LightArgs;
+use super::vertex_splats::VertexSplatArgs;
 use super::{Failure, usage};
 use clap::builder::Resettable;
 use clap::{Args as ClapArgs, Command, FromArgMatches, ValueEnum};
@@ -226,6 +227,8 @@ pub(crate) struct LookArgs {
     /// What a splat looks like
     #[arg(long, value_enum, default_value = "square")]
     splat: SplatName,
+    #[command(flatten)]
+    vertex_splats: VertexSplatArgs,
     /// How splats that overlap become one surface [default: two-pass for gauss, else opaque]
     #[arg(long, value_enum)]
     blend: Option<BlendName>,
@@ -414,6 +417,7 @@ impl LookArgs {
         Ok(Settings {
             method: self.method.into(),
             splat: self.splat.into(),
+            vertex_splats: self.vertex_splats.rules(self.method.into())?,
             blend: self.blend.map(Blend::from),
             shading: match self.shading {
                 ShadingName::PerSplat => Shading::PerSplat,

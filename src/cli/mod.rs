@@ -27,6 +27,7 @@ mod source;
 mod stability;
 mod stats;
 #[cfg(feature = "viewer")]
+mod vertex_splats;
 mod view;
 
 use clap::error::ErrorKind;

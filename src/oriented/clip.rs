@@ -83,7 +83,11 @@ fn gather(surface: &WeldedSurface, point: u32, spread: f64, scratch: &mut ClipSc
     } = scratch;
     order.clear();
     order.extend_from_slice(surface.incident(point));
-    order.sort_by(|&a, &b| surface.areas[b as usize].total_cmp(&surface.areas[a as usize]).then(a.cmp(&b)));
+    order.sort_by(|&a, &b| {
+        surface.areas[b as usize]
+            .total_cmp(&surface.areas[a as usize])
+            .then(a.cmp(&b))
+    });
     let least = spread.cos();
     let mut count = 0;
     for &face in order.iter() {
@@ -136,7 +140,16 @@ fn splat_of_cluster(
         let part = own_part(turned_to(surface, face, point));
         kept.extend(part.corners().iter().map(|&x| frame.coordinates(x)));
     }
-    walk(surface, point, &frame, radius, rule.spread.cos(), faces, reached, edges)?;
+    walk(
+        surface,
+        point,
+        &frame,
+        radius,
+        rule.spread.cos(),
+        faces,
+        reached,
+        edges,
+    )?;
     let cuts = cuts(radius, edges, kept)?;
     OrientedPolygon::disc(&frame, radius, &cuts, color)
 }
@@ -206,14 +219,23 @@ fn cuts(radius: f64, edges: &[HalfPlane], kept: &[DVec2]) -> Option<Vec<HalfPlan
     loop {
         // The edge that most of the splat lies beyond.
         let beyond = |edge: &HalfPlane| {
-            let most = corners.iter().map(|&c| edge.direction.dot(c)).fold(f64::MIN, f64::max);
+            let most = corners
+                .iter()
+                .map(|&c| edge.direction.dot(c))
+                .fold(f64::MIN, f64::max);
             most.min(radius) - edge.limit
         };
-        let worst = edges.iter().map(|edge| (beyond(edge), edge)).max_by(|a, b| a.0.total_cmp(&b.0));
+        let worst = edges
+            .iter()
+            .map(|edge| (beyond(edge), edge))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
         let Some((most, edge)) = worst.filter(|(most, _)| *most > tolerance) else {
             return Some(cuts);
         };
-        let needed = kept.iter().map(|&c| edge.direction.dot(c)).fold(edge.limit, f64::max);
+        let needed = kept
+            .iter()
+            .map(|&c| edge.direction.dot(c))
+            .fold(edge.limit, f64::max);
         if needed - edge.limit > tolerance || cuts.len() == MOST_CUTS || most.is_nan() {
             return None;
         }

@@ -5,12 +5,22 @@ use glam::Vec3;
 
 /// The unit cube around the origin: 8 vertices, 12 triangles.
 pub(crate) fn cube() -> Mesh {
-    prism(&[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]], &[[0, 1, 2], [0, 2, 3]])
+    prism(
+        &[[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]],
+        &[[0, 1, 2], [0, 2, 3]],
+    )
 }
 
 /// An L of three unit squares, one unit high: 12 vertices, with one concave edge.
 pub(crate) fn l_shape() -> Mesh {
-    let outline = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
+    let outline = [
+        [0.0, 0.0],
+        [2.0, 0.0],
+        [2.0, 1.0],
+        [1.0, 1.0],
+        [1.0, 2.0],
+        [0.0, 2.0],
+    ];
     prism(&outline, &[[0, 1, 3], [1, 2, 3], [0, 3, 5], [3, 4, 5]])
 }
 

@@ -82,20 +82,30 @@ impl<'s> FaceBoxes<'s> {
             return;
         }
         let size = high - low;
-        let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap_or(0);
+        let axis = (0..3)
+            .max_by(|&a, &b| size[a].total_cmp(&size[b]))
+            .unwrap_or(0);
         let surface = self.surface;
         let key = |&face: &u32| surface.corners(face).iter().map(|c| c[axis]).sum::<f64>();
         let half = count / 2;
-        self.faces[first..first + count].select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)));
+        self.faces[first..first + count]
+            .select_nth_unstable_by(half, |a, b| key(a).total_cmp(&key(b)));
         self.boxes[at].halves = self.boxes.len() as u32;
-        let halves = [self.bound(first, half), self.bound(first + half, count - half)];
+        let halves = [
+            self.bound(first, half),
+            self.bound(first + half, count - half),
+        ];
         self.boxes.extend(halves);
     }
 
     /// Distance of a point from the nearest face; infinite without faces.
     pub fn distance(&self, point: DVec3) -> f64 {
         let mut least = f64::INFINITY;
-        let mut open: Vec<u32> = if self.boxes.is_empty() { Vec::new() } else { vec![0] };
+        let mut open: Vec<u32> = if self.boxes.is_empty() {
+            Vec::new()
+        } else {
+            vec![0]
+        };
         while let Some(at) = open.pop() {
             let one = &self.boxes[at as usize];
             if one.distance_squared(point) >= least {
@@ -110,7 +120,11 @@ impl<'s> FaceBoxes<'s> {
                 // The nearer half is looked at first.
                 let halves = [one.halves, one.halves + 1];
                 let [a, b] = halves.map(|h| self.boxes[h as usize].distance_squared(point));
-                open.extend(if a < b { [halves[1], halves[0]] } else { halves });
+                open.extend(if a < b {
+                    [halves[1], halves[0]]
+                } else {
+                    halves
+                });
             }
         }
         least.sqrt()
@@ -161,7 +175,12 @@ mod tests {
         let mesh = cube();
         let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
         let boxes = FaceBoxes::new(&surface);
-        for (x, y, z) in [(2.0, 0.1, 0.2), (1.0, 1.0, 0.0), (1.5, -2.0, 3.0), (0.1, 0.2, 0.3)] {
+        for (x, y, z) in [
+            (2.0, 0.1, 0.2),
+            (1.0, 1.0, 0.0),
+            (1.5, -2.0, 3.0),
+            (0.1, 0.2, 0.3),
+        ] {
             let point = DVec3::new(x, y, z);
             let outside = point.distance(point.clamp(DVec3::splat(-0.5), DVec3::splat(0.5)));
             let inside = 0.5 - point.abs().max_element();
@@ -177,7 +196,11 @@ mod tests {
         let boxes = FaceBoxes::new(&surface);
         for k in 0..200 {
             let t = f64::from(k);
-            let point = DVec3::new((t * 7.31) % 20.0 - 1.0, (t * 3.77) % 19.0, (t * 1.93) % 5.0 - 2.0);
+            let point = DVec3::new(
+                (t * 7.31) % 20.0 - 1.0,
+                (t * 3.77) % 19.0,
+                (t * 1.93) % 5.0 - 2.0,
+            );
             let all = (0..surface.faces.len() as u32)
                 .map(|face| nearest_of_triangle(point, surface.corners(face)).distance(point))
                 .fold(f64::INFINITY, f64::min);

@@ -76,7 +76,10 @@ pub fn uncovered_share(
     most_height: f64,
 ) -> f64 {
     let bare = |face: u32| {
-        if (set.triangles).binary_search(&surface.triangle_of_face[face as usize]).is_ok() {
+        if (set.triangles)
+            .binary_search(&surface.triangle_of_face[face as usize])
+            .is_ok()
+        {
             return 0.0;
         }
         let [a, b, c] = surface.corners(face);
@@ -87,8 +90,15 @@ pub fn uncovered_share(
             .collect();
         let is_bare = |k: &usize| {
             // The R2 sequence (M. Roberts, 2018), folded into the triangle.
-            let (s, t) = ((0.5 + *k as f64 * 0.754_877_666_246_692_8) % 1.0, (0.5 + *k as f64 * 0.569_840_290_998_053_2) % 1.0);
-            let (s, t) = if s + t > 1.0 { (1.0 - s, 1.0 - t) } else { (s, t) };
+            let (s, t) = (
+                (0.5 + *k as f64 * 0.754_877_666_246_692_8) % 1.0,
+                (0.5 + *k as f64 * 0.569_840_290_998_053_2) % 1.0,
+            );
+            let (s, t) = if s + t > 1.0 {
+                (1.0 - s, 1.0 - t)
+            } else {
+                (s, t)
+            };
             let point = a + s * (b - a) + t * (c - a);
             !splats.iter().any(|splat| covers(splat, point, most_height))
         };
@@ -98,7 +108,11 @@ pub fn uncovered_share(
     let faces = 0..surface.faces.len() as u32;
     let total: f64 = surface.areas.iter().sum();
     let shares: Vec<f64> = faces.into_par_iter().map(bare).collect();
-    if total > 0.0 { shares.iter().sum::<f64>() / total } else { 0.0 }
+    if total > 0.0 {
+        shares.iter().sum::<f64>() / total
+    } else {
+        0.0
+    }
 }
 
 fn covers(splat: &OrientedPolygon, point: DVec3, most_height: f64) -> bool {

@@ -31,7 +31,10 @@ pub fn own_part([a, b, c]: [DVec3; 3]) -> OwnPart {
     // The bisector of a and b is s b.b + t b.c = b.b / 2, that of a and c likewise.
     let determinant = b_b * c_c - b_c * b_c;
     let mut part = OwnPart::of(&[a, point(0.5, 0.0)]);
-    let middle = (c_c * (b_b - b_c) / (2.0 * determinant), b_b * (c_c - b_c) / (2.0 * determinant));
+    let middle = (
+        c_c * (b_b - b_c) / (2.0 * determinant),
+        b_b * (c_c - b_c) / (2.0 * determinant),
+    );
     let (s, t) = middle;
     let is_inside = s >= 0.0 && t >= 0.0 && s + t <= 1.0;
     if is_inside {
@@ -143,7 +146,12 @@ mod tests {
 
     fn area(corners: &[DVec3]) -> f64 {
         (1..corners.len() - 1)
-            .map(|k| (corners[k] - corners[0]).cross(corners[k + 1] - corners[0]).length() / 2.0)
+            .map(|k| {
+                (corners[k] - corners[0])
+                    .cross(corners[k + 1] - corners[0])
+                    .length()
+                    / 2.0
+            })
             .sum()
     }
 
@@ -160,7 +168,10 @@ mod tests {
             let whole = area(&[a, b, c]);
             let turns = [[a, b, c], [b, c, a], [c, a, b]];
             let sum: f64 = turns.iter().map(|&t| area(own_part(t).corners())).sum();
-            assert!((sum - whole).abs() < 1e-9 * whole.max(1e-3), "{sum} {whole}");
+            assert!(
+                (sum - whole).abs() < 1e-9 * whole.max(1e-3),
+                "{sum} {whole}"
+            );
             for turn in turns {
                 for &x in own_part(turn).corners() {
                     let nearest = turn.map(|corner| corner.distance(x));
@@ -180,7 +191,13 @@ mod tests {
         assert!((radius(RadiusRule::Dietz) - 0.65).abs() < 1e-6);
         assert!((radius(RadiusRule::Dietz50) - 0.5).abs() < 1e-6);
         // Tilted by 45 degrees, and by more than 60.
-        let tilted = of_point(&surface, 0, DVec3::new(1.0, 0.0, 1.0).normalize(), &[0], RadiusRule::Cover);
+        let tilted = of_point(
+            &surface,
+            0,
+            DVec3::new(1.0, 0.0, 1.0).normalize(),
+            &[0],
+            RadiusRule::Cover,
+        );
         assert!((tilted - 2f64.sqrt() / 3f64.sqrt()).abs() < 1e-6);
         let across = of_point(&surface, 0, DVec3::X, &[0], RadiusRule::Cover);
         assert!((across - 2.0 / 3f64.sqrt()).abs() < 1e-6);

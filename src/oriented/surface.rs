@@ -73,8 +73,13 @@ impl WeldedSurface {
     /// Length of the diagonal of the box around all points.
     pub fn diagonal(&self) -> f64 {
         let start = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let [low, high] = (self.points.iter()).fold(start, |[low, high], &p| [low.min(p), high.max(p)]);
-        if self.points.is_empty() { 0.0 } else { (high - low).length() }
+        let [low, high] =
+            (self.points.iter()).fold(start, |[low, high], &p| [low.min(p), high.max(p)]);
+        if self.points.is_empty() {
+            0.0
+        } else {
+            (high - low).length()
+        }
     }
 
     /// Fills `beyond` and the faces around points.
@@ -172,7 +177,14 @@ mod tests {
 
     #[test]
     fn what_has_no_area_is_left_out() {
-        let positions = [Vec3::ZERO, Vec3::X, 2.0 * Vec3::X, Vec3::Y, Vec3::NAN, -Vec3::ZERO];
+        let positions = [
+            Vec3::ZERO,
+            Vec3::X,
+            2.0 * Vec3::X,
+            Vec3::Y,
+            Vec3::NAN,
+            -Vec3::ZERO,
+        ];
         let triangles = [[0, 1, 2], [0, 1, 3], [0, 1, 4], [0, 1, 9], [5, 3, 2]];
         let surface = WeldedSurface::new(&positions, &triangles);
         assert_eq!(surface.triangle_of_face, [1, 4]);

@@ -23,7 +23,7 @@ pub(crate) const LARGEST_TRIANGLE_PX: f32 = 8.0;
 /// The largest threshold with which splats are drawn by compute, pixels; 0 where there are none.
 pub(crate) fn largest_threshold_px(settings: &Settings) -> f32 {
     match Technique::of(settings) {
-        Technique::Nothing => 0.0,
+        Technique::Nothing | Technique::Polygons => 0.0,
         Technique::Opaque if settings.splat == SplatKind::Ellipse => LARGEST_ELLIPSE_PX,
         Technique::Opaque => LARGEST_SQUARE_PX,
         Technique::Visibility | Technique::Fuzzy | Technique::Filtered => LARGEST_SMALL_BLENDED_PX,
@@ -43,7 +43,7 @@ pub(crate) fn largest_point_px(settings: &Settings) -> f32 {
 /// Bytes of the largest storage that compute needs of a picture of this width and height, pixels.
 pub(crate) fn storage_bytes(technique: Technique, [width, height]: [u32; 2]) -> u64 {
     let pixel = match technique {
-        Technique::Nothing => 0,
+        Technique::Nothing | Technique::Polygons => 0,
         // Depth and number of what is nearest.
         Technique::Opaque | Technique::Visibility => 8,
         // Sums of colors and weights.

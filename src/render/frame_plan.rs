@@ -206,7 +206,7 @@ impl RecordFormat {
                 let depth_range = plan.context.depth_range;
                 Self::Filtered(filtered_shade(settings, facts, depth_range, max_point_px))
             }
-            Technique::Nothing => Self::Nothing,
+            Technique::Nothing | Technique::Polygons => Self::Nothing,
         }
     }
 }
@@ -267,6 +267,7 @@ impl FramePlan {
             Method::Pop | Method::Splats => {
                 let usual = match technique {
                     Technique::Filtered if has_own_sizes => max_point_px,
+                    Technique::Polygons => max_point_px,
                     Technique::Filtered => settings.threshold_px.max(3.0) + 2.0,
                     _ => splat_plan(&settings, max_point_px).largest_point_px(facts.kind),
                 };

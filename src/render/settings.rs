@@ -2,6 +2,7 @@
 
 use crate::cut::SizeMetric;
 use crate::math::camera::View;
+use crate::oriented::splats::SplatRules;
 use crate::pack::{ColorBy, Footprint, Lighting};
 
 /// How the model is drawn.
@@ -192,6 +193,8 @@ pub struct Settings {
     pub method: Method,
     /// What splats look like.
     pub splat: SplatKind,
+    /// Splats are made from the vertices of the mesh instead of the tree, by these rules; of [`Method::Splats`] only.
+    pub vertex_splats: Option<SplatRules>,
     /// How they are blended; `None` is the usual way of their kind, [`Settings::blend`].
     pub blend: Option<Blend>,
     /// When splats are lit.
@@ -249,6 +252,7 @@ impl Default for Settings {
         Self {
             method: Method::Pop,
             splat: SplatKind::Square,
+            vertex_splats: None,
             blend: None,
             shading: Shading::PerSplat,
             sums: None,
@@ -310,9 +314,19 @@ impl Settings {
         self.method != Method::Triangles
     }
 
+    /// The rules by which splats are made from vertices; `None` where they are not.
+    pub fn drawn_vertex_splats(&self) -> Option<&SplatRules> {
+        let rules = self.vertex_splats.as_ref();
+        rules.filter(|_| self.method == Method::Splats)
+    }
+
     /// Whether the cut decides what is drawn.
     pub fn has_cut(&self) -> bool {
-        matches!(self.method, Method::Splats | Method::Pop)
+        match self.method {
+            Method::Splats => self.vertex_splats.is_none(),
+            Method::Pop => true,
+            Method::Triangles | Method::Points => false,
+        }
     }
 
     /// Whether filtered splats are drawn: they need the sums of the tree ([`crate::tree::Moments`]).

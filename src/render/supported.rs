@@ -44,6 +44,9 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
         });
     }
     let is_device = max_size_px.is_finite();
+    if settings.drawn_vertex_splats().is_some() {
+        return check_vertex_splats(settings, is_device);
+    }
     if settings.draws_splats() {
         check_blend(settings, is_device)?;
     }
@@ -64,6 +67,25 @@ fn check_overdraw(settings: &Settings, outputs: PictureOutputs) -> Result<(), Er
     };
     Err(Error::Unsupported {
         what: "color by overdraw",
+        why: why.into(),
+    })
+}
+
+/// Refuses by name what splats from vertices cannot do.
+fn check_vertex_splats(settings: &Settings, is_device: bool) -> Result<(), Error> {
+    let why = if is_device {
+        "the rasterizer of a device does not know them; use --backend cpu or reference"
+    } else if settings.splat != SplatKind::Square || settings.blend() != Blend::Opaque {
+        "they are opaque polygons of their own shape; leave --splat and --blend out"
+    } else if settings.shading != Shading::PerSplat {
+        "only splats that are blended are lit once a pixel of blended normals; leave --shading out"
+    } else if settings.color_by == ColorBy::Overdraw {
+        "their overdraw is not counted; use another --color-by"
+    } else {
+        return Ok(());
+    };
+    Err(Error::Unsupported {
+        what: "splats from vertices",
         why: why.into(),
     })
 }

@@ -32,7 +32,9 @@ fn pixels_beyond(surface: &WeldedSurface, set: &SplatSet, view: &View) -> [usize
         let Some(seen) = ScreenPolygon::of(splat, view) else {
             continue;
         };
-        mark(&seen.bounds(), view, &mut is_drawn, |at| seen.sample(at).is_some());
+        mark(&seen.bounds(), view, &mut is_drawn, |at| {
+            seen.sample(at).is_some()
+        });
     }
     for face in 0..surface.faces.len() as u32 {
         let corners = surface.corners(face).map(|c| {
@@ -43,10 +45,15 @@ fn pixels_beyond(surface: &WeldedSurface, set: &SplatSet, view: &View) -> [usize
         let turn = (b - a).perp_dot(c - a).signum();
         let bounds = [a.min(b).min(c), a.max(b).max(c)];
         let is_inside = |at: DVec2| {
-            [(a, b), (b, c), (c, a)].iter().all(|(p, q)| (*q - *p).perp_dot(at - *p) * turn >= 0.0)
+            [(a, b), (b, c), (c, a)]
+                .iter()
+                .all(|(p, q)| (*q - *p).perp_dot(at - *p) * turn >= 0.0)
         };
         mark(&bounds, view, &mut is_exact, is_inside);
-        if set.triangles.contains(&surface.triangle_of_face[face as usize]) {
+        if set
+            .triangles
+            .contains(&surface.triangle_of_face[face as usize])
+        {
             mark(&bounds, view, &mut is_drawn, is_inside);
         }
     }
@@ -55,11 +62,12 @@ fn pixels_beyond(surface: &WeldedSurface, set: &SplatSet, view: &View) -> [usize
     // Farther than a pixel from what is exact.
     let is_near = |k: usize| {
         let (x, y) = (k % width, k / width);
-        (y.saturating_sub(1)..(y + 2).min(height)).any(|y| {
-            (x.saturating_sub(1)..(x + 2).min(width)).any(|x| is_exact[y * width + x])
-        })
+        (y.saturating_sub(1)..(y + 2).min(height))
+            .any(|y| (x.saturating_sub(1)..(x + 2).min(width)).any(|x| is_exact[y * width + x]))
     };
-    let beyond = (0..is_drawn.len()).filter(|&k| is_drawn[k] && !is_near(k)).count();
+    let beyond = (0..is_drawn.len())
+        .filter(|&k| is_drawn[k] && !is_near(k))
+        .count();
     [bare, beyond]
 }
 
@@ -77,8 +85,14 @@ fn mark(bounds: &[DVec2; 2], view: &View, marks: &mut [bool], is_inside: impl Fn
 
 /// Directions spread over the sphere.
 fn views(mesh: &Mesh, count: u32) -> impl Iterator<Item = View> {
-    let low = mesh.positions.iter().fold(DVec3::INFINITY, |low, p| low.min(p.as_dvec3()));
-    let high = mesh.positions.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(p.as_dvec3()));
+    let low = mesh
+        .positions
+        .iter()
+        .fold(DVec3::INFINITY, |low, p| low.min(p.as_dvec3()));
+    let high = mesh
+        .positions
+        .iter()
+        .fold(DVec3::NEG_INFINITY, |high, p| high.max(p.as_dvec3()));
     let (center, radius) = ((low + high) / 2.0, (high - low).length() / 2.0);
     (0..count).map(move |k| {
         let z = 1.0 - (2.0 * f64::from(k) + 1.0) / f64::from(count);
@@ -93,11 +107,18 @@ fn views(mesh: &Mesh, count: u32) -> impl Iterator<Item = View> {
 fn a_cube_of_eight_vertices_is_a_cube() {
     let mesh = cube();
     let (surface, set) = set_of(&mesh, &rules(20.0));
-    assert_eq!((set.splats.len(), set.triangles.len()), (24, 0), "three quarters of discs a corner");
+    assert_eq!(
+        (set.splats.len(), set.triangles.len()),
+        (24, 0),
+        "three quarters of discs a corner"
+    );
     assert!(overhang(&surface, &set).most < 2e-4);
     assert_eq!(uncovered_share(&surface, &set, 200, 0.01), 0.0);
     let plain = set_of(&mesh, &SplatRules::default()).1;
-    assert!(overhang(&surface, &plain).most > 0.5, "whole discs stand out");
+    assert!(
+        overhang(&surface, &plain).most > 0.5,
+        "whole discs stand out"
+    );
     let mut plain_beyond = 0;
     for view in views(&mesh, 100) {
         assert_eq!(pixels_beyond(&surface, &set, &view), [0, 0]);
@@ -128,11 +149,21 @@ fn a_flat_grid_is_cut_along_its_border_alone() {
     assert!(over < 1.1e-4, "{over} beyond the border");
     assert_eq!(uncovered_share(&surface, &set, 100, 0.01), 0.0);
     let radius = set.splats_of_point(24)[0].round_radius;
-    assert!((radius - 0.5f32.sqrt()).abs() < 1e-6, "half the diagonal covers");
+    assert!(
+        (radius - 0.5f32.sqrt()).abs() < 1e-6,
+        "half the diagonal covers"
+    );
     // With any angle allowed nothing but the border is left to cut at.
     let ridge = grid(6, |x, _| -(x - 3.0).abs());
     let (_, wide) = set_of(&ridge, &rules(180.0));
-    let whole = set_of(&ridge, &SplatRules { weight: crate::oriented::angle_test::FaceWeight::Area, ..SplatRules::default() }).1;
+    let whole = set_of(
+        &ridge,
+        &SplatRules {
+            weight: crate::oriented::angle_test::FaceWeight::Area,
+            ..SplatRules::default()
+        },
+    )
+    .1;
     assert_eq!(wide.splats_of_point(24), whole.splats_of_point(24));
 }
 
@@ -145,7 +176,10 @@ fn a_ridge_of_any_angle_stays_within_r_tan_beta() {
             let (surface, set) = set_of(&mesh, &rules(spread));
             let over = overhang(&surface, &set);
             let bound = spread.to_radians().tan();
-            assert!(over.most_of_radius <= bound + 1e-3, "{degrees} {spread}: {over:?}");
+            assert!(
+                over.most_of_radius <= bound + 1e-3,
+                "{degrees} {spread}: {over:?}"
+            );
             assert_eq!(uncovered_share(&surface, &set, 50, bound + 1e-6), 0.0);
         }
     }

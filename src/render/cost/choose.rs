@@ -279,7 +279,9 @@ pub(crate) fn largest_point_px(costs: &DrawCosts, settings: &Settings, device_px
     match Technique::of(settings) {
         Technique::Opaque | Technique::Fuzzy => {}
         // Filtered splats have no quads. Behind quads of visibility splats all of the picture is reconstructed.
-        Technique::Filtered | Technique::Visibility | Technique::Nothing => return device_px,
+        Technique::Filtered | Technique::Visibility | Technique::Polygons | Technique::Nothing => {
+            return device_px;
+        }
     }
     match costs.largest_point_px() {
         Some(px) if px < device_px => {

@@ -33,7 +33,7 @@ impl PassSelection {
             return Self::RASTERIZER;
         }
         match plan.technique {
-            Technique::Nothing => Self::RASTERIZER,
+            Technique::Nothing | Technique::Polygons => Self::RASTERIZER,
             Technique::Opaque => {
                 let paths = workload.opaque();
                 let takes_triangles = binds_vertices && paths.triangles == Path::Compute;

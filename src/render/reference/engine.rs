@@ -21,6 +21,7 @@ use crate::render::stats::FrameStage;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::OverdrawSummary;
 use crate::render::technique::Technique;
+use crate::render::vertex_splats::VertexSplats;
 use crate::render::{Blend, Method, Settings, Shading, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -35,6 +36,7 @@ pub(in crate::render) struct MirrorEngine {
     subpixel_bits: u32,
     selector: CutSelector,
     cuts: PartCuts,
+    vertex_splats: VertexSplats,
     /// The picture of the last frame.
     pub(in crate::render) image: Image,
     /// Of the last frame, where overdraw was counted.
@@ -63,6 +65,7 @@ impl MirrorEngine {
             subpixel_bits,
             selector: CutSelector::default().with_subpixel_bits(subpixel_bits),
             cuts: PartCuts::default(),
+            vertex_splats: VertexSplats::default(),
             image: Image::default(),
             counts: None,
         }
@@ -99,7 +102,7 @@ impl MirrorEngine {
                 lists.triangles = joined_triangles(parts, all.collect());
             }
             Method::Points => lists.has_points = true,
-            Method::Splats | Method::Pop => {
+            Method::Splats | Method::Pop if settings.has_cut() => {
                 let cutting = FrameStage::Cut.begin();
                 let key_of =
                     |part: FactedModel<'_>| CutKey::of(settings, &part.facts.drawn(), view);
@@ -113,9 +116,20 @@ impl MirrorEngine {
                 times.counts.hidden = stats.hidden;
                 times.counts.between = stats.between;
             }
+            Method::Splats | Method::Pop => {
+                let packing = FrameStage::Pack.begin();
+                self.vertex_splats.update(parts, settings);
+                lists.triangles = self.triangles_beside_splats(parts);
+                packing.end(&mut times);
+            }
         }
         lists.vertices = joined_vertices(parts);
         lists.count(&mut times.counts);
+        if Technique::of(settings) == Technique::Polygons {
+            let splats = self.vertex_splats.splats();
+            times.counts.splats = splats.len() as u64;
+            times.counts.draw_list_bytes += size_of_val(splats) as u64;
+        }
         self.draw_lists(&facts, view, settings, &style, &lists);
         if let Some(counts) = &self.counts {
             times.overdraw = Some(OverdrawSummary::of(counts.iter().copied()));
@@ -123,6 +137,16 @@ impl MirrorEngine {
         }
         times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         times
+    }
+
+    /// The triangles that are drawn beside splats from vertices.
+    fn triangles_beside_splats<'m>(&self, parts: DrawnParts<'m>) -> Cow<'m, [[u32; 3]]> {
+        let own = parts.iter().zip(self.vertex_splats.triangle_ids());
+        let corners = own.map(|(part, ids)| {
+            let of = |&id: &u32| part.model.triangles[id as usize];
+            Cow::Owned(ids.iter().map(of).collect())
+        });
+        joined_triangles(parts, corners.collect())
     }
 
     /// The draw lists of the cuts, one part after the other.
@@ -154,7 +178,7 @@ impl MirrorEngine {
                     splats.truncate(count);
                     lists.filtered.append(&mut splats);
                 }
-                Technique::Nothing => {}
+                Technique::Nothing | Technique::Polygons => {}
             }
             if settings.method == Method::Pop {
                 let of = |&id: &u32| model.triangles[id as usize];
@@ -204,6 +228,13 @@ impl MirrorEngine {
                 crate::render::reference::render(view, &opaque, style, outputs),
                 OverdrawList::Opaque(&opaque),
             ),
+            Technique::Polygons => {
+                let polygons = self.vertex_splats.splats();
+                let drawn = crate::render::reference::render_polygons(
+                    view, &opaque, polygons, style, outputs,
+                );
+                (drawn, OverdrawList::Opaque(&opaque))
+            }
             Technique::Visibility => {
                 let filling = HoleFilling {
                     reconstruction: settings.reconstruction,

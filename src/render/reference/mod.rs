@@ -31,6 +31,7 @@ mod frame;
 mod fuzzy;
 mod opaque;
 mod overdraw;
+mod polygons;
 mod shade;
 mod splat;
 mod square;
@@ -41,6 +42,7 @@ pub use crate::render::reference::filtered::{FilteredRendering, render_filtered}
 pub use crate::render::reference::fuzzy::{BlendPasses, FuzzyRendering, render_fuzzy};
 pub use crate::render::reference::opaque::render;
 pub use crate::render::reference::overdraw::{OverdrawList, count_overdraw, show_overdraw};
+pub use crate::render::reference::polygons::render_polygons;
 pub use crate::render::reference::visibility::{
     HoleFilling, PixelClass, VisibilityPixel, VisibilityRendering, render_visibility,
 };

@@ -48,7 +48,7 @@ impl VulkanRenderer {
             self.prepare_triangles(plan, parts)?;
         }
         match plan.technique {
-            Technique::Nothing => {}
+            Technique::Nothing | Technique::Polygons => {}
             Technique::Opaque => self.prepare_opaque(plan)?,
             Technique::Visibility => self.prepare_visibility(plan)?,
             Technique::Fuzzy => self.prepare_fuzzy(plan)?,

@@ -1,0 +1,102 @@
+//! The options of splats that are made from vertices.
+
+use super::{Failure, usage};
+use clap::{Args as ClapArgs, ValueEnum};
+use surfel::oriented::radius::RadiusRule;
+use surfel::oriented::splats::SplatRules;
+use surfel::render::Method;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum SplatSource {
+    /// Nodes and leaves of the tree, by their size on screen
+    Tree,
+    /// Vertices of the mesh, each with a disc in the plane of its faces, cut at sharp edges: for models of few triangles
+    Vertices,
+}
+
+#[derive(Debug, Clone, Copy, ValueEnum)]
+enum RadiusName {
+    /// The least that covers
+    Cover,
+    /// 0.65 of the distance to the farthest neighbor
+    Dietz,
+    /// Half of that distance
+    Dietz50,
+}
+
+/// An angle in degrees, or none.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct AngleChoice(Option<f64>);
+
+impl std::str::FromStr for AngleChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.parse() {
+            _ if text == "off" => Ok(Self(None)),
+            Ok(degrees) if (0.0..=180.0).contains(&degrees) => Ok(Self(Some(degrees))),
+            _ => Err("expected off, or an angle of 0 to 180 degrees".into()),
+        }
+    }
+}
+
+impl AngleChoice {
+    fn radians(self) -> Option<f64> {
+        self.0.map(f64::to_radians)
+    }
+}
+
+/// How splats are made from vertices.
+#[derive(Debug, Clone, ClapArgs)]
+pub(crate) struct VertexSplatArgs {
+    /// Of --method splats: what splats are made from
+    #[arg(long, value_enum, default_value = "tree")]
+    from: SplatSource,
+    /// Radius of splats from vertices
+    #[arg(long, value_enum, default_value = "cover")]
+    radius: RadiusName,
+    /// Faces within this angle of their mean share a splat, which is cut where others begin; off for whole discs; degrees
+    #[arg(long, value_name = "DEGREES", default_value = "20")]
+    clip: AngleChoice,
+    /// Vertices with a face this far from their normal are drawn as their triangles; degrees, or off
+    #[arg(long, value_name = "DEGREES", default_value = "off")]
+    angle_test: AngleChoice,
+}
+
+impl VertexSplatArgs {
+    /// The rules of splats from vertices; `None` where splats come from the tree.
+    pub(crate) fn rules(&self, method: Method) -> Result<Option<SplatRules>, Failure> {
+        if self.from == SplatSource::Tree {
+            return Ok(None);
+        }
+        if method != Method::Splats {
+            return Err(usage(
+                "--from vertices makes splats; use it with --method splats",
+            ));
+        }
+        Ok(Some(SplatRules {
+            radius: match self.radius {
+                RadiusName::Cover => RadiusRule::Cover,
+                RadiusName::Dietz => RadiusRule::Dietz,
+                RadiusName::Dietz50 => RadiusRule::Dietz50,
+            },
+            clip: self.clip.radians(),
+            angle_test: self.angle_test.radians(),
+            ..SplatRules::default()
+        }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn angles_are_degrees_or_off() {
+        assert_eq!("off".parse(), Ok(AngleChoice(None)));
+        assert_eq!("20".parse(), Ok(AngleChoice(Some(20.0))));
+        for wrong in ["", "-1", "181", "nan", "inf", "on"] {
+            assert!(wrong.parse::<AngleChoice>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,61 @@
+//! Splats from vertices of what is drawn, made once and kept while models and rules stay.
+
+use crate::abi::OrientedPolygon;
+use crate::oriented::splats::{SplatRules, splats_of};
+use crate::oriented::surface::WeldedSurface;
+use crate::render::Settings;
+use crate::render::model_facts::DrawnParts;
+use crate::tree::Model;
+
+/// The splats of all parts, and the triangles that are drawn beside them.
+#[derive(Debug, Default)]
+pub(crate) struct VertexSplats {
+    key: Option<(u64, SplatRules)>,
+    splats: Vec<OrientedPolygon>,
+    triangle_ids: Vec<Vec<u32>>,
+}
+
+impl VertexSplats {
+    /// Makes the splats of these parts unless they are there; none where settings ask for none.
+    pub(crate) fn update(&mut self, parts: DrawnParts<'_>, settings: &Settings) {
+        let Some(rules) = settings.drawn_vertex_splats() else {
+            *self = Self::default();
+            return;
+        };
+        let key = Some((parts.id(), *rules));
+        if self.key == key {
+            return;
+        }
+        self.splats.clear();
+        self.triangle_ids.clear();
+        for part in parts.iter() {
+            let (mut splats, triangles) = of_model(part.model, rules);
+            self.splats.append(&mut splats);
+            self.triangle_ids.push(triangles);
+        }
+        self.key = key;
+    }
+
+    /// Splats of all parts.
+    pub(crate) fn splats(&self) -> &[OrientedPolygon] {
+        &self.splats
+    }
+
+    /// Of each part, the triangles that are drawn beside them.
+    pub(crate) fn triangle_ids(&self) -> &[Vec<u32>] {
+        &self.triangle_ids
+    }
+}
+
+/// Splats of a model and the triangles beside them. A point has the color of the first vertex that lies there.
+fn of_model(model: &Model, rules: &SplatRules) -> (Vec<OrientedPolygon>, Vec<u32>) {
+    let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
+    let surface = WeldedSurface::new(&positions, &model.triangles);
+    let mut colors = vec![[255; 4]; surface.points.len()];
+    for (&point, vertex) in surface.point_of_vertex.iter().zip(&model.vertices).rev() {
+        let [red, green, blue, _] = vertex.color;
+        colors[point as usize] = [red, green, blue, 255];
+    }
+    let set = splats_of(&surface, &colors, rules);
+    (set.splats, set.triangles)
+}
