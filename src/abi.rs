@@ -158,8 +158,9 @@ pub struct OrientedPolygon {
     /// Change of that normal: it is `shading_normal + (s0 u + s1 v) axis + (s1 u + s2 v) (normal x axis)`, 1 / model
     /// units. 0 for splats.
     pub shape_operator: [f32; 3],
-    /// Nothing.
-    pub unused: u32,
+    /// Sine of the largest angle between the plane and a face that the polygon stands for: it is left out as facing away
+    /// only where all of those do. 0 for the plane alone, 1 for never.
+    pub spread: f32,
 }
 
 impl OrientedPolygon {

@@ -56,7 +56,7 @@ pub(crate) struct VertexSplatArgs {
     #[arg(long, value_enum, default_value = "cover")]
     radius: RadiusName,
     /// Faces within this angle of their mean share a splat, which is cut where others begin; off for whole discs; degrees
-    #[arg(long, value_name = "DEGREES", default_value = "20")]
+    #[arg(long, value_name = "DEGREES", default_value = "5")]
     clip: AngleChoice,
     /// Vertices with a face this far from their normal are drawn as their triangles; degrees, or off
     #[arg(long, value_name = "DEGREES", default_value = "off")]

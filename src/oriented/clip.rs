@@ -7,13 +7,16 @@
 //!    it stops, at a face of another direction or at a border, the surface leaves the plane: the splat is cut along that edge.
 //!    The walk stays on the surface, so the far side of a thin wall is not met.
 //! 4. A cut that would take away what the point answers for is moved outward until it does not. Where it would have to
-//!    move far, where more cuts are needed than a splat has, or where clusters are too many, the point is flagged: its
-//!    triangles are drawn.
+//!    move far, where more cuts are needed than a splat has, where clusters are too many, or where color or normals for light
+//!    vary more than a splat can show, the triangles of the cluster are drawn.
+//! 5. Across a long and narrow part a disc would reach far beyond it. Nothing is drawn outside of the least rectangle around
+//!    what the point answers for, a little wider.
 
 use crate::abi::OrientedPolygon;
+use crate::oriented::look::{VertexLook, take_look};
 use crate::oriented::radius::{RadiusRule, of_point, own_part, turned_to};
 use crate::oriented::surface::{NO_FACE, WeldedSurface};
-use crate::pack::polygons::{HalfPlane, MOST_CUTS, PlaneFrame, clipped};
+use crate::pack::polygons::{CUT_SLACK, HalfPlane, PlaneFrame, clipped};
 use glam::{DVec2, DVec3};
 
 /// Most clusters that become splats.
@@ -22,8 +25,20 @@ const MOST_CLUSTERS: usize = 3;
 /// Most faces that a walk takes in.
 const MOST_FACES: usize = 96;
 
-/// How far a splat may reach beyond an edge that it was not cut along, over its radius.
-pub const EDGE_TOLERANCE: f64 = 0.05;
+/// How far a splat may reach beyond an edge that no cut follows, over its own extent across the edge.
+const EDGE_TOLERANCE: f64 = 0.05;
+
+/// Reach beyond an edge that asks for no cut, likewise.
+const EDGE_SLACK: f64 = 1e-3;
+
+/// How far the color of a splat may be from that of a neighbor in its cluster, of 255 levels.
+const MOST_LEVELS: f64 = 16.0;
+
+/// By how much of it a radius is larger than it has to be.
+const RADIUS_MARGIN: f64 = 0.02;
+
+/// By how much of its sides the rectangle around a part is wider on each side: splats in planes of their own overlap.
+const RECTANGLE_MARGIN: f64 = 0.08;
 
 /// How splats of a point are cut.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -51,27 +66,48 @@ struct FaceCluster {
     sum: DVec3,
 }
 
-/// Appends the splats of a point to `splats`; none where its triangles have to be drawn.
+/// Splats before it is known which of them are needed, and faces that are drawn as triangles.
+#[derive(Debug, Default)]
+pub struct SplatDrafts {
+    /// The splats.
+    pub splats: Vec<OrientedPolygon>,
+    /// The faces that each stands for, one after the other.
+    pub faces: Vec<u32>,
+    /// Where those of each splat end.
+    pub face_ends: Vec<u32>,
+    /// Faces that are drawn as triangles, in any order and number.
+    pub triangles: Vec<u32>,
+}
+
+impl SplatDrafts {
+    /// Adds a splat that stands for these faces.
+    pub fn push(&mut self, splat: OrientedPolygon, faces: &[u32]) {
+        self.splats.push(splat);
+        self.faces.extend_from_slice(faces);
+        self.face_ends.push(self.faces.len() as u32);
+    }
+}
+
+/// Appends the splats of a point to `drafts`, and the faces that have to be drawn as triangles.
 pub fn splats_of_point(
     surface: &WeldedSurface,
     point: u32,
-    color: [u8; 4],
+    looks: &[VertexLook],
     rule: &ClipRule,
     scratch: &mut ClipScratch,
-    splats: &mut Vec<OrientedPolygon>,
+    drafts: &mut SplatDrafts,
 ) {
     let count = gather(surface, point, rule.spread, scratch);
     if count > MOST_CLUSTERS {
+        drafts.triangles.extend_from_slice(surface.incident(point));
         return;
     }
-    let before = splats.len();
     for cluster in 0..count {
-        match splat_of_cluster(surface, point, cluster, color, rule, scratch) {
-            Some(splat) => splats.push(splat),
-            None => {
-                splats.truncate(before);
-                return;
-            }
+        let splat = splat_of_cluster(surface, point, cluster, looks, rule, scratch);
+        let faces = &scratch.clusters[cluster].faces;
+        match splat {
+            Some(splat) => drafts.push(splat, faces),
+            None => drafts.triangles.extend_from_slice(faces),
         }
     }
 }
@@ -121,7 +157,7 @@ fn splat_of_cluster(
     surface: &WeldedSurface,
     point: u32,
     cluster: usize,
-    color: [u8; 4],
+    looks: &[VertexLook],
     rule: &ClipRule,
     scratch: &mut ClipScratch,
 ) -> Option<OrientedPolygon> {
@@ -135,6 +171,8 @@ fn splat_of_cluster(
     let FaceCluster { faces, sum } = &clusters[cluster];
     let frame = PlaneFrame::new(surface.points[point as usize], *sum)?;
     let radius = of_point(surface, point, frame.normal, faces, rule.radius);
+    // The corners that decide the radius lie on the circle, where rounding would leave gaps.
+    let radius = radius * (1.0 + RADIUS_MARGIN);
     kept.clear();
     for &face in faces {
         let part = own_part(turned_to(surface, face, point));
@@ -150,8 +188,17 @@ fn splat_of_cluster(
         reached,
         edges,
     )?;
-    let cuts = cuts(radius, edges, kept)?;
-    OrientedPolygon::disc(&frame, radius, &cuts, color)
+    let mut corners = rectangle_around(surface, &frame, faces, kept);
+    cut(&mut corners, radius, edges, kept)?;
+    let mut splat = OrientedPolygon::within_circle(&frame, radius, &corners, [255; 4])?;
+    let least = (faces
+        .iter()
+        .map(|&face| frame.normal.dot(surface.normals[face as usize])))
+    .fold(1.0, f64::min);
+    splat.spread = (1.0 - least * least).max(0.0).sqrt() as f32;
+    let misfit = take_look(&mut splat, surface, point, faces, looks);
+    let is_alike = misfit.turn <= rule.spread.sin() + 1e-6 && misfit.levels <= MOST_LEVELS;
+    is_alike.then_some(splat)
 }
 
 /// Takes in what lies within the radius and is turned as the plane, from `faces` on, and notes the edges where it stops;
@@ -209,42 +256,80 @@ fn outside_of_edge(frame: &PlaneFrame, from: DVec3, to: DVec3) -> Option<HalfPla
     })
 }
 
-/// Half planes that keep `kept` and leave out what lies beyond `edges`; `None` where no few do.
-fn cuts(radius: f64, edges: &[HalfPlane], kept: &[DVec2]) -> Option<Vec<HalfPlane>> {
-    let tolerance = EDGE_TOLERANCE * radius;
-    let mut cuts: Vec<HalfPlane> = Vec::new();
-    let mut corners: Vec<DVec2> = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
-        .map(|c: [f64; 2]| radius * DVec2::from(c))
-        .to_vec();
+/// The least rectangle around `kept` with a side along an edge of the faces, widened by its margin.
+fn rectangle_around(
+    surface: &WeldedSurface,
+    frame: &PlaneFrame,
+    faces: &[u32],
+    kept: &[DVec2],
+) -> Vec<DVec2> {
+    let extent = |direction: DVec2| {
+        (kept.iter().map(|&c| direction.dot(c)))
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+                [low.min(x), high.max(x)]
+            })
+    };
+    let mut best = (f64::INFINITY, DVec2::X, [[0.0; 2]; 2]);
+    for &face in faces {
+        let corners = surface.corners(face).map(|c| frame.coordinates(c));
+        for k in 0..3 {
+            let Some(direction) = (corners[(k + 1) % 3] - corners[k]).try_normalize() else {
+                continue;
+            };
+            let sides = [direction, direction.perp()].map(extent);
+            let area = (sides[0][1] - sides[0][0]) * (sides[1][1] - sides[1][0]);
+            if area < best.0 {
+                best = (area, direction, sides);
+            }
+        }
+    }
+    let (_, direction, sides) = best;
+    let [[left, right], [low, high]] = sides.map(|[low, high]| {
+        let margin = RECTANGLE_MARGIN * (high - low);
+        [low - margin, high + margin]
+    });
+    [[left, low], [right, low], [right, high], [left, high]]
+        .map(|[along, across]| along * direction + across * direction.perp())
+        .to_vec()
+}
+
+/// Cuts away what lies beyond edges and not within `kept`; `None` where no few cuts do.
+fn cut(
+    corners: &mut Vec<DVec2>,
+    radius: f64,
+    edges: &mut Vec<HalfPlane>,
+    kept: &[DVec2],
+) -> Option<()> {
+    let extent = |direction: DVec2| {
+        let [low, high] = (kept.iter().map(|&c| direction.dot(c)))
+            .fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+                [low.min(x), high.max(x)]
+            });
+        high - low
+    };
+    // The edge that most of the splat lies beyond is next.
     loop {
-        // The edge that most of the splat lies beyond.
         let beyond = |edge: &HalfPlane| {
-            let most = corners
-                .iter()
-                .map(|&c| edge.direction.dot(c))
-                .fold(f64::MIN, f64::max);
-            most.min(radius) - edge.limit
+            let most = (corners.iter().map(|&c| edge.direction.dot(c))).fold(f64::MIN, f64::max);
+            (most.min(radius) - edge.limit) / extent(edge.direction)
         };
-        let worst = edges
-            .iter()
-            .map(|edge| (beyond(edge), edge))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        let Some((most, edge)) = worst.filter(|(most, _)| *most > tolerance) else {
-            return Some(cuts);
+        let worst = (edges.iter().map(beyond).enumerate()).max_by(|a, b| a.1.total_cmp(&b.1));
+        let Some((index, most)) = worst.filter(|(_, most)| *most > EDGE_SLACK) else {
+            return Some(());
         };
-        let needed = kept
-            .iter()
-            .map(|&c| edge.direction.dot(c))
-            .fold(edge.limit, f64::max);
-        if needed - edge.limit > tolerance || cuts.len() == MOST_CUTS || most.is_nan() {
+        let edge = edges.swap_remove(index);
+        let needed = (kept.iter().map(|&c| edge.direction.dot(c))).fold(edge.limit, f64::max);
+        let moved = (needed - edge.limit) / extent(edge.direction);
+        let limit = needed + CUT_SLACK * radius;
+        let rest = clipped(corners, HalfPlane { limit, ..edge });
+        if rest.len() <= OrientedPolygon::MOST_CORNERS {
+            *corners = rest;
+        } else if most > EDGE_TOLERANCE {
             return None;
         }
-        let cut = HalfPlane {
-            limit: needed,
-            ..*edge
-        };
-        cuts.push(cut);
-        corners = clipped(&corners, cut);
+        if moved > EDGE_TOLERANCE {
+            return None;
+        }
     }
 }
 

@@ -15,6 +15,7 @@ pub mod angle_test;
 pub mod clip;
 #[cfg(test)]
 pub(crate) mod for_tests;
+pub mod look;
 pub mod nearest;
 pub mod quality;
 pub mod radius;

@@ -2,7 +2,8 @@
 
 use crate::abi::OrientedPolygon;
 use crate::oriented::angle_test::{self, FaceWeight};
-use crate::oriented::clip::{ClipRule, ClipScratch, splats_of_point};
+use crate::oriented::clip::{ClipRule, ClipScratch, SplatDrafts, splats_of_point};
+use crate::oriented::look::{VertexLook, take_look};
 use crate::oriented::radius::{RadiusRule, of_point};
 use crate::oriented::surface::WeldedSurface;
 use crate::pack::polygons::PlaneFrame;
@@ -32,7 +33,7 @@ pub struct SplatSet {
     pub first_splat: Vec<u32>,
     /// Points with splats.
     pub splat_points: usize,
-    /// Points whose triangles are drawn instead.
+    /// Points with triangles alone.
     pub flagged_points: usize,
 }
 
@@ -47,68 +48,72 @@ impl SplatSet {
 /// Points that one task takes.
 const PIECE: usize = 512;
 
-/// The splats of a surface; `color_of_point` has one color for each of its points. Points without faces have none.
-///
-/// # Panics
-/// When there are fewer colors than points.
-pub fn splats_of(
-    surface: &WeldedSurface,
-    color_of_point: &[[u8; 4]],
-    rules: &SplatRules,
-) -> SplatSet {
+/// The splats of a surface; `looks` has one for each vertex of its mesh, or none. Points without faces have no splats.
+pub fn splats_of(surface: &WeldedSurface, looks: &[VertexLook], rules: &SplatRules) -> SplatSet {
     let points: Vec<u32> = (0..surface.points.len() as u32).collect();
-    let pieces: Vec<(Vec<OrientedPolygon>, Vec<u32>)> = points
+    let pieces: Vec<(SplatDrafts, Vec<u32>)> = points
         .par_chunks(PIECE)
         .map_init(ClipScratch::default, |scratch, points| {
-            let mut splats = Vec::with_capacity(points.len());
-            let mut counts = Vec::with_capacity(points.len());
+            let mut drafts = SplatDrafts::default();
+            let mut ends = Vec::with_capacity(points.len());
             for &point in points {
-                let before = splats.len();
                 if !surface.incident(point).is_empty() {
-                    let color = color_of_point[point as usize];
-                    of_one(surface, point, color, rules, scratch, &mut splats);
+                    of_one(surface, point, looks, rules, scratch, &mut drafts);
                 }
-                counts.push((splats.len() - before) as u32);
+                ends.push(drafts.splats.len());
             }
-            (splats, counts)
+            (drafts, ends.into_iter().map(|end| end as u32).collect())
         })
         .collect();
+    let mut is_drawn = vec![false; surface.faces.len()];
+    for &face in pieces.iter().flat_map(|(drafts, _)| &drafts.triangles) {
+        is_drawn[face as usize] = true;
+    }
     let mut set = SplatSet::default();
     set.first_splat.push(0);
-    let mut end = 0;
-    for (mut splats, counts) in pieces {
-        set.splats.append(&mut splats);
-        for count in counts {
-            end += count;
-            set.first_splat.push(end);
+    let mut point = 0;
+    for (drafts, ends) in &pieces {
+        let mut at = 0;
+        for &end in ends {
+            for splat in at..end as usize {
+                let first = splat
+                    .checked_sub(1)
+                    .map_or(0, |before| drafts.face_ends[before]);
+                let faces = &drafts.faces[first as usize..drafts.face_ends[splat] as usize];
+                // A splat whose faces are all drawn adds nothing. Those of the angle test are kept as the thesis has them.
+                if rules.clip.is_none() || faces.iter().any(|&face| !is_drawn[face as usize]) {
+                    set.splats.push(drafts.splats[splat]);
+                }
+            }
+            at = end as usize;
+            let has_splat = set.first_splat.last() != Some(&(set.splats.len() as u32));
+            set.splat_points += usize::from(has_splat);
+            set.flagged_points += usize::from(!has_splat && !surface.incident(point).is_empty());
+            set.first_splat.push(set.splats.len() as u32);
+            point += 1;
         }
     }
-    let flagged: Vec<bool> = (points.iter())
-        .map(|&p| set.splats_of_point(p).is_empty() && !surface.incident(p).is_empty())
-        .collect();
-    set.flagged_points = flagged.iter().filter(|&&flag| flag).count();
-    set.splat_points = (points.iter())
-        .filter(|&&p| !set.splats_of_point(p).is_empty())
-        .count();
-    set.triangles = (angle_test::faces_of(surface, &flagged).into_iter())
-        .map(|face| surface.triangle_of_face[face as usize])
+    set.triangles = (surface.triangle_of_face.iter().zip(&is_drawn))
+        .filter(|(_, is_drawn)| **is_drawn)
+        .map(|(&triangle, _)| triangle)
         .collect();
     set
 }
 
-/// Appends the splats of a point; none where its triangles are drawn.
+/// Appends the splats of a point, and the faces that are drawn as triangles.
 fn of_one(
     surface: &WeldedSurface,
     point: u32,
-    color: [u8; 4],
+    looks: &[VertexLook],
     rules: &SplatRules,
     scratch: &mut ClipScratch,
-    splats: &mut Vec<OrientedPolygon>,
+    drafts: &mut SplatDrafts,
 ) {
     let normal = angle_test::normal_of(surface, point, rules.weight);
     if let Some(threshold) = rules.angle_test
         && angle_test::least_cosine(surface, point, normal) < threshold.cos()
     {
+        drafts.triangles.extend_from_slice(surface.incident(point));
         return;
     }
     if let Some(spread) = rules.clip {
@@ -116,7 +121,7 @@ fn of_one(
             spread,
             radius: rules.radius,
         };
-        splats_of_point(surface, point, color, &rule, scratch, splats);
+        splats_of_point(surface, point, looks, &rule, scratch, drafts);
         return;
     }
     let faces = surface.incident(point);
@@ -128,5 +133,10 @@ fn of_one(
     };
     let radius = of_point(surface, point, normal, faces, rules.radius);
     let frame = PlaneFrame::new(surface.points[point as usize], normal);
-    splats.extend(frame.and_then(|frame| OrientedPolygon::disc(&frame, radius, &[], color)));
+    if let Some(frame) = frame
+        && let Some(mut splat) = OrientedPolygon::disc(&frame, radius, &[], [255; 4])
+    {
+        take_look(&mut splat, surface, point, faces, looks);
+        drafts.push(splat, faces);
+    }
 }

@@ -15,6 +15,8 @@ pub struct WeldedSurface {
     pub point_of_vertex: Vec<u32>,
     /// Corners of each face, indices into `points`.
     pub faces: Vec<[u32; 3]>,
+    /// Vertices of the mesh at the corners of each face.
+    pub vertices_of_face: Vec<[u32; 3]>,
     /// Which triangle of the mesh a face is; ascending.
     pub triangle_of_face: Vec<u32>,
     /// Unit normals of faces.
@@ -51,6 +53,7 @@ impl WeldedSurface {
                 continue;
             }
             surface.faces.push(face);
+            surface.vertices_of_face.push(*triangle);
             surface.triangle_of_face.push(index as u32);
             surface.normals.push(double / length);
             surface.areas.push(length / 2.0);

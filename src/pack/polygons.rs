@@ -15,7 +15,7 @@ use crate::math::camera::View;
 use glam::{DVec2, DVec3, Vec3};
 
 /// By how much of the radius a disc reaches beyond its cuts, so that rounding leaves no gap between two that meet at an edge.
-const CUT_SLACK: f64 = 1e-4;
+pub const CUT_SLACK: f64 = 1e-4;
 
 /// By how much the corners around a circle lie outside, so that rounding to single precision cuts nothing off.
 const CIRCLE_SLACK: f64 = 1e-6;
@@ -137,7 +137,7 @@ impl OrientedPolygon {
             shading_normal: frame.normal.as_vec3(),
             color,
             shape_operator: [0.0; 3],
-            unused: 0,
+            spread: 0.0,
         })
     }
 
@@ -157,9 +157,20 @@ impl OrientedPolygon {
             }
             (corners.len() <= Self::MOST_CORNERS).then_some(corners)
         })?;
+        Self::within_circle(frame, radius, &corners, color)
+    }
+
+    /// A flat polygon with these corners, of which no more is drawn than lies within a circle around the center of the plane;
+    /// `None` as for [`Self::flat`].
+    pub fn within_circle(
+        frame: &PlaneFrame,
+        radius: f64,
+        corners: &[DVec2],
+        color: [u8; 4],
+    ) -> Option<Self> {
         Some(Self {
             round_radius: radius as f32,
-            ..Self::flat(frame, &corners, color)?
+            ..Self::flat(frame, corners, color)?
         })
     }
 
@@ -184,14 +195,14 @@ impl OrientedPolygon {
         self.shading_normal + (s0 * u + s1 * v) * self.axis + (s1 * u + s2 * v) * self.second_axis()
     }
 
-    /// The viewer is on the normal's side of the plane.
+    /// The viewer is on the normal's side of the plane, or may be on that of a face that the polygon stands for.
     pub fn faces(&self, view: &View) -> bool {
         let towards = if view.is_perspective {
             view.eye - self.center
         } else {
             view.backward
         };
-        self.normal.dot(towards) > 0.0
+        self.normal.dot(towards) > -self.spread * towards.length()
     }
 
     /// Whether the footprint contains these coordinates, the round bound included.

@@ -1,11 +1,14 @@
 //! Splats from vertices of what is drawn, made once and kept while models and rules stay.
 
 use crate::abi::OrientedPolygon;
+use crate::math::octahedral;
+use crate::oriented::look::VertexLook;
 use crate::oriented::splats::{SplatRules, splats_of};
 use crate::oriented::surface::WeldedSurface;
 use crate::render::Settings;
 use crate::render::model_facts::DrawnParts;
 use crate::tree::Model;
+use glam::DVec3;
 
 /// The splats of all parts, and the triangles that are drawn beside them.
 #[derive(Debug, Default)]
@@ -47,15 +50,19 @@ impl VertexSplats {
     }
 }
 
-/// Splats of a model and the triangles beside them. A point has the color of the first vertex that lies there.
+/// Splats of a model and the triangles beside them.
 fn of_model(model: &Model, rules: &SplatRules) -> (Vec<OrientedPolygon>, Vec<u32>) {
     let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
     let surface = WeldedSurface::new(&positions, &model.triangles);
-    let mut colors = vec![[255; 4]; surface.points.len()];
-    for (&point, vertex) in surface.point_of_vertex.iter().zip(&model.vertices).rev() {
-        let [red, green, blue, _] = vertex.color;
-        colors[point as usize] = [red, green, blue, 255];
-    }
-    let set = splats_of(&surface, &colors, rules);
+    let looks: Vec<VertexLook> = (model.vertices.iter())
+        .map(|vertex| VertexLook {
+            normal: match vertex.color[3] {
+                0 => DVec3::ZERO,
+                _ => octahedral::decode(vertex.normal).as_dvec3(),
+            },
+            color: vertex.color,
+        })
+        .collect();
+    let set = splats_of(&surface, &looks, rules);
     (set.splats, set.triangles)
 }

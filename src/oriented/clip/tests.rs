@@ -18,8 +18,7 @@ fn rules(degrees: f64) -> SplatRules {
 
 fn set_of(mesh: &Mesh, rules: &SplatRules) -> (WeldedSurface, SplatSet) {
     let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
-    let colors = vec![[255; 4]; surface.points.len()];
-    let set = splats_of(&surface, &colors, rules);
+    let set = splats_of(&surface, &[], rules);
     (surface, set)
 }
 
@@ -131,8 +130,9 @@ fn a_cube_of_eight_vertices_is_a_cube() {
 fn an_l_shape_is_cut_at_convex_and_concave_edges() {
     let mesh = l_shape();
     let (surface, set) = set_of(&mesh, &rules(20.0));
-    // Where the top has its reflex corner no half planes bound a splat: those triangles are drawn.
-    assert_eq!((set.flagged_points, set.splats.len()), (2, 30));
+    // Where top and bottom have their reflex corner no half planes bound a splat: the four triangles around it are drawn,
+    // which are the whole L. Its walls have two splats at each of 12 points.
+    assert_eq!((set.triangles.len(), set.splats.len()), (8, 24));
     assert!(overhang(&surface, &set).most < 2e-4);
     assert_eq!(uncovered_share(&surface, &set, 200, 0.01), 0.0);
     for view in views(&mesh, 100) {
@@ -150,21 +150,9 @@ fn a_flat_grid_is_cut_along_its_border_alone() {
     assert_eq!(uncovered_share(&surface, &set, 100, 0.01), 0.0);
     let radius = set.splats_of_point(24)[0].round_radius;
     assert!(
-        (radius - 0.5f32.sqrt()).abs() < 1e-6,
+        (radius - 1.02 * 0.5f32.sqrt()).abs() < 1e-6,
         "half the diagonal covers"
     );
-    // With any angle allowed nothing but the border is left to cut at.
-    let ridge = grid(6, |x, _| -(x - 3.0).abs());
-    let (_, wide) = set_of(&ridge, &rules(180.0));
-    let whole = set_of(
-        &ridge,
-        &SplatRules {
-            weight: crate::oriented::angle_test::FaceWeight::Area,
-            ..SplatRules::default()
-        },
-    )
-    .1;
-    assert_eq!(wide.splats_of_point(24), whole.splats_of_point(24));
 }
 
 #[test]

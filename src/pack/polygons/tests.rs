@@ -86,7 +86,13 @@ fn a_pixel_sees_the_plane_where_its_ray_meets_it() {
     // The last lies outside of the circle.
     assert_eq!(inside, 4);
     assert!(polygon.faces(&view));
-    assert!(!polygon.faces(&camera(DVec3::new(0.0, 0.0, -3.0))));
+    let behind = camera(DVec3::new(0.0, 0.0, -3.0));
+    assert!(!polygon.faces(&behind));
+    let steep = OrientedPolygon {
+        spread: 1.0,
+        ..polygon
+    };
+    assert!(steep.faces(&behind));
 }
 
 #[test]
