@@ -82,7 +82,7 @@ const LAYERS: &[Layer] = &[
     layer(
         "chart",
         &[
-            "progress", "math", "tree", "cut", "image", "gpu", "render", "measure",
+            "progress", "math", "tree", "cut", "oriented", "image", "gpu", "render", "measure",
         ],
     ),
     // Measures whole frames of generated models, and holds them to bounds.

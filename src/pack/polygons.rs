@@ -385,6 +385,37 @@ impl ScreenPolygon {
         if self.outside_px(at) > self.margin_px {
             return None;
         }
+        self.sample_inside(at)
+    }
+
+    /// Left and right end, pixels, of what [`ScreenPolygon::sample`] may cover in a row of window y; empty where left is right
+    /// of right. Exact but where the polygon is widened.
+    pub fn span(&self, y: f64) -> [f64; 2] {
+        let [low, high] = self.bounds();
+        if self.margin_px > 0.0 {
+            return [low.x, high.x];
+        }
+        let corners = self.corners();
+        let mut from = corners[corners.len() - 1];
+        let mut span = [low.x, high.x];
+        for &to in corners {
+            let edge = to - from;
+            // Inside is where edge x (at - from) is not negative.
+            let across = from.x + edge.x * (y - from.y) / edge.y;
+            if edge.y > 0.0 {
+                span[1] = span[1].min(across);
+            } else if edge.y < 0.0 {
+                span[0] = span[0].max(across);
+            } else if edge.x * (y - from.y) < 0.0 {
+                return [f64::INFINITY, f64::NEG_INFINITY];
+            }
+            from = to;
+        }
+        span
+    }
+
+    /// What is seen at a window position that the widened polygon covers; `None` outside of the round bound.
+    pub fn sample_inside(&self, at: DVec2) -> Option<PolygonSample> {
         let through = at * self.ray_scale + self.ray_offset;
         let [low, high] = self.distances;
         let distance = if self.is_perspective {

@@ -38,7 +38,8 @@ impl AvailableBackends {
         outputs: PictureOutputs,
         size: [u32; 2],
     ) -> Result<FrameBackend, Error> {
-        let is_left = self.has_device && !(settings.path == Path::Auto && settings.has_cut());
+        let is_own = settings.has_cut() || settings.drawn_vertex_splats().is_some();
+        let is_left = self.has_device && !(settings.path == Path::Auto && is_own);
         let reason = match self.has_cpu {
             false => Some("it is not asked for"),
             true if is_left => Some("it is left to the device"),

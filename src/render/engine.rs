@@ -73,7 +73,8 @@ impl Backend {
         let can = unsupported_reason(settings, PictureOutputs::default(), [1, 1]).is_none();
         match self {
             Self::Device(gpu) => {
-                can && gpu.info().is_cpu() && settings.path == Path::Auto && settings.has_cut()
+                let is_own = settings.has_cut() || settings.drawn_vertex_splats().is_some();
+                can && gpu.info().is_cpu() && settings.path == Path::Auto && is_own
             }
             Self::Cpu | Self::WithoutDevice => can,
             Self::Vulkan(_) | Self::Mirror => false,

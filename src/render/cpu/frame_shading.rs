@@ -120,6 +120,22 @@ impl FrameShading {
         ShadedPoint { color, normal }
     }
 
+    /// A point of an oriented polygon, in model space, under a normal of any length.
+    pub(super) fn of_polygon(&self, position: Vec3, normal: Vec3, color: Vec3) -> ShadedPoint {
+        let unit = unit_or_zero(normal);
+        let color = if self.has_headlight() {
+            let to_light = self.headlight.truncate() - position * self.headlight.w;
+            self.albedo(color, SPLAT_TINT) * self.lambert(normal, to_light)
+        } else {
+            let at = self.view_from_model.transform_point3(position);
+            self.other(at, self.turn * unit / self.model_scale, color, SPLAT_TINT)
+        };
+        ShadedPoint {
+            color,
+            normal: unit,
+        }
+    }
+
     /// A triangle that covers few pixels, as a splat of one; not in colors by primitive.
     pub(super) fn of_sample(&self, sample: &Splat) -> ShadedPoint {
         let point = self.of_splat(sample);

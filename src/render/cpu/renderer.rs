@@ -1,5 +1,6 @@
 //! Whole frames on the processor: cut, pack and draw, triangles of any size included. No device is needed.
 
+mod polygons;
 mod surfaces;
 
 use crate::abi::{FilteredSplat, FrameConstants, Splat, Vertex};
@@ -31,6 +32,7 @@ use crate::render::stats::FrameCounts;
 use crate::render::stats::FrameTimes;
 use crate::render::stats::{CutAhead, FrameStage, KeptWork};
 use crate::render::technique::Technique;
+use crate::render::vertex_splats::VertexSplats;
 use crate::render::{Method, PictureOutputs, Settings, SplatKind};
 use crate::tree::Model;
 use bytemuck::Zeroable;
@@ -54,6 +56,7 @@ pub struct CpuRenderer {
     size: [u32; 2],
     selector: CutSelector,
     pub(super) cuts: PartCuts,
+    vertex_splats: VertexSplats,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
     chosen: Option<(u64, CutKey)>,
     /// What the last frame was of, where it may be kept.
@@ -97,6 +100,7 @@ impl CpuRenderer {
             size: [width, height],
             selector: CutSelector::default().with_subpixel_bits(SUBPIXEL_BITS),
             cuts: PartCuts::default(),
+            vertex_splats: VertexSplats::default(),
             chosen: None,
             drawn: None,
             keeps_frames: false,
@@ -203,6 +207,7 @@ impl CpuRenderer {
         };
         let counts = match plan.technique {
             Technique::Filtered => self.draw_filtered(&frame, &mut pixels),
+            Technique::Polygons => self.draw_vertex_splats(&frame, &light, &mut pixels),
             _ if self.needs_surfaces(settings) => self.draw_surfaces(&frame, &light, &mut pixels),
             _ => self.draw_opaque(&frame, &light, &mut pixels),
         };
@@ -395,26 +400,6 @@ impl CpuRenderer {
                 .push(rest.iter().flatten().copied().collect());
         }
         (points, found)
-    }
-
-    /// Sets the triangles up that are drawn as such.
-    fn set_triangles(&mut self, frame: &CpuFrame<'_>, samples_triangles: bool) {
-        if !samples_triangles && frame.settings.method == Method::Triangles {
-            let all = |part: FactedModel<'_>| (0..part.model.triangles.len() as u32).collect();
-            self.triangle_ids = frame.drawn.iter().map(all).collect();
-        }
-        let ids: Vec<&[u32]> = match frame.settings.method {
-            Method::Pop if !samples_triangles => {
-                self.cuts.iter().map(|cut| &*cut.triangles).collect()
-            }
-            _ => self.triangle_ids.iter().map(|ids| &**ids).collect(),
-        };
-        self.triangles_given = ids.iter().map(|ids| ids.len()).sum();
-        let models = frame.drawn.iter().map(|part| part.model);
-        let drawn: Vec<(&Model, &[u32])> = models.zip(ids).collect();
-        let light = Light::of_frame(frame.constants, frame.corner_screen());
-        let is_lit = self.triangles.set_all(&drawn, Some(light));
-        debug_assert!(is_lit, "there is a light");
     }
 
     /// Filtered splats and triangles: depths, sums, and their quotients.

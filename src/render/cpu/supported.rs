@@ -28,7 +28,7 @@ pub fn unsupported_reason(
     } else {
         match Technique::of(settings) {
             Technique::Nothing => None,
-            Technique::Polygons => Some("it draws no splats from vertices"),
+            Technique::Polygons => None,
             Technique::Opaque if settings.footprint() == Footprint::Oriented => {
                 Some("it draws no discs in the plane of the surface; use --splat square or disc")
             }
