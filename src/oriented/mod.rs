@@ -13,6 +13,7 @@
 
 pub mod angle_test;
 pub mod clip;
+pub mod cones;
 #[cfg(test)]
 pub(crate) mod for_tests;
 pub mod look;

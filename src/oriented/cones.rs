@@ -1,0 +1,253 @@
+//! Dietz's cones of normals with an anchor (methods 5.4, after L. Shirman and S. Abi-Ezzi, 1993), his faults, and what is right.
+//!
+//! Points lie in a frustum of a cone around the mean axis a, of half angle alpha, between a lower and an upper circle. Seen
+//! from a cone of half angle pi/2 - alpha above it all faces turn to the eye, from one below it none does. Three things
+//! in his text are wrong:
+//!
+//! * The test as printed tells who is outside of a region, and is used as if it told who is inside.
+//! * The apex of the lower region follows from the lower circle. Above 45 degrees the upper one binds.
+//! * The radius of a circle is half the side of a box, which does not reach the corners of that.
+
+use glam::DVec3;
+
+/// Which of the tests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ConeRule {
+    /// His, as printed.
+    Printed,
+    /// His, with the inequality turned round.
+    Turned,
+    /// Right.
+    Corrected,
+}
+
+/// What of a group of faces an eye sees.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ConeSide {
+    /// All their fronts.
+    Front,
+    /// All their backs.
+    Back,
+    /// Some of each, or it cannot be told.
+    Neutral,
+}
+
+/// The regions of eyes of a group of faces.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct AnchoredCone {
+    axis: DVec3,
+    sine: f64,
+    front_apex: DVec3,
+    back_apex: DVec3,
+    rule: ConeRule,
+}
+
+impl AnchoredCone {
+    /// The regions of faces with these corners and unit normals; `None` where the normals spread over half a sphere or more,
+    /// or there are none: nothing can be told.
+    pub fn new(corners: &[DVec3], normals: &[DVec3], rule: ConeRule) -> Option<Self> {
+        let (low, high) = box_of(normals)?;
+        let axis = ((low + high) / 2.0).try_normalize()?;
+        let cosine = normals.iter().map(|n| axis.dot(*n)).fold(1.0, f64::min);
+        if cosine < 1e-3 {
+            return None;
+        }
+        let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+        let tangent = sine / cosine;
+        let heights = || corners.iter().map(|c| axis.dot(*c));
+        let lowest = corners
+            .iter()
+            .min_by(|a, b| axis.dot(**a).total_cmp(&axis.dot(**b)))?;
+        let height = heights().fold(f64::NEG_INFINITY, f64::max) - axis.dot(*lowest);
+        // Every point goes down to the lower plane along the side of the cone; those within it to the apex.
+        let mut feet = vec![*lowest];
+        for corner in corners {
+            let up = axis.dot(*corner - *lowest);
+            let across = *corner - *lowest - up * axis;
+            let length = across.length();
+            let left = length - up * tangent;
+            if left > 0.0 {
+                feet.push(*lowest + across * (left / length));
+            }
+        }
+        let (low, high) = box_of(&feet)?;
+        // The middle of the box lies off the plane by rounding only.
+        let middle = (low + high) / 2.0;
+        let middle = middle - axis * axis.dot(middle - *lowest);
+        let radius = match rule {
+            ConeRule::Corrected => feet.iter().map(|f| f.distance(middle)).fold(0.0, f64::max),
+            ConeRule::Printed | ConeRule::Turned => ((high - low) / 2.0).max_element(),
+        };
+        let upper = radius + height * tangent;
+        let below = match rule {
+            ConeRule::Corrected => (-radius * tangent).min(height - upper * tangent),
+            ConeRule::Printed | ConeRule::Turned => -radius * tangent,
+        };
+        Some(Self {
+            axis,
+            sine,
+            front_apex: middle + axis * (height + upper * tangent),
+            back_apex: middle + axis * below,
+            rule,
+        })
+    }
+
+    /// What an eye sees.
+    pub fn side(&self, eye: DVec3) -> ConeSide {
+        // An eye in an apex has no direction, and sees no front.
+        let front = self.axis.dot((eye - self.front_apex).normalize_or_zero());
+        let back = -self.axis.dot((eye - self.back_apex).normalize_or_zero());
+        // Rounding must not make a back of what is edge-on.
+        let limit = self.sine + 1e-12;
+        let [front, back] = [front > limit, back > limit];
+        match self.rule {
+            ConeRule::Printed if !back => ConeSide::Back,
+            ConeRule::Printed if !front => ConeSide::Front,
+            ConeRule::Printed => ConeSide::Neutral,
+            _ if back => ConeSide::Back,
+            _ if front => ConeSide::Front,
+            _ => ConeSide::Neutral,
+        }
+    }
+}
+
+/// Smallest and largest coordinates; `None` of no points.
+fn box_of(points: &[DVec3]) -> Option<(DVec3, DVec3)> {
+    let first = points.first()?;
+    Some((points.iter()).fold((*first, *first), |(low, high), &p| {
+        (low.min(p), high.max(p))
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::oriented::for_tests::{cube, grid, l_shape};
+    use crate::oriented::surface::WeldedSurface;
+    use glam::Vec3;
+
+    fn torus() -> Mesh {
+        let n = 24;
+        let mut mesh = grid(n, |_, _| 0.0);
+        for p in &mut mesh.positions {
+            let (u, v) = (
+                p.x / n as f32 * std::f32::consts::TAU,
+                p.y / n as f32 * std::f32::consts::TAU,
+            );
+            let across = 1.0 + 0.4 * v.cos();
+            *p = Vec3::new(across * u.cos(), across * u.sin(), 0.4 * v.sin());
+        }
+        mesh
+    }
+
+    /// Faces of every node of a tree that halves them along the longest side.
+    fn nodes(surface: &WeldedSurface) -> Vec<Vec<u32>> {
+        let mut nodes = vec![(0..surface.faces.len() as u32).collect::<Vec<u32>>()];
+        let mut next = 0;
+        while next < nodes.len() {
+            let mut faces = nodes[next].clone();
+            next += 1;
+            if faces.len() < 2 {
+                continue;
+            }
+            let middle = |face: u32| surface.corners(face).iter().sum::<DVec3>();
+            let middles: Vec<DVec3> = faces.iter().map(|&f| middle(f)).collect();
+            let (low, high) = box_of(&middles).unwrap();
+            let size = high - low;
+            let axis = (0..3).max_by(|&a, &b| size[a].total_cmp(&size[b])).unwrap();
+            faces.sort_by(|&a, &b| middle(a)[axis].total_cmp(&middle(b)[axis]));
+            let rest = faces.split_off(faces.len() / 2);
+            nodes.extend([faces, rest]);
+        }
+        nodes
+    }
+
+    /// How many faces that turn to the eye are culled, and how many nodes are.
+    fn culls(mesh: &Mesh, rule: ConeRule) -> [usize; 2] {
+        let surface = WeldedSurface::new(&mesh.positions, &mesh.triangles);
+        let nodes = nodes(&surface);
+        let cones: Vec<_> = (nodes.iter())
+            .map(|faces| {
+                let corners: Vec<DVec3> = faces.iter().flat_map(|&f| surface.corners(f)).collect();
+                let normals: Vec<DVec3> =
+                    faces.iter().map(|&f| surface.normals[f as usize]).collect();
+                AnchoredCone::new(&corners, &normals, rule)
+            })
+            .collect();
+        let [mut wrong, mut culled] = [0; 2];
+        let radius = surface.diagonal() / 2.0;
+        let center = surface.points.iter().sum::<DVec3>() / surface.points.len() as f64;
+        for k in 0..1000 {
+            let z = 1.0 - (2.0 * f64::from(k) + 1.0) / 1000.0;
+            let turn = f64::from(k) * 2.399_963_229_728_653;
+            let across = (1.0 - z * z).sqrt();
+            // From within the sphere around the model to three times its radius.
+            let distance = radius * (0.3 + 2.7 * (f64::from(k) * 0.618_034 % 1.0));
+            let eye = center + distance * DVec3::new(across * turn.cos(), across * turn.sin(), z);
+            for (faces, cone) in nodes.iter().zip(&cones) {
+                if cone.is_some_and(|cone| cone.side(eye) == ConeSide::Back) {
+                    culled += 1;
+                    let sees = |&&f: &&u32| {
+                        let to_eye = eye - surface.corners(f)[0];
+                        surface.normals[f as usize].dot(to_eye) > 1e-9 * radius
+                    };
+                    wrong += faces.iter().filter(sees).count();
+                }
+            }
+        }
+        [wrong, culled]
+    }
+
+    #[test]
+    fn his_tests_cull_what_is_seen_and_ours_does_not() {
+        let bumps = grid(20, |x, y| (x * 0.9).sin() * (y * 0.7).cos() * 2.0);
+        for (mesh, name) in [
+            (cube(), "cube"),
+            (torus(), "torus"),
+            (l_shape(), "L"),
+            (bumps, "bumps"),
+        ] {
+            let [wrong, culled] = culls(&mesh, ConeRule::Corrected);
+            assert!(wrong == 0 && culled > 1000, "{name}: {wrong} of {culled}");
+            let [printed, _] = culls(&mesh, ConeRule::Printed);
+            assert!(printed > 1000, "{name}: {printed}");
+        }
+        // With the inequality turned round the wide cones stay wrong.
+        let steep = grid(20, |x, y| (x * 0.9).sin() * (y * 0.7).cos() * 6.0);
+        assert!(culls(&steep, ConeRule::Turned)[0] > 0);
+        assert_eq!(culls(&steep, ConeRule::Corrected)[0], 0);
+    }
+
+    #[test]
+    fn a_vertex_normal_culls_a_face_that_is_seen() {
+        // F9: the corner of a cube by its mean normal, seen along a face.
+        let corner = DVec3::splat(0.5);
+        let eye = DVec3::new(3.0, -2.9, -2.9);
+        let mean = [DVec3::ONE.normalize()];
+        let by_vertex = AnchoredCone::new(&[corner], &mean, ConeRule::Corrected).unwrap();
+        assert_eq!(by_vertex.side(eye), ConeSide::Back);
+        let corners = [
+            corner,
+            DVec3::new(0.5, -0.5, 0.5),
+            DVec3::new(-0.5, 0.5, 0.5),
+            DVec3::new(0.5, 0.5, -0.5),
+        ];
+        let faces = [DVec3::X, DVec3::Y, DVec3::Z];
+        let by_faces = AnchoredCone::new(&corners, &faces, ConeRule::Corrected).unwrap();
+        assert_eq!(by_faces.side(eye), ConeSide::Neutral);
+        assert_eq!(by_faces.side(DVec3::splat(9.0)), ConeSide::Front);
+        assert_eq!(by_faces.side(DVec3::splat(-9.0)), ConeSide::Back);
+    }
+
+    #[test]
+    fn what_turns_everywhere_has_no_cone() {
+        assert!(
+            AnchoredCone::new(&[DVec3::ZERO], &[DVec3::X, -DVec3::X], ConeRule::Corrected)
+                .is_none()
+        );
+        assert!(AnchoredCone::new(&[DVec3::ZERO], &[], ConeRule::Corrected).is_none());
+        assert!(AnchoredCone::new(&[], &[DVec3::X], ConeRule::Corrected).is_none());
+    }
+}
