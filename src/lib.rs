@@ -57,6 +57,7 @@ pub mod open;
 pub mod oriented;
 pub mod pack;
 pub mod pages;
+pub mod patches;
 pub mod photos;
 pub mod progress;
 pub mod render;

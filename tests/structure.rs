@@ -50,6 +50,11 @@ const LAYERS: &[Layer] = &[
     // Splats from vertices, cut at edges: polygons of a mesh, without a tree.
     layer("oriented", &["math", "mesh", "abi", "pack"]),
     layer("image", &["math"]),
+    // Records of nodes as oriented polygons, the cut by their errors, and an exact picture of it.
+    layer(
+        "patches",
+        &["progress", "math", "abi", "tree", "cut", "pack", "image"],
+    ),
     // Vulkan knows records and layouts, but neither trees nor meshes.
     layer("gpu", &["abi"]),
     layer(
@@ -119,8 +124,8 @@ const LAYERS: &[Layer] = &[
         "cli",
         &[
             "progress", "math", "mesh", "input", "abi", "generate", "scenes", "tree", "cut",
-            "pack", "image", "gpu", "render", "measure", "photos", "failures", "chart", "bench",
-            "error", "open", "viewer",
+            "pack", "image", "patches", "gpu", "render", "measure", "photos", "failures", "chart",
+            "bench", "error", "open", "viewer",
         ],
     ),
 ];

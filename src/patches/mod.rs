@@ -1,0 +1,22 @@
+//! Error patches: a node is drawn as one oriented polygon as soon as its error is small, whatever its size.
+//!
+//! [`build`] makes a [`NodePatch`] of each node, once for a model; [`select`] chooses those that a view draws as patches;
+//! [`draw()`] makes an exact picture of them. Ours; no paper.
+
+mod build;
+mod cut;
+mod draw;
+mod edges;
+mod fit;
+mod footprint;
+mod nearest;
+mod record;
+#[cfg(test)]
+mod tests;
+
+pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, NodePatches, build};
+pub use cut::{
+    ErrorTolerances, PatchCut, PatchCutSettings, PatchRefusals, PatchTester, PatchVerdict, select,
+};
+pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
+pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
