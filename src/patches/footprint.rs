@@ -81,8 +81,9 @@ fn fitted(hull: &[Vec2], turn: u8) -> (CutRectangle, f32) {
     }
     let middle = 0.5 * (min + max);
     // Room for the rounding of single precision, and so that no side is zero.
-    let room = 4e-6 * (max - min).max_element() + 1e-7 * (min.abs().max(max.abs())).max_element();
-    let half = 0.5 * (max - min) + Vec2::splat(room.max(f32::MIN_POSITIVE));
+    let size = (max - min).max_element();
+    let room = (4e-6 * size + 1e-6 * (min.abs().max(max.abs())).max_element()).max(1e-30);
+    let half = 0.5 * (max - min) + Vec2::splat(room);
     let mut reach = [f32::NEG_INFINITY; 4];
     for &point in hull {
         let q = (turned(point) - middle) / half;
@@ -90,7 +91,9 @@ fn fitted(hull: &[Vec2], turn: u8) -> (CutRectangle, f32) {
             *reach = reach.max(q.dot(sign));
         }
     }
-    let cuts = reach.map(|reach| (2.0 - reach - 1e-5).clamp(0.0, 1.0));
+    // The same room, in half sides.
+    let slack = 2.0 * room / half.min_element();
+    let cuts = reach.map(|reach| (2.0 - reach - slack).clamp(0.0, 1.0));
     let share = 4.0 - 0.5 * cuts.iter().map(|cut| cut * cut).sum::<f32>();
     let rectangle = CutRectangle {
         turn,
