@@ -66,7 +66,7 @@ const LAYERS: &[Layer] = &[
     layer(
         "measure",
         &[
-            "progress", "math", "abi", "tree", "cut", "pack", "image", "gpu", "render",
+            "progress", "math", "abi", "tree", "cut", "pack", "image", "patches", "gpu", "render",
         ],
     ),
     // Calibrated photographs: their scenes know nothing of models; the look and its score draw one.

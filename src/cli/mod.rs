@@ -17,6 +17,7 @@ mod info;
 mod light;
 mod look;
 mod motion;
+mod patches;
 mod photos;
 mod profile;
 mod progress;
@@ -202,6 +203,8 @@ enum Command {
     Profile(Box<profile::Args>),
     /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
     Motion(Box<motion::Args>),
+    /// Measure nodes drawn as one polygon where their error is small, beside triangles and splats by size
+    Patches(Box<patches::Args>),
     /// Photographs on a mesh: draw it with them, or predict each from the others
     Photos(Box<photos::Args>),
     /// Draw the scenes that methods fail at, measure, and hold everything to its bounds
@@ -292,6 +295,7 @@ pub(crate) fn main() -> ExitCode {
         Some(Command::Scenes(args)) => scenes::run(args),
         Some(Command::Profile(args)) => profile::run(*args, quiet),
         Some(Command::Motion(args)) => motion::run(*args, quiet),
+        Some(Command::Patches(args)) => patches::run(*args, quiet),
         Some(Command::Photos(args)) => photos::run(*args, quiet),
         Some(Command::Stability(args)) => stability::run(args, quiet),
         Some(Command::Chart(args)) => chart::run(*args, quiet),

@@ -3,11 +3,12 @@
 //! [`crate::image::compare`] has the differences of colors; here are those of coverage ([`coverage()`]), outline
 //! ([`silhouette()`]), depth and normals ([`depth_error`], [`normal_error`]), those that people see ([`flip`],
 //! [`ssim`]), and the place where pictures differ most ([`worst_tile`]). [`profile`] is what a run of frames cost, with
-//! its report and its trace; [`temporal`] is how steady pictures are while time passes, and [`motion`] makes them.
+//! its report and its trace; [`patches`] sets the cut by error beside that by size; [`temporal`] is how steady pictures are while time passes, and [`motion`] makes them.
 
 mod coverage;
 pub mod frames;
 pub mod motion;
+pub mod patches;
 mod perceived;
 pub mod profile;
 pub mod report;

@@ -9,6 +9,7 @@ use super::edges;
 use super::fit::{self, FitCorner};
 use super::footprint::{self, HullScratch};
 use super::nearest::SurfaceDistance;
+use super::packed;
 use super::record::{NodePatch, RESIDUAL_LEVELS};
 use crate::math::octahedral;
 use crate::progress::Progress;
@@ -213,13 +214,14 @@ impl PatchSource<'_> {
         if !(own.area > 0.0 && own.vector.length() > 0.5 * own.area) {
             return None;
         }
-        let normal = own.vector.as_dvec3().normalize();
-        let sine = self.largest_sine(node, normal)?;
+        // Of 2 x 12 bit, so that the packed record has the same plane.
+        let normal = packed::rounded_normal(own.vector.normalize_or(Vec3::Z));
+        let sine = self.largest_sine(node, normal.as_dvec3())?;
         let half_angle = sine.min(1.0).asin() as f32 + 2e-4;
         if half_angle >= NodePatch::WIDEST {
             return None;
         }
-        let mut patch = self.extents(node, normal.as_vec3(), scratch)?;
+        let mut patch = self.extents(node, normal, scratch)?;
         patch.half_angle = half_angle;
         patch.flags = own.flags;
         self.shading(&mut patch, node, sums, scratch)?;

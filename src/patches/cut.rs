@@ -12,8 +12,9 @@
 //! 4. it is at least as wide as the least size.
 //!
 //! rho is the residual of the descendants that are about a pixel wide: what is finer is averaged anyway. Of a unit normal n and a
-//! fit m with |n - m| = r, |n . l - m . l| is at most r sin theta + r² / 2, so with the largest residual of the corners condition 3
-//! is a bound at every corner ([`PatchCutSettings::is_strict`]).
+//! fit m of length sigma with |n - m| = r, |n . l - m . l| is at most r sin T + (r² + 1 - sigma²) / 2 for the angle T of n and l.
+//! With the largest residual of the corners, and T that of any shading normal and any point of the ball, that is a bound at
+//! every corner ([`PatchCutSettings::is_strict`]).
 //!
 //! All else is as in [`crate::cut`]; with negative tolerances the lists are the same.
 
@@ -206,10 +207,19 @@ impl PatchTester {
                 PatchVerdict::Inside
             };
         }
+        let mut levels = 255.0 * patch.color_residual;
         let sine = widest.min(FRAC_PI_2).sin();
-        let rho = self.residual(patch, size_px);
-        let mut levels =
-            FULL_LEVELS * (rho * sine + 0.5 * rho * rho) + 255.0 * patch.color_residual;
+        if self.settings.is_strict {
+            // The light of the surface is that of the eye anywhere in the ball; shading normals may leave the cone of the faces.
+            let rho = patch.largest_residual;
+            let angle = theta + ball_angle + patch.half_angle.max(shading_angle(patch));
+            let uneven = 1.0 - patch.sigma * patch.sigma;
+            levels += FULL_LEVELS
+                * (rho * angle.min(FRAC_PI_2).sin() + 0.5 * (rho * rho + uneven.max(0.0)));
+        } else {
+            let rho = self.residual(patch, size_px);
+            levels += FULL_LEVELS * (rho * sine + 0.5 * rho * rho);
+        }
         let shift_px = patch.thickness * scale * sine;
         if !is_rim && shift_px > 0.25 {
             let cosine = widest.min(FRAC_PI_2).cos().max(1e-6);
@@ -248,9 +258,6 @@ impl PatchTester {
 
     /// The residual of what is about a pixel wide below a node of a size.
     fn residual(&self, patch: &NodePatch, size_px: f32) -> f32 {
-        if self.settings.is_strict {
-            return patch.largest_residual;
-        }
         let level = size_px.max(1.0).log2().ceil() as usize;
         // Above 16 pixels there is no level that fine: corners.
         let index = if level < RESIDUAL_LEVELS {
@@ -264,6 +271,21 @@ impl PatchTester {
             patch.residuals[index]
         }
     }
+}
+
+/// Largest angle of a corner's shading normal and the plane's normal: that of the fit anywhere in the footprint, and what the
+/// largest residual adds. Errs to too much.
+fn shading_angle(patch: &NodePatch) -> f32 {
+    let m = patch.mean_normal;
+    if m.z <= 0.0 {
+        return FRAC_PI_2;
+    }
+    let tangent = (m.truncate().length() + patch.curvature() * patch.half_extents.length()) / m.z;
+    // The chord is that of a unit normal and a fit of length sigma.
+    tangent.atan()
+        + (patch.largest_residual / patch.sigma.max(1e-3))
+            .min(1.0)
+            .asin()
 }
 
 /// A group of siblings that is to be looked at.

@@ -249,6 +249,8 @@ impl<'a> PatchCanvas<'a> {
                     };
                     distance += thickness + outside_px / px_per_unit;
                 }
+                // What was pushed back stays in the picture: it may be all that covers this pixel.
+                let distance = distance.clamp(self.view.near.into(), self.view.far.into());
                 let Some(index) = self.wins([x, y], distance as f32) else {
                     continue;
                 };

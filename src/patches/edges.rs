@@ -109,3 +109,54 @@ fn flag_of(model: &Model, edge: &[EdgeSide]) -> u8 {
         0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Mesh;
+    use crate::patches::tests::{of_mesh, sheet};
+    use glam::Vec3;
+
+    /// How many triangles have an open edge, and how many a sharp one.
+    fn counts(mesh: Mesh) -> [usize; 2] {
+        let flags = leaf_flags(&of_mesh(mesh));
+        [NodePatch::OPEN_EDGE, NodePatch::SHARP_EDGE]
+            .map(|flag| flags.iter().filter(|flags| *flags & flag != 0).count())
+    }
+
+    #[test]
+    fn borders_are_open_and_folds_are_sharp() {
+        let flat = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+        // Of a sheet of 5 by 4 cells 18 triangles lie at the border; two of them, at corners, with two edges.
+        assert_eq!(counts(sheet([5, 4], flat, |_, _| false)), [18 - 2, 0]);
+        let fold = |angle: f32| {
+            let (sin, cos) = angle.to_radians().sin_cos();
+            let bend = move |x: f32, y: f32| {
+                let beyond = (x - 0.5).max(0.0);
+                Vec3::new(x.min(0.5) + beyond * cos, y, beyond * sin)
+            };
+            counts(sheet([4, 4], bend, |_, _| false))[1]
+        };
+        assert_eq!((fold(29.0), fold(31.0)), (0, 8));
+    }
+
+    #[test]
+    fn doubled_vertices_are_no_border_and_three_triangles_at_an_edge_are() {
+        let flat = |x: f32, y: f32| Vec3::new(x, y, 0.0);
+        let whole = sheet([4, 4], flat, |_, _| false);
+        let mut apart = Mesh::default();
+        for triangle in &whole.triangles {
+            let first = apart.positions.len() as u32;
+            (apart.positions).extend(triangle.map(|corner| whole.positions[corner as usize]));
+            apart.triangles.push([first, first + 1, first + 2]);
+        }
+        assert_eq!(counts(apart), counts(whole.clone()));
+        let mut fin = whole;
+        let top = fin.positions.len() as u32;
+        fin.positions.push(Vec3::new(0.5, 0.5, 1.0));
+        // On an edge between two triangles in the middle.
+        let open = counts(fin.clone())[0];
+        fin.triangles.push([6, 7, top]);
+        assert_eq!(counts(fin), [open + 3, 0]);
+    }
+}

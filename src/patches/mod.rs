@@ -10,6 +10,7 @@ mod edges;
 mod fit;
 mod footprint;
 mod nearest;
+mod packed;
 mod record;
 #[cfg(test)]
 mod tests;
@@ -19,4 +20,5 @@ pub use cut::{
     ErrorTolerances, PatchCut, PatchCutSettings, PatchRefusals, PatchTester, PatchVerdict, select,
 };
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
+pub use packed::{PackedPatch, PackedPatchColors};
 pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
