@@ -3,6 +3,8 @@
 
 #[path = "common/models.rs"]
 mod common_models;
+#[path = "tree/flat_split.rs"]
+mod flat_split;
 #[path = "tree/gaps.rs"]
 mod gaps;
 #[path = "tree/models.rs"]

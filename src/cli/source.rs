@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use surfel::input::{self, ColorSetting, PointColoring};
 use surfel::progress::Progress;
 use surfel::render::paged_model::PagedModelOptions;
-use surfel::tree::BuildOptions;
+use surfel::tree::{BuildOptions, SplitRule};
 use surfel::{OpenOptions, OpenedModel};
 
 /// The model of a command.
@@ -33,6 +33,19 @@ pub(crate) struct SurfaceArgs {
     /// Edges of more than this angle are sharp; 0 shades each triangle flat, 180 smooths all, both without the file's normals [default: the file's normals, else 40]
     #[arg(long, value_name = "DEGREES", value_parser = parse_crease)]
     crease: Option<f32>,
+    /// How triangles are divided into nodes: along the longest axis, or so that nodes are flat, for patches (builds longer)
+    #[arg(long, value_name = "RULE", default_value = "longest")]
+    split: SplitChoice,
+}
+
+/// [`SplitRule`] by its name.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+enum SplitChoice {
+    /// Along the longest axis.
+    #[default]
+    Longest,
+    /// So that nodes are flat.
+    Flat,
 }
 
 fn parse_crease(text: &str) -> Result<f32, String> {
@@ -154,6 +167,10 @@ pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> 
         streams_pages: false,
         tree: BuildOptions {
             crease_degrees: surface.crease,
+            split: match surface.split {
+                SplitChoice::Longest => SplitRule::Longest,
+                SplitChoice::Flat => SplitRule::Flat,
+            },
             ..BuildOptions::default()
         },
     }

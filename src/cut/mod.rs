@@ -6,6 +6,7 @@
 mod batch;
 mod coherent;
 mod device_constants;
+mod four;
 mod frustum_and_size;
 mod normal_cone;
 mod occlusion;
@@ -14,6 +15,7 @@ mod siblings;
 mod strip;
 
 pub use crate::cut::device_constants::most_splats;
+pub use crate::cut::four::{FourBalls, FourNodes};
 pub use crate::cut::frustum_and_size::NodeTester;
 pub use crate::cut::normal_cone::FacingTest;
 pub use crate::cut::occlusion::footprints::{SplatFootprints, ZeroAreaSet};

@@ -192,18 +192,6 @@ impl NodeTester {
         let (counts, fits) = counts(half, width, balls, &frame);
         (counts, V::bits(fits & counts.le(most)))
     }
-
-    /// How many splats along its strip stand for a node of the tree, where such a row will do. Means nothing for a node that is
-    /// small enough to be one splat.
-    pub fn splats_in_row(&self, index: u32, node: &Node) -> Option<u32> {
-        let (spheres, [_, axis, sine, shape]) = siblings::of_nodes(&[*node; 4]);
-        let balls: siblings::SphereLanes = self.balls(spheres);
-        let words = PackedNodeLanes { axis, sine, shape };
-        let most = self.most_in_row(index, &words);
-        let is_likely = self.may_be_rows(&balls, &words, most) & 1 != 0;
-        let (counts, fits) = self.rows(&balls, &words, most);
-        (is_likely && fits & 1 != 0).then_some(counts.x as u32)
-    }
 }
 
 /// Center of splat `index` (0 to `count` - 1) of a strip drawn as `count` splats, model space.

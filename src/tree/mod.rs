@@ -10,6 +10,7 @@ mod build;
 mod check;
 mod closed;
 pub mod file;
+mod flat_partition;
 mod framed;
 mod inside;
 mod kind;
@@ -29,7 +30,7 @@ mod summary;
 mod thickness;
 
 pub use access::MemoryBytes;
-pub use build::{BuildOptions, build, build_with_radii};
+pub use build::{BuildOptions, SplitRule, build, build_with_radii};
 pub use check::{CheckReport, check, links};
 pub use framed::FramedPart;
 pub use kind::{ModelKind, OrbitSphere};

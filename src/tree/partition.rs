@@ -89,10 +89,19 @@ pub(super) struct TreePartition<'a> {
 
 /// A run of siblings: nodes (or leaves) `first..end` of `level`.
 #[derive(Clone, Copy)]
-struct PartitionRun {
+pub(super) struct PartitionRun {
     level: usize,
     first: u32,
     end: u32,
+}
+
+impl PartitionRun {
+    /// The root alone: all leaves.
+    pub(super) const ROOT: Self = Self {
+        level: 0,
+        first: 0,
+        end: 1,
+    };
 }
 
 impl TreePartition<'_> {
@@ -102,14 +111,9 @@ impl TreePartition<'_> {
         if items.len() < 2 {
             return;
         }
-        let root = PartitionRun {
-            level: 0,
-            first: 0,
-            end: 1,
-        };
         let bounds = Bounds::of(items);
         self.divide(
-            root,
+            PartitionRun::ROOT,
             items,
             spare,
             true,
@@ -120,7 +124,7 @@ impl TreePartition<'_> {
 
     /// Descends to a run of several items, or `None` at a single leaf.
     #[inline]
-    fn descend(&self, mut run: PartitionRun) -> Option<PartitionRun> {
+    pub(super) fn descend(&self, mut run: PartitionRun) -> Option<PartitionRun> {
         while run.end - run.first == 1 {
             let level = self.shape.levels.get(run.level)?;
             run = PartitionRun {
@@ -134,7 +138,7 @@ impl TreePartition<'_> {
 
     /// Both halves of a run and the number of leaves in the first.
     #[inline]
-    fn halves(&self, run: PartitionRun) -> (PartitionRun, PartitionRun, usize) {
+    pub(super) fn halves(&self, run: PartitionRun) -> (PartitionRun, PartitionRun, usize) {
         let middle = run.first + (run.end - run.first) / 2;
         let count =
             self.shape.leaf_start(run.level, middle) - self.shape.leaf_start(run.level, run.first);

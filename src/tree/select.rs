@@ -18,7 +18,7 @@ pub(super) struct SelectScratch {
 
 /// An integer that orders like the float; -0 equals +0.
 #[inline]
-fn ordered(key: f32) -> u32 {
+pub(super) fn ordered(key: f32) -> u32 {
     let bits = (key + 0.0).to_bits();
     bits ^ (((bits as i32) >> 31) as u32 | 0x8000_0000)
 }
