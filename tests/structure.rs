@@ -53,7 +53,9 @@ const LAYERS: &[Layer] = &[
     // Records of nodes as oriented polygons, the cut by their errors, and an exact picture of it.
     layer(
         "patches",
-        &["progress", "math", "abi", "tree", "cut", "pack", "image"],
+        &[
+            "progress", "math", "threads", "simd", "abi", "tree", "cut", "pack", "image",
+        ],
     ),
     // Vulkan knows records and layouts, but neither trees nor meshes.
     layer("gpu", &["abi"]),

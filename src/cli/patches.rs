@@ -123,7 +123,6 @@ impl Args {
             },
             tolerances: self.error,
             least_px: self.least,
-            is_strict: self.strict,
             tiny_polygons: false,
         };
         let tiny = PatchCutSettings {
@@ -157,6 +156,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         views: views.collect::<Result<_, Failure>>()?,
         samples: args.grid,
         cuts: args.cuts(model.is_closed),
+        is_strict: args.strict,
         repeats: args.repeats,
     };
     let findings = measure(model, &records, &plan, &bar)?;

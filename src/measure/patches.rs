@@ -8,7 +8,8 @@ use super::{PIXELS_PER_DEGREE, flip};
 use crate::image::{Image, compare};
 use crate::math::camera::View;
 use crate::patches::{
-    NodePatches, PatchCut, PatchCutSettings, PatchRefusals, PatchStyle, draw, select,
+    NodePatches, PatchConditions, PatchCut, PatchCutSettings, PatchRefusals, PatchSelector,
+    PatchStyle, draw,
 };
 use crate::progress::Progress;
 use crate::render::PictureOutputs;
@@ -29,6 +30,8 @@ pub struct PatchPlan {
     pub samples: u32,
     /// The cuts by error, and a name of each.
     pub cuts: Vec<(String, PatchCutSettings)>,
+    /// Bound the shade at every corner.
+    pub is_strict: bool,
     /// Cuts of each kind that are timed; the median counts.
     pub repeats: u32,
 }
@@ -54,7 +57,7 @@ pub struct PatchRow {
     pub triangles: u64,
     /// Samples of polygons, hidden ones too.
     pub polygon_samples: u64,
-    /// Time of the cut, milliseconds; that by error takes one thread.
+    /// Time of the cut, milliseconds.
     pub cut_ms: f64,
     /// Mean FLIP over the picture.
     pub flip: f64,
@@ -100,6 +103,12 @@ pub fn measure(
     let triangles = Settings {
         method: Method::Triangles,
         ..by_size
+    };
+    let mut drawn = DrawnPatches {
+        model,
+        patches,
+        conditions: PatchConditions::new(model, patches, plan.is_strict),
+        selector: PatchSelector::default(),
     };
     let each = 2 + plan.cuts.len();
     progress.stage("comparing", (plan.views.len() * each) as u64);
@@ -150,7 +159,7 @@ pub fn measure(
         let image = engine.read(view)?;
         judge(row, image)?;
         for (way, settings) in &plan.cuts {
-            let (row, image) = by_error((model, patches), view, settings, plan.repeats);
+            let (row, image) = drawn.by_error(view, settings, plan.repeats);
             let way = way.clone();
             judge(PatchRow { way, ..row }, image)?;
         }
@@ -166,40 +175,50 @@ fn of_one_size<T>(found: Result<T, crate::image::Error>) -> T {
     }
 }
 
-/// A cut by error, timed and drawn.
-fn by_error(
-    (model, patches): (&Model, &NodePatches),
-    view: &View,
-    settings: &PatchCutSettings,
-    repeats: u32,
-) -> (PatchRow, Image) {
-    let mut cut = PatchCut::default();
-    let mut times = Vec::new();
-    for _ in 0..repeats.max(1) {
-        let start = Instant::now();
-        select(model, patches, view, settings, &mut cut);
-        times.push(start.elapsed().as_secs_f64() * 1e3);
+/// A model with all that its cuts by error need.
+struct DrawnPatches<'a> {
+    model: &'a Model,
+    patches: &'a NodePatches,
+    conditions: PatchConditions,
+    selector: PatchSelector,
+}
+
+impl DrawnPatches<'_> {
+    /// A cut by error, timed and drawn.
+    fn by_error(
+        &mut self,
+        view: &View,
+        settings: &PatchCutSettings,
+        repeats: u32,
+    ) -> (PatchRow, Image) {
+        let mut cut = PatchCut::default();
+        let mut times = Vec::new();
+        for _ in 0..repeats.max(1) {
+            let start = Instant::now();
+            (self.selector).select(self.model, &self.conditions, view, settings, &mut cut);
+            times.push(start.elapsed().as_secs_f64() * 1e3);
+        }
+        let style = PatchStyle {
+            background: Settings::default().background,
+            square_px: settings.cut.threshold_px.max(1.0),
+            ..PatchStyle::default()
+        };
+        let picture = draw(self.model, self.patches, &cut, view, &style);
+        let [drawn, tiny] = [&cut.patches, &cut.tiny].map(|ids| ids.len() as u64);
+        let triangles = cut.rest.triangles.len() as u64;
+        let primitives = cut.primitives() as u64;
+        let row = PatchRow {
+            visited: cut.rest.stats.visited,
+            primitives,
+            patches: drawn,
+            tiny,
+            squares: primitives - drawn - tiny - triangles,
+            triangles,
+            polygon_samples: picture.polygon_samples,
+            cut_ms: super::ValueDistribution::of(&times).median,
+            refused: cut.refused,
+            ..PatchRow::default()
+        };
+        (row, picture.image)
     }
-    let style = PatchStyle {
-        background: Settings::default().background,
-        square_px: settings.cut.threshold_px.max(1.0),
-        ..PatchStyle::default()
-    };
-    let picture = draw(model, patches, &cut, view, &style);
-    let [drawn, tiny] = [&cut.patches, &cut.tiny].map(|ids| ids.len() as u64);
-    let triangles = cut.rest.triangles.len() as u64;
-    let primitives = cut.primitives() as u64;
-    let row = PatchRow {
-        visited: cut.rest.stats.visited,
-        primitives,
-        patches: drawn,
-        tiny,
-        squares: primitives - drawn - tiny - triangles,
-        triangles,
-        polygon_samples: picture.polygon_samples,
-        cut_ms: super::ValueDistribution::of(&times).median,
-        refused: cut.refused,
-        ..PatchRow::default()
-    };
-    (row, picture.image)
 }

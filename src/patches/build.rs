@@ -27,6 +27,9 @@ const SAMPLES: [usize; 2] = [4, 16];
 /// Grey levels of a surface that faces the light: 0.8 times 255.
 pub const FULL_LEVELS: f32 = 204.0;
 
+/// Corners up to which a sample is looked for among the triangles of its own node first: those of 16.
+const FEW_CORNERS: usize = 48;
+
 /// Nodes that a thread takes at a time.
 const CHUNK: usize = 64;
 
@@ -399,12 +402,22 @@ impl PatchSource<'_> {
     ) -> f32 {
         let count = SAMPLES[usize::from(patch.has_rim())];
         let mut most = patch.thickness;
+        let PatchScratch { corners, row, .. } = scratch;
+        let few = if corners.len() <= FEW_CORNERS {
+            &corners[..]
+        } else {
+            &[]
+        };
         let distance = |at: Vec2, most: &mut f32| {
+            // A triangle below or above it is at most the thickness away.
+            let is_covered = |t: &[FitCorner]| is_in_triangle(at, [t[0].at, t[1].at, t[2].at]);
+            if few.chunks_exact(3).any(is_covered) {
+                return *most;
+            }
             let found = self.surface.of(patch.point(at), node, *most);
             *most = most.max(found);
             found
         };
-        let row = &mut scratch.row;
         row.clear();
         row.resize(count, f32::INFINITY);
         let half = patch.half_extents;
@@ -450,4 +463,10 @@ impl PatchSource<'_> {
         }
         most
     }
+}
+
+/// Whether a triangle of the plane contains a point, however it is turned.
+fn is_in_triangle(at: Vec2, [a, b, c]: [Vec2; 3]) -> bool {
+    let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(at - from));
+    sides.iter().all(|side| *side > 0.0) || sides.iter().all(|side| *side < 0.0)
 }

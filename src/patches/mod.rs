@@ -1,9 +1,10 @@
 //! Error patches: a node is drawn as one oriented polygon as soon as its error is small, whatever its size.
 //!
-//! [`build`] makes a [`NodePatch`] of each node, once for a model; [`select`] chooses those that a view draws as patches;
+//! [`build`] makes a [`NodePatch`] of each node, once for a model, and [`PatchConditions`] of them; [`select`] chooses those that a view draws as patches;
 //! [`draw()`] makes an exact picture of them. Ours; no paper.
 
 mod build;
+mod conditions;
 mod cut;
 mod draw;
 mod edges;
@@ -12,13 +13,14 @@ mod footprint;
 mod nearest;
 mod packed;
 mod record;
+mod settings;
 #[cfg(test)]
 mod tests;
 
 pub use build::{FULL_LEVELS, MOST_SHADE_LEVELS, NodePatches, build};
-pub use cut::{
-    ErrorTolerances, PatchCut, PatchCutSettings, PatchRefusals, PatchTester, PatchVerdict, select,
-};
+pub use conditions::PatchConditions;
+pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
 pub use packed::{PackedPatch, PackedPatchColors};
 pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
+pub use settings::{ErrorTolerances, PatchCutSettings};

@@ -17,23 +17,32 @@ impl<'a> SurfaceDistance<'a> {
         Self { model }
     }
 
-    /// Distance of `point` from the surface. Ends early with any distance of at most `enough`. The search begins below `near`.
+    /// Distance of `point` from the surface. Ends early with any distance of at most `enough`. The search begins below `near`
+    /// and goes up from there: what is near in space is near in the tree, most often.
     pub(super) fn of(&self, point: Vec3, near: u32, enough: f32) -> f32 {
-        let own = self.below(near, point, f32::INFINITY, enough);
-        if own <= enough {
-            return own;
+        let tree = &self.model.tree;
+        let mut best = self.below(near, point, f32::INFINITY, enough);
+        let mut node = near;
+        while best > enough && node != 0 {
+            let parent = tree.parents[node as usize];
+            for sibling in tree.children(parent) {
+                let ball = &tree.nodes[sibling as usize];
+                if sibling != node && may_be_nearer(point, ball.center, ball.radius, best) {
+                    best = self.below(sibling, point, best, enough);
+                }
+            }
+            node = parent;
         }
-        self.below(0, point, own, enough)
+        best
     }
 
-    /// The least of `most` and the distance from what is below a node.
-    fn below(&self, node: u32, point: Vec3, most: f32, enough: f32) -> f32 {
+    /// The least of `best` and the distance from what is below a node.
+    fn below(&self, node: u32, point: Vec3, mut best: f32, enough: f32) -> f32 {
         let tree = &self.model.tree;
-        let mut best = most * most;
-        let enough = enough * enough;
+        // Nodes that wait, each with its least distance; the nearest last.
         let mut stack = [(0.0f32, node); STACK];
         let mut height = 1;
-        while height > 0 {
+        while height > 0 && best > enough {
             height -= 1;
             let (least, node) = stack[height];
             if least >= best {
@@ -42,51 +51,49 @@ impl<'a> SurfaceDistance<'a> {
             let children = tree.children(node);
             if tree.nodes[node as usize].has_leaves() {
                 for leaf in children {
-                    let ball = tree.leaves[leaf as usize];
-                    if least_squared(point, ball.center, ball.radius) >= best {
-                        continue;
+                    let ball = &tree.leaves[leaf as usize];
+                    if may_be_nearer(point, ball.center, ball.radius, best) {
+                        let corners = self.model.triangles[leaf as usize]
+                            .map(|corner| self.model.vertices[corner as usize].position);
+                        best = best.min(point.distance(nearest_in_triangle(point, corners)));
                     }
-                    let corners = self.model.triangles[leaf as usize]
-                        .map(|corner| self.model.vertices[corner as usize].position);
-                    best = best.min(point.distance_squared(nearest_in_triangle(point, corners)));
-                }
-                if best <= enough {
-                    break;
                 }
                 continue;
             }
-            // The nearest child goes last onto the stack.
-            let start = height;
+            let mut near = [(0.0f32, 0.0f32, 0u32); 4];
+            let mut count = 0;
             for child in children {
-                let ball = tree.nodes[child as usize];
-                let least = least_squared(point, ball.center, ball.radius);
-                if least >= best || height == STACK {
+                let ball = &tree.nodes[child as usize];
+                let squared = point.distance_squared(ball.center);
+                let reach = ball.radius * 1.000_001 + best;
+                if squared >= reach * reach || count == near.len() {
                     continue;
                 }
-                let mut at = height;
-                while at > start && nearer_center(tree, point, stack[at - 1], (least, child)) {
-                    stack[at] = stack[at - 1];
+                let mut at = count;
+                while at > 0 && near[at - 1].0 < squared {
+                    near[at] = near[at - 1];
                     at -= 1;
                 }
-                stack[at] = (least, child);
-                height += 1;
+                near[at] = (squared, ball.radius, child);
+                count += 1;
+            }
+            for &(squared, radius, child) in &near[..count] {
+                if height < STACK {
+                    let least = squared.sqrt() * 0.999_999 - radius * 1.000_001;
+                    stack[height] = (least, child);
+                    height += 1;
+                }
             }
         }
-        best.sqrt()
+        best
     }
 }
 
-/// Whether the first of two waiting nodes is to be looked at before the second: by bound, then by center.
-fn nearer_center(tree: &crate::tree::Tree, point: Vec3, a: (f32, u32), b: (f32, u32)) -> bool {
-    let center = |node: u32| point.distance_squared(tree.nodes[node as usize].center);
-    a.0 < b.0 || (a.0 == b.0 && center(a.1) < center(b.1))
-}
-
-/// Square of the least distance from a ball, a little less for rounding.
+/// Whether something in a ball may be nearer than `best`; errs to yes.
 #[inline]
-fn least_squared(point: Vec3, center: Vec3, radius: f32) -> f32 {
-    let distance = (point.distance(center) * 0.999_999 - radius * 1.000_001).max(0.0);
-    distance * distance
+fn may_be_nearer(point: Vec3, center: Vec3, radius: f32, best: f32) -> bool {
+    let reach = radius * 1.000_001 + best;
+    point.distance_squared(center) * 0.999_999 < reach * reach
 }
 
 /// Nearest point of a triangle (Ericson, *Real-Time Collision Detection*, section 5.1.5).

@@ -1,0 +1,57 @@
+//! What the cut by error may choose.
+
+use crate::cut::CutSettings;
+
+/// How wrong a patch may be on the picture. A negative number draws no patches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ErrorTolerances {
+    /// Thickness and overhang at silhouettes, pixels. They grow by at most twice the larger of both tolerances.
+    pub rim_px: f32,
+    /// Thickness and overhang elsewhere, pixels.
+    pub inside_px: f32,
+    /// Error of the shade, grey levels of 255.
+    pub shade_levels: f32,
+}
+
+impl Default for ErrorTolerances {
+    fn default() -> Self {
+        Self {
+            rim_px: 0.15,
+            inside_px: 0.25,
+            shade_levels: 24.0,
+        }
+    }
+}
+
+impl ErrorTolerances {
+    /// Draws no patches.
+    pub const NONE: Self = Self {
+        rim_px: -1.0,
+        inside_px: -1.0,
+        shade_levels: -1.0,
+    };
+}
+
+/// What the cut by error may choose.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PatchCutSettings {
+    /// Threshold of splats, culling and size metric, as for a cut by size.
+    pub cut: CutSettings,
+    /// How wrong a patch may be.
+    pub tolerances: ErrorTolerances,
+    /// Projected diameter from which on a node may be a patch, pixels.
+    pub least_px: f32,
+    /// Draw nodes below the threshold as their polygon instead of a square, where no second sheet is below them.
+    pub tiny_polygons: bool,
+}
+
+impl Default for PatchCutSettings {
+    fn default() -> Self {
+        Self {
+            cut: CutSettings::default(),
+            tolerances: ErrorTolerances::default(),
+            least_px: 1.0,
+            tiny_polygons: false,
+        }
+    }
+}
