@@ -63,6 +63,7 @@ pub mod progress;
 pub mod render;
 pub mod scenes;
 mod simd;
+pub mod textures;
 mod threads;
 pub mod tree;
 #[cfg(feature = "viewer")]

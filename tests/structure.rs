@@ -30,15 +30,17 @@ const LAYERS: &[Layer] = &[
     layer("threads", &[]),
     // Vectors as wide as the processor has them.
     layer("simd", &[]),
-    layer("mesh", &["math"]),
-    layer("input", &["progress", "math", "mesh"]),
+    // Images on surfaces: what a mesh carries and every picture shows.
+    layer("textures", &[]),
+    layer("mesh", &["math", "textures"]),
+    layer("input", &["progress", "math", "mesh", "textures"]),
     // `abi` is the bottom of the device's side. It takes `octahedral` for its constructors, nothing else.
     layer("abi", &["math"]),
     layer("generate", &["progress", "math", "mesh"]),
     // A scene is a mesh with a camera; who draws it builds the tree.
     layer("scenes", &["math", "mesh", "generate"]),
     // A model keeps its vertices as the records that shaders read, so that drawing copies nothing.
-    layer("tree", &["progress", "math", "mesh", "abi"]),
+    layer("tree", &["progress", "math", "mesh", "textures", "abi"]),
     // The strips' exact size of a triangle reads those records.
     layer("cut", &["math", "threads", "simd", "tree", "abi"]),
     // Pages decode into the records of a tree, and a cut of a page is a cut of its tree.
@@ -46,7 +48,10 @@ const LAYERS: &[Layer] = &[
         "pages",
         &["progress", "math", "threads", "mesh", "abi", "tree", "cut"],
     ),
-    layer("pack", &["math", "threads", "simd", "tree", "cut", "abi"]),
+    layer(
+        "pack",
+        &["math", "threads", "simd", "textures", "tree", "cut", "abi"],
+    ),
     // Splats from vertices, cut at edges: polygons of a mesh, without a tree.
     layer("oriented", &["math", "mesh", "abi", "pack"]),
     layer("image", &["math"]),
@@ -62,7 +67,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "render",
         &[
-            "progress", "math", "abi", "tree", "cut", "pages", "pack", "oriented", "image", "gpu",
+            "progress", "math", "textures", "abi", "tree", "cut", "pages", "pack", "oriented",
+            "image", "gpu",
         ],
     ),
     layer(

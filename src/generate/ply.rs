@@ -213,6 +213,7 @@ mod tests {
             colors: vec![[1, 2, 3, 255], [4, 5, 6, 255], [7, 8, 9, 255]],
             triangles: vec![[0, 1, 2]],
             origin: DVec3::new(4e6, 0.25, -1e7),
+            textures: None,
         };
         let (text, body) = text_and_body(&mesh);
         assert_eq!(

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use super::job::Job;
 use super::polygon::PolygonRuns;
+use super::textures::RawTextures;
 use super::{Counts, Error, Warning};
 use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
@@ -110,6 +111,8 @@ pub(super) struct Raw {
     /// Which triangles are faces of more than three corners.
     pub(super) polygons: PolygonRuns,
     pub(super) counts: Counts,
+    /// Which images triangles have, and where.
+    pub(super) textures: Option<RawTextures>,
 }
 
 impl Raw {
@@ -303,6 +306,10 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     debug_assert!(raw.normals.is_empty() || raw.normals.len() as u64 == vertices);
     debug_assert!(raw.colors.is_empty() || raw.colors.len() as u64 == vertices);
 
+    if let Some(textures) = &mut raw.textures {
+        textures.resize(raw.triangles.len());
+    }
+    let before = raw.textures.as_ref().map(|_| raw.triangles.clone());
     let triangles = &mut raw.triangles;
     match &raw.coordinates {
         Coordinates::Single(points) => raw
@@ -315,6 +322,9 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
             grid.place(grid.steps[corner as usize])
         }),
     }?;
+    if let (Some(textures), Some(before)) = (&mut raw.textures, before) {
+        textures.follow(&before, &raw.triangles, raw.polygons.faces());
+    }
 
     let bounds = match &raw.coordinates {
         Coordinates::Single(positions) => Bounds::of(positions, |point| point.as_dvec3()),
@@ -367,9 +377,10 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
         colors: raw.colors,
         triangles: raw.triangles,
         origin,
+        textures: None,
     };
     let before = mesh.triangles.len();
-    let dropped = drop_not_finite(&mut mesh, &mut job.attributes);
+    let dropped = drop_not_finite(&mut mesh, &mut job.attributes, &mut raw.textures);
     if dropped == vertices {
         return Err(Error::NotFinite {
             path: job.path.to_owned(),
@@ -392,11 +403,18 @@ pub(super) fn finish(job: &mut Job<'_>, mut raw: Raw) -> Result<Mesh, Error> {
     job.warn_count(unknown.saturating_sub(raw.absent_normals), |count| {
         Warning::NormalsUnknown { count }
     });
+    if let Some(textures) = raw.textures {
+        textures.join(job, &mut mesh)?;
+    }
     Ok(mesh)
 }
 
 /// Removes vertices that are not finite, and the triangles that name them; returns how many vertices.
-fn drop_not_finite(mesh: &mut Mesh, attributes: &mut PointAttributes) -> u64 {
+fn drop_not_finite(
+    mesh: &mut Mesh,
+    attributes: &mut PointAttributes,
+    textures: &mut Option<RawTextures>,
+) -> u64 {
     if mesh
         .positions
         .par_iter()
@@ -424,6 +442,10 @@ fn drop_not_finite(mesh: &mut Mesh, attributes: &mut PointAttributes) -> u64 {
     retain_indexed(&mut mesh.colors, keep);
     for column in &mut attributes.columns {
         column.values.retain(keep);
+    }
+    if let Some(textures) = textures {
+        let is_kept = |corner: &u32| keep(*corner as usize);
+        textures.retain(|index| mesh.triangles[index].iter().all(is_kept));
     }
     mesh.triangles.retain_mut(|triangle| {
         *triangle = triangle.map(|corner| new_index[corner as usize]);

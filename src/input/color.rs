@@ -182,6 +182,17 @@ pub(super) fn unite(ranges: &mut [ColorRange; 3], before: [ColorRange; 3]) {
     }
 }
 
+/// The sRGB byte of linear light, 1 is white (IEC 61966-2-1).
+pub(super) fn encoded_byte(linear: f64) -> u8 {
+    let linear = linear.clamp(0.0, 1.0);
+    let encoded = if linear <= 0.003_130_8 {
+        12.92 * linear
+    } else {
+        1.055 * linear.powf(1.0 / 2.4) - 0.055
+    };
+    (encoded * 255.0).round() as u8
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -14,6 +14,7 @@ mod color_by;
 mod error;
 mod gltf;
 mod job;
+mod material_texture;
 mod mtl;
 mod obj;
 mod off;
@@ -25,6 +26,7 @@ mod sniff;
 mod source;
 mod stl;
 mod text;
+mod textures;
 mod tri;
 mod warning;
 
@@ -56,6 +58,8 @@ pub struct Options {
     /// Vertices between two colors are then doubled; when the file has no normals, those computed later have a
     /// crease there.
     pub materials: bool,
+    /// Read the images that materials and comments name. Without, surfaces have the colors of materials and vertices.
+    pub textures: bool,
     /// Leave out the backs of sheets made two-sided by the same faces turned round, and turn faces that wind against
     /// their neighbors ([`crate::mesh::faces`]).
     pub repair_faces: bool,
@@ -70,6 +74,7 @@ impl Default for Options {
         Self {
             weld: false,
             materials: true,
+            textures: true,
             repair_faces: true,
             color: None,
             limits: Limits::default(),
@@ -90,6 +95,8 @@ pub struct Limits {
     pub unpacked_bytes: u64,
     /// Most vertices; values over 2^32 - 1 mean that, since indices have 32 bits.
     pub vertices: u64,
+    /// Most memory of all images with their smaller sizes, bytes: beyond it the largest are kept at half their size, or less.
+    pub texture_bytes: u64,
 }
 
 impl Default for Limits {
@@ -98,6 +105,7 @@ impl Default for Limits {
             file_bytes: 1 << 40,
             unpacked_bytes: 64 << 30,
             vertices: u64::from(u32::MAX),
+            texture_bytes: 2 << 30,
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Materials of OBJ: the files that define them, the diffuse color of each and the names of textures, nothing else.
+//! Materials of OBJ: the files that define them, the diffuse color and the diffuse texture of each, nothing else.
 //!
 //! A material file is found as it is named, or beside the model by the last part of its name, whatever the case, the
 //! slashes and the quotes: exporters write the paths of their own machine.
@@ -11,8 +11,11 @@ use std::path::{Path, PathBuf};
 use super::Warning;
 use super::color::color_from_unit;
 use super::job::Job;
+use super::material_texture::{ImagePlace, MaterialTexture};
 use super::part::{Inventory, PartFate};
 use super::text::{Scanner, parse_f64, shown, words};
+use super::textures::{ImageBytes, ImageSource, ImageTint};
+use crate::textures::NO_IMAGE;
 
 /// A material file longer than this is none.
 const LARGEST_BYTES: u64 = 64 << 20;
@@ -34,21 +37,81 @@ pub(super) struct MaterialRun {
     pub(super) name: Vec<u8>,
 }
 
-/// A color per triangle from the materials; empty when not wanted, or when there is nothing but white.
-pub(super) fn colors_of(
+/// What materials give triangles.
+#[derive(Debug, Default)]
+pub(super) struct MaterialLooks {
+    /// A color of each triangle; empty when there is nothing but white.
+    pub(super) colors: Vec<[u8; 4]>,
+    /// The texture of each triangle, or [`NO_IMAGE`]; empty when there is none.
+    pub(super) image_of: Vec<u32>,
+    /// The textures: as many as `sources`.
+    pub(super) places: Vec<ImagePlace>,
+    pub(super) sources: Vec<ImageSource>,
+}
+
+impl MaterialLooks {
+    /// The number of a material's texture, which is added when it is new.
+    fn image_of(&mut self, material: &Material, folder: &mut Option<MaterialFolder<'_>>) -> u32 {
+        let Some(texture) = &material.texture else {
+            return NO_IMAGE;
+        };
+        let bytes = match folder {
+            None => ImageBytes::Missing("the model was not read from a file".to_owned()),
+            Some(folder) => {
+                let beside = material.folder.join(texture.name.replace('\\', "/"));
+                let found = match beside.is_file() {
+                    true => Ok(beside),
+                    false => folder.find(&texture.name),
+                };
+                found.map_or_else(ImageBytes::Missing, ImageBytes::File)
+            }
+        };
+        let wrap = [texture.wrap; 2];
+        let tint = material.tint();
+        let known = self
+            .sources
+            .iter()
+            .zip(&self.places)
+            .position(|(known, place)| {
+                let is_same = match (&known.bytes, &bytes) {
+                    (ImageBytes::File(one), ImageBytes::File(other)) => one == other,
+                    _ => known.name == texture.name,
+                };
+                is_same && (known.wrap, known.tint, *place) == (wrap, tint, texture.place)
+            });
+        known.unwrap_or_else(|| {
+            self.sources.push(ImageSource {
+                name: texture.name.clone(),
+                bytes,
+                wrap,
+                tint,
+            });
+            self.places.push(texture.place);
+            self.sources.len() - 1
+        }) as u32
+    }
+}
+
+/// What the materials give each triangle; nothing when not wanted. Textures only where triangles `have_places` in them.
+pub(super) fn looks_of(
     job: &mut Job<'_>,
     files: &[Vec<u8>],
     runs: &[MaterialRun],
-    triangles: usize,
-) -> Vec<[u8; 4]> {
+    (triangles, have_places): (usize, bool),
+) -> MaterialLooks {
+    let mut looks = MaterialLooks::default();
     if !job.options.materials || triangles == 0 {
         job.inventory.left_materials(files, "not asked for");
-        return Vec::new();
+        return looks;
     }
     let materials = read_files(job, files);
     if materials.list.is_empty() {
-        return Vec::new();
+        return looks;
     }
+    let has_images = job.options.textures && have_places;
+    let mut folder = job.folder.map(MaterialFolder::new);
+    let mut image_of_material: HashMap<usize, u32> = HashMap::new();
+    let mut image_of = vec![NO_IMAGE; if has_images { triangles } else { 0 }];
     let mut colors = vec![WHITE; triangles];
     let mut counts = vec![0; materials.list.len()];
     let mut unknown: Vec<&[u8]> = Vec::new();
@@ -62,13 +125,24 @@ pub(super) fn colors_of(
             Some(found) => {
                 colors[run.first..end].fill(materials.list[found].color());
                 counts[found] += (end - run.first) as u64;
+                if has_images {
+                    let material = &materials.list[found];
+                    let image = *(image_of_material.entry(found))
+                        .or_insert_with(|| looks.image_of(material, &mut folder));
+                    image_of[run.first..end].fill(image);
+                }
             }
             None if seen.insert(&run.name) => unknown.push(&run.name),
             None => {}
         }
     }
     for (material, count) in materials.list.iter().zip(counts) {
-        material.list(&mut job.inventory, count);
+        let left = match (have_places, job.options.textures) {
+            (_, true) if has_images => None,
+            (false, _) => Some("the faces have no texture coordinates"),
+            (true, _) => Some("not asked for"),
+        };
+        material.list(&mut job.inventory, count, left);
     }
     if materials
         .list
@@ -77,17 +151,27 @@ pub(super) fn colors_of(
     {
         job.inventory.leave_out("transparency of materials");
     }
+    let unplaced = materials.list.iter().filter(|_| !have_places);
+    let mut unplaced = unplaced.filter_map(|material| material.texture.as_ref());
+    if let Some(first) = unplaced.next() {
+        job.warn(Warning::TextureIgnored {
+            name: shown(first.name.as_bytes()),
+            count: 1 + unplaced.count() as u64,
+        });
+    }
     if let Some(name) = unknown.first() {
         job.warn(Warning::MaterialUnknown {
             name: shown(name),
             count: unknown.len() as u64,
         });
     }
-    if colors.iter().all(|&color| color == WHITE) {
-        Vec::new()
-    } else {
-        colors
+    if colors.iter().any(|&color| color != WHITE) {
+        looks.colors = colors;
     }
+    if !looks.sources.is_empty() {
+        looks.image_of = image_of;
+    }
+    looks
 }
 
 impl Inventory {
@@ -145,28 +229,18 @@ fn read_files(job: &mut Job<'_>, lines: &[Vec<u8>]) -> Materials {
             }
         }
     }
-    let textures = || {
-        materials
-            .list
-            .iter()
-            .flat_map(|material| &material.textures)
-    };
-    if let Some(name) = textures().next() {
-        let (name, count) = (name.clone(), textures().count() as u64);
-        job.warn(Warning::TextureIgnored { name, count });
-    }
     materials
 }
 
 /// The folder of a model, where its material files are.
-struct MaterialFolder<'a> {
+pub(super) struct MaterialFolder<'a> {
     path: &'a Path,
     /// Names by their lower case, read when first needed.
     entries: Option<HashMap<String, PathBuf>>,
 }
 
 impl<'a> MaterialFolder<'a> {
-    fn new(path: &'a Path) -> Self {
+    pub(super) fn new(path: &'a Path) -> Self {
         Self {
             path,
             entries: None,
@@ -174,7 +248,7 @@ impl<'a> MaterialFolder<'a> {
     }
 
     /// The file of a name that a model gives.
-    fn find(&mut self, name: &str) -> Result<PathBuf, String> {
+    pub(super) fn find(&mut self, name: &str) -> Result<PathBuf, String> {
         let name = name.trim().trim_matches('"').replace('\\', "/");
         let named = self.path.join(&name);
         if named.is_file() {
@@ -214,22 +288,29 @@ impl<'a> MaterialFolder<'a> {
 struct Material {
     name: Vec<u8>,
     diffuse: Option<[u8; 4]>,
-    /// Diffuse textures that were named.
-    textures: Vec<String>,
+    texture: Option<MaterialTexture>,
     is_transparent: bool,
+    /// Of its file.
+    folder: PathBuf,
 }
 
 impl Material {
     /// White without a color. Black under a texture is what exporters write for no color.
     fn color(&self) -> [u8; 4] {
         match self.diffuse {
-            Some([0, 0, 0, _]) if !self.textures.is_empty() => WHITE,
+            Some([0, 0, 0, _]) if self.texture.is_some() => WHITE,
             diffuse => diffuse.unwrap_or(WHITE),
         }
     }
 
-    /// Lists the material with the triangles it has.
-    fn list(&self, inventory: &mut Inventory, triangles: u64) {
+    /// What its texture is multiplied by. A gray is what exporters write for no color.
+    fn tint(&self) -> Option<ImageTint> {
+        let [red, green, blue, _] = self.color();
+        (red != green || green != blue).then_some(ImageTint::Stored([red, green, blue]))
+    }
+
+    /// Lists the material with the triangles it has, and why its texture is `left` out.
+    fn list(&self, inventory: &mut Inventory, triangles: u64, left: Option<&str>) {
         let [red, green, blue, _] = self.color();
         let mut note = format!("triangles in color {red} {green} {blue}");
         if self.diffuse.is_some_and(|diffuse| diffuse != self.color()) {
@@ -240,9 +321,9 @@ impl Material {
         }
         let name = format!("material {}", shown(&self.name));
         inventory.add(name, triangles, PartFate::Used, note);
-        for texture in &self.textures {
-            let name = format!("texture {texture}");
-            inventory.add(name, 1, PartFate::LeftOut, "textures are not read");
+        if let (Some(texture), Some(why)) = (&self.texture, left) {
+            let name = format!("texture {}", shown(texture.name.as_bytes()));
+            inventory.add(name, 1, PartFate::LeftOut, why);
         }
     }
 }
@@ -293,7 +374,11 @@ impl Materials {
             .read_to_end(&mut data)
             .map_err(|error| error.to_string())?;
         // A byte order mark is no part of the first keyword.
+        let first = self.list.len();
         self.add(data.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&data));
+        for material in &mut self.list[first..] {
+            material.folder = path.parent().unwrap_or(Path::new("")).to_owned();
+        }
         Ok(())
     }
 
@@ -328,7 +413,8 @@ impl Materials {
                 let [r, g, b] = [red, green, blue].map(|value| color_from_unit(value / largest));
                 material.diffuse = Some([r, g, b, 255]);
             } else if is(b"map_Kd") {
-                material.textures.extend(line_words.last().map(shown));
+                let text = String::from_utf8_lossy(&line[keyword.len()..]);
+                material.texture = MaterialTexture::parse(&text).or(material.texture.take());
             } else if is(b"d") {
                 material.is_transparent = number().is_some_and(|value| value < 1.0);
             } else if is(b"Tr") {
@@ -380,7 +466,9 @@ mod tests {
         assert_eq!((color("photo"), color("night")), (WHITE, [0, 0, 0, 255]));
         assert_eq!(materials.find(b"blue"), None);
         assert_eq!(materials.list.len(), 6);
-        assert_eq!(materials.list[0].textures, ["a.png"]);
+        let texture = materials.list[0].texture.as_ref().unwrap();
+        assert_eq!(texture.name, "a.png");
+        assert!(materials.list[0].tint().is_some() && materials.list[1].tint().is_none());
     }
 
     #[test]

@@ -1,5 +1,5 @@
 //! OBJ (Wavefront, "Object Files", appendix B1 of the Advanced Visualizer manual): vertices with optional colors,
-//! normals, polygons, and the diffuse colors of materials.
+//! normals, polygons, and the diffuse colors and textures of materials.
 //!
 //! Positions and normals have indices of their own, a mesh has one. Vertex `i` of the mesh is position `i` of the
 //! file with the first normal and color that a face gives it; every further combination becomes a vertex at the
@@ -11,19 +11,28 @@
 use std::borrow::Cow;
 use std::collections::HashMap;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 
 use super::assemble::{Coordinates, Raw};
 use super::color::{ColorRange, ColorSink};
 use super::job::{Job, at_line};
-use super::mtl::{self, MaterialRun};
+use super::mtl::{self, MaterialLooks, MaterialRun};
 use super::part::{Fault, PartFate};
 use super::polygon::{FaceList, without_repeated};
 use super::text::{Scanner, parse_f64, parse_i64, shown, words};
+use super::textures::RawTextures;
 use super::{Counts, Error, Warning};
 
-/// Index of a corner that names no normal.
+/// Index of a corner that names no normal, or no texture coordinate.
 const NO_NORMAL: u32 = u32::MAX;
+
+/// Corner of a face: indices of its position, normal and texture coordinate.
+#[derive(Debug, Clone, Copy)]
+struct FaceCorner {
+    position: u32,
+    normal: u32,
+    texture: u32,
+}
 
 /// An attribute that corners name and no shape depends on: its indices may be wrong.
 #[derive(Debug, Clone, Copy, Default)]
@@ -73,11 +82,13 @@ struct File {
     /// Color of every position up to the last that has one.
     colors: ColorSink,
     normals: Vec<Vec3>,
-    /// How many texture coordinates.
-    textures: u64,
+    /// Texture coordinates from the lower left.
+    textures: Vec<Vec2>,
     list: FaceList,
     /// Normals of the corners of every triangle up to the last that has one.
     corner_normals: Vec<[u32; 3]>,
+    /// Texture coordinates of the corners, likewise.
+    corner_textures: Vec<[u32; 3]>,
     material_runs: Vec<MaterialRun>,
     material_files: Vec<Vec<u8>>,
     ignored: u64,
@@ -110,16 +121,26 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
     if let Some(remark) = file.colors.remark() {
         job.warn(remark);
     }
-    file.list_parts(job);
-    let colors = if file.colors.colors.is_empty() {
-        let count = file.list.triangles.len();
-        mtl::colors_of(job, &file.material_files, &file.material_runs, count)
-    } else {
+    let (has_colors, have_places) = (
+        !file.colors.colors.is_empty(),
+        !file.corner_textures.is_empty(),
+    );
+    let mut looks = MaterialLooks::default();
+    if has_colors && !have_places {
         job.inventory
             .left_materials(&file.material_files, "vertices have colors");
-        Vec::new()
-    };
-    Ok(file.split(colors))
+    } else {
+        let faces = (file.list.triangles.len(), have_places);
+        looks = mtl::looks_of(job, &file.material_files, &file.material_runs, faces);
+    }
+    if has_colors {
+        looks.colors = Vec::new();
+    }
+    let textures = file.textures_of(&mut looks);
+    file.list_parts(job, textures.is_some());
+    let mut raw = file.split(looks.colors);
+    raw.textures = textures;
+    Ok(raw)
 }
 
 impl File {
@@ -128,9 +149,10 @@ impl File {
             positions: Vec::new(),
             colors: ColorSink::new([ColorRange::FLOAT; 3]),
             normals: Vec::new(),
-            textures: 0,
+            textures: Vec::new(),
             list: FaceList::default(),
             corner_normals: Vec::new(),
+            corner_textures: Vec::new(),
             material_runs: Vec::new(),
             material_files: Vec::new(),
             ignored: 0,
@@ -149,7 +171,18 @@ impl File {
             };
             match keyword {
                 b"v" => file.vertex(job, data, at, line_words)?,
-                b"vt" => file.textures += 1,
+                b"vt" => {
+                    let (u, v) = (line_words.next(), line_words.next());
+                    let number = |word: Option<&[u8]>| word.map_or(Some(0.0), parse_f64);
+                    let place = match (u.and_then(parse_f64), number(v)) {
+                        (Some(u), Some(v)) => Vec2::new(u as f32, v as f32),
+                        _ => {
+                            job.fault(Fault::TEXTURE, data, at);
+                            Vec2::ZERO
+                        }
+                    };
+                    file.textures.push(place);
+                }
                 b"vn" => {
                     let mut number = || line_words.next().and_then(parse_f64);
                     let normal = [number(), number(), number()];
@@ -231,20 +264,24 @@ impl File {
         data: &[u8],
         at: usize,
         line_words: impl Iterator<Item = &'a [u8]>,
-        corners: &mut Vec<(u32, u32)>,
+        corners: &mut Vec<FaceCorner>,
     ) -> Result<(), Error> {
         corners.clear();
         for word in line_words.take_while(|word| !word.starts_with(b"#")) {
             let mut parts = word.split(|&byte| byte == b'/');
             let position = parts.next().unwrap_or_default();
             let position = self.resolve(job, data, at, word, position)?;
-            let texture = parts.next().unwrap_or_default();
-            if !texture.is_empty() {
-                let known = self.textures as usize;
-                if self.pointed_textures.index(texture, known, at).is_none() {
-                    job.fault(Fault::TEXTURE_INDEX, data, at);
+            let texture = match parts.next().unwrap_or_default() {
+                [] => NO_NORMAL,
+                texture => {
+                    let known = self.textures.len();
+                    let texture = self.pointed_textures.index(texture, known, at);
+                    if texture.is_none() {
+                        job.fault(Fault::TEXTURE_INDEX, data, at);
+                    }
+                    texture.unwrap_or(NO_NORMAL)
                 }
-            }
+            };
             let normal = match parts.next() {
                 Some(normal) if !normal.is_empty() => {
                     let known = self.normals.len();
@@ -259,23 +296,32 @@ impl File {
             if parts.next().is_some() {
                 job.fault(Fault::CORNER, data, at);
             }
-            corners.push((position, normal));
+            corners.push(FaceCorner {
+                position,
+                normal,
+                texture,
+            });
         }
         self.list.faces += 1;
-        let length = without_repeated(corners, |corner| corner.0);
+        let length = without_repeated(corners, |corner| corner.position);
         self.list.closed += u64::from(length < corners.len());
         let Some((&first, fan)) = corners[..length].split_first().filter(|_| length >= 3) else {
             self.list.small += 1;
             return Ok(());
         };
         let triangles = &mut self.list.triangles;
-        if corners.iter().any(|corner| corner.1 != NO_NORMAL) {
-            self.corner_normals.resize(triangles.len(), [NO_NORMAL; 3]);
-            self.corner_normals
-                .extend(fan.windows(2).map(|pair| [first.1, pair[0].1, pair[1].1]));
-        }
+        let keep = |list: &mut Vec<[u32; 3]>, index: fn(&FaceCorner) -> u32| {
+            if corners.iter().any(|corner| index(corner) != NO_NORMAL) {
+                list.resize(triangles.len(), [NO_NORMAL; 3]);
+                let corners = |pair: &[FaceCorner]| [&first, &pair[0], &pair[1]].map(index);
+                list.extend(fan.windows(2).map(corners));
+            }
+        };
+        keep(&mut self.corner_normals, |corner| corner.normal);
+        keep(&mut self.corner_textures, |corner| corner.texture);
         self.list.polygons.push(triangles.len(), length);
-        triangles.extend(fan.windows(2).map(|pair| [first.0, pair[0].0, pair[1].0]));
+        let corners = |pair: &[FaceCorner]| [&first, &pair[0], &pair[1]].map(|c| c.position);
+        triangles.extend(fan.windows(2).map(corners));
         Ok(())
     }
 
@@ -312,7 +358,11 @@ impl File {
     fn forget_missing(&mut self, job: &mut Job<'_>, data: &[u8]) {
         let normals = self.normals.len() as u64;
         let (pointed, textures) = (self.pointed_normals, self.pointed_textures);
-        if textures.is_beyond(self.textures) {
+        let known = self.textures.len() as u64;
+        if textures.is_beyond(known) {
+            let beyond = |texture: &&mut u32| u64::from(**texture) >= known;
+            let all = self.corner_textures.iter_mut().flatten();
+            all.filter(beyond).for_each(|texture| *texture = NO_NORMAL);
             job.inventory
                 .fault(Fault::TEXTURE_INDEX, textures.count, || {
                     at_line(data, textures.first)
@@ -335,7 +385,7 @@ impl File {
     }
 
     /// Lists what the file holds, but for materials.
-    fn list_parts(&self, job: &mut Job<'_>) {
+    fn list_parts(&self, job: &mut Job<'_>, are_used: bool) {
         let inventory = &mut job.inventory;
         let count = |length: usize| length as u64;
         inventory.add(
@@ -348,13 +398,12 @@ impl File {
         inventory.add_some("colors of vertices", colors, PartFate::Used, "");
         let normals = count(self.normals.len());
         inventory.add_some("vn (normals)", normals, PartFate::Used, "");
-        let textures = "textures are not read";
-        inventory.add_some(
-            "vt (texture coordinates)",
-            self.textures,
-            PartFate::LeftOut,
-            textures,
-        );
+        let (fate, note) = match are_used {
+            true => (PartFate::Used, ""),
+            false => (PartFate::LeftOut, "no texture is used"),
+        };
+        let textures = count(self.textures.len());
+        inventory.add_some("vt (texture coordinates)", textures, fate, note);
         inventory.add_some("f (faces)", self.list.faces, PartFate::Used, "");
         let what = "l, p, curv, surf (lines, points and curves)";
         inventory.add_some(what, self.ignored, PartFate::LeftOut, "not drawn");
@@ -373,12 +422,45 @@ impl File {
             }
             inventory.add(format!("{name}{meaning}"), *lines, fate, "");
         }
-        if self.textures > 0 {
+        if !are_used && !self.textures.is_empty() {
             inventory.leave_out("texture coordinates");
         }
         if !unknown.is_empty() {
             inventory.leave_out(format!("lines that begin with {}", unknown.join(", ")));
         }
+    }
+
+    /// Where triangles are in the textures of their materials.
+    fn textures_of(&mut self, looks: &mut MaterialLooks) -> Option<RawTextures> {
+        let corner_textures = std::mem::take(&mut self.corner_textures);
+        let textures = std::mem::take(&mut self.textures);
+        if looks.image_of.is_empty() {
+            self.textures = textures;
+            return None;
+        }
+        let mut image_of = std::mem::take(&mut looks.image_of);
+        let corners = (corner_textures.iter().zip(&mut image_of))
+            .map(|(corners, image)| {
+                let place = looks.places.get(*image as usize);
+                let known = corners.map(|corner| textures.get(corner as usize));
+                match (place, known) {
+                    (Some(place), [Some(&a), Some(&b), Some(&c)]) => {
+                        [a, b, c].map(|coordinate| place.of(coordinate))
+                    }
+                    _ => {
+                        *image = NO_NORMAL;
+                        [Vec2::ZERO; 3]
+                    }
+                }
+            })
+            .collect();
+        image_of.truncate(corner_textures.len());
+        self.textures = textures;
+        Some(RawTextures {
+            corners,
+            image_of,
+            sources: std::mem::take(&mut looks.sources),
+        })
     }
 
     /// Gives every combination of position, normal and color a vertex. `colors` holds a color per triangle, or
@@ -473,6 +555,7 @@ impl File {
             triangles: self.list.triangles,
             polygons: self.list.polygons,
             counts,
+            textures: None,
         }
     }
 }

@@ -224,6 +224,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         triangles: list.triangles,
         polygons: list.polygons,
         counts: Counts { vertices, faces },
+        textures: None,
     };
     if colored > 0 && !has_both {
         face_colors.colors.resize(raw.triangles.len(), WHITE);

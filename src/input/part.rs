@@ -58,6 +58,8 @@ impl Fault {
         "corners name normals that the file does not have",
         "their normals are computed",
     );
+    pub(super) const TEXTURE: Fault =
+        Fault("texture coordinates are no numbers", "treated as zero");
     pub(super) const TEXTURE_INDEX: Fault = Fault(
         "corners name texture coordinates that the file does not have",
         "ignored",

@@ -54,6 +54,14 @@ impl PolygonRuns {
         });
     }
 
+    /// The first triangle of each face, and how many it has.
+    pub(super) fn faces(&self) -> impl Iterator<Item = (usize, usize)> {
+        self.runs.iter().flat_map(|run| {
+            let fan = run.corners - 2;
+            (0..run.count).map(move |face| (run.first + face * fan, fan))
+        })
+    }
+
     /// Replaces the fans that turn back on themselves. `point` gives the position of a corner. Linear in the number of
     /// corners but for concave faces of over four. What has no area, crosses itself or is not finite stays as it is.
     ///

@@ -30,6 +30,7 @@ fn raw(coordinates: Coordinates, colors: Vec<[u8; 4]>, list: FaceList) -> Raw {
         triangles: list.triangles,
         polygons: list.polygons,
         counts,
+        textures: None,
     }
 }
 

@@ -110,6 +110,7 @@ fn read_public(
             vertices,
             faces: triangles,
         },
+        textures: None,
     })
 }
 
@@ -256,6 +257,7 @@ fn read_parts(job: &mut Job<'_>, data: &[u8]) -> Result<Raw, Error> {
         triangles,
         polygons: PolygonRuns::default(),
         counts: Counts { vertices, faces },
+        textures: None,
     })
 }
 

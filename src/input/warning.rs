@@ -72,12 +72,28 @@ pub enum Warning {
         /// How many names.
         count: u64,
     },
-    /// Textures are not read.
+    /// Textures are named, and nothing says where surfaces are in them.
     TextureIgnored {
         /// The first texture's name.
         name: String,
         /// How many are named.
         count: u64,
+    },
+    /// Images could not be read; what they are on has the colors of materials and vertices.
+    TextureMissing {
+        /// The name of the first.
+        name: String,
+        /// Why not.
+        reason: String,
+        /// How many others there are.
+        others: u64,
+    },
+    /// Images take more memory than they may, and are kept at smaller sizes.
+    TexturesReduced {
+        /// How many.
+        count: u64,
+        /// Bytes that all may take.
+        budget: u64,
     },
     /// Coordinates are large against the extent: positions are stored relative to this origin.
     OriginMoved {
@@ -228,6 +244,21 @@ impl fmt::Display for Warning {
             Warning::TextureIgnored { name, count } => {
                 write!(f, "{count} textures ignored, the first is `{name}`")
             }
+            Warning::TextureMissing {
+                name,
+                reason,
+                others: 0,
+            } => write!(f, "texture `{name}` not read: {reason}"),
+            Warning::TextureMissing {
+                name,
+                reason,
+                others,
+            } => write!(f, "texture `{name}` and {others} others not read: {reason}"),
+            Warning::TexturesReduced { count, budget } => write!(
+                f,
+                "{count} textures are kept at a smaller size: all may take {} MiB",
+                budget >> 20
+            ),
             Warning::OriginMoved { origin } => write!(
                 f,
                 "coordinates are large against the extent; stored relative to ({}, {}, {})",

@@ -197,6 +197,9 @@ fn drop_opposed(mesh: &mut Mesh) -> u64 {
         index += 1;
         !is_gone[index - 1]
     });
+    if let Some(textures) = &mut mesh.textures {
+        textures.retain(|index| !is_gone[index]);
+    }
     (before - mesh.triangles.len()) as u64
 }
 
@@ -273,6 +276,9 @@ fn turn(mesh: &mut Mesh) -> u64 {
     }
     for index in wrong {
         mesh.triangles[index].swap(1, 2);
+        if let Some(textures) = &mut mesh.textures {
+            textures.corners[index].swap(1, 2);
+        }
     }
     turned
 }

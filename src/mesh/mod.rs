@@ -9,6 +9,7 @@ pub mod weld;
 
 pub use center::recenter;
 
+use crate::textures::MeshTextures;
 use glam::{DVec3, Vec3};
 
 /// A triangle mesh, or a point cloud when `triangles` is empty.
@@ -27,6 +28,8 @@ pub struct Mesh {
     pub triangles: Vec<[u32; 3]>,
     /// World position of the model-space zero; zero unless coordinates are large.
     pub origin: DVec3,
+    /// What triangles show besides colors, or nothing.
+    pub textures: Option<MeshTextures>,
 }
 
 impl Mesh {

@@ -33,6 +33,8 @@ pub(super) struct LeafSource<'a> {
     pub(super) normals: &'a [Vec3],
     /// Corner indices in tree order; empty for a cloud.
     pub(super) triangles: &'a [[u32; 3]],
+    /// The mean of the texels of each triangle, with alpha 255 where it has some; may be empty.
+    pub(super) leaf_colors: &'a [[u8; 4]],
     /// A point near the model.
     pub(super) origin: DVec3,
     pub(super) stop: &'a AtomicBool,
@@ -305,7 +307,7 @@ impl LeafSource<'_> {
             }
             return findings;
         }
-        for (triangle, leaf) in self.triangles[first..].iter().zip(leaves) {
+        for (index, (triangle, leaf)) in (first..).zip(self.triangles[first..].iter().zip(leaves)) {
             let vertices = triangle.map(|index| self.vertices[index as usize]);
             let corners = vertices.map(|vertex| vertex.position);
             let center = leaf.center.as_dvec3();
@@ -328,7 +330,10 @@ impl LeafSource<'_> {
                     .iter()
                     .map(|&normal| f32::from(normal != Vec3::ZERO))
                     .sum(),
-                color: (rgb(&vertices[0]) + rgb(&vertices[1]) + rgb(&vertices[2])) * (1.0 / 3.0),
+                color: match self.leaf_colors.get(index) {
+                    Some(&[r, g, b, 255]) => Vec3::new(r.into(), g.into(), b.into()),
+                    _ => (rgb(&vertices[0]) + rgb(&vertices[1]) + rgb(&vertices[2])) * (1.0 / 3.0),
+                },
             });
             findings.evidence.add(corners, self.origin);
         }

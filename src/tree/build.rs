@@ -11,8 +11,8 @@ use super::partition::TreePartition;
 use super::shape::TreeShape;
 use super::sort_item::SortItem;
 use super::{
-    AlignedRecords, Error, Leaf, Model, Node, NodeAttributes, NormalCone, Tree, framed, moments,
-    order, spacing,
+    AlignedRecords, Error, Leaf, Model, ModelTextures, Node, NodeAttributes, NormalCone, Tree,
+    framed, moments, order, spacing, textures,
 };
 use crate::math::sphere;
 use crate::mesh::creases;
@@ -21,6 +21,7 @@ use crate::mesh::{self, Mesh};
 use crate::progress::Progress;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, AtomicUsize, Ordering};
 
 /// Choices of the build.
@@ -205,6 +206,7 @@ fn build_around(
         vertices: &model.vertices,
         normals: &normals,
         triangles: &model.triangles,
+        leaf_colors: (model.textures.as_deref()).map_or(&[], |textures| &textures.leaf_colors),
         origin: model.orbit_center.as_dvec3(),
         stop: &stop,
         done: &advance,
@@ -318,6 +320,11 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
         creases::split(&mut mesh, degrees);
     }
     normals::complete(&mut mesh, Weighting::Area);
+    let textured = (mesh.textures.take()).filter(|_| !mesh.triangles.is_empty());
+    let points = match &textured {
+        Some(textures) => textures::split(&mut mesh, textures, LIMIT),
+        None => Vec::new(),
+    };
     let items: &[SortItem] = bytemuck::cast_slice(leaves);
     let (triangles, old_of_new, used) = if mesh.triangles.is_empty() {
         if items.is_empty() {
@@ -339,8 +346,18 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
         let (old_of_new, used) = order::by_first_use(&mut triangles, mesh.positions.len());
         (triangles, old_of_new, used)
     };
-    let (vertices, normals) = order::vertices(&mesh, &old_of_new);
-    let has_colors = !mesh.colors.is_empty();
+    let (mut vertices, normals) = order::vertices(&mesh, &old_of_new);
+    let has_colors = !mesh.colors.is_empty() || textured.is_some();
+    let textures = textured.map(|own| {
+        let points: Vec<_> = old_of_new.iter().map(|&old| points[old as usize]).collect();
+        let leaf_colors = textures::leaf_means(&own, items);
+        textures::color_vertices(&mut vertices, &triangles, (&points, &leaf_colors));
+        Arc::new(ModelTextures {
+            images: own.images,
+            points,
+            leaf_colors,
+        })
+    });
     let origin = mesh.origin;
     drop(mesh);
     let used_vertices = &vertices[..used as usize];
@@ -387,6 +404,7 @@ fn arrange(mut mesh: Mesh, leaves: &[Leaf], options: &BuildOptions) -> Result<Ar
         is_closed: false,
         has_colors,
         vertices,
+        textures,
     };
     model.framed = framed::of(&model);
     Ok(ArrangedMesh { model, normals })

@@ -271,6 +271,8 @@ pub fn read_from(
         framed: None,
         is_closed: header.flags & CLOSED != 0,
         has_colors: header.flags & COLORS != 0,
+        // A tree file keeps the colors of vertices and nodes, which are means of the texels.
+        textures: None,
     };
     if reader.at != length {
         return Err(damaged(

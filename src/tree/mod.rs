@@ -27,6 +27,7 @@ mod sort_item;
 mod spacing;
 mod strip;
 mod summary;
+mod textures;
 mod thickness;
 
 pub use access::MemoryBytes;
@@ -38,10 +39,12 @@ pub use moments::{area_of_point, fill_moments};
 pub use node::{Leaf, Node, NodeAttributes, NodeStrip, NormalCone};
 pub use records::AlignedRecords;
 pub use summary::geometric_normal;
+pub use textures::ModelTextures;
 
 use crate::abi::Vertex;
 use glam::{DVec3, Vec3};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A model ready to be drawn: vertices and triangles in tree order, and the tree over them.
 ///
@@ -72,8 +75,10 @@ pub struct Model {
     pub framed: Option<FramedPart>,
     /// The surface is closed and consistently oriented outward, so what faces away is never seen.
     pub is_closed: bool,
-    /// The file had vertex colors.
+    /// The file had vertex colors, or textures.
     pub has_colors: bool,
+    /// What triangles show where they are large; colors of vertices and nodes are means of it already.
+    pub textures: Option<Arc<ModelTextures>>,
 }
 
 /// The hierarchy: interior nodes breadth-first (the root is node 0), and one leaf per triangle or point.

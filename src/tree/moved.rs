@@ -45,6 +45,7 @@ impl Model {
                     .collect(),
                 false => Vec::new(),
             },
+            textures: (self.textures.as_ref()).map(|textures| textures.of_mesh(&self.triangles)),
             triangles: self.triangles,
             origin,
         };

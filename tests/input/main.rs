@@ -12,6 +12,7 @@ mod obj;
 mod other;
 mod ply;
 mod scans;
+mod textures;
 
 use glam::Vec3;
 use surfel::input::{self, Error, Loaded, Options};

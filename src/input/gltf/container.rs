@@ -122,7 +122,7 @@ fn fetch(job: &Job<'_>, index: usize, uri: &str, length: u64) -> Result<Vec<u8>,
 }
 
 /// A name whose bytes may be written as `%20`.
-fn without_percents(uri: &str) -> String {
+pub(super) fn without_percents(uri: &str) -> String {
     let bytes = uri.as_bytes();
     let mut out = Vec::with_capacity(bytes.len());
     let mut at = 0;

@@ -18,6 +18,7 @@ pub(super) struct GltfDocument {
     pub(super) materials: Vec<GltfMaterial>,
     pub(super) textures: Vec<Value>,
     pub(super) images: Vec<GltfImage>,
+    pub(super) samplers: Vec<Value>,
     pub(super) animations: Vec<Value>,
     pub(super) skins: Vec<Value>,
     pub(super) cameras: Vec<Value>,
@@ -148,4 +149,16 @@ pub(super) struct GltfImage {
     pub(super) name: String,
     pub(super) uri: Option<String>,
     pub(super) mime_type: String,
+    pub(super) buffer_view: Option<usize>,
+}
+
+impl GltfImage {
+    /// A name for messages: of its file, its own, or its number.
+    pub(super) fn shown_name(&self, index: usize) -> String {
+        let uri = self.uri.as_deref().filter(|uri| !uri.starts_with("data:"));
+        match uri.unwrap_or(&self.name) {
+            "" => format!("number {index}"),
+            name => name.to_owned(),
+        }
+    }
 }

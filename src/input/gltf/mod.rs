@@ -1,22 +1,25 @@
 //! glTF 2.0 and its single file GLB (Khronos, "glTF 2.0 Specification", 2021): every mesh of the scene, moved by its nodes,
 //! as one mesh; points where there are no triangles.
 //!
-//! Read are triangles with their strips and fans, points, normals, colors of vertices, the base color of materials, sparse,
-//! normalised, interleaved and quantised (KHR_mesh_quantization) accessors. Colors are linear in glTF and become sRGB, as
-//! those of all other formats are. Textures, skins and animations are named and left out; packed geometry is refused with the
+//! Read are triangles with their strips and fans, points, normals, colors of vertices, the base color of materials and its
+//! texture (with KHR_texture_transform), sparse, normalised, interleaved and quantised (KHR_mesh_quantization) accessors. Colors are linear in glTF and become sRGB, as
+//! those of all other formats are. Other textures, skins and animations are named and left out; packed geometry is refused with the
 //! command that unpacks it.
 
 mod accessor;
 mod container;
 mod document;
 mod scene;
+mod texture;
 
 use glam::{DMat3, DMat4, DVec3, Vec3};
 
 use self::accessor::GltfStore;
 use self::document::{GltfDocument, GltfPrimitive};
 use self::scene::{MeshPlace, places};
+use self::texture::SceneTextures;
 use super::assemble::{Coordinates, Raw};
+use super::color::encoded_byte;
 use super::job::Job;
 use super::part::PartFate;
 use super::polygon::PolygonRuns;
@@ -48,6 +51,7 @@ struct GltfSink {
     lines: u64,
     /// Points of primitives of a file that has triangles.
     loose_points: u64,
+    textures: SceneTextures,
 }
 
 /// How corners make triangles.
@@ -141,6 +145,7 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
             colors: sink.colors,
             triangles: sink.triangles,
             polygons: PolygonRuns::default(),
+            textures: sink.textures.finish(),
         },
     ))
 }
@@ -261,6 +266,8 @@ fn add_primitive(
             &mut sink.triangles,
         );
         sink.faces += (sink.triangles.len() - first) as u64;
+        let own = (&sink.triangles[first..], first, before as u32);
+        sink.textures.add(job, store, primitive, count, own)?;
         let bytes = (sink.triangles.len() as u64).saturating_mul(12);
         if bytes > limit {
             return Err(job.too_large("bytes of all triangles", bytes, limit));
@@ -360,32 +367,10 @@ fn add_colors(
     let material = primitive
         .material
         .and_then(|index| store.document.materials.get(index));
-    let factor = material.map_or([1.0; 3], |material| {
-        let older = material
-            .extensions
-            .pointer("/KHR_materials_pbrSpecularGlossiness/diffuseFactor");
-        let older =
-            older.and_then(|factor| serde_json::from_value::<[f64; 4]>(factor.clone()).ok());
-        let [red, green, blue, _] = material
-            .pbr_metallic_roughness
-            .base_color_factor
-            .or(older)
-            .unwrap_or([1.0; 4]);
-        [red, green, blue]
-    });
-    let byte = |linear: f64| {
-        let linear = linear.clamp(0.0, 1.0);
-        // IEC 61966-2-1.
-        let encoded = if linear <= 0.003_130_8 {
-            12.92 * linear
-        } else {
-            1.055 * linear.powf(1.0 / 2.4) - 0.055
-        };
-        (encoded * 255.0).round() as u8
-    };
+    let factor = material.map_or([1.0; 3], texture::base_color);
     let color = |of: [f64; 3]| {
         let [red, green, blue] =
-            [0, 1, 2].map(|channel: usize| byte(of[channel] * factor[channel]));
+            [0, 1, 2].map(|channel: usize| encoded_byte(of[channel] * factor[channel]));
         [red, green, blue, 255]
     };
     match primitive.attributes.color {
@@ -434,25 +419,20 @@ fn list(job: &mut Job<'_>, document: &GltfDocument, places: &[MeshPlace], sink: 
     names.dedup();
     for name in names {
         let count = others.iter().filter(|other| **other == name).count() as u64;
+        let fate = match sink.textures.reads(name) {
+            true => PartFate::Used,
+            false => PartFate::Unneeded,
+        };
         let shown = format!("attribute {}", shown(name.as_bytes()));
-        job.inventory.add(shown, count, PartFate::Unneeded, "");
+        job.inventory.add(shown, count, fate, "");
     }
     for material in &document.materials {
         let name = format!("material {}", shown(material.name.as_bytes()));
-        let has_texture = material.pbr_metallic_roughness.base_color_texture.is_some();
-        let moved = material
-            .pbr_metallic_roughness
-            .base_color_texture
-            .as_ref()
-            .is_some_and(|texture| {
-                texture
-                    .pointer("/extensions/KHR_texture_transform")
-                    .is_some()
-            });
-        let note = match (has_texture, moved) {
+        let has_texture = texture::of_material(material).is_some();
+        let note = match (has_texture, job.options.textures) {
             (false, _) => "base color",
-            (true, false) => "base color; its texture is left out",
-            (true, true) => "base color; its texture, moved by KHR_texture_transform, is left out",
+            (true, true) => "base color and its texture",
+            (true, false) => "base color; its texture was not asked for",
         };
         job.inventory.add(name, 1, PartFate::Used, note);
     }
@@ -465,15 +445,21 @@ fn list(job: &mut Job<'_>, document: &GltfDocument, places: &[MeshPlace], sink: 
         job.inventory
             .leave_out(format!("transparency of {see_through} materials"));
     }
-    let name_of = |image: &document::GltfImage| {
-        let name = image.uri.as_deref().filter(|uri| !uri.starts_with("data:"));
-        shown(name.unwrap_or(&image.name).as_bytes())
-    };
-    if let Some(first) = document.images.first() {
-        job.warn(Warning::TextureIgnored {
-            name: name_of(first),
-            count: document.images.len() as u64,
-        });
+    let faulty = sink.textures.faulty;
+    if faulty > 0 {
+        job.inventory.leave_out(format!(
+            "texture coordinates of {faulty} primitives, which are damaged"
+        ));
+    }
+    if sink.textures.leaves_colors {
+        job.inventory.leave_out("colors of vertices under textures");
+    }
+    for (index, image) in document.images.iter().enumerate() {
+        if !sink.textures.has_image(index) {
+            let name = format!("image {}", shown(image.shown_name(index).as_bytes()));
+            let why = "no base color of a surface with texture coordinates";
+            job.inventory.add(name, 1, PartFate::Unneeded, why);
+        }
     }
     let is_ktx = |image: &&document::GltfImage| {
         image.mime_type == "image/ktx2"

@@ -33,6 +33,8 @@ pub(super) struct VertexColumns {
     pub(super) position: [Column; 3],
     pub(super) normal: Option<[Column; 3]>,
     pub(super) color: Option<ColorColumns>,
+    /// Texture coordinates.
+    pub(super) place: Option<[Column; 2]>,
     /// A trained Gaussian-splat file.
     pub(super) are_splats: bool,
 }
@@ -43,6 +45,10 @@ pub(super) struct FaceColumns {
     /// The list property that holds the corners.
     pub(super) corners: usize,
     pub(super) color: Option<[Column; 3]>,
+    /// The list property that holds texture coordinates of the corners, two each.
+    pub(super) places: Option<usize>,
+    /// The number of the texture.
+    pub(super) texture: Option<Column>,
 }
 
 /// What an element is to us.
@@ -71,6 +77,35 @@ impl Lookup<'_> {
 
     fn three(&self, [a, b, c]: [&str; 3]) -> Option<[Column; 3]> {
         Some([self.column(a)?, self.column(b)?, self.column(c)?])
+    }
+
+    fn place(&self) -> Option<[Column; 2]> {
+        let names = [
+            ["s", "t"],
+            ["u", "v"],
+            ["texture_u", "texture_v"],
+            ["texture_s", "texture_t"],
+            ["texcoord_u", "texcoord_v"],
+            ["tex_u", "tex_v"],
+            ["texture_x", "texture_y"],
+        ];
+        let mut found = names.into_iter();
+        found.find_map(|[u, v]| Some([self.column(u)?, self.column(v)?]))
+    }
+
+    /// The list of a face's texture coordinates.
+    fn places(&self) -> Option<usize> {
+        let names = ["texcoord", "texcoords", "texture_coordinates", "uv", "uvs"];
+        let is_list = |property: &Property| matches!(property, Property::List { .. });
+        names.iter().find_map(|wanted| {
+            let mut all = self.0.iter();
+            all.position(|(name, property)| name.eq_ignore_ascii_case(wanted) && is_list(property))
+        })
+    }
+
+    fn texture(&self) -> Option<Column> {
+        let names = ["texnumber", "texture_number", "tex_number", "texture_id"];
+        names.iter().find_map(|name| self.column(name))
     }
 
     /// Red, green and blue under the names that programs give them: alone, shortened, or with something before or after,
@@ -195,6 +230,7 @@ pub(super) fn role_of(
                 // Splats have zeros there.
                 normal: normal.filter(|_| !are_splats),
                 color: lookup.vertex_color(),
+                place: lookup.place(),
                 are_splats,
             }))
         }
@@ -202,6 +238,8 @@ pub(super) fn role_of(
             Some(corners) => Ok(Role::Faces(FaceColumns {
                 corners,
                 color: lookup.rgb(),
+                places: lookup.places(),
+                texture: lookup.texture(),
             })),
             None if count == 0 => Ok(Role::Other),
             None => Err(no_corners(job, place, name)),
@@ -222,8 +260,21 @@ fn no_corners(job: &Job<'_>, place: Place, name: &str) -> Error {
     )
 }
 
-/// Lets the colors of vertices go before those of faces, and lists all elements and properties.
-pub(super) fn settle_colors(job: &mut Job<'_>, elements: &mut [Element]) {
+/// Lets the colors of vertices go before those of faces, and texture coordinates of faces before those of vertices; without
+/// textures there are none. Lists all elements and properties.
+pub(super) fn settle(job: &mut Job<'_>, elements: &mut [Element], has_textures: bool) {
+    let have_places = |element: &Element| matches!(element.role, Role::Faces(columns) if columns.places.is_some());
+    let have_places = elements.iter().any(have_places);
+    for element in &mut *elements {
+        match &mut element.role {
+            Role::Vertices(columns) if have_places || !has_textures => columns.place = None,
+            Role::Faces(columns) if !has_textures => {
+                (columns.places, columns.texture) = (None, None);
+            }
+            _ => {}
+        }
+    }
+
     let has_vertex_colors = elements
         .iter()
         .any(|element| matches!(element.role, Role::Vertices(columns) if columns.color.is_some()));
@@ -309,6 +360,9 @@ fn use_of(element: &Element, property: usize) -> Option<&'static str> {
         Role::Vertices(columns) if columns.normal.is_some_and(|normal| has(&normal)) => {
             Some("normal")
         }
+        Role::Vertices(columns) if columns.place.is_some_and(|place| has(&place)) => {
+            Some("texture coordinate")
+        }
         Role::Vertices(columns) => match columns.color? {
             ColorColumns::Channels { rgb, .. } if has(&rgb) => Some("color"),
             ColorColumns::Packed(column) if has(&[column]) => Some("color, packed"),
@@ -316,6 +370,10 @@ fn use_of(element: &Element, property: usize) -> Option<&'static str> {
             _ => None,
         },
         Role::Faces(columns) if columns.corners == property => Some("corners"),
+        Role::Faces(columns) if columns.places == Some(property) => Some("texture coordinates"),
+        Role::Faces(columns) if columns.texture.is_some_and(|texture| has(&[texture])) => {
+            Some("number of the texture")
+        }
         Role::Faces(columns) => columns.color.filter(|color| has(color)).map(|_| "color"),
         Role::Strips(list) => (list == property).then_some("corners"),
         Role::Other => None,

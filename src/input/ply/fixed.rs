@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 
 use super::super::Error;
@@ -48,6 +48,9 @@ pub(super) fn read<const BIG: bool>(
             let Some(layout) = TriangleLayout::of(element, columns.corners) else {
                 return Ok(None);
             };
+            if columns.texture.is_some() {
+                return Ok(None);
+            }
             let Some(data) = count
                 .checked_mul(layout.stride)
                 .and_then(|bytes| data.get(..bytes))
@@ -104,6 +107,12 @@ fn read_vertices<const BIG: bool>(
                 three_double::<BIG>(row, normal).as_vec3()
             })
         };
+    }
+    if let Some([u, v]) = columns.place.map(|place| place.map(offset)) {
+        let number = |row: &[u8], (at, kind): (usize, Type)| decode::<BIG>(&row[at..], kind) as f32;
+        sink.places = rows(data, stride, |row| {
+            Vec2::new(number(row, u), number(row, v))
+        });
     }
     match columns.color {
         Some(ColorColumns::Channels { rgb, alpha }) => {

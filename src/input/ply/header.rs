@@ -153,10 +153,12 @@ impl Header {
             match keyword {
                 b"ply" | b"obj_info" => {}
                 b"comment" => {
-                    if let [keyword, name, ..] = rest[..]
+                    if let [keyword, name @ ..] = &rest[..]
                         && keyword.eq_ignore_ascii_case(b"texturefile")
+                        && !name.is_empty()
                     {
-                        textures.push(shown(name));
+                        // Names may hold spaces.
+                        textures.push(String::from_utf8_lossy(&name.join(&b' ')).into_owned());
                     }
                 }
                 b"format" => {
@@ -223,7 +225,8 @@ impl Header {
                 role,
             });
         }
-        columns::settle_colors(job, &mut elements);
+        let has_textures = !textures.is_empty() && job.options.textures;
+        columns::settle(job, &mut elements, has_textures);
         let vertices = elements
             .iter()
             .find(|element| matches!(element.role, Role::Vertices(_)))

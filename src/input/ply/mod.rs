@@ -10,12 +10,14 @@ mod columns;
 mod fixed;
 mod header;
 mod rows;
+mod texture;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec2, Vec3};
 
 use self::columns::Role;
 use self::header::{Element, Encoding, Header};
 use self::rows::{Ascii, Binary, Source};
+use self::texture::FacePlaces;
 use super::assemble::{Coordinates, Raw};
 use super::color::{ColorRange, ColorSink};
 use super::job::Job;
@@ -34,6 +36,9 @@ struct Sink {
     /// Colors of the triangles, up to the last that has one.
     face_colors: ColorSink,
     list: FaceList,
+    /// Texture coordinates of vertices, from the lower left.
+    places: Vec<Vec2>,
+    face_places: FacePlaces,
     /// Vertices by the header, for index checks: faces may come before the vertices.
     vertices: u64,
 }
@@ -50,12 +55,6 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
     if header.vertices == 0 {
         return Err(job.empty("the file has no vertices"));
     }
-    if let Some(name) = header.textures.first() {
-        job.warn(Warning::TextureIgnored {
-            name: name.clone(),
-            count: header.textures.len() as u64,
-        });
-    }
     let mut sink = Sink {
         coordinates: Coordinates::Double(Vec::new()),
         normals: Vec::new(),
@@ -63,6 +62,8 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
         is_transparent: false,
         face_colors: ColorSink::new([ColorRange::BYTE; 3]),
         list: FaceList::default(),
+        places: Vec::new(),
+        face_places: FacePlaces::default(),
         vertices: header.vertices,
     };
     // What follows the last known element is of no use; it may be anything.
@@ -107,7 +108,9 @@ pub(super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, Raw), Erro
         triangles: sink.list.triangles,
         polygons: sink.list.polygons,
         counts,
+        textures: None,
     };
+    raw.textures = texture::textures_of(job, &header, (sink.places, sink.face_places), &raw);
     if !sink.face_colors.colors.is_empty() {
         let mut colors = sink.face_colors.colors;
         colors.resize(raw.triangles.len(), [255; 4]);
@@ -161,6 +164,10 @@ impl Sink {
         self.colors
             .colors
             .reserve_exact(if has_colors { count } else { 0 });
+    }
+
+    fn push_place(&mut self, place: DVec2) {
+        self.places.push(place.as_vec2());
     }
 
     fn push_position(&mut self, position: DVec3) {

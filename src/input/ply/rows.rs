@@ -1,6 +1,6 @@
 //! The general way through a PLY body, number by number: any types, any lists, text or binary.
 
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use super::super::color::{ColorSink, color_from_unit};
 use super::super::job::{Job, at_line};
@@ -309,7 +309,10 @@ fn read_faces<S: Source>(
     }
     let mut corners = Vec::new();
     let mut color = [0.0; 3];
+    let mut places: Vec<f32> = Vec::new();
     for _ in 0..element.count {
+        let mut texture = 0.0;
+        places.clear();
         let before = sink.list.triangles.len();
         for (index, &property) in element.properties.iter().enumerate() {
             match property {
@@ -317,8 +320,19 @@ fn read_faces<S: Source>(
                     let length = read_length(job, source, count, item)?;
                     read_polygon(job, source, length, item, sink, &mut corners)?;
                 }
+                Property::List { count, item } if columns.places == Some(index) => {
+                    for _ in 0..read_length(job, source, count, item)? {
+                        places.push(source.dispensable(job, item, Fault::TEXTURE)? as f32);
+                    }
+                }
                 Property::Scalar(kind) => {
                     let value = source.dispensable(job, kind, Fault::EXTRA)?;
+                    if columns
+                        .texture
+                        .is_some_and(|column| column.property == index)
+                    {
+                        texture = value;
+                    }
                     let channels = columns.color.iter().flatten().zip(&mut color);
                     for (column, channel) in channels {
                         if column.property == index {
@@ -328,6 +342,11 @@ fn read_faces<S: Source>(
                 }
                 property => skip(job, source, property)?,
             }
+        }
+        if columns.places.is_some() || columns.texture.is_some() {
+            let own = [before, sink.list.triangles.len()];
+            let places = columns.places.is_some().then_some(&places[..]);
+            sink.face_places.push(own, places, texture);
         }
         if columns.color.is_some() {
             let color = sink.face_colors.convert(color);
@@ -467,9 +486,11 @@ fn read_vertices<S: Source>(
         columns.normal.is_some(),
         columns.color.is_some(),
     );
-    // Every property writes its number to a slot: position, normal, color, alpha, or the one that nobody reads.
+    // Every property writes its number to a slot: position, normal, color, alpha, texture coordinate, or the one
+    // that nobody reads.
     const ALPHA: usize = 9;
-    const IGNORED: usize = 10;
+    const PLACE: usize = 10;
+    const IGNORED: usize = 12;
     let mut slot_of = vec![IGNORED; element.properties.len()];
     let (mut color, mut packed) = (None, None);
     match columns.color {
@@ -490,6 +511,9 @@ fn read_vertices<S: Source>(
             slot_of[column.property] = group * 3 + channel;
         }
     }
+    for (slot, column) in (PLACE..).zip(columns.place.into_iter().flatten()) {
+        slot_of[column.property] = slot;
+    }
     let mut values = [0.0; IGNORED + 1];
     values[ALPHA] = 1.0;
     for _ in 0..element.count {
@@ -502,9 +526,10 @@ fn read_vertices<S: Source>(
                 }
                 Property::Scalar(kind) => {
                     let fault = match slot {
-                        3..6 => Fault::NORMAL,
-                        6..9 => Fault::COLOR,
-                        _ => Fault::EXTRA,
+                        3..=5 => Fault::NORMAL,
+                        6..=8 => Fault::COLOR,
+                        ALPHA | IGNORED => Fault::EXTRA,
+                        _ => Fault::TEXTURE,
                     };
                     let value = source.dispensable(job, kind, fault)?;
                     values[slot] = if fault == Fault::COLOR {
@@ -523,6 +548,9 @@ fn read_vertices<S: Source>(
                 values[4] as f32,
                 values[5] as f32,
             ));
+        }
+        if columns.place.is_some() {
+            sink.push_place(DVec2::new(values[PLACE], values[PLACE + 1]));
         }
         let rgb = [values[6], values[7], values[8]];
         match columns.color {

@@ -23,7 +23,7 @@ fn silence() {
 }
 
 /// Runs `work`; its error, or words about its panic.
-pub(super) fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
+pub(in crate::input) fn guarded<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     silence();
     let was_guarded = IS_GUARDED.replace(true);
     let result = catch_unwind(AssertUnwindSafe(work));

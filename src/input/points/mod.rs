@@ -3,6 +3,7 @@
 
 pub(super) mod e57;
 mod guard;
+pub(super) use guard::guarded;
 pub(super) mod las;
 pub(super) mod pcd;
 mod roles;

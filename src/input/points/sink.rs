@@ -96,6 +96,7 @@ impl CloudSink {
                 vertices: self.points,
                 faces,
             },
+            textures: None,
         })
     }
 }

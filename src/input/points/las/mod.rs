@@ -96,6 +96,7 @@ pub(in super::super) fn read(job: &mut Job<'_>, data: &[u8]) -> Result<(Format, 
             vertices: found,
             faces: 0,
         },
+        textures: None,
     };
     Ok((format, raw))
 }
