@@ -48,11 +48,11 @@ use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_steps};
 use crate::math::camera::View;
 use crate::math::octahedral;
-use crate::pack::filtered::patch::{Patch, in_pieces, mean_color};
+use crate::pack::filtered::patch::{Patch, in_pieces};
 use crate::pack::filtered::patch_x4::{Four, Size, Slope, Vectors};
 use crate::pack::filtered::projection::Projection;
 use crate::pack::filtered::strip_batches::{Group, RowGroup};
-use crate::pack::filtered::triangle_patches::Triangle;
+use crate::pack::filtered::triangle_patches::{Triangle, piece_color, triangle_of};
 use crate::pack::filtered::triangle_subdivision::{cuts, diameter_px, pieces};
 use crate::pack::parallel;
 use crate::pack::parallel::Sink;
@@ -492,6 +492,7 @@ impl Eye<'_> {
         if !model.kind().is_surface() {
             return self.leaf_points(model, ids, sink);
         }
+        let textures = model.textures.as_deref();
         let mut group = Group::new(self, triangle_of(model, first as usize));
         for (index, &leaf) in ids.iter().enumerate() {
             if let Some(&next) = ids.get(index + parallel::AHEAD) {
@@ -515,7 +516,11 @@ impl Eye<'_> {
             in_pieces(triangle.corners, cuts, &mut |corners| {
                 let piece = Triangle {
                     corners,
-                    ..triangle
+                    color: match (cuts, textures) {
+                        (1.., Some(textures)) => piece_color(model, textures, leaf, &corners),
+                        _ => None,
+                    }
+                    .unwrap_or(triangle.color),
                 };
                 group.add(piece, diameter_px, is_own, sink);
             });
@@ -545,21 +550,6 @@ impl Eye<'_> {
             group.add(patch_of(leaf), diameter_px.max(shade.side_px), is_own, sink);
         }
         group.flush(sink);
-    }
-}
-
-/// A leaf that is a triangle.
-#[inline]
-fn triangle_of(model: &Model, leaf: usize) -> Triangle {
-    let corners = model.triangles[leaf].map(|i| model.vertices[i as usize]);
-    let corner = |v: Vertex| {
-        let is_known = v.color[3] != 0;
-        let normal = is_known.then(|| octahedral::decode(v.normal));
-        (v.position, normal.unwrap_or(Vec3::ZERO))
-    };
-    Triangle {
-        corners: corners.map(corner),
-        color: mean_color(&corners),
     }
 }
 

@@ -15,6 +15,17 @@ pub mod triangles;
 
 use crate::abi::{FilteredSplat, Splat, Vertex, WeightedSplat};
 pub use crate::pack::light::{Lamp, Lighting, Phong, Source};
+use crate::textures::{TextureImage, TexturePoint};
+use std::sync::Arc;
+
+/// What triangles of a list show in the place of the colors of their vertices.
+#[derive(Debug, Clone, Copy)]
+pub struct ListTextures<'a> {
+    /// Where each of the list's vertices is in an image.
+    pub points: &'a [TexturePoint],
+    /// The images.
+    pub images: &'a [Arc<TextureImage>],
+}
 
 /// Everything one frame draws. Triangles are drawn first, then splats, then points; all with the same depth
 /// test (nearer wins, first drawn wins ties).
@@ -28,6 +39,8 @@ pub struct DrawList<'a> {
     pub splats: &'a [Splat],
     /// Vertices drawn as points of [`Style::splat_size_px`].
     pub points: &'a [Vertex],
+    /// Textures of the triangles.
+    pub textures: Option<ListTextures<'a>>,
 }
 
 /// Everything one frame with filtered splats draws, in three passes:
@@ -46,6 +59,8 @@ pub struct FilteredList<'a> {
     pub triangles: &'a [[u32; 3]],
     /// Patches of surface, of the center's depth.
     pub splats: &'a [FilteredSplat],
+    /// Textures of the triangles.
+    pub textures: Option<ListTextures<'a>>,
 }
 
 /// Everything one frame with fuzzy splats draws: triangles, splats, then points, see
@@ -62,6 +77,8 @@ pub struct FuzzyList<'a> {
     pub points: &'a [Vertex],
     /// Sums of weights are coverage.
     pub has_coverage: bool,
+    /// Textures of the triangles.
+    pub textures: Option<ListTextures<'a>>,
 }
 
 /// How the primitives of a frame look.

@@ -425,7 +425,12 @@ impl<'a> Writer<'a> {
                     if is_in_plane {
                         part.part |= SplatId::IN_PLANE;
                     }
-                    let (splat, area) = of_triangle(corners, sphere.center, is_in_plane);
+                    let (mut splat, area) = of_triangle(corners, sphere.center, is_in_plane);
+                    let textures = model.textures.as_deref();
+                    if let Some([r, g, b]) = textures.and_then(|own| own.leaf_color(leaf as usize))
+                    {
+                        splat.color = [r, g, b, splat.color[3]];
+                    }
                     (
                         Splat {
                             radius: self.own(sphere.radius),

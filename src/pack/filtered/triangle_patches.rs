@@ -1,10 +1,13 @@
 //! Four triangles at a time become patches.
 
-use crate::pack::filtered::patch::{Corner, Patch};
+use crate::abi::Vertex;
+use crate::math::octahedral;
+use crate::pack::filtered::patch::{Corner, Patch, mean_color};
 use crate::pack::filtered::patch_x4::{
     Four, Normals, Vectors, cross, dot, inverse_or_zero, scaled, vectors,
 };
-use glam::Vec4;
+use crate::tree::{Model, ModelTextures};
+use glam::{Vec3, Vec4};
 
 /// A triangle, or a piece of one.
 #[derive(Clone, Copy)]
@@ -78,6 +81,55 @@ impl Four {
             edges,
         }
     }
+}
+
+/// A leaf that is a triangle.
+#[inline]
+pub(super) fn triangle_of(model: &Model, leaf: usize) -> Triangle {
+    let corners = model.triangles[leaf].map(|i| model.vertices[i as usize]);
+    let corner = |v: Vertex| {
+        let is_known = v.color[3] != 0;
+        let normal = is_known.then(|| octahedral::decode(v.normal));
+        (v.position, normal.unwrap_or(Vec3::ZERO))
+    };
+    let textures = model.textures.as_deref();
+    let mean = textures.and_then(|textures| textures.leaf_color(leaf));
+    Triangle {
+        corners: corners.map(corner),
+        color: match mean {
+            Some([red, green, blue]) => [red, green, blue, 255],
+            None => mean_color(&corners),
+        },
+    }
+}
+
+/// The color of the texels about a piece of a triangle; `None` where it has none.
+#[cold]
+pub(super) fn piece_color(
+    model: &Model,
+    textures: &ModelTextures,
+    leaf: u32,
+    piece: &[Corner; 3],
+) -> Option<[u8; 4]> {
+    let triangle = model.triangles[leaf as usize];
+    let (image, places) = textures.of_triangle(triangle)?;
+    let [a, b, c] = triangle.map(|corner| model.vertices[corner as usize].position);
+    let (one, other) = (b - a, c - a);
+    let normal = one.cross(other);
+    let squared = normal.length_squared();
+    if squared <= 0.0 {
+        return None;
+    }
+    let place = |&(position, _): &Corner| {
+        let offset = position - a;
+        let second = offset.cross(other).dot(normal) / squared;
+        let third = one.cross(offset).dot(normal) / squared;
+        places[0] + (places[1] - places[0]) * second + (places[2] - places[0]) * third
+    };
+    let [a, b, c] = piece;
+    let color = image.about([place(a), place(b), place(c)]);
+    let [red, green, blue] = color.to_array().map(|value| (value * 255.0).round() as u8);
+    Some([red, green, blue, 255])
 }
 
 #[cfg(test)]

@@ -41,9 +41,10 @@ impl ShadingQueue {
         self.len >= MANY
     }
 
-    /// A pixel of a triangle with these corners, whose weights there are proportional to these.
+    /// A pixel of a triangle with these corners, whose weights there are proportional to these; with a color of its own where
+    /// it shows a texture.
     #[inline(always)]
-    pub(super) fn push(&mut self, corners: [&Vertex; 3], weights: [f32; 3]) {
+    pub(super) fn push(&mut self, corners: [&Vertex; 3], weights: [f32; 3], own: Option<[u8; 3]>) {
         let at = self.len;
         for (i, corner) in corners.into_iter().enumerate() {
             self.weights[i][at] = weights[i];
@@ -51,7 +52,10 @@ impl ShadingQueue {
             self.positions[i][1][at] = corner.position.y;
             self.positions[i][2][at] = corner.position.z;
             self.normals[i][at] = bytemuck::cast(corner.normal);
-            self.colors[i][at] = bytemuck::cast(corner.color);
+            self.colors[i][at] = bytemuck::cast(match own {
+                Some([red, green, blue]) => [red, green, blue, corner.color[3]],
+                None => corner.color,
+            });
         }
         self.len += 1;
     }

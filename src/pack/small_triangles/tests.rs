@@ -287,7 +287,7 @@ fn a_normal_is_as_exact_as_that_of_a_triangle() {
                 (corners, [1.0 + i as f32, 5.0, 0.25 * i as f32])
             };
             for (corners, weights) in (0..37).map(of) {
-                queue.push(corners, weights);
+                queue.push(corners, weights, None);
             }
             let mut found = Vec::new();
             dispatch!(level, simd => queue.empty(simd, |splat| found.push(splat)));

@@ -3,7 +3,7 @@
 mod polygons;
 mod surfaces;
 
-use crate::abi::{FilteredSplat, FrameConstants, Splat, Vertex};
+use crate::abi::{FilteredSplat, FrameConstants, Splat};
 use crate::cut::CutSelector;
 use crate::image::Image;
 use crate::math::camera::View;
@@ -20,7 +20,7 @@ use crate::render::cpu::float_planes::{FloatPlanes, word_of};
 use crate::render::cpu::opaque;
 use crate::render::cpu::opaque::{CutMesh, Picture, Places};
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::triangles::{Light, MeshVertices, Triangles};
+use crate::render::cpu::triangles::{Light, MeshVertices, SurfaceMesh, Triangles};
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::FrameContext;
 use crate::render::frame_plan::FramePlan;
@@ -195,7 +195,9 @@ impl CpuRenderer {
         self.planes.begin(context.rect_px, context.background);
         let light = opaque::Light::new(&plan.constants);
         area.begin(&mut pixels, self.size, context.rect_px, light.background());
-        let meshes: Vec<&[Vertex]> = drawn.iter().map(|part| &*part.model.vertices).collect();
+        let meshes: Vec<SurfaceMesh<'_>> = (drawn.iter())
+            .map(|part| SurfaceMesh::of(part.model))
+            .collect();
         let frame = CpuFrame {
             drawn,
             plan,

@@ -5,6 +5,11 @@
 //! `shaders/common/vertex_record.glsl`, so the front is the same to the bit. Of its shade the last places may be others: a
 //! shader's root need not be exact.
 
+mod surface;
+
+pub use self::surface::SurfaceMesh;
+pub(super) use self::surface::{FaceTexture, Surface};
+
 use crate::abi::constants::{
     COARSE_STEPS, FLAG_COLOR_BY_PRIMITIVE, FLAG_PARALLEL_LIGHT, FLAG_TWO_SIDED, FLAG_USE_COLORS,
 };
@@ -99,8 +104,8 @@ pub(super) struct Face {
 /// The index of a triangle that is not clipped.
 const WHOLE_TRIANGLE: u32 = u32::MAX;
 
-/// The vertices of each mesh that triangles are of.
-pub type MeshVertices<'a> = &'a [&'a [Vertex]];
+/// Each mesh that triangles are of.
+pub type MeshVertices<'a> = &'a [SurfaceMesh<'a>];
 
 /// A triangle with the part that it is of, and its number among those of all parts.
 #[derive(Debug, Clone, Copy)]
@@ -370,37 +375,6 @@ pub(super) struct SurfacePlace {
     depth: f32,
 }
 
-/// What the corners of a triangle are like.
-pub(super) struct Surface {
-    /// In view space; zero where there is none, which leaves the others to decide.
-    pub(super) normals: Mat3,
-    pub(super) colors: Mat3,
-}
-
-impl Surface {
-    pub(super) fn of(face: &Face, part: &Part, meshes: MeshVertices<'_>, light: &Light) -> Self {
-        let vertices = meshes[part.mesh];
-        let vertex = face.corners.map(|corner| &vertices[corner as usize]);
-        let [a, b, c] = vertex.map(|v| match v.color[3] {
-            0 => Vec3::ZERO,
-            _ => light.turn * octahedral::decode(v.normal),
-        });
-        let normals = Mat3::from_cols(a, b, c);
-        let [a, b, c] = vertex.map(|v| {
-            let [red, green, blue, _] = v.color.map(f32::from);
-            Vec3::new(red, green, blue) / 255.0
-        });
-        let colors = Mat3::from_cols(a, b, c);
-        match part.clipped.get(face.clipped as usize) {
-            Some(weights) => Self {
-                normals: normals * *weights,
-                colors: colors * *weights,
-            },
-            None => Self { normals, colors },
-        }
-    }
-}
-
 impl SurfacePlace {
     fn inverse_w(&self) -> f32 {
         self.weights.x + self.weights.y + self.weights.z
@@ -509,7 +483,7 @@ impl Light {
     }
 
     /// Color and normal of a surface.
-    pub(super) fn point_at(&self, surface: &Surface, place: &SurfacePlace) -> ShadedPoint {
+    pub(super) fn point_at(&self, surface: &Surface<'_>, place: &SurfacePlace) -> ShadedPoint {
         let normal = unit_or_zero(surface.normals * (place.weights / place.inverse_w()));
         ShadedPoint {
             color: self.color_at(surface, place),
@@ -519,7 +493,7 @@ impl Light {
 
     /// Color of a surface.
     #[inline]
-    fn color_at(&self, surface: &Surface, place: &SurfacePlace) -> Vec3 {
+    fn color_at(&self, surface: &Surface<'_>, place: &SurfacePlace) -> Vec3 {
         if self.shading.has_headlight() {
             return self.shade(surface, place.pixel, place.weights);
         }
@@ -527,7 +501,7 @@ impl Light {
         let weights = place.weights / inverse_w;
         self.shading.of_triangle(&TrianglePoint {
             normal: unit_or_zero(surface.normals * weights),
-            color: surface.colors * weights,
+            color: surface.color_at(place.weights),
             pixel: place.pixel,
             depth: place.depth,
             inverse_w,
@@ -536,8 +510,8 @@ impl Light {
 
     /// What the headlight makes of a surface at a pixel, where corners have weights in proportion to these.
     #[inline]
-    fn shade(&self, surface: &Surface, [x, y]: [u32; 2], weights: Vec3) -> Vec3 {
-        let weights = weights / (weights.x + weights.y + weights.z);
+    fn shade(&self, surface: &Surface<'_>, [x, y]: [u32; 2], placed: Vec3) -> Vec3 {
+        let weights = placed / (placed.x + placed.y + placed.z);
         let normal = surface.normals * weights;
         let to_light = match self.is_parallel {
             true => Vec3::Z,
@@ -557,7 +531,7 @@ impl Light {
             1.0
         };
         let albedo = match self.has_colors {
-            true => self.albedo * (surface.colors * weights),
+            true => self.albedo * surface.color_at(placed),
             false => self.albedo,
         };
         albedo * lambert.min(1.0)

@@ -4,7 +4,7 @@
 //! visited. Only a guard band far outside bounds the integers of the rasterizer.
 
 use crate::render::reference::frame::ReferenceFrame;
-use glam::{DVec3, DVec4};
+use glam::{DVec2, DVec3, DVec4};
 
 /// A corner of a clipped triangle.
 #[derive(Clone, Copy)]
@@ -19,6 +19,8 @@ pub(super) struct ClipCorner {
     pub(super) normal: DVec3,
     /// Value / 255.
     pub(super) color: DVec3,
+    /// Texture coordinate.
+    pub(super) place: DVec2,
 }
 
 impl ClipCorner {
@@ -30,6 +32,7 @@ impl ClipCorner {
             position: self.position.lerp(other.position, t),
             normal: self.normal.lerp(other.normal, t),
             color: self.color.lerp(other.color, t),
+            place: self.place.lerp(other.place, t),
         }
     }
 }

@@ -7,7 +7,7 @@ use crate::math::camera::View;
 use crate::pack;
 use crate::pack::falsecolor::depth_range;
 use crate::pack::splats::Record;
-use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, Style};
+use crate::pack::{ColorBy, DrawList, FilteredList, FuzzyList, ListTextures, Style};
 use crate::render::PictureOutputs;
 use crate::render::cut_key::CutKey;
 use crate::render::frame_constants::eye_dome_exponent;
@@ -23,9 +23,11 @@ use crate::render::stats::OverdrawSummary;
 use crate::render::technique::Technique;
 use crate::render::vertex_splats::VertexSplats;
 use crate::render::{Blend, Method, Settings, Shading, SplatKind};
+use crate::textures::{TextureImage, TexturePoint};
 use crate::tree::Model;
 use bytemuck::Zeroable;
 use std::borrow::Cow;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Draws frames on the CPU, and keeps the last.
@@ -53,6 +55,7 @@ struct PackedLists<'m> {
     filtered: Vec<FilteredSplat>,
     /// Vertices of all models.
     vertices: Cow<'m, [Vertex]>,
+    textures: Option<JoinedTextures>,
     /// Vertices are drawn as points.
     has_points: bool,
 }
@@ -124,6 +127,7 @@ impl MirrorEngine {
             }
         }
         lists.vertices = joined_vertices(parts);
+        lists.textures = JoinedTextures::of(parts);
         lists.count(&mut times.counts);
         if Technique::of(settings) == Technique::Polygons {
             let splats = self.vertex_splats.splats();
@@ -200,6 +204,7 @@ impl MirrorEngine {
     ) {
         let (vertices, triangles) = (&*lists.vertices, &*lists.triangles);
         let points = lists.points();
+        let textures = lists.textures.as_ref().map(JoinedTextures::list);
         let eye_dome = eye_dome_exponent(settings);
         let outputs = PictureOutputs {
             depth: self.outputs.depth || eye_dome > 0.0,
@@ -210,6 +215,7 @@ impl MirrorEngine {
             triangles,
             splats: &lists.splats,
             points,
+            textures,
         };
         let fuzzy = FuzzyList {
             vertices,
@@ -217,11 +223,13 @@ impl MirrorEngine {
             splats: &lists.weighted,
             points,
             has_coverage: settings.sums_coverage(facts.kind.is_surface()),
+            textures,
         };
         let filtered = FilteredList {
             vertices,
             triangles,
             splats: &lists.filtered,
+            textures,
         };
         let (image, list) = match Technique::of(settings) {
             Technique::Opaque | Technique::Nothing => (
@@ -329,6 +337,47 @@ fn joined_vertices(parts: DrawnParts<'_>) -> Cow<'_, [Vertex]> {
             .iter()
             .flat_map(|part| used_vertices(part.model).iter().copied()))
         .collect(),
+    }
+}
+
+/// Images of all parts, and where [`joined_vertices`] are in them.
+struct JoinedTextures {
+    points: Vec<TexturePoint>,
+    images: Vec<Arc<TextureImage>>,
+}
+
+impl JoinedTextures {
+    /// Those of all parts; none where no part has any.
+    fn of(parts: DrawnParts<'_>) -> Option<Self> {
+        if parts.iter().all(|part| part.model.textures.is_none()) {
+            return None;
+        }
+        let mut joined = Self {
+            points: Vec::new(),
+            images: Vec::new(),
+        };
+        for part in parts.iter() {
+            let used = part.model.used_vertices as usize;
+            let first = joined.images.len() as u32;
+            let end = joined.points.len() + used;
+            if let Some(textures) = &part.model.textures {
+                let points = textures.points.iter().take(used);
+                joined.points.extend(points.map(|point| TexturePoint {
+                    image: point.image.saturating_add(first),
+                    ..*point
+                }));
+                joined.images.extend(textures.images.iter().cloned());
+            }
+            joined.points.resize(end, TexturePoint::NOWHERE);
+        }
+        Some(joined)
+    }
+
+    fn list(&self) -> ListTextures<'_> {
+        ListTextures {
+            points: &self.points,
+            images: &self.images,
+        }
     }
 }
 

@@ -76,7 +76,9 @@ pub fn render_filtered(
 ) -> FilteredRendering {
     let frame = ReferenceFrame::new(view, style);
     let place = |corners: &[u32; 3]| {
-        triangle::set_up(&frame, list.vertices, *corners, |v| frame.place(v.position))
+        triangle::set_up(&frame, (list.vertices, list.textures), *corners, |v| {
+            frame.place(v.position)
+        })
     };
     let mut target = PixelRows::cleared(view, FilteredPixel::default());
 

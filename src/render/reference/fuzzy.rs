@@ -82,7 +82,7 @@ pub fn render_fuzzy(
             list.triangles,
             |corners| {
                 let place = |v: &_| place_pushed(&frame, v);
-                triangle::set_up(&frame, list.vertices, *corners, place)
+                triangle::set_up(&frame, (list.vertices, list.textures), *corners, place)
             },
             |pixel, _, sample| pixel.keep_nearest(sample.depth),
         );
@@ -96,7 +96,11 @@ pub fn render_fuzzy(
     // Blend.
     target.draw(
         list.triangles,
-        |corners| triangle::set_up(&frame, list.vertices, *corners, |v| frame.place(v.position)),
+        |corners| {
+            triangle::set_up(&frame, (list.vertices, list.textures), *corners, |v| {
+                frame.place(v.position)
+            })
+        },
         |pixel, triangle, sample| {
             let depth = FragmentDepth::flat(sample.depth);
             let add = || share(&frame, &triangle.surface(sample));

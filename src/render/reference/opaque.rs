@@ -44,7 +44,11 @@ pub fn render(view: &View, list: &DrawList, style: &Style, outputs: PictureOutpu
     );
     target.draw(
         list.triangles,
-        |corners| triangle::set_up(&frame, list.vertices, *corners, |v| frame.place(v.position)),
+        |corners| {
+            triangle::set_up(&frame, (list.vertices, list.textures), *corners, |v| {
+                frame.place(v.position)
+            })
+        },
         |pixel, triangle, sample| {
             // Strictly nearer wins, so the first drawn wins ties and a NaN never passes.
             if sample.depth > pixel.depth {

@@ -38,7 +38,11 @@ pub fn count_overdraw(view: &View, list: OverdrawList<'_>, style: &Style) -> Vec
     };
     counts.draw(
         triangles,
-        |corners| triangle::set_up(&frame, vertices, *corners, |v| frame.place(v.position)),
+        |corners| {
+            triangle::set_up(&frame, (vertices, None), *corners, |v| {
+                frame.place(v.position)
+            })
+        },
         count_one,
     );
     match list {

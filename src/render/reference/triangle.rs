@@ -2,15 +2,20 @@
 //! with edge functions (Pineda, "A Parallel Algorithm for Polygon Rasterization", 1988) in integers.
 
 use crate::abi::Vertex;
+use crate::pack::ListTextures;
 use crate::render::reference::bands::PixelCoverage;
 use crate::render::reference::clip::{ClipCorner, clip};
 use crate::render::reference::frame::{PlacedVertex, ReferenceFrame, SubpixelGrid};
 use crate::render::reference::shade::{SurfaceKind, SurfacePoint, color_of, normal_of};
+use crate::textures::{TextureImage, TextureSlope};
+use glam::{DVec2, DVec3};
 use std::ops::Range;
 
 /// A triangle ready to be rasterized: clockwise as seen in the picture (y down), so that the inside of every
 /// edge function is positive.
-pub(super) struct RasterTriangle {
+pub(super) struct RasterTriangle<'a> {
+    /// What it shows in the place of the colors of its corners.
+    image: Option<&'a TextureImage>,
     corners: [SnappedCorner; 3],
     edges: [EdgeFunction; 3],
     /// Twice the area in snapped units, positive.
@@ -78,12 +83,15 @@ impl EdgeFunction {
 
 /// Clips, projects, snaps and culls one triangle of the list, and gives what can cover a pixel center. `place` is the
 /// vertex shader: the place of a vertex, `None` when it is not finite.
-pub(super) fn set_up(
+pub(super) fn set_up<'a>(
     frame: &ReferenceFrame,
-    vertices: &[Vertex],
+    (vertices, textures): (&[Vertex], Option<ListTextures<'a>>),
     corners: [u32; 3],
     place: impl Fn(&Vertex) -> Option<PlacedVertex>,
-) -> impl Iterator<Item = RasterTriangle> {
+) -> impl Iterator<Item = RasterTriangle<'a>> {
+    let point = |i: u32| textures?.points.get(i as usize).copied();
+    let image = point(corners[0]).and_then(|point| textures?.images.get(point.image as usize));
+    let image: Option<&'a TextureImage> = image.map(|image| &**image);
     let corner = |i: u32| {
         let vertex = vertices.get(i as usize)?;
         let placed = place(vertex)?;
@@ -93,6 +101,7 @@ pub(super) fn set_up(
             position: vertex.position.as_dvec3(),
             normal: normal_of(vertex.normal, vertex.color),
             color: color_of(vertex.color),
+            place: point(i).map_or(DVec2::ZERO, |point| point.at.as_dvec2()),
         })
     };
     let polygon = match corners.map(corner) {
@@ -102,7 +111,7 @@ pub(super) fn set_up(
     // A fan around the first corner.
     (2..polygon.len()).filter_map(move |i| {
         let fan = [polygon[0], polygon[i - 1], polygon[i]];
-        project(frame, fan.map(|corner| snapped(frame, corner)))
+        project(frame, fan.map(|corner| snapped(frame, corner)), image)
     })
 }
 
@@ -119,10 +128,11 @@ fn snapped(frame: &ReferenceFrame, surface: ClipCorner) -> SnappedCorner {
     }
 }
 
-fn project(
+fn project<'a>(
     frame: &ReferenceFrame,
     [a, mut b, mut c]: [SnappedCorner; 3],
-) -> Option<RasterTriangle> {
+    image: Option<&'a TextureImage>,
+) -> Option<RasterTriangle<'a>> {
     // Twice the signed area with y down: positive when clockwise in the picture. A front face is
     // counter-clockwise there, unless the view mirrors.
     let mut area = (b.x - a.x) * (c.y - a.y) - (b.y - a.y) * (c.x - a.x);
@@ -146,6 +156,7 @@ fn project(
         return None;
     }
     Some(RasterTriangle {
+        image: image.filter(|_| frame.style.use_colors),
         edges: [[&b, &c], [&c, &a], [&a, &b]]
             .map(|[from, to]| EdgeFunction::new(from, to, frame.grid)),
         corners: [a, b, c],
@@ -165,7 +176,7 @@ pub(super) struct TriangleSample {
     weights: [f64; 3],
 }
 
-impl PixelCoverage for RasterTriangle {
+impl PixelCoverage for RasterTriangle<'_> {
     type Sample = TriangleSample;
 
     fn rows(&self) -> Range<u32> {
@@ -193,19 +204,46 @@ impl PixelCoverage for RasterTriangle {
     }
 }
 
-impl RasterTriangle {
+impl RasterTriangle<'_> {
+    /// The color of an image at a place whose corners have weights in proportion to these, before they are divided by their
+    /// sum: bilinear, of both nearest levels by the exact slopes of texture coordinates in the picture.
+    fn texels(&self, image: &TextureImage, weights: [f64; 3]) -> DVec3 {
+        let sum: f64 = weights.iter().sum();
+        let mean = |weights: [f64; 3]| -> DVec2 {
+            let corners = self.corners.iter().zip(weights);
+            corners
+                .map(|(corner, weight)| weight * corner.surface.place)
+                .sum()
+        };
+        let place = mean(weights) / sum;
+        let slope = |step: fn(&EdgeFunction) -> i64| {
+            let steps = [0, 1, 2]
+                .map(|i: usize| step(&self.edges[i]) as f64 / self.area * self.corners[i].inv_w);
+            let of_sum: f64 = steps.iter().sum();
+            (mean(steps) - place * of_sum) / sum
+        };
+        let slope = TextureSlope {
+            right: slope(|edge| edge.dx_pixel).as_vec2(),
+            down: slope(|edge| edge.dy_pixel).as_vec2(),
+        };
+        image
+            .sample(place.as_vec2(), image.level_of(slope))
+            .as_dvec3()
+    }
+
     /// The surface at a sample.
     pub(super) fn surface(&self, sample: TriangleSample) -> SurfacePoint {
         let [wa, wb, wc] = sample.weights;
         let [a, b, c] = &self.corners;
         let (pa, pb, pc) = (wa * a.inv_w, wb * b.inv_w, wc * c.inv_w);
         let sum = pa + pb + pc;
+        let color = self.image.map(|image| self.texels(image, [pa, pb, pc]));
         let (pa, pb, pc) = (pa / sum, pb / sum, pc / sum);
         let (a, b, c) = (&a.surface, &b.surface, &c.surface);
         SurfacePoint {
             kind: SurfaceKind::Triangle,
             position: pa * a.position + pb * b.position + pc * c.position,
-            color: pa * a.color + pb * b.color + pc * c.color,
+            color: color.unwrap_or(pa * a.color + pb * b.color + pc * c.color),
             normal: (pa * a.normal + pb * b.normal + pc * c.normal).normalize_or_zero(),
             distance: pa * a.distance + pb * b.distance + pc * c.distance,
         }
@@ -215,7 +253,7 @@ impl RasterTriangle {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use glam::{DVec3, DVec4};
+    use glam::{DVec2, DVec3, DVec4};
     use proptest::prelude::*;
 
     fn corner([x, y]: [i64; 2]) -> SnappedCorner {
@@ -230,6 +268,7 @@ mod tests {
                 position: DVec3::ZERO,
                 normal: DVec3::ZERO,
                 color: DVec3::ONE,
+                place: DVec2::ZERO,
             },
         }
     }

@@ -186,7 +186,7 @@ fn draw_pass(
     };
     target.draw(
         list.triangles,
-        |corners| triangle::set_up(frame, list.vertices, *corners, place),
+        |corners| triangle::set_up(frame, (list.vertices, list.textures), *corners, place),
         |pixel, triangle, sample| {
             pixel.put(pass, sample.depth, || {
                 let point = triangle.surface(sample);

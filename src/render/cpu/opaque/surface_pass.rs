@@ -120,7 +120,7 @@ struct PixelShader<'a> {
 enum SeenSurface<'a> {
     Nothing,
     Splat(ShadedPoint),
-    Triangle(NumberedFace<'a>, Surface),
+    Triangle(NumberedFace<'a>, Surface<'a>),
 }
 
 impl PixelShader<'_> {

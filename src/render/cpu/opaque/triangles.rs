@@ -10,7 +10,7 @@ use crate::render::cpu::opaque::bands::SPLAT_BIT;
 use crate::render::cpu::opaque::framebuffer::Picture;
 use crate::render::cpu::opaque::viewport::Screen;
 use crate::render::cpu::triangles::{
-    Edge, Face, Light, MeshVertices, NumberedFace, Surface, Triangles,
+    Edge, Face, FaceTexture, Light, MeshVertices, NumberedFace, Surface, Triangles,
 };
 use fearless_simd::prelude::*;
 use fearless_simd::{Level, dispatch};
@@ -140,29 +140,29 @@ struct BandTarget<'b, 'p> {
 /// What the pixels of one triangle become.
 trait FaceInk<S: Simd> {
     /// Of pixels of a row, whose corners have weights in proportion to these.
-    fn words(
-        &mut self,
-        simd: S,
-        perspective: [Numbers<S>; 3],
-        pixels: ([u32; 2], Numbers<S>),
-    ) -> S::i32s;
+    fn words(&mut self, simd: S, perspective: [Numbers<S>; 3], pixels: &PixelRun<S>) -> S::i32s;
+}
+
+/// Pixels of a row.
+struct PixelRun<S: Simd> {
+    /// The first.
+    first: [u32; 2],
+    /// Numbers of the others from there.
+    lanes: Numbers<S>,
+    /// A bit of each that is asked for.
+    mask: u64,
 }
 
 /// Colors in the headlight. Most triangles are hidden: what their surface is like is asked for at the first pixel.
-struct LitInk<'a, S: Simd, F> {
+struct LitInk<'a, 'm, S: Simd, F> {
     light: &'a Light,
     surface: Option<F>,
-    shade: Option<FaceShade<S>>,
+    shade: Option<FaceShade<'m, S>>,
 }
 
-impl<S: Simd, F: FnOnce() -> Surface> FaceInk<S> for LitInk<'_, S, F> {
+impl<'m, S: Simd, F: FnOnce() -> Surface<'m>> FaceInk<S> for LitInk<'_, 'm, S, F> {
     #[inline(always)]
-    fn words(
-        &mut self,
-        simd: S,
-        perspective: [Numbers<S>; 3],
-        pixels: ([u32; 2], Numbers<S>),
-    ) -> S::i32s {
+    fn words(&mut self, simd: S, perspective: [Numbers<S>; 3], pixels: &PixelRun<S>) -> S::i32s {
         if let Some(surface) = self.surface.take() {
             self.shade = Some(FaceShade::new(simd, &surface()));
         }
@@ -178,16 +178,18 @@ struct NumberInk(u32);
 
 impl<S: Simd> FaceInk<S> for NumberInk {
     #[inline(always)]
-    fn words(&mut self, simd: S, _: [Numbers<S>; 3], _: ([u32; 2], Numbers<S>)) -> S::i32s {
+    fn words(&mut self, simd: S, _: [Numbers<S>; 3], _: &PixelRun<S>) -> S::i32s {
         S::i32s::splat(simd, self.0 as i32)
     }
 }
 
 /// What is the same in all pixels of a triangle.
-struct FaceShade<S: Simd> {
+struct FaceShade<'m, S: Simd> {
     /// Normals and colors of the corners, one number a corner and axis.
     normals: [[Numbers<S>; 3]; 3],
     colors: [[Numbers<S>; 3]; 3],
+    /// What it shows in the place of these.
+    texture: Option<FaceTexture<'m>>,
 }
 
 impl BandTarget<'_, '_> {
@@ -265,12 +267,17 @@ impl BandTarget<'_, '_> {
                     c * face.inverse_w.z,
                 ];
                 let pixel = [row.pixel[0] + first as u32, row.pixel[1]];
-                let words = ink.words(simd, perspective, (pixel, lanes));
+                let mut mask = is_nearer.to_bitmask();
+                let pixels = PixelRun {
+                    first: pixel,
+                    lanes,
+                    mask: mask.into(),
+                };
+                let words = ink.words(simd, perspective, &pixels);
                 let at = row.at + first;
                 let colors = &mut self.picture.colors[at..];
                 let mut own = [0; LANES];
                 words.store_slice(&mut own[..step]);
-                let mut mask = is_nearer.to_bitmask();
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize;
                     mask &= mask - 1;
@@ -368,15 +375,16 @@ impl SpanFinder {
     }
 }
 
-impl<S: Simd> FaceShade<S> {
+impl<'m, S: Simd> FaceShade<'m, S> {
     #[inline(always)]
-    fn new(simd: S, surface: &Surface) -> Self {
+    fn new(simd: S, surface: &Surface<'m>) -> Self {
         let number = |value: f32| Numbers::<S>::splat(simd, value);
         let of = |corner: Vec3| [number(corner.x), number(corner.y), number(corner.z)];
         let (n, c) = (&surface.normals, &surface.colors);
         Self {
             normals: [of(n.x_axis), of(n.y_axis), of(n.z_axis)],
             colors: [of(c.x_axis), of(c.y_axis), of(c.z_axis)],
+            texture: surface.texture,
         }
     }
 
@@ -387,8 +395,9 @@ impl<S: Simd> FaceShade<S> {
         simd: S,
         light: &Light,
         weights: [Numbers<S>; 3],
-        ([x, y], lanes): ([u32; 2], Numbers<S>),
+        pixels: &PixelRun<S>,
     ) -> S::i32s {
+        let ([x, y], lanes) = (pixels.first, pixels.lanes);
         let number = |value: f32| Numbers::<S>::splat(simd, value);
         let [a, b, c] = weights;
         let inverse = number(1.0) / (a + b + c);
@@ -415,7 +424,14 @@ impl<S: Simd> FaceShade<S> {
         let lambert = squared.simd_gt(0.0).select(lambert.min(one), one);
         let [red, green, blue] = light.albedo.to_array();
         let [ca, cb, cc] = &self.colors;
-        let (red, green, blue) = if light.has_colors {
+        let (red, green, blue) = if let Some(texture) = &self.texture {
+            let own = texels(simd, texture, weights, pixels.mask);
+            (
+                byte::<S>(lambert * own[0] * red),
+                byte::<S>(lambert * own[1] * green),
+                byte::<S>(lambert * own[2] * blue),
+            )
+        } else if light.has_colors {
             (
                 byte::<S>(lambert * (ca[0] * a + cb[0] * b + cc[0] * c) * red),
                 byte::<S>(lambert * (ca[1] * a + cb[1] * b + cc[1] * c) * green),
@@ -433,6 +449,31 @@ impl<S: Simd> FaceShade<S> {
 }
 
 // Functions, as what closures do need not be compiled for the vectors of the function that they are in.
+
+/// Red, green and blue of a texture at the pixels of a mask, one after the other: texels lie anywhere.
+#[inline(always)]
+fn texels<S: Simd>(
+    simd: S,
+    texture: &FaceTexture<'_>,
+    weights: [Numbers<S>; 3],
+    mut mask: u64,
+) -> [Numbers<S>; 3] {
+    let step = Numbers::<S>::LEN;
+    let mut corners = [[0.0; LANES]; 3];
+    for (row, weights) in corners.iter_mut().zip(weights) {
+        weights.store_slice(&mut row[..step]);
+    }
+    let mut colors = [[0.0; LANES]; 3];
+    while mask != 0 {
+        let lane = mask.trailing_zeros() as usize;
+        mask &= mask - 1;
+        let color = texture.color_at(Vec3::from_array(corners.map(|row| row[lane])));
+        for (row, value) in colors.iter_mut().zip(color.to_array()) {
+            row[lane] = value;
+        }
+    }
+    colors.map(|row| Numbers::<S>::from_slice(simd, &row[..step]))
+}
 
 /// A value in 0..=1 as a byte.
 #[inline(always)]

@@ -75,7 +75,7 @@ fn drawn(triangles: &Triangles, model: &Model, canvas: Canvas) -> Drawn {
     let mut sums = vec![7; canvas.pixels() * canvas.words()];
     let list = List {
         splats: &[],
-        meshes: &[&model.vertices],
+        meshes: &[SurfaceMesh::of(model)],
         triangles,
     };
     draw(list, canvas, &mut front, &mut sums);

@@ -24,6 +24,7 @@ fn nothing_and_nonsense_draw_the_background() {
             vertices: &vertices,
             triangles: &[[0, 1, 2], [0, 1, 9]],
             splats: &[nan],
+            textures: None,
         },
     ] {
         let got = render_filtered(&flat(), &list, &style, PictureOutputs::default());

@@ -66,6 +66,7 @@ fn triangles_alone_look_as_in_one_pass() {
         vertices: &vertices,
         triangles: &triangles,
         splats: &[],
+        textures: None,
     };
     let got = render_filtered(&view, &list, &style, outputs);
     assert!(got.image.normal.iter().all(|n| *n == [0.0; 3]));
@@ -104,6 +105,7 @@ fn a_floor_from_behind_the_eye_to_behind_the_far_plane_has_no_holes() {
         vertices: &vertices,
         triangles: &triangles,
         splats: &[],
+        textures: None,
     };
     let got = render_filtered(&view, &list, &style(8.0), PictureOutputs::default());
     let mut covered = 0;
@@ -125,6 +127,7 @@ fn splats_blend_with_triangles_behind_them_by_their_offset() {
             vertices: &vertices,
             triangles: &[[0, 1, 2]],
             splats: &placed(&flat(), &splats),
+            textures: None,
         };
         render_filtered(&flat(), &list, &style(4.0), PictureOutputs::default()).sums[i]
     };
@@ -159,6 +162,7 @@ fn backs_are_in_no_pass_when_they_are_culled() {
                 vertices: &vertices,
                 triangles: &[corners],
                 splats: &[],
+                textures: None,
             };
             let style = Style {
                 cull_back_faces: cull,
@@ -208,6 +212,7 @@ fn a_mirrored_view_gives_the_mirrored_picture() {
                 vertices: &surface.vertices,
                 triangles: &surface.triangles,
                 splats: &placed(view, &splats),
+                textures: None,
             };
             render_filtered(view, &list, &style, PictureOutputs::default())
         };
