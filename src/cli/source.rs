@@ -36,6 +36,9 @@ pub(crate) struct SurfaceArgs {
     /// How triangles are divided into nodes: along the longest axis, or so that nodes are flat, for patches (builds longer)
     #[arg(long, value_name = "RULE", default_value = "longest")]
     split: SplitChoice,
+    /// Whether surfaces show the images that the file names; without, the colors of materials and vertices
+    #[arg(long, value_name = "WHETHER", value_enum, default_value_t)]
+    textures: TextureChoice,
 }
 
 /// [`SplitRule`] by its name.
@@ -46,6 +49,16 @@ enum SplitChoice {
     Longest,
     /// So that nodes are flat.
     Flat,
+}
+
+/// Whether images are read.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+enum TextureChoice {
+    /// They are, up to 2 GiB of them with their smaller sizes; beyond that at half their size or less.
+    #[default]
+    On,
+    /// They are not.
+    Off,
 }
 
 fn parse_crease(text: &str) -> Result<f32, String> {
@@ -161,6 +174,7 @@ pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> 
     OpenOptions {
         input: input::Options {
             weld,
+            textures: surface.textures == TextureChoice::On,
             ..input::Options::default()
         },
         frame_all: frame == Framing::All,
