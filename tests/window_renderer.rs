@@ -280,7 +280,7 @@ fn a_resting_picture_becomes_the_mean_of_samples() {
         let mut window = Window::new(&device, &model, backend);
         for look in [
             of_splat(SplatKind::Square, 1.0),
-            of_splat(SplatKind::Filtered, 2.0),
+            of_splat(SplatKind::Disc, 2.0),
         ] {
             let what = format!("{backend:?} {:?}", look.splat);
             let single = window.picture(&here, &look);
@@ -330,6 +330,7 @@ fn a_resting_picture_becomes_the_mean_of_samples() {
     let window = Window::new(&device, &model, WindowBackend::Auto);
     for look in [
         of_splat(SplatKind::Visibility, 2.0),
+        of_splat(SplatKind::Filtered, 2.0),
         Settings {
             color_by: surfel::pack::ColorBy::Depth,
             ..Settings::default()

@@ -43,8 +43,8 @@ pub use crate::pack::filtered::triangle_subdivision::{
 
 pub use crate::pack::filtered::screen_groups::ScreenGroups;
 
+use crate::abi::FilteredSplat;
 use crate::abi::constants::{FULL_HIGHLIGHT, LEAST_BACK};
-use crate::abi::{FilteredSplat, Vertex};
 use crate::cut::{Cut, StripRun, strip_steps};
 use crate::math::camera::View;
 use crate::math::octahedral;

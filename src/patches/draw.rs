@@ -82,7 +82,8 @@ impl NodePatch {
                 255,
             ],
             shape_operator: self.shape.map(|s| s * scale),
-            unused: 0,
+            // The cut left out what faces away.
+            spread: 1.0,
         }
     }
 }

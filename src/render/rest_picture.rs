@@ -65,10 +65,12 @@ pub(crate) struct SampleRequest<'a> {
     pub(crate) device: Option<(&'a VulkanRenderer, &'a mut DeviceScene)>,
 }
 
-/// Whether frames of these settings have a mean: not visibility splats, which are put together from whole pixels, nor data.
+/// Whether frames of these settings have a mean that is nearer to the truth: not visibility splats, which are put together
+/// from whole pixels, nor filtered ones, which are means already and would be blurred, nor data.
 pub(crate) fn has_mean(settings: &Settings) -> bool {
     let shows_light = matches!(settings.color_by, ColorBy::Shading | ColorBy::Primitive);
-    shows_light && !settings.draws_visibility() && !settings.holds_cut()
+    let is_filtered = settings.has_cut() && settings.splat == SplatKind::Filtered;
+    shows_light && !is_filtered && !settings.draws_visibility() && !settings.holds_cut()
 }
 
 impl RestPicture {

@@ -347,7 +347,7 @@ mod tests {
             .enumerate()
         {
             for (j, z) in [30.0, -25.0, -25.5].into_iter().enumerate() {
-                points.insert(400 * k + 50 * j, (Vec3::new(x, y, z), 3.0));
+                points.insert(400 * k + 50 * j, (Vec3::new(x, y, z), 1.0));
             }
         }
         let (points, least): (Vec<Vec3>, Vec<f32>) = points.into_iter().unzip();

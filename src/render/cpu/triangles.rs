@@ -10,11 +10,10 @@ mod surface;
 pub use self::surface::SurfaceMesh;
 pub(super) use self::surface::{FaceTexture, Surface};
 
+use crate::abi::FrameConstants;
 use crate::abi::constants::{
     COARSE_STEPS, FLAG_COLOR_BY_PRIMITIVE, FLAG_PARALLEL_LIGHT, FLAG_TWO_SIDED, FLAG_USE_COLORS,
 };
-use crate::abi::{FrameConstants, Vertex};
-use crate::math::octahedral;
 use crate::pack::small_triangles::{CornerScreen, PlacedCorner};
 use crate::pack::{ALBEDO, parallel};
 use crate::render::cpu::clip;

@@ -66,7 +66,11 @@ pub fn render_polygons(
     );
     target.draw(
         list.triangles,
-        |corners| triangle::set_up(&frame, list.vertices, *corners, |v| frame.place(v.position)),
+        |corners| {
+            triangle::set_up(&frame, (list.vertices, list.textures), *corners, |v| {
+                frame.place(v.position)
+            })
+        },
         |pixel, triangle, sample| {
             if sample.depth > pixel.depth {
                 *pixel = PolygonPixel {
