@@ -19,7 +19,7 @@ use super::job::{Job, at_line};
 use super::mtl::{self, MaterialLooks, MaterialRun};
 use super::part::{Fault, PartFate};
 use super::polygon::{FaceList, without_repeated};
-use super::text::{Scanner, parse_f64, parse_i64, shown, words};
+use super::text::{Scanner, after_keyword, parse_f64, parse_i64, shown, words};
 use super::textures::RawTextures;
 use super::{Counts, Error, Warning};
 
@@ -577,14 +577,6 @@ fn joined<'a>(line: &'a [u8], scanner: &mut Scanner<'a>) -> Cow<'a, [u8]> {
         }
     }
     Cow::Owned(whole)
-}
-
-/// What follows the first word, trimmed; names may hold spaces.
-fn after_keyword(line: &[u8]) -> &[u8] {
-    let line = line.trim_ascii();
-    line.iter()
-        .position(u8::is_ascii_whitespace)
-        .map_or(&[], |end| line[end..].trim_ascii())
 }
 
 fn three<'a>(

@@ -186,6 +186,14 @@ pub(super) fn parse_i64(word: &[u8]) -> Option<i64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 
+/// The rest of a line behind its first word, trimmed; names may hold spaces.
+pub(super) fn after_keyword(line: &[u8]) -> &[u8] {
+    let line = line.trim_ascii();
+    line.iter()
+        .position(u8::is_ascii_whitespace)
+        .map_or(&[], |end| line[end..].trim_ascii())
+}
+
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]

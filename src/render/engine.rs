@@ -1,9 +1,11 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
+mod smooth;
+
 use crate::gpu::frame::FrameMeasure;
 use crate::gpu::{DeviceOptions, Error, Gpu};
-use crate::image::{Accumulator, FloatImage, Image, jittered, mean_difference};
+use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
 use crate::progress::{Progress, Silent};
 use crate::render::PictureOutputs;
@@ -498,40 +500,6 @@ impl<'m> Engine<'m> {
             }
         }
         Ok(mean.mean())
-    }
-}
-
-/// Sides of the grids of samples in each pixel that [`Engine::smooth`] draws.
-const SMOOTH_SIDES: [u32; 2] = [4, 8];
-
-/// Mean difference of covered pixels between two halves of the samples above which more are drawn, 1 is white. Their mean is
-/// off by about half of it.
-const SMOOTH_DIFFERENCE: f64 = 2.0 / 255.0;
-
-impl Engine<'_> {
-    /// The mean of 16 samples a pixel, or of 64 where 16 are too few: where two halves of them, which alternate in each pixel,
-    /// differ by more than two levels of 255 in the mean of all covered pixels. Each is as [`Engine::sample`] draws it.
-    ///
-    /// # Errors
-    /// As [`Engine::render`].
-    pub fn smooth(&mut self, view: &View, settings: &Settings) -> Result<FloatImage, Error> {
-        let [k, most] = SMOOTH_SIDES;
-        let mut halves = [Accumulator::new(), Accumulator::new()];
-        for i in 0..k * k {
-            let image = self.sample(&jittered(view, i, k), settings)?;
-            let half = &mut halves[((i + i / k) % 2) as usize];
-            if let Err(error) = half.add(&image) {
-                unreachable!("pictures of one view: {error}");
-            }
-        }
-        let [mut all, other] = halves;
-        if mean_difference(&all.mean(), &other.mean()) > SMOOTH_DIFFERENCE {
-            return self.supersample(view, settings, most);
-        }
-        if let Err(error) = all.join(&other) {
-            unreachable!("pictures of one view: {error}");
-        }
-        Ok(all.mean())
     }
 }
 

@@ -1,6 +1,8 @@
 //! Frames on the window, or on none: two on their way at a time, rebuilt when the window changes or the device is
 //! lost.
 
+mod models;
+mod pages;
 mod photo;
 
 use super::control::FrameWork;
@@ -11,7 +13,6 @@ use crate::gpu::surface::WindowSurface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
-use crate::progress::Silent;
 use crate::render::cost::model::{DrawCosts, PerRasterizer, SplatCosts};
 use crate::render::paged_model::PagedModel;
 use crate::render::stats::FrameTimes;
@@ -253,110 +254,6 @@ impl WindowScreen {
             }
         }
         Ok(())
-    }
-
-    /// Shows another model from the next frame on, whose `scene` may be there already. When it does not fit the device
-    /// the old one stays.
-    pub(super) fn set_model(
-        &mut self,
-        model: Model,
-        more: Vec<Model>,
-        scene: Option<DeviceScene>,
-    ) -> Result<(), Error> {
-        let scene = match scene {
-            Some(scene) if scene.is_on(&self.gpu) => scene,
-            // The device was lost meanwhile, or not yet open.
-            _ => {
-                let models: Vec<&Model> = [&model].into_iter().chain(&more).collect();
-                DeviceScene::of_models(&self.gpu, &models)?
-            }
-        };
-        self.finish()?;
-        self.drop_model();
-        self.shown = vec![true; 1 + more.len()];
-        self.model = Some(model);
-        self.more = more;
-        self.scene = Some(scene);
-        Ok(())
-    }
-
-    /// Gives the pages that models stand in for, in their order, and tells whether frames wait for them.
-    pub(super) fn set_pages(&mut self, pages: Vec<Option<PagedModel>>, waits: bool) {
-        (self.pages, self.waits_for_pages) = (pages, waits);
-    }
-
-    /// Whether pages came that the last frame did not have.
-    pub(super) fn has_new_pages(&self) -> bool {
-        self.pages.iter().flatten().any(PagedModel::has_news)
-    }
-
-    /// Number of pages that would make the last frame finer.
-    pub(super) fn wanted_pages(&self) -> usize {
-        self.pages
-            .iter()
-            .flatten()
-            .map(PagedModel::wanted_pages)
-            .sum()
-    }
-
-    /// Messages of pages that could not be read, since the last call.
-    pub(super) fn take_page_messages(&mut self) -> Vec<String> {
-        let mut all = std::mem::take(&mut self.page_messages);
-        let pages = self.pages.iter().flatten();
-        all.extend(pages.flat_map(PagedModel::messages));
-        all
-    }
-
-    /// Loads the pages that a frame needs.
-    ///
-    /// # Errors
-    /// As [`PagedModel::load`].
-    fn load_pages(&mut self, view: &View, settings: &Settings) -> Result<(), Error> {
-        for own in self.pages.iter_mut().flatten() {
-            let mut messages = own.load(view, settings, &Silent)?;
-            self.page_messages.append(&mut messages);
-        }
-        Ok(())
-    }
-
-    pub(super) fn drop_model(&mut self) {
-        (self.model, self.scene) = (None, None);
-        (self.more, self.shown) = (Vec::new(), Vec::new());
-        self.pages = Vec::new();
-        self.renderer.forget_prediction();
-        (self.drawn, self.picture) = (None, None);
-        self.frame_times_ms.clear();
-        self.times = FrameTimes::default();
-    }
-
-    pub(super) fn model(&self) -> Option<&Model> {
-        self.model.as_ref()
-    }
-
-    /// All models, the first one first.
-    pub(super) fn models(&self) -> Vec<&Model> {
-        self.model.iter().chain(&self.more).collect()
-    }
-
-    /// Whether each model is drawn.
-    pub(super) fn shown(&self) -> &[bool] {
-        &self.shown
-    }
-
-    /// Draws a model from the next frame on, or leaves it out; nothing where there is no model of this index.
-    pub(super) fn show(&mut self, index: usize, is_shown: bool) {
-        if let (Some(shown), Some(scene)) = (self.shown.get_mut(index), &mut self.scene) {
-            *shown = is_shown;
-            scene.show(index, is_shown);
-            self.renderer.forget_prediction();
-            (self.picture, self.drawn) = (None, None);
-        }
-    }
-
-    /// The smallest sphere around all models; none without any.
-    pub(super) fn orbit_sphere(&self) -> Option<OrbitSphere> {
-        let all = self.models().into_iter().map(Model::orbit_sphere);
-        all.reduce(OrbitSphere::joined)
     }
 
     pub(super) fn gpu(&self) -> &Arc<Gpu> {
@@ -620,32 +517,6 @@ impl WindowScreen {
         };
         self.picture = Some(size);
         Ok(submitted)
-    }
-
-    /// Whether samples would make the picture of the last frame, drawn with these settings, smoother: where all of its pages are
-    /// there, and a frame takes less than this many milliseconds.
-    pub(super) fn can_be_smoother(&self, settings: &Settings, most_ms: f64) -> bool {
-        let is_finished = self.drawn.is_some() && self.picture.is_some() && self.pending.is_empty();
-        let is_fine = self.wanted_pages() == 0 && self.times.frame_ms < most_ms;
-        is_finished && is_fine && self.renderer.can_be_smoother(settings)
-    }
-
-    /// Draws a sample of the last frame; tells whether it is to be shown again.
-    ///
-    /// # Errors
-    /// As [`WindowScreen::draw`].
-    pub(super) fn add_sample(&mut self, settings: &Settings) -> Result<bool, Error> {
-        let (Some(view), Some(model), Some(scene)) = (self.drawn, &self.model, &mut self.scene)
-        else {
-            return Ok(false);
-        };
-        let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
-        let shown = ShownModel {
-            models: &models,
-            scene,
-            pages: &mut self.pages,
-        };
-        self.renderer.add_sample(shown, &view, settings)
     }
 
     /// View-space distance of what the last frame shows near a pixel.

@@ -1,9 +1,11 @@
 //! Sheets and planes, whose pixels, depths and shades are known in closed form.
 #![allow(clippy::expect_used, reason = "a failing test panics")]
 
+use crate::abi::Vertex;
 use crate::abi::constants::{
     FLAG_COLOR_BY_DEPTH, FLAG_COLOR_BY_LEVEL, FLAG_COLOR_BY_NORMAL, FLAG_PHONG,
 };
+use crate::math::octahedral;
 use crate::render::cpu::filtered::{List, draw};
 use crate::render::cpu::triangles::*;
 use bytemuck::Zeroable;

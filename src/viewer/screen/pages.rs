@@ -1,0 +1,77 @@
+//! Pictures that get better after they were shown first: finer by pages that come, smoother by samples.
+
+use super::WindowScreen;
+use crate::gpu::Error;
+use crate::math::camera::View;
+use crate::progress::Silent;
+use crate::render::Settings;
+use crate::render::paged_model::PagedModel;
+use crate::render::window_renderer::ShownModel;
+use crate::tree::Model;
+
+impl WindowScreen {
+    /// Gives the pages that models stand in for, in their order, and tells whether frames wait for them.
+    pub(in crate::viewer) fn set_pages(&mut self, pages: Vec<Option<PagedModel>>, waits: bool) {
+        (self.pages, self.waits_for_pages) = (pages, waits);
+    }
+
+    /// Whether pages came that the last frame did not have.
+    pub(in crate::viewer) fn has_new_pages(&self) -> bool {
+        self.pages.iter().flatten().any(PagedModel::has_news)
+    }
+
+    /// Number of pages that would make the last frame finer.
+    pub(in crate::viewer) fn wanted_pages(&self) -> usize {
+        self.pages
+            .iter()
+            .flatten()
+            .map(PagedModel::wanted_pages)
+            .sum()
+    }
+
+    /// Messages of pages that could not be read, since the last call.
+    pub(in crate::viewer) fn take_page_messages(&mut self) -> Vec<String> {
+        let mut all = std::mem::take(&mut self.page_messages);
+        let pages = self.pages.iter().flatten();
+        all.extend(pages.flat_map(PagedModel::messages));
+        all
+    }
+
+    /// Loads the pages that a frame needs.
+    ///
+    /// # Errors
+    /// As [`PagedModel::load`].
+    pub(super) fn load_pages(&mut self, view: &View, settings: &Settings) -> Result<(), Error> {
+        for own in self.pages.iter_mut().flatten() {
+            let mut messages = own.load(view, settings, &Silent)?;
+            self.page_messages.append(&mut messages);
+        }
+        Ok(())
+    }
+
+    /// Whether samples would make the picture of the last frame, drawn with these settings, smoother: where all of its pages are
+    /// there, and a frame takes less than this many milliseconds.
+    pub(in crate::viewer) fn can_be_smoother(&self, settings: &Settings, most_ms: f64) -> bool {
+        let is_finished = self.drawn.is_some() && self.picture.is_some() && self.pending.is_empty();
+        let is_fine = self.wanted_pages() == 0 && self.times.frame_ms < most_ms;
+        is_finished && is_fine && self.renderer.can_be_smoother(settings)
+    }
+
+    /// Draws a sample of the last frame; tells whether it is to be shown again.
+    ///
+    /// # Errors
+    /// As [`WindowScreen::draw`].
+    pub(in crate::viewer) fn add_sample(&mut self, settings: &Settings) -> Result<bool, Error> {
+        let (Some(view), Some(model), Some(scene)) = (self.drawn, &self.model, &mut self.scene)
+        else {
+            return Ok(false);
+        };
+        let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
+        let shown = ShownModel {
+            models: &models,
+            scene,
+            pages: &mut self.pages,
+        };
+        self.renderer.add_sample(shown, &view, settings)
+    }
+}
