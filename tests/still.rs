@@ -193,6 +193,8 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
     let Settings {
         method: _,
         splat: _,
+        // A device refuses them.
+        vertex_splats: _,
         blend: _,
         shading: _,
         sums: _,

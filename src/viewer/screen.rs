@@ -20,7 +20,7 @@ use crate::render::vulkan::renderer::{SubmittedFrame, present::ShownFrame};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
 use crate::render::{Method, Settings, SplatKind};
-use crate::tree::{Model, OrbitSphere};
+use crate::tree::Model;
 use ash::vk::Result as R;
 use glam::DVec2;
 use std::collections::VecDeque;

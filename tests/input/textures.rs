@@ -159,7 +159,9 @@ fn ply_textures_by_vertex_and_by_face() {
             );
             let mut file = PlyBytes::new(encoding, head);
             for [x, y] in points {
-                [x, y, 0.0, x, 0.25 * y].map(|value| file.float(value));
+                for value in [x, y, 0.0, x, 0.25 * y] {
+                    file.float(value);
+                }
                 file.end();
             }
             for face in faces {
@@ -183,7 +185,9 @@ fn ply_textures_by_vertex_and_by_face() {
         );
         let mut file = PlyBytes::new(encoding, head);
         for [x, y] in points {
-            [x, y, 0.0].map(|value| file.float(value));
+            for value in [x, y, 0.0] {
+                file.float(value);
+            }
             file.end();
         }
         // A quad in the second image, a triangle without places, a triangle in an image that is not there.

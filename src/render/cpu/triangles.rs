@@ -7,7 +7,7 @@
 
 mod surface;
 
-pub use self::surface::SurfaceMesh;
+pub(crate) use self::surface::SurfaceMesh;
 pub(super) use self::surface::{FaceTexture, Surface};
 
 use crate::abi::FrameConstants;
