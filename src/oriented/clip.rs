@@ -204,7 +204,7 @@ fn splat_of_cluster(
 /// Takes in what lies within the radius and is turned as the plane, from `faces` on, and notes the edges where it stops;
 /// `None` where there is too much of it.
 #[expect(clippy::too_many_arguments, reason = "two of them are memory")]
-fn walk(
+pub(crate) fn walk(
     surface: &WeldedSurface,
     point: u32,
     frame: &PlaneFrame,

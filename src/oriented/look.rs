@@ -136,6 +136,38 @@ pub fn take_look(
     misfit
 }
 
+/// Gives a splat within a face the color and normal that the face has at its center.
+pub fn take_look_of_face(
+    splat: &mut OrientedPolygon,
+    surface: &WeldedSurface,
+    face: u32,
+    looks: &[VertexLook],
+) {
+    let [a, b, c] = surface.corners(face);
+    let vertices = surface.vertices_of_face[face as usize];
+    let own = surface.normals[face as usize];
+    let looks = vertices.map(|v| looks.get(v as usize).copied().unwrap_or_default());
+    let at = splat.center.as_dvec3();
+    let double = (b - a).cross(c - a).dot(own);
+    let weights =
+        [(b, c), (c, a), (a, b)].map(|(from, to)| (from - at).cross(to - at).dot(own) / double);
+    let mut normal = DVec3::ZERO;
+    let mut color = DVec3::ZERO;
+    for (look, weight) in looks.iter().zip(weights) {
+        let [red, green, blue, _] = look.color;
+        color += weight * DVec3::new(red.into(), green.into(), blue.into());
+        normal += weight
+            * if look.normal == DVec3::ZERO {
+                own
+            } else {
+                look.normal
+            };
+    }
+    let [red, green, blue] = color.round().as_u8vec3().to_array();
+    splat.color = [red, green, blue, 255];
+    splat.shading_normal = normal.normalize_or(own).as_vec3();
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

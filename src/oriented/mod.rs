@@ -20,5 +20,6 @@ pub mod look;
 pub mod nearest;
 pub mod quality;
 pub mod radius;
+pub mod resample;
 pub mod splats;
 pub mod surface;

@@ -1,0 +1,199 @@
+//! Splats from vertices: the processor draws what the reference draws, and what nobody draws is refused by name.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
+
+use glam::{DVec3, Vec3};
+use surfel::image::Image;
+use surfel::math::camera::{Camera, View};
+use surfel::mesh::Mesh;
+use surfel::oriented::radius::RadiusRule;
+use surfel::oriented::splats::SplatRules;
+use surfel::pack::{ColorBy, Lighting, Phong};
+use surfel::progress::Silent;
+use surfel::render::engine::{Backend, Engine};
+use surfel::render::{Culling, Method, PictureOutputs, Settings, SplatKind};
+use surfel::tree::{self, BuildOptions, Model};
+
+/// A closed box of 8 vertices, one color each.
+fn cube() -> Model {
+    let positions: Vec<Vec3> = (0..8)
+        .map(|k| Vec3::new((k & 1) as f32, (k >> 1 & 1) as f32, (k >> 2) as f32))
+        .collect();
+    let quads = [
+        [0, 2, 3, 1],
+        [4, 5, 7, 6],
+        [0, 1, 5, 4],
+        [2, 6, 7, 3],
+        [0, 4, 6, 2],
+        [1, 3, 7, 5],
+    ];
+    let triangles = quads
+        .iter()
+        .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    let mesh = Mesh {
+        colors: vec![[200, 150, 100, 255]; positions.len()],
+        positions,
+        triangles: triangles.collect(),
+        ..Mesh::default()
+    };
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+/// An open sheet with bumps.
+fn sheet() -> Model {
+    let n = 12_u32;
+    let positions = (0..(n + 1) * (n + 1)).map(|k| {
+        let (x, y) = ((k % (n + 1)) as f32, (k / (n + 1)) as f32);
+        Vec3::new(x, y, (x * 0.8).sin() * (y * 0.6).cos())
+    });
+    let triangles = (0..n * n).flat_map(|k| {
+        let a = k / n * (n + 1) + k % n;
+        [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
+    });
+    let mesh = Mesh {
+        positions: positions.collect(),
+        triangles: triangles.collect(),
+        ..Mesh::default()
+    };
+    tree::build(mesh, &BuildOptions::default(), &Silent).unwrap()
+}
+
+fn view(model: &Model, azimuth: f64) -> View {
+    let center = model.orbit_center.as_dvec3();
+    let radius = f64::from(model.orbit_radius);
+    let camera = Camera::orbit((240, 200), center, radius, azimuth, 0.5, 0.8);
+    camera.view(DVec3::ZERO).unwrap()
+}
+
+fn settings(rules: SplatRules) -> Settings {
+    Settings {
+        method: Method::Splats,
+        vertex_splats: Some(rules),
+        ..Settings::default()
+    }
+}
+
+fn cut(degrees: f64) -> SplatRules {
+    SplatRules {
+        clip: Some(degrees.to_radians()),
+        ..SplatRules::default()
+    }
+}
+
+fn draw(backend: &Backend, model: &Model, view: &View, settings: &Settings) -> Image {
+    let outputs = PictureOutputs {
+        depth: true,
+        normal: true,
+        ..PictureOutputs::default()
+    };
+    let mut engine = Engine::new(backend, model, (view.width, view.height), outputs).unwrap();
+    engine.render(view, settings).unwrap()
+}
+
+/// Pixels that differ by more than two levels, in coverage, or by more than a thousandth of the distance.
+fn differing(a: &Image, b: &Image) -> usize {
+    let differs = |i: &usize| {
+        let (p, q) = (a.color[*i], b.color[*i]);
+        let levels = (0..3).any(|k| p[k].abs_diff(q[k]) > 2);
+        let [near, far] = [a.depth[*i], b.depth[*i]];
+        levels || p[3] != q[3] || (near - far).abs() > 1e-3 * near.min(far)
+    };
+    (0..a.color.len()).filter(differs).count()
+}
+
+#[test]
+fn the_processor_draws_what_the_reference_draws() {
+    for (model, name) in [(cube(), "cube"), (sheet(), "sheet")] {
+        let whole = SplatRules {
+            radius: RadiusRule::Dietz,
+            angle_test: Some(0.3),
+            ..SplatRules::default()
+        };
+        for rules in [cut(20.0), cut(5.0), whole, SplatRules::default()] {
+            for azimuth in [0.3, 2.0, 4.5] {
+                let view = view(&model, azimuth);
+                for look in [
+                    settings(rules),
+                    Settings {
+                        light: Lighting::Phong(Phong::default()),
+                        ..settings(rules)
+                    },
+                    Settings {
+                        culling: Culling::Off,
+                        color_by: ColorBy::Normal,
+                        ..settings(rules)
+                    },
+                ] {
+                    let [reference, own] = [Backend::Mirror, Backend::Cpu]
+                        .map(|backend| draw(&backend, &model, &view, &look));
+                    let covered = reference.color.iter().filter(|c| c[3] > 0).count();
+                    let count = differing(&reference, &own);
+                    assert!(covered > 5000, "{name}: {covered}");
+                    // Where splats cross, the last bit of a depth decides.
+                    assert!(
+                        count * 200 < covered,
+                        "{name} {rules:?}: {count} of {covered}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_cube_of_eight_vertices_looks_as_its_triangles_do() {
+    let model = cube();
+    for azimuth in [0.3, 1.1, 2.0, 4.5] {
+        let view = view(&model, azimuth);
+        let triangles = Settings {
+            method: Method::Triangles,
+            ..Settings::default()
+        };
+        let exact = draw(&Backend::Mirror, &model, &view, &triangles);
+        let splats = draw(&Backend::Mirror, &model, &view, &settings(cut(5.0)));
+        // Rules for pixels on an edge are not the same.
+        assert!(differing(&exact, &splats) < 60);
+        let whole = draw(
+            &Backend::Mirror,
+            &model,
+            &view,
+            &settings(SplatRules::default()),
+        );
+        assert!(differing(&exact, &whole) > 2000);
+    }
+}
+
+#[test]
+fn what_is_not_drawn_is_refused_by_name() {
+    let model = cube();
+    let view = view(&model, 0.3);
+    let outputs = PictureOutputs::default();
+    for (look, word) in [
+        (
+            Settings {
+                splat: SplatKind::Gauss,
+                ..settings(cut(5.0))
+            },
+            "--splat",
+        ),
+        (
+            Settings {
+                color_by: ColorBy::Overdraw,
+                ..settings(cut(5.0))
+            },
+            "--color-by",
+        ),
+        (
+            Settings {
+                color_by: ColorBy::Level,
+                ..settings(cut(5.0))
+            },
+            "tree",
+        ),
+    ] {
+        for backend in [Backend::Mirror, Backend::Cpu] {
+            let mut engine = Engine::new(&backend, &model, (240, 200), outputs).unwrap();
+            let error = engine.render(&view, &look).unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+}
