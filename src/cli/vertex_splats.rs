@@ -7,7 +7,7 @@ use surfel::oriented::splats::SplatRules;
 use surfel::render::Method;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum VertexSplatSource {
+enum SplatOriginName {
     /// Nodes and leaves of the tree, by their size on screen
     Tree,
     /// Vertices of the mesh, each with a disc in the plane of its faces, cut at sharp edges: for models of few triangles
@@ -51,7 +51,7 @@ impl AngleChoice {
 pub(crate) struct VertexSplatArgs {
     /// Of --method splats: what splats are made from
     #[arg(long, value_enum, default_value = "tree")]
-    from: VertexSplatSource,
+    from: SplatOriginName,
     /// Radius of splats from vertices
     #[arg(long, value_enum, default_value = "cover")]
     radius: RadiusName,
@@ -66,7 +66,7 @@ pub(crate) struct VertexSplatArgs {
 impl VertexSplatArgs {
     /// The rules of splats from vertices; `None` where splats come from the tree.
     pub(crate) fn rules(&self, method: Method) -> Result<Option<SplatRules>, Failure> {
-        if self.from == VertexSplatSource::Tree {
+        if self.from == SplatOriginName::Tree {
             return Ok(None);
         }
         if method != Method::Splats {

@@ -44,7 +44,7 @@ fn discs_have_the_area_of_circles_and_of_their_segments() {
     // A half, and the quarter between two cuts.
     let half = OrientedPolygon::disc(&frame, radius, &[cut(0.7, 0.0)], [255; 4]).unwrap();
     assert!((drawn_area(&half, radius) - circle / 2.0).abs() < 3e-3 * circle);
-    let cuts = [cut(0.7, 0.0), cut(0.7 + 1.570_796, 0.0)];
+    let cuts = [cut(0.7, 0.0), cut(0.7 + std::f64::consts::FRAC_PI_2, 0.0)];
     let quarter = OrientedPolygon::disc(&frame, radius, &cuts, [255; 4]).unwrap();
     assert!((drawn_area(&quarter, radius) - circle / 4.0).abs() < 3e-3 * circle);
     // Two shallow cuts leave more corners than an octagon has room for.
