@@ -6,7 +6,7 @@
 //! Deviations from the text that proposes the cuts (M. Pauly et al., 2003, and his outlook):
 //!
 //! * A point answers for the parts of its faces that are nearest to it ([`radius`]), and its splats contain them. So no
-//!   cut can open a hole on a flat face: where a cut would, the point's triangles are drawn.
+//!   cut can open a hole on a flat face: where a cut would, triangles are drawn.
 //! * Cuts lie along the edges themselves, projected into the splat's plane, not where the planes of two clusters meet: a
 //!   border of an open surface has no second plane, and an edge that bends has no single one.
 //! * Up to four cuts a splat, where they propose two.
