@@ -198,6 +198,7 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         bytes(size_of_val(&records.records[..]) as u64),
     );
     text += &table(&findings.rows);
+    text += &reasons(&findings.rows);
     print(&text)
 }
 
@@ -239,6 +240,36 @@ fn table(rows: &[PatchRow]) -> String {
             row.missing,
             row.extra,
             row.wrong
+        );
+    }
+    text
+}
+
+/// Sizes of patches, and why other nodes are none.
+fn reasons(rows: &[PatchRow]) -> String {
+    let mut text = String::from(
+        "\nPatches up to 2, 4, 8, 16, 32 pixels and more; nodes refused for their cone, the near plane, their error at a\n\
+         silhouette, elsewhere, their shade, their size\n",
+    );
+    for row in rows.iter().filter(|row| row.patches > 0) {
+        let refused = &row.refused;
+        let reasons = [
+            refused.never,
+            refused.near,
+            refused.rim,
+            refused.inside,
+            refused.shade,
+            refused.size,
+        ];
+        let (sizes, reasons) = (row.sizes.map(count), reasons.map(count));
+        // Writing to a string cannot fail.
+        let _ = writeln!(
+            text,
+            "{:>6} {:14} {}; {}",
+            row.view,
+            row.way,
+            sizes.join(" "),
+            reasons.join(" ")
         );
     }
     text

@@ -71,6 +71,8 @@ pub struct PatchRow {
     pub wrong: u64,
     /// Why nodes were no patches.
     pub refused: PatchRefusals,
+    /// Patches by size on screen: up to 2, 4, 8, 16 and 32 pixels, and more.
+    pub sizes: [u64; 6],
 }
 
 /// Rows and pictures of a plan.
@@ -217,6 +219,7 @@ impl DrawnPatches<'_> {
             polygon_samples: picture.polygon_samples,
             cut_ms: super::ValueDistribution::of(&times).median,
             refused: cut.refused,
+            sizes: cut.sizes,
             ..PatchRow::default()
         };
         (row, picture.image)

@@ -332,7 +332,7 @@ impl PatchSource<'_> {
             sigma += w * f64::from(fit.unit_at(corner.at).dot(corner.normal));
         }
         let sigma = (sigma / weight) as f32;
-        if !(sigma > 0.0) {
+        if sigma.is_nan() || sigma <= 0.0 {
             return None;
         }
         let (mut squares, mut largest) = (0.0f64, 0.0f32);

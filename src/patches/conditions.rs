@@ -142,7 +142,7 @@ fn shading_angle(patch: &NodePatch) -> f32 {
 }
 
 /// What four nodes are by their errors, a bit each: in exactly one of these.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct FourVerdicts {
     pub(super) patch: u32,
     pub(super) never: u32,
@@ -151,6 +151,8 @@ pub(super) struct FourVerdicts {
     pub(super) inside: u32,
     pub(super) shade: u32,
     pub(super) size: u32,
+    /// Projected diameters of the balls, pixels; of lanes of `patch`.
+    pub(super) size_px: [f32; 4],
 }
 
 /// The conditions of one view.
@@ -224,6 +226,7 @@ impl<'a> ErrorTester<'a> {
         found.size = left & !is_large.bitmask();
         left &= !found.size;
         found.patch = left;
+        found.size_px = size_px.to_array();
         found
     }
 

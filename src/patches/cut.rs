@@ -40,6 +40,8 @@ pub struct PatchCut {
     pub rest: Cut,
     /// Why nodes were no patches.
     pub refused: PatchRefusals,
+    /// Patches by size on screen: up to 2, 4, 8, 16 and 32 pixels, and more.
+    pub sizes: [u64; 6],
 }
 
 impl PatchRefusals {
@@ -59,6 +61,7 @@ impl PatchCut {
         self.tiny.clear();
         self.rest.clear();
         self.refused = PatchRefusals::default();
+        self.sizes = [0; 6];
     }
 
     /// Appends another part of the same level.
@@ -71,6 +74,8 @@ impl PatchCut {
         self.rest.triangles.extend_from_slice(&part.rest.triangles);
         self.rest.stats.add(&part.rest.stats);
         self.refused.add(&part.refused);
+        let sizes = self.sizes.iter_mut().zip(part.sizes);
+        sizes.for_each(|(sum, more)| *sum += more);
     }
 
     /// Polygons, squares and triangles together.
@@ -89,6 +94,9 @@ impl PatchCut {
             + self.rest.triangles.len()
     }
 }
+
+/// Largest sizes of all but the last of [`PatchCut::sizes`], pixels.
+const LARGEST_OF_CLASS: [f32; 5] = [2.0, 4.0, 8.0, 16.0, 32.0];
 
 /// Siblings that are to be looked at.
 #[derive(Debug, Clone, Copy)]
@@ -354,6 +362,9 @@ impl PatchFrame<'_> {
         });
         for lane in lanes(found.patch & large) {
             cut.patches.push(first + lane);
+            let size_px = found.size_px[lane as usize];
+            let class = LARGEST_OF_CLASS.partition_point(|most_px| *most_px < size_px);
+            cut.sizes[class] += 1;
         }
         found.patch
     }

@@ -1,7 +1,7 @@
 //! Error patches: a node is drawn as one oriented polygon as soon as its error is small, whatever its size.
 //!
 //! [`build`] makes a [`NodePatch`] of each node, once for a model, and [`PatchConditions`] of them; [`select`] chooses those that a view draws as patches;
-//! [`draw()`] makes an exact picture of them. Ours; no paper.
+//! [`draw()`] makes an exact picture of them, [`PatchRaster`] a fast one. Ours; no paper.
 
 mod build;
 mod conditions;
@@ -12,6 +12,7 @@ mod fit;
 mod footprint;
 mod nearest;
 mod packed;
+mod raster;
 mod record;
 mod settings;
 #[cfg(test)]
@@ -22,5 +23,6 @@ pub use conditions::PatchConditions;
 pub use cut::{PatchCut, PatchRefusals, PatchSelector, select};
 pub use draw::{PatchPicture, PatchStyle, draw, draw_triangles};
 pub use packed::{PackedPatch, PackedPatchColors};
+pub use raster::PatchRaster;
 pub use record::{MOST_CORNERS, NodePatch, RESIDUAL_LEVELS};
 pub use settings::{ErrorTolerances, PatchCutSettings};

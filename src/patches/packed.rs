@@ -163,7 +163,8 @@ impl PackedPatch {
         let radius = node.radius;
         let is_usable = patch.may_be_drawn() && radius > 0.0 && m.z > 0.0;
         if !is_usable
-            || !(tangents.abs().max_element() <= STEEPEST)
+            || tangents.is_nan()
+            || tangents.abs().max_element() > STEEPEST
             || patch.thickness > radius * LARGEST
         {
             return Self::never();

@@ -76,7 +76,7 @@ fn random(state: &mut u64) -> f32 {
 }
 
 /// A view from anywhere around the model, at a random distance.
-fn view_from_anywhere(model: &Model, side: u32, state: &mut u64) -> View {
+pub(super) fn view_from_anywhere(model: &Model, side: u32, state: &mut u64) -> View {
     let azimuth = f64::from(random(state)) * std::f64::consts::TAU;
     let elevation = (f64::from(random(state)) * 2.0 - 1.0).asin();
     let fill = 2f64.powf(f64::from(random(state)) * 5.0 - 3.0);
@@ -84,7 +84,7 @@ fn view_from_anywhere(model: &Model, side: u32, state: &mut u64) -> View {
     camera.view(model.origin).unwrap()
 }
 
-fn settings_of(model: &Model, tolerances: ErrorTolerances) -> PatchCutSettings {
+pub(super) fn settings_of(model: &Model, tolerances: ErrorTolerances) -> PatchCutSettings {
     PatchCutSettings {
         cut: CutSettings {
             cull_back: model.is_closed,
@@ -95,7 +95,7 @@ fn settings_of(model: &Model, tolerances: ErrorTolerances) -> PatchCutSettings {
     }
 }
 
-fn tolerances(rim_px: f32, inside_px: f32, shade_levels: f32) -> ErrorTolerances {
+pub(super) fn tolerances(rim_px: f32, inside_px: f32, shade_levels: f32) -> ErrorTolerances {
     ErrorTolerances {
         rim_px,
         inside_px,
@@ -104,18 +104,18 @@ fn tolerances(rim_px: f32, inside_px: f32, shade_levels: f32) -> ErrorTolerances
 }
 
 /// A model with its records.
-struct PatchedModel {
-    model: Model,
-    patches: NodePatches,
+pub(super) struct PatchedModel {
+    pub(super) model: Model,
+    pub(super) patches: NodePatches,
 }
 
 impl PatchedModel {
-    fn new(model: Model) -> Self {
+    pub(super) fn new(model: Model) -> Self {
         let patches = build(&model, &Silent).unwrap();
         Self { model, patches }
     }
 
-    fn cut(&self, view: &View, settings: &PatchCutSettings) -> PatchCut {
+    pub(super) fn cut(&self, view: &View, settings: &PatchCutSettings) -> PatchCut {
         self.cut_by(view, settings, false)
     }
 
@@ -151,7 +151,7 @@ impl PatchedModel {
 }
 
 /// Indices of pixels that the first picture covers and the second does not.
-fn uncovered(by: &Image, other: &Image) -> Vec<usize> {
+pub(super) fn uncovered(by: &Image, other: &Image) -> Vec<usize> {
     let pixels = 0..by.color.len();
     pixels
         .filter(|&i| by.color[i][3] > 0 && other.color[i][3] == 0)
@@ -331,6 +331,7 @@ fn silhouettes_grow_by_at_most_twice_the_tolerance() {
             let rim_px = [0.15, 0.5, 1.0][round % 3];
             let settings = settings_of(&patched.model, tolerances(rim_px, rim_px, 60.0));
             let mut cut = patched.cut(&view, &settings);
+            assert_eq!(cut.sizes.iter().sum::<u64>(), cut.patches.len() as u64);
             // Squares and triangles have bounds of their own.
             cut.rest.clear();
             let exact = patched.exact(&view);
