@@ -20,6 +20,7 @@ mod obj;
 mod off;
 mod part;
 mod ply;
+mod pointed_index;
 mod points;
 mod polygon;
 mod sniff;

@@ -18,13 +18,11 @@ use super::color::{ColorRange, ColorSink};
 use super::job::{Job, at_line};
 use super::mtl::{self, MaterialLooks, MaterialRun};
 use super::part::{Fault, PartFate};
+use super::pointed_index::{NO_INDEX, PointedIndex};
 use super::polygon::{FaceList, without_repeated};
 use super::text::{Scanner, after_keyword, parse_f64, parse_i64, shown, words};
 use super::textures::RawTextures;
 use super::{Counts, Error, Warning};
-
-/// Index of a corner that names no normal, or no texture coordinate.
-const NO_NORMAL: u32 = u32::MAX;
 
 /// Corner of a face: indices of its position, normal and texture coordinate.
 #[derive(Debug, Clone, Copy)]
@@ -32,47 +30,6 @@ struct FaceCorner {
     position: u32,
     normal: u32,
     texture: u32,
-}
-
-/// An attribute that corners name and no shape depends on: its indices may be wrong.
-#[derive(Debug, Clone, Copy, Default)]
-struct Pointed {
-    /// The largest index, from 0, that a corner named before it appeared.
-    largest: u32,
-    /// How many such corners, and where the first stands.
-    count: u64,
-    first: usize,
-}
-
-impl Pointed {
-    /// The index from 0 that `part` writes from 1, or backwards from -1; `None` when it can be none. One beyond `count`
-    /// is noted: it may still come.
-    #[inline]
-    fn index(&mut self, part: &[u8], count: usize, at: usize) -> Option<u32> {
-        let index = parse_i64(part)?;
-        let from_one = if index < 0 {
-            index.saturating_add(count as i64 + 1)
-        } else {
-            index
-        };
-        if from_one <= 0 || from_one >= i64::from(NO_NORMAL) {
-            return None;
-        }
-        let index = (from_one - 1) as u32;
-        if from_one as u64 > count as u64 {
-            if self.count == 0 {
-                self.first = at;
-            }
-            self.count += 1;
-            self.largest = self.largest.max(index);
-        }
-        Some(index)
-    }
-
-    /// Whether corners name something that never came; `count` is how much did.
-    fn is_beyond(&self, count: u64) -> bool {
-        self.count > 0 && u64::from(self.largest) >= count
-    }
 }
 
 /// The file as it was written, with indices from 0.
@@ -94,8 +51,8 @@ struct File {
     ignored: u64,
     /// The largest position that a face names before it appears, and where.
     ahead: Option<(u64, usize)>,
-    pointed_normals: Pointed,
-    pointed_textures: Pointed,
+    pointed_normals: PointedIndex,
+    pointed_textures: PointedIndex,
     /// Other keywords, and on how many lines.
     others: Vec<(Vec<u8>, u64)>,
 }
@@ -157,8 +114,8 @@ impl File {
             material_files: Vec::new(),
             ignored: 0,
             ahead: None,
-            pointed_normals: Pointed::default(),
-            pointed_textures: Pointed::default(),
+            pointed_normals: PointedIndex::default(),
+            pointed_textures: PointedIndex::default(),
             others: Vec::new(),
         };
         let mut scanner = Scanner::new(data, 0);
@@ -272,14 +229,14 @@ impl File {
             let position = parts.next().unwrap_or_default();
             let position = self.resolve(job, data, at, word, position)?;
             let texture = match parts.next().unwrap_or_default() {
-                [] => NO_NORMAL,
+                [] => NO_INDEX,
                 texture => {
                     let known = self.textures.len();
                     let texture = self.pointed_textures.index(texture, known, at);
                     if texture.is_none() {
                         job.fault(Fault::TEXTURE_INDEX, data, at);
                     }
-                    texture.unwrap_or(NO_NORMAL)
+                    texture.unwrap_or(NO_INDEX)
                 }
             };
             let normal = match parts.next() {
@@ -289,9 +246,9 @@ impl File {
                     if normal.is_none() {
                         job.fault(Fault::NORMAL_INDEX, data, at);
                     }
-                    normal.unwrap_or(NO_NORMAL)
+                    normal.unwrap_or(NO_INDEX)
                 }
-                _ => NO_NORMAL,
+                _ => NO_INDEX,
             };
             if parts.next().is_some() {
                 job.fault(Fault::CORNER, data, at);
@@ -311,8 +268,8 @@ impl File {
         };
         let triangles = &mut self.list.triangles;
         let keep = |list: &mut Vec<[u32; 3]>, index: fn(&FaceCorner) -> u32| {
-            if corners.iter().any(|corner| index(corner) != NO_NORMAL) {
-                list.resize(triangles.len(), [NO_NORMAL; 3]);
+            if corners.iter().any(|corner| index(corner) != NO_INDEX) {
+                list.resize(triangles.len(), [NO_INDEX; 3]);
                 let corners = |pair: &[FaceCorner]| [&first, &pair[0], &pair[1]].map(index);
                 list.extend(fan.windows(2).map(corners));
             }
@@ -344,7 +301,7 @@ impl File {
         } else {
             index
         };
-        if from_one <= 0 || from_one >= i64::from(NO_NORMAL) {
+        if from_one <= 0 || from_one >= i64::from(NO_INDEX) {
             return Err(job.index(at_line(data, at), "vertex", index, count as u64, 1));
         }
         let from_one = from_one as u64;
@@ -362,7 +319,7 @@ impl File {
         if textures.is_beyond(known) {
             let beyond = |texture: &&mut u32| u64::from(**texture) >= known;
             let all = self.corner_textures.iter_mut().flatten();
-            all.filter(beyond).for_each(|texture| *texture = NO_NORMAL);
+            all.filter(beyond).for_each(|texture| *texture = NO_INDEX);
             job.inventory
                 .fault(Fault::TEXTURE_INDEX, textures.count, || {
                     at_line(data, textures.first)
@@ -373,8 +330,8 @@ impl File {
         }
         let mut missing = 0;
         for normal in self.corner_normals.iter_mut().flatten() {
-            if *normal != NO_NORMAL && u64::from(*normal) >= normals {
-                *normal = NO_NORMAL;
+            if *normal != NO_INDEX && u64::from(*normal) >= normals {
+                *normal = NO_INDEX;
                 missing += 1;
             }
         }
@@ -448,7 +405,7 @@ impl File {
                         [a, b, c].map(|coordinate| place.of(coordinate))
                     }
                     _ => {
-                        *image = NO_NORMAL;
+                        *image = NO_INDEX;
                         [Vec2::ZERO; 3]
                     }
                 }
@@ -477,7 +434,7 @@ impl File {
             self.corner_normals = Vec::new();
         } else {
             self.corner_normals
-                .resize(self.list.triangles.len(), [NO_NORMAL; 3]);
+                .resize(self.list.triangles.len(), [NO_INDEX; 3]);
         }
         // A cloud with a normal per point, as some scanners write: the lists run side by side.
         if self.list.triangles.is_empty() && self.normals.len() == self.positions.len() {
@@ -501,7 +458,7 @@ impl File {
                 let normal = self
                     .corner_normals
                     .get(index)
-                    .map_or(NO_NORMAL, |normals| normals[corner]);
+                    .map_or(NO_INDEX, |normals| normals[corner]);
                 // The last normal is the unknown one.
                 let normal = normals[(normal as usize).min(normals.len() - 1)];
                 let wanted = (normal.to_array().map(f32::to_bits), color);

@@ -229,7 +229,16 @@ fn decode_all(
 
 /// Halves the largest sizes until all images with their smaller sizes take at most so many bytes.
 fn fit(sizes: &mut [[u32; 2]], budget: u64) {
-    let bytes = |[width, height]: [u32; 2]| u64::from(width) * u64::from(height) * 16 / 3;
+    let bytes = |mut size: [u32; 2]| {
+        let mut sum = 0;
+        loop {
+            sum += 4 * u64::from(size[0]) * u64::from(size[1]);
+            if size.iter().all(|&side| side <= 1) {
+                return sum;
+            }
+            size = size.map(|side| (side / 2).max(1));
+        }
+    };
     let mut total: u64 = sizes.iter().map(|&size| bytes(size)).sum();
     while total > budget {
         let Some(largest) = sizes.iter_mut().max_by_key(|size| bytes(**size)) else {

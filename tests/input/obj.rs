@@ -36,6 +36,11 @@ fn obj_square_with_everything() {
                 what: "lines, points and curves",
                 count: 1
             },
+            // It might name a texture, which goes before colors of vertices.
+            Warning::MaterialFileMissing {
+                name: "none.mtl".into(),
+                reason: "the model was not read from a file".into()
+            },
             Warning::LeftOut {
                 parts: vec!["texture coordinates".into()]
             }

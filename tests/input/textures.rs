@@ -366,7 +366,7 @@ fn images_beyond_the_budget_are_kept_smaller_and_it_is_said() {
     .unwrap();
     let options = Options {
         limits: Limits {
-            texture_bytes: 4 * 32 * 16 * 4 / 3,
+            texture_bytes: 4 * (32 * 16 + 16 * 8 + 8 * 4 + 4 * 2 + 2 + 1),
             ..Limits::default()
         },
         ..Options::default()

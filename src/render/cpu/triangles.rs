@@ -7,8 +7,7 @@
 
 mod surface;
 
-pub(crate) use self::surface::SurfaceMesh;
-pub(super) use self::surface::{FaceTexture, Surface};
+pub(super) use self::surface::{FaceTexture, Surface, SurfaceMesh};
 
 use crate::abi::FrameConstants;
 use crate::abi::constants::{

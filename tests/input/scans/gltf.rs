@@ -249,9 +249,10 @@ fn accessors_interleaved_normalised_and_sparse() {
 
 #[test]
 fn base_colors_and_what_is_left_out() {
-    let (parts, mut primitives) = square();
+    let (mut parts, mut primitives) = square();
+    let places = parts.accessor(&[0; 32], 5126, "VEC2", 4);
     primitives[0]["material"] = json!(0);
-    primitives[0]["attributes"]["TEXCOORD_0"] = json!(0);
+    primitives[0]["attributes"]["TEXCOORD_0"] = json!(places);
     let more = json!({
         "materials": [{
             "name": "paint",
