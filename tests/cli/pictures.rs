@@ -203,7 +203,8 @@ fn several_models_are_one_picture() {
         let corners = [(0, 0), (1, 0), (1, 1), (0, 1)].map(|(i, j)| format!("v {} {j} 0\n", x + i));
         std::fs::write(at.join(name), corners.concat() + "f 1 2 3 4\n").unwrap();
     }
-    let look = "--size 80x40 --device mirror --samples 1 --orbit 0,0,1";
+    // Coordinates of maps have z up; these stand in the plane of x and y.
+    let look = "--size 80x40 --device mirror --samples 1 --orbit 0,0,1 --up y";
     expect(
         at,
         0,

@@ -12,6 +12,8 @@ const COMMANDS: &[&str] = &[
     "scenes",
     "profile",
     "motion",
+    "patches",
+    "splats",
     "photos",
     "stability",
     "chart",
