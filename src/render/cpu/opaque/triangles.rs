@@ -271,7 +271,7 @@ impl BandTarget<'_, '_> {
                 let pixels = PixelRun {
                     first: pixel,
                     lanes,
-                    mask: mask.into(),
+                    mask,
                 };
                 let words = ink.words(simd, perspective, &pixels);
                 let at = row.at + first;
