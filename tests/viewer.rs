@@ -14,6 +14,8 @@ mod files;
 mod light;
 #[path = "viewer/panel.rs"]
 mod panel;
+#[path = "viewer/rest.rs"]
+mod rest;
 #[path = "viewer/walk.rs"]
 mod walk;
 

@@ -223,6 +223,10 @@ impl<'d> Window<'d> {
     pub(crate) fn open_in(display: &'d Display, folder: &Path, arguments: &[&str]) -> Self {
         let mut command = display.surfel(arguments);
         command.current_dir(folder);
+        // Most tests compare a window's frames with pictures of one sample.
+        if !arguments.contains(&"--smooth") {
+            command.args(["--smooth", "off"]);
+        }
         Self::start(display, command)
     }
 

@@ -1,0 +1,48 @@
+//! A window at rest: its picture becomes smooth, and then nothing is done.
+
+use super::display::{Display, Window, must_succeed, wait_for};
+use super::render;
+use std::time::Duration;
+
+/// Mean difference, levels of 255.
+fn levels(one: &image::RgbImage, two: &image::RgbImage) -> f64 {
+    if one.dimensions() != two.dimensions() {
+        return 255.0;
+    }
+    let pairs = one.as_raw().iter().zip(two.as_raw());
+    let sum: u64 = pairs.map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+    sum as f64 / one.as_raw().len() as f64
+}
+
+#[test]
+fn a_resting_window_becomes_smooth_and_then_does_nothing() {
+    let Some(display) = Display::open() else {
+        return;
+    };
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("drawn.png");
+    let look = ["generate:statue:60000", "--size", "300x200", "--validate"];
+    let exact = ["--method", "triangles", "--samples", "64"];
+    let mean = render(&[&look[..], &exact[..]].concat(), &file);
+    let single = render(&look, &file);
+    let off = levels(&single, &mean);
+    let more = ["--panel", "off", "--smooth", "on"];
+    let window = Window::open(&display, &[&look[..], &more[..]].concat());
+    let is_smooth = || (levels(&window.picture(), &mean) < (off / 3.0).min(1.0)).then_some(());
+    wait_for("a smooth picture", is_smooth);
+    // Of the same view begun anew it is the same in the end.
+    window.key("r");
+    wait_for("a smooth picture again", is_smooth);
+    if window.processor_time().is_some() {
+        wait_for("rest", || {
+            let before = window.processor_time()?;
+            std::thread::sleep(Duration::from_millis(1500));
+            let used = window.processor_time()? - before;
+            (used <= Duration::from_millis(70)).then_some(())
+        });
+    }
+    let rested = window.picture();
+    assert!(levels(&rested, &mean) < 1.0);
+    window.key("q");
+    must_succeed(&window.end());
+}
