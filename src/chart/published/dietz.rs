@@ -32,7 +32,10 @@ pub fn tables(
 ) -> Result<Vec<Table>, Error> {
     let model = subject.model;
     let view = orbit(model, (500, 500), 1.0, 0, 4)?;
-    let (points, triangles) = (model.vertices.len() as u64, model.triangles.len() as u64);
+    let (points, triangles) = (
+        dietz_splats::point_count(model),
+        model.triangles.len() as u64,
+    );
     let his = MODELS.iter().find(|m| m.2.abs_diff(triangles) * 100 <= m.2);
     let cell = |method, threshold_px| PublishedCell {
         view,

@@ -77,6 +77,12 @@ pub(super) fn angle_test_table(model: &Model) -> Table {
     table
 }
 
+/// Distinct positions of vertices: a file that gives normals to corners repeats them.
+pub(super) fn point_count(model: &Model) -> u64 {
+    let positions: Vec<_> = model.vertices.iter().map(|v| v.position).collect();
+    WeldedSurface::new(&positions, &[]).points.len() as u64
+}
+
 /// The sum of the normals that vertices at each point have, of unit length.
 fn normals_of_file(model: &Model, surface: &WeldedSurface) -> Vec<DVec3> {
     let mut normals = vec![DVec3::ZERO; surface.points.len()];
