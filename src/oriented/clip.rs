@@ -174,9 +174,16 @@ fn splat_of_cluster(
     // The corners that decide the radius lie on the circle, where rounding would leave gaps.
     let radius = radius * (1.0 + RADIUS_MARGIN);
     kept.clear();
+    // How far the part lies from the plane: seen from aside it is that far from where the splat is.
+    let mut lift = 0.0_f64;
     for &face in faces {
         let part = own_part(turned_to(surface, face, point));
         kept.extend(part.corners().iter().map(|&x| frame.coordinates(x)));
+        let heights = part
+            .corners()
+            .iter()
+            .map(|&x| frame.normal.dot(x - frame.center));
+        lift = heights.fold(lift, |most, height| most.max(height.abs()));
     }
     walk(
         surface,
@@ -189,7 +196,8 @@ fn splat_of_cluster(
         edges,
     )?;
     let mut corners = rectangle_around(surface, &frame, faces, kept);
-    cut(&mut corners, radius, edges, kept)?;
+    let slack = CUT_SLACK * radius + lift;
+    cut(&mut corners, radius, slack, edges, kept)?;
     let mut splat = OrientedPolygon::within_circle(&frame, radius, &corners, [255; 4])?;
     let least = (faces
         .iter()
@@ -293,10 +301,11 @@ fn rectangle_around(
         .to_vec()
 }
 
-/// Cuts away what lies beyond edges and not within `kept`; `None` where no few cuts do.
+/// Cuts away what lies more than `slack` beyond edges and not within `kept`; `None` where no few cuts do.
 fn cut(
     corners: &mut Vec<DVec2>,
     radius: f64,
+    slack: f64,
     edges: &mut Vec<HalfPlane>,
     kept: &[DVec2],
 ) -> Option<()> {
@@ -320,7 +329,7 @@ fn cut(
         let edge = edges.swap_remove(index);
         let needed = (kept.iter().map(|&c| edge.direction.dot(c))).fold(edge.limit, f64::max);
         let moved = (needed - edge.limit) / extent(edge.direction);
-        let limit = needed + CUT_SLACK * radius;
+        let limit = needed + slack;
         let rest = clipped(corners, HalfPlane { limit, ..edge });
         if rest.len() <= OrientedPolygon::MOST_CORNERS {
             *corners = rest;
