@@ -453,8 +453,9 @@ mod tests {
             assert_eq!(decoded(whole.clone()).unwrap().size(), [33, 20]);
             for length in 0..whole.len().min(400) {
                 // A decoder may make do with most of an image.
-                let cut = decoded(whole[..length].to_vec());
-                assert!(cut.is_ok_and(|image| image.size() == [33, 20]) || length < whole.len());
+                if let Ok(image) = decoded(whole[..length].to_vec()) {
+                    assert_eq!(image.size(), [33, 20], "{length}");
+                }
             }
             for at in 0..whole.len().min(300) {
                 let mut bytes = whole.clone();
