@@ -3,7 +3,7 @@
 
 mod common;
 
-use common::orbit;
+use common::{Device, orbit};
 use glam::{Vec2, Vec3};
 use std::sync::Arc;
 use surfel::image::FloatImage;
@@ -190,6 +190,56 @@ fn the_processor_draws_what_the_reference_does() {
                         mean < 0.2 && largest < 60.0,
                         "{cells}, {azimuth}, {splat:?}, {method:?}: {largest}, {mean}"
                     );
+                }
+            }
+        }
+    }
+}
+
+/// A device shows what the reference does, whatever lies beyond the borders of an image and however many there are.
+#[test]
+fn a_device_draws_what_the_reference_does() {
+    let Some(device) = Device::open() else {
+        return;
+    };
+    let image = photograph();
+    let level = image.levels()[0].clone();
+    let wrap = [WrapMode::Repeat, WrapMode::Mirror];
+    let wrapped = Arc::new(TextureImage::new("wrapped", [512; 2], wrap, level));
+    for (cells, height) in [(3, 0.1), (40, 0.05)] {
+        let mut mesh = sheet(cells, &image, height);
+        let textures = mesh.textures.as_mut().unwrap();
+        textures.images.push(wrapped.clone());
+        let count = textures.image_of.len();
+        textures.image_of[count / 2..].fill(1);
+        textures.image_of[count - 5..].fill(NO_IMAGE);
+        for corner in textures.corners[count / 2..].iter_mut().flatten() {
+            *corner = *corner * 2.3 - Vec2::splat(0.7);
+        }
+        let model = built(mesh);
+        let backend = Backend::Vulkan(device.gpu().clone());
+        for (azimuth, fill) in [(20.0, 1.0), (75.0, 2.5)] {
+            let view = orbit(&model, SIZE, azimuth, 15.0, fill);
+            for splat in [SplatKind::Square, SplatKind::Filtered] {
+                for method in [Method::Triangles, Method::Pop] {
+                    for &path in device.paths() {
+                        if method == Method::Triangles && path != surfel::render::Path::Raster {
+                            continue;
+                        }
+                        let own = Settings {
+                            path,
+                            ..settings(method, splat)
+                        };
+                        let wanted = picture(&Backend::Mirror, &model, &view, &own, 1);
+                        let found = picture(&backend, &model, &view, &own, 1);
+                        let [largest, mean] = differences(&found, &wanted);
+                        let what = format!(
+                            "{cells}, {azimuth}, {splat:?}, {method:?}, {path:?}: {largest}, {mean}"
+                        );
+                        println!("{what}");
+                        // Slopes of the device are differences of neighbors.
+                        assert!(mean < 0.4, "{what}");
+                    }
                 }
             }
         }

@@ -203,7 +203,7 @@ enum Command {
     Profile(Box<profile::Args>),
     /// Measure how steady pictures are in motion: flicker, popping, churn of the cut
     Motion(Box<motion::Args>),
-    /// Measure nodes drawn as one polygon where their error is small, beside triangles and splats by size
+    /// Measure nodes drawn as one polygon where their error is small
     Patches(Box<patches::Args>),
     /// Photographs on a mesh: draw it with them, or predict each from the others
     Photos(Box<photos::Args>),

@@ -17,6 +17,8 @@ pub enum ResourceAccess {
     StorageWrite,
     /// Read as storage in a fragment shader.
     FragmentStorageRead,
+    /// Read as storage in a vertex shader.
+    VertexStorageRead,
     /// Filled with a constant by a command.
     Fill,
     /// Written as a color target without reading what it held.
@@ -64,11 +66,12 @@ pub struct AccessScope {
 
 impl ResourceAccess {
     /// Every access, for tests of the table.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::Sampled,
         Self::StorageRead,
         Self::StorageWrite,
         Self::FragmentStorageRead,
+        Self::VertexStorageRead,
         Self::Fill,
         Self::ColorTarget,
         Self::BlendTarget,
@@ -112,6 +115,9 @@ impl ResourceAccess {
                 L::GENERAL,
                 false,
             ),
+            Self::VertexStorageRead => {
+                (S::VERTEX_SHADER, A::SHADER_STORAGE_READ, L::GENERAL, false)
+            }
             // The specification calls a fill a transfer without saying which of its stages.
             Self::Fill => (
                 S::ALL_TRANSFER,
@@ -331,6 +337,7 @@ mod tests {
             ResourceAccess::StorageRead,
             ResourceAccess::StorageWrite,
             ResourceAccess::FragmentStorageRead,
+            ResourceAccess::VertexStorageRead,
             ResourceAccess::Fill,
             ResourceAccess::CopySource,
             ResourceAccess::CopyTarget,

@@ -226,6 +226,15 @@ impl<'f> PassBuilder<'f> {
         self
     }
 
+    /// Reads a storage buffer in the vertex shader.
+    #[must_use]
+    pub fn vertex_storage(self, buffer: &dyn AnyBuffer) -> Self {
+        self.barriers
+            .buffer(buffer, ResourceAccess::VertexStorageRead);
+        self.barriers.declared[2].push(buffer.handle());
+        self
+    }
+
     /// Records the pass: barriers, label, timestamps, rendering scope, and what `record` draws in it.
     /// `viewport` is x, y, width and height in pixels; it may reach beyond the targets.
     ///

@@ -49,6 +49,8 @@ pub struct DrawnFacts {
     pub orbit_radius: f32,
     /// World position of the model-space zero.
     pub origin: DVec3,
+    /// Triangles show textures.
+    pub has_textures: bool,
 }
 
 impl From<&Model> for DrawnFacts {
@@ -62,6 +64,7 @@ impl From<&Model> for DrawnFacts {
             orbit_center: model.orbit_center,
             orbit_radius: model.orbit_radius,
             origin: model.origin,
+            has_textures: model.textures.is_some(),
         }
     }
 }
@@ -90,6 +93,7 @@ impl DrawnFacts {
             // The sphere around the box contains everything too.
             orbit_radius: reach(self).max(reach(other)).min(0.5 * min.distance(max)),
             origin: self.origin,
+            has_textures: self.has_textures || other.has_textures,
         }
     }
 }

@@ -186,6 +186,8 @@ pub(crate) fn device_cut_refusal(
         Some("overdraw is counted of the host's lists; use another --color-by")
     } else if settings.color_by == ColorBy::Level {
         Some("it does not tell levels of the tree; use another --color-by")
+    } else if facts.has_textures {
+        Some("it draws no textures")
     } else if !facts.kind.is_surface() {
         Some("the model has no triangles")
     } else if !plan.fits_always(facts.kind) {

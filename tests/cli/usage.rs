@@ -13,7 +13,6 @@ const COMMANDS: &[&str] = &[
     "profile",
     "motion",
     "patches",
-    "splats",
     "photos",
     "stability",
     "chart",

@@ -129,7 +129,9 @@ impl DrawLists {
         let written = self.pack_splats(gpu, input, cuts, are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.
-        let has_small = selection.takes_triangles && written.samples.is_none();
+        // Nor does compute sample textures.
+        let has_small =
+            selection.takes_triangles && written.samples.is_none() && !scene.is_textured();
         let rest = std::mem::take(&mut self.rest_ids);
         let ids: Vec<&[u32]> = match written.samples {
             // Of one model alone.

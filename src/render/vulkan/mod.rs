@@ -3,6 +3,7 @@
 
 pub mod blended;
 pub(crate) mod device_cut;
+pub(crate) mod device_textures;
 pub(crate) mod device_tree;
 pub(crate) mod draw_lists;
 pub(crate) mod expand_ids;

@@ -11,7 +11,7 @@ use crate::gpu::pipeline::ShaderPipeline;
 use crate::pack::fuzzy::Placed;
 use crate::pack::splats::Packed;
 use crate::render::screen_bounds;
-use crate::render::vulkan::scene::DeviceScene;
+use crate::render::vulkan::scene::{DeviceScene, ScenePage};
 use crate::render::vulkan::targets::Context;
 
 /// A run of indices in the draw list that belongs to one page.
@@ -132,6 +132,8 @@ pub(crate) struct RasterPipelines<'a> {
     pub(crate) points: Option<&'a ShaderPipeline>,
     /// Without, what may be quads is drawn as points too.
     pub(crate) quads: Option<&'a ShaderPipeline>,
+    /// The one of triangles reads the textures of pages, which all have some.
+    pub(crate) reads_textures: bool,
 }
 
 impl RasterList<'_> {
@@ -162,11 +164,15 @@ impl RasterList<'_> {
     }
 
     /// Declares what a pass reads of the list.
-    fn declared<'f>(&self, mut pass: PassBuilder<'f>) -> PassBuilder<'f> {
+    fn declared<'f>(&self, mut pass: PassBuilder<'f>, reads_textures: bool) -> PassBuilder<'f> {
         let has_vertices = matches!(self.splats, RasterSplats::Vertices { .. });
         if has_vertices || !self.triangles.is_empty() {
             for page in self.scene.shown_pages() {
                 pass = pass.vertices(&page.vertices);
+                if let (true, Some(textures)) = (reads_textures, &page.textures) {
+                    pass = pass.vertex_storage(&textures.points);
+                    pass = pass.fragment_storage(&*textures.texels);
+                }
                 if let (RasterTriangles::Scene, Some(indices)) = (self.triangles, &page.indices) {
                     pass = pass.indices(indices);
                 }
@@ -196,11 +202,23 @@ pub(crate) fn draw(
     context: &Context,
     constants: UniformBlock,
 ) {
-    list.declared(pass).draw(context.viewport(), |draw| {
+    let reads_textures = pipelines.reads_textures;
+    let pass = list.declared(pass, reads_textures);
+    pass.draw(context.viewport(), |draw| {
         if !list.triangles.is_empty() {
             draw.cull_back_faces(context.cull_back, context.is_mirrored);
-            draw.bind(needed(pipelines.triangles), &[constants], &[]);
-            draw_triangles(draw, list);
+            let pipeline = needed(pipelines.triangles);
+            if !reads_textures {
+                draw.bind(pipeline, &[constants], &[]);
+            }
+            let bind = |draw: &mut DrawRecorder<'_>, page: &ScenePage| {
+                if let (true, Some(textures)) = (reads_textures, &page.textures) {
+                    let points = BufferSlice::whole(&textures.points);
+                    let texels = BufferSlice::whole(&*textures.texels);
+                    draw.bind_storage(pipeline, &[constants], &[], &[points, texels]);
+                }
+            };
+            draw_triangles(draw, list, bind);
         }
         draw.cull_back_faces(false, false);
         draw_splats(draw, list, pipelines, constants);
@@ -214,13 +232,18 @@ fn needed(pipeline: Option<&ShaderPipeline>) -> &ShaderPipeline {
     pipeline
 }
 
-fn draw_triangles(draw: &mut DrawRecorder<'_>, list: &RasterList<'_>) {
+fn draw_triangles(
+    draw: &mut DrawRecorder<'_>,
+    list: &RasterList<'_>,
+    bind: impl Fn(&mut DrawRecorder<'_>, &ScenePage),
+) {
     match list.triangles {
         RasterTriangles::Scene => {
             for page in list.scene.shown_pages() {
                 let Some(indices) = &page.indices else {
                     continue;
                 };
+                bind(draw, page);
                 draw.vertices(&page.vertices, 0);
                 draw.indices(indices, 0);
                 draw.draw_indexed(0, 3 * (page.triangles.end - page.triangles.start), 0);
@@ -229,6 +252,10 @@ fn draw_triangles(draw: &mut DrawRecorder<'_>, list: &RasterList<'_>) {
         RasterTriangles::Runs(indices, runs) => {
             draw.indices(indices, 0);
             for run in runs {
+                // Pages of paged files have no textures.
+                if let Some(page) = list.scene.pages.get(run.page) {
+                    bind(draw, page);
+                }
                 draw.vertices(list.scene.vertices_of(run.page), 0);
                 draw.draw_indexed(run.first, run.count, 0);
             }

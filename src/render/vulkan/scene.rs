@@ -4,6 +4,8 @@ use crate::abi::Vertex;
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
+use crate::render::vulkan::device_textures::{self, PageTextures};
+use crate::textures::TexturePoint;
 use crate::render::vulkan::page_pool::{PagePool, PoolPlace, PooledPage};
 use crate::tree::Model;
 use std::collections::{HashMap, HashSet};
@@ -26,6 +28,8 @@ pub struct ScenePage {
     pub triangles: Range<u32>,
     /// Corners in page-local indices; `None` when the model's own indices are right (a single page).
     local: Option<Vec<[u32; 3]>>,
+    /// Where its vertices are in images, in a scene that has some.
+    pub(super) textures: Option<PageTextures>,
     /// Its model is drawn.
     pub(super) is_shown: bool,
 }
@@ -136,7 +140,14 @@ impl DeviceScene {
         };
         for model in models {
             let first = scene.pages.len();
-            scene.pages.append(&mut pages_of(gpu, model, limits)?);
+            let is_textured = models.iter().any(|model| model.textures.is_some());
+            let texels = match is_textured {
+                true => Some(device_textures::upload(gpu, model)?),
+                false => None,
+            };
+            scene
+                .pages
+                .append(&mut pages_of(gpu, model, limits, texels.as_ref())?);
             scene.parts.push(DevicePart {
                 facts: Arc::new(ModelFacts::of(model)),
                 pages: first..scene.pages.len(),
@@ -268,6 +279,16 @@ impl DeviceScene {
         (pages.start, &self.pages[pages])
     }
 
+    /// Whether a model that is shown has textures: then all pages have [`ScenePage::textures`]. Beside pages of paged files,
+    /// which have none, the means of textures are drawn.
+    pub(super) fn is_textured(&self) -> bool {
+        if !self.pool.chunks().is_empty() {
+            return false;
+        }
+        let mut shown = self.parts.iter().filter(|part| part.is_shown);
+        shown.any(|part| part.facts.drawn().has_textures)
+    }
+
     /// Number that no other scene of this process has or had.
     pub(super) fn id(&self) -> u64 {
         self.parts.first().map_or(u64::MAX, |part| part.facts.id())
@@ -324,7 +345,21 @@ fn upload(gpu: &Arc<Gpu>, name: &str, vertices: &[Vertex]) -> Result<DeviceBuffe
 ///
 /// # Errors
 /// When device memory runs out.
-fn pages_of(gpu: &Arc<Gpu>, model: &Model, limits: PageLimits) -> Result<Vec<ScenePage>, Error> {
+fn pages_of(
+    gpu: &Arc<Gpu>,
+    model: &Model,
+    limits: PageLimits,
+    texels: Option<&Arc<DeviceBuffer>>,
+) -> Result<Vec<ScenePage>, Error> {
+    let point = |vertex: u32| {
+        let points = model.textures.as_ref().map(|textures| &textures.points);
+        let point = points.and_then(|points| points.get(vertex as usize));
+        point.copied().unwrap_or(TexturePoint::NOWHERE)
+    };
+    let textures = |vertices: &mut dyn Iterator<Item = u32>| match texels {
+        Some(texels) => PageTextures::new(gpu, vertices.map(point), texels).map(Some),
+        None => Ok(None),
+    };
     let PageLimits {
         vertices: max_vertices,
         triangles: max_triangles,
@@ -338,6 +373,7 @@ fn pages_of(gpu: &Arc<Gpu>, model: &Model, limits: PageLimits) -> Result<Vec<Sce
             indices: None,
             triangles: 0..model.triangles.len() as u32,
             local: None,
+            textures: textures(&mut (0..used.len() as u32))?,
             is_shown: true,
         });
     } else if !model.kind().is_surface() {
@@ -348,6 +384,7 @@ fn pages_of(gpu: &Arc<Gpu>, model: &Model, limits: PageLimits) -> Result<Vec<Sce
                 indices: None,
                 triangles: 0..0,
                 local: Some(Vec::new()),
+                textures: textures(&mut std::iter::empty())?,
                 is_shown: true,
             });
         }
@@ -359,6 +396,7 @@ fn pages_of(gpu: &Arc<Gpu>, model: &Model, limits: PageLimits) -> Result<Vec<Sce
         while first < model.triangles.len() {
             let page = pages.len() as u32;
             let mut own: Vec<Vertex> = Vec::new();
+            let mut numbers: Vec<u32> = Vec::new();
             let mut local: Vec<[u32; 3]> = Vec::new();
             for corners in &model.triangles[first..] {
                 let new = corners
@@ -373,6 +411,7 @@ fn pages_of(gpu: &Arc<Gpu>, model: &Model, limits: PageLimits) -> Result<Vec<Sce
                     if entry.0 != page {
                         *entry = (page, own.len() as u32);
                         own.push(used[c as usize]);
+                        numbers.push(c);
                     }
                     entry.1
                 }));
@@ -384,6 +423,7 @@ fn pages_of(gpu: &Arc<Gpu>, model: &Model, limits: PageLimits) -> Result<Vec<Sce
                 indices: None,
                 triangles: first as u32..end as u32,
                 local: Some(local),
+                textures: textures(&mut numbers.into_iter())?,
                 is_shown: true,
             });
             first = end;

@@ -23,18 +23,27 @@ pub(crate) struct TriangleVariant {
     pub(crate) colors: bool,
     /// A lamp instead of the headlight.
     pub(crate) lamp: bool,
+    /// The scene has textures.
+    pub(crate) textures: bool,
     /// Those of the frame.
     pub(crate) flags: u32,
 }
 
 /// The pipeline that draws indexed mesh triangles.
 pub(crate) fn pipeline(gpu: &Arc<Gpu>, variant: TriangleVariant) -> Result<ShaderPipeline, Error> {
+    let (vertex, fragment) = match variant.textures {
+        true => (
+            &shaders::TRIANGLES_TEXTURED_VERT,
+            shaders::TRIANGLES_TEXTURED_FRAG,
+        ),
+        false => (&shaders::TRIANGLES_DRAW_VERT, shaders::TRIANGLES_DRAW_FRAG),
+    };
     ShaderPipeline::for_flags(
         gpu,
         &PipelineDescription {
             name: "triangles.draw",
-            vertex: &shaders::TRIANGLES_DRAW_VERT,
-            fragment: Some(shaders::TRIANGLES_DRAW_FRAG.of(variant.normals)),
+            vertex,
+            fragment: Some(fragment.of(variant.normals)),
             constants: &[HAS_COLORS.is(variant.colors), HAS_LAMP.is(variant.lamp)],
             record: VERTEX,
             topology: PrimitiveTopology::Triangles,
@@ -62,6 +71,7 @@ pub(crate) fn record(
     };
     let pipelines = RasterPipelines {
         triangles: Some(pipeline),
+        reads_textures: scene.is_textured(),
         ..RasterPipelines::default()
     };
     let pass = targets.attach(frame.pass("triangles.draw"), context);

@@ -62,6 +62,8 @@ pub(crate) struct FilteredVariant {
     pub(crate) color: ImageFormat,
     /// Small splats are drawn by compute, all of them gray (true) or not.
     pub(crate) by_compute: Option<bool>,
+    /// The scene has textures.
+    pub(crate) has_textures: bool,
 }
 
 /// What draws small splats, and the pipelines that draw the others only.
@@ -148,6 +150,16 @@ impl FilteredPasses {
                 blend_splats: blend_splats(true)?,
             }),
         };
+        let (triangle, fragment) = match variant.has_textures {
+            true => (
+                &shaders::TRIANGLES_TEXTURED_VERT,
+                &shaders::FILTERED_BLEND_TEXTURED_FRAG,
+            ),
+            false => (
+                &shaders::TRIANGLES_DRAW_VERT,
+                &shaders::FILTERED_BLEND_TRIANGLES_FRAG,
+            ),
+        };
         Ok(Self {
             depth_triangles: ShaderPipeline::new(
                 gpu,
@@ -165,8 +177,8 @@ impl FilteredPasses {
                 gpu,
                 &PipelineDescription {
                     name: "filtered.blend triangles",
-                    vertex: &shaders::TRIANGLES_DRAW_VERT,
-                    fragment: Some(&shaders::FILTERED_BLEND_TRIANGLES_FRAG),
+                    vertex: triangle,
+                    fragment: Some(fragment),
                     constants: &[HAS_LAMP.is(variant.has_lamp)],
                     record: VERTEX,
                     topology: PrimitiveTopology::Triangles,
@@ -266,7 +278,10 @@ impl FilteredPasses {
             .pass("filtered.blend")
             .color(&self.sums, TargetLoad::Clear([0.0; 4]))
             .depth_test(targets.depth());
-        let pipelines = pipelines(&self.blend_triangles, splats);
+        let pipelines = RasterPipelines {
+            reads_textures: self.variant.has_textures,
+            ..pipelines(&self.blend_triangles, splats)
+        };
         raster_pass::draw(pass, list, pipelines, context, constants);
     }
 
@@ -293,6 +308,6 @@ fn pipelines<'a>(triangles: &'a ShaderPipeline, splats: &'a ShaderPipeline) -> R
     RasterPipelines {
         triangles: Some(triangles),
         points: Some(splats),
-        quads: None,
+        ..RasterPipelines::default()
     }
 }

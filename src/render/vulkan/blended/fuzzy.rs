@@ -169,6 +169,7 @@ impl PrimitivePipelines {
             _ => [&self.points, &self.quads],
         };
         RasterPipelines {
+            reads_textures: false,
             triangles: Some(triangles),
             points: Some(points),
             quads: Some(quads),

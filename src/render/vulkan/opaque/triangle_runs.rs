@@ -23,6 +23,7 @@ pub(crate) fn record_triangles(
 ) {
     let pipelines = RasterPipelines {
         triangles: Some(pipeline),
+        reads_textures: list.scene.is_textured(),
         ..RasterPipelines::default()
     };
     let pass = targets.attach(frame.pass("hybrid.triangles"), context);

@@ -45,14 +45,14 @@ impl VulkanRenderer {
             });
         }
         if method != Method::Points {
-            self.prepare_triangles(plan, parts)?;
+            self.prepare_triangles(plan, parts, scene)?;
         }
         match plan.technique {
             Technique::Nothing | Technique::Polygons => {}
             Technique::Opaque => self.prepare_opaque(plan)?,
             Technique::Visibility => self.prepare_visibility(plan)?,
             Technique::Fuzzy => self.prepare_fuzzy(plan)?,
-            Technique::Filtered => self.prepare_filtered(plan)?,
+            Technique::Filtered => self.prepare_filtered(plan, scene)?,
         }
         self.looks.prepare(&self.gpu, &self.targets, plan)?;
         if plan.settings.color_by == ColorBy::Overdraw {
@@ -71,12 +71,18 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    fn prepare_triangles(&mut self, plan: &FramePlan, parts: DrawnParts<'_>) -> Result<(), Error> {
+    fn prepare_triangles(
+        &mut self,
+        plan: &FramePlan,
+        parts: DrawnParts<'_>,
+        scene: &DeviceScene,
+    ) -> Result<(), Error> {
         let variant = TriangleVariant {
             color: self.targets.color.format,
             normals: self.outputs.normal,
             colors: parts.has_colors(),
             lamp: !plan.settings.has_headlight(),
+            textures: scene.is_textured(),
             flags: plan.constants.flags,
         };
         let spare = &mut self.spare_triangles;
@@ -143,11 +149,12 @@ impl VulkanRenderer {
         Ok(())
     }
 
-    fn prepare_filtered(&mut self, plan: &FramePlan) -> Result<(), Error> {
+    fn prepare_filtered(&mut self, plan: &FramePlan, scene: &DeviceScene) -> Result<(), Error> {
         let variant = filtered::FilteredVariant {
             has_lamp: !plan.settings.has_headlight(),
             color: self.targets.color.format,
             by_compute: plan.may_use_compute.then_some(plan.primitives.is_gray),
+            has_textures: scene.is_textured(),
         };
         let spare = &mut self.spare_filtered;
         exchange(&mut self.filtered, spare, |f| f.variant == variant);

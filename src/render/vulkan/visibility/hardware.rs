@@ -324,6 +324,7 @@ impl VisibilityPasses {
             }
             let pass = pass.depth(targets.depth(), load([0.0; 4]));
             let pipelines = RasterPipelines {
+                reads_textures: false,
                 triangles: Some(triangles),
                 points: Some(if is_center {
                     &splats.centers

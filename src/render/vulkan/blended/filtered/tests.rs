@@ -93,6 +93,7 @@ fn picture(
         has_lamp: false,
         color: COLOR,
         by_compute,
+        has_textures: false,
     };
     let filtered = FilteredPasses::new(gpu, SIZE, variant).unwrap();
     let targets = FrameTargets::new(gpu, width, height, (COLOR, false)).unwrap();
