@@ -414,7 +414,7 @@ mod tests {
             for angles in [
                 (0.5, 0.3, 1.0),
                 (-2.0, -1.2, 0.25),
-                (1.0, 1.57079632679, 2.0),
+                (1.0, std::f64::consts::FRAC_PI_2, 2.0),
             ] {
                 let (azimuth, elevation, fill) = angles;
                 let plain = Camera::orbit((300, 200), center, 2.0, azimuth, elevation, fill);
