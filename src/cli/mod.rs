@@ -27,8 +27,8 @@ mod scenes;
 mod source;
 mod stability;
 mod stats;
-#[cfg(feature = "viewer")]
 mod vertex_splats;
+#[cfg(feature = "viewer")]
 mod view;
 
 use clap::error::ErrorKind;

@@ -1,6 +1,6 @@
 //! A paged file as a frame draws it: the pages that its cut needs and that are in memory, each a part with a cut of its own.
 //!
-//! Before a frame, [`PagedModel::prepare`] takes the pages that were read meanwhile, chooses the cut over what is in memory
+//! Before a frame, `PagedModel::prepare` takes the pages that were read meanwhile, chooses the cut over what is in memory
 //! (`src/pages/cut.rs`) and tells the loader which pages would make the picture finer. What is not there yet is drawn as the
 //! node that stands for it, so nothing is missing, only coarser.
 

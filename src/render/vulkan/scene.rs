@@ -257,6 +257,7 @@ impl DeviceScene {
     }
 
     /// Whether the model of this index is drawn.
+    #[cfg(feature = "viewer")]
     pub(crate) fn is_shown(&self, index: usize) -> bool {
         self.parts.get(index).is_some_and(|part| part.is_shown)
     }
