@@ -14,6 +14,10 @@ pub(super) const NEIGHBORS: usize = 6;
 /// as itself, and nothing changes.
 const MOST_OF_NEIGHBORS: f32 = 3.0;
 
+/// Several points that stand apart together are each other's neighbors: of those no more counts than this many times the
+/// median of those around.
+const MOST_AROUND: f32 = 1.5;
+
 /// Spacing at a point.
 #[derive(Debug, Clone, Copy, Default)]
 struct PointSpacing {
@@ -213,7 +217,7 @@ impl SpacingSearch<'_> {
                         .iter()
                         .map(|&neighbor| spacings[neighbor as usize].radius)
                         .collect();
-                    let most = MOST_OF_NEIGHBORS * median(&mut theirs);
+                    let most = MOST_OF_NEIGHBORS * median(&mut theirs).min(MOST_AROUND * around);
                     (radius > most).then_some((index, most))
                 },
             )
@@ -323,8 +327,8 @@ mod tests {
         });
         order.dedup_by_key(|i| points[*i].to_array().map(f32::to_bits));
         order.truncate(NEIGHBORS);
-        let most = MOST_OF_NEIGHBORS
-            * median(&mut order.iter().map(|&i| raw[i].radius).collect::<Vec<_>>());
+        let theirs = median(&mut order.iter().map(|&i| raw[i].radius).collect::<Vec<_>>());
+        let most = MOST_OF_NEIGHBORS * theirs.min(MOST_AROUND * around);
         if own.radius > MOST_OF_NEIGHBORS * around {
             own.radius.min(most)
         } else {
