@@ -138,7 +138,8 @@ pub struct FilteredSplat {
 pub struct OrientedPolygon {
     /// Where u = v = 0, model space.
     pub center: Vec3,
-    /// What is drawn has u² + v² of at most its square, model units; infinite where the corners alone bound it.
+    /// Radius around the center beyond which nothing is drawn (u² + v² above its square), model units; infinite where the
+    /// corners alone bound the polygon.
     pub round_radius: f32,
     /// Unit normal of the plane, on the side that is seen.
     pub normal: Vec3,

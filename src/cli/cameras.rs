@@ -63,7 +63,7 @@ impl CameraArgs {
 /// The axis that is up.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum UpChoice {
-    /// As format and place of the model tell; y where they do not
+    /// Chosen by format and place of the model; y where they do not tell
     #[default]
     Auto,
     /// x
@@ -152,7 +152,7 @@ pub(crate) fn orbit_cameras(
     orbit_cameras_about(UpAxis::Y, sphere, size, orbit, frames)
 }
 
-/// As [`orbit_cameras`], about another axis than y.
+/// Cameras as of [`orbit_cameras`], about any axis.
 pub(crate) fn orbit_cameras_about(
     up: UpAxis,
     sphere: OrbitSphere,

@@ -36,7 +36,7 @@ pub(crate) struct SurfaceArgs {
     /// How triangles are divided into nodes: along the longest axis, or so that nodes are flat, for patches (builds longer)
     #[arg(long, value_name = "RULE", default_value = "longest")]
     split: SplitChoice,
-    /// Whether surfaces show the images that the file names; without, the colors of materials and vertices
+    /// Show the images that the file names on its surfaces; without, the colors of materials and vertices
     #[arg(long, value_name = "WHETHER", value_enum, default_value_t)]
     textures: TextureChoice,
 }

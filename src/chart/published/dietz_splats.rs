@@ -30,8 +30,8 @@ struct AngleTestCounts {
     triangles: u64,
 }
 
-/// What his table has for the Porsche beside what his test finds here, by each rule that he may have had for the normals of
-/// points. `model` is the Porsche.
+/// Makes a table of Dietz's counts for the Porsche beside those that his test finds here, by each rule that he may have
+/// had for the normals of points. `model` is the Porsche.
 pub(super) fn angle_test_table(model: &Model) -> Table {
     let mut table = Table::new(
         "Dietz: Porsche, angle test, splats and triangles by threshold",
@@ -104,7 +104,7 @@ fn counts_of(surface: &WeldedSurface, flagged: &[bool]) -> AngleTestCounts {
 /// long a frame takes. The second is the frame of his angle test over that of triangles.
 ///
 /// # Errors
-/// As [`measure`].
+/// Those of [`measure`].
 pub(super) fn pictures(
     backend: &Backend,
     subject: &PublishedSubject<'_>,
