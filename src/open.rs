@@ -5,8 +5,11 @@
 //! tree file is read as it is, of a `.qs` file the leaves, anything else goes to [`input`] and then to [`tree::build`]. Nothing is printed: what was
 //! repaired or left out comes back as [`OpenedModel::warnings`], what is wrong as one [`Error`].
 
+mod stream;
 #[cfg(test)]
 mod tests;
+
+pub use stream::{OpenedStream, external_options, open_stream};
 
 use crate::Error;
 use crate::generate::{self, ShapeSpec};

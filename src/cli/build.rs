@@ -1,10 +1,12 @@
 //! `surfel build`
 
-use super::source::Source;
+use super::progress::Bar;
+use super::source::{Source, parse_bytes};
 use super::{Failure, Outcome, bytes, count, say};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
-use surfel::open::ModelSource;
+use surfel::open::{ModelSource, external_options, open_stream};
+use surfel::pages::external::{self, ExternalError};
 use surfel::pages::{self, write::PagedOptions};
 use surfel::tree;
 
@@ -22,11 +24,93 @@ pub(crate) struct Args {
     /// Write the paged kind: a fifth of the bytes, positions and normals rounded
     #[arg(long)]
     paged: bool,
+    /// Read and build the model piece by piece with about this much memory, such as 1GiB; writes the paged kind
+    #[arg(long, value_name = "SIZE", value_parser = parse_memory)]
+    memory: Option<u64>,
+}
+
+/// Least memory that a model is built with.
+const LEAST_MEMORY: u64 = 256 << 20;
+
+fn parse_memory(text: &str) -> Result<u64, String> {
+    match parse_bytes(text)? {
+        bytes if bytes >= LEAST_MEMORY => Ok(bytes),
+        _ => Err("at least 256MiB are needed".to_owned()),
+    }
+}
+
+/// Builds the model piece by piece; `false` where it must be read whole.
+fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Result<bool, Failure> {
+    let bar = Bar::new(quiet);
+    let options = args.source.options();
+    let source = ModelSource::parse(&args.source.model)?;
+    let name = args.source.model.display();
+    if args.source.weld {
+        let cause = "--weld needs the whole model in memory: leave it or --memory out";
+        return Err(super::usage(cause));
+    }
+    let Some(opened) = open_stream(&source, &options, &bar)? else {
+        say(&format!(
+            "surfel: {name}: warning: it cannot be read piece by piece (binary PLY, LAS, LAZ and generated models can); read whole"
+        ));
+        return Ok(false);
+    };
+    for warning in &opened.warnings {
+        say(&format!("surfel: {name}: warning: {warning}"));
+    }
+    let facts = opened.stream.facts();
+    let forecast = external::forecast(&facts);
+    if !quiet {
+        say(&format!(
+            "{name}: {} {}; about {} for the file and {} beside it while it is built",
+            count(if facts.is_cloud() {
+                facts.vertices
+            } else {
+                facts.faces
+            }),
+            if facts.is_cloud() { "points" } else { "faces" },
+            bytes(forecast.file_bytes),
+            bytes(forecast.temporary_bytes),
+        ));
+    }
+    let start = Instant::now();
+    let options = external_options(&options, memory);
+    let built = external::build(opened.stream.as_ref(), &options, output, &bar);
+    drop(bar);
+    let report = built.map_err(|error| match error {
+        ExternalError::Tree(tree::Error::Cancelled) => {
+            surfel::Error::from(tree::Error::Cancelled).into()
+        }
+        ExternalError::Tree(error @ tree::Error::Io { .. }) => {
+            let context = format!("cannot write {}", output.display());
+            Failure::Run(anyhow::Error::new(error).context(context))
+        }
+        other => super::usage(format!("{name}: {other}")),
+    })?;
+    if report.dropped > 0 {
+        say(&format!(
+            "surfel: {name}: warning: {} points or triangles left out, whose coordinates are not finite",
+            count(report.dropped)
+        ));
+    }
+    let seconds = start.elapsed().as_secs_f64();
+    let size = std::fs::metadata(output).map(|m| m.len()).unwrap_or(0);
+    say(&format!(
+        "{name}: {} leaves, {} nodes, {} chunks; built in {seconds:.1} s ({:.2} million leaves a second), {} temporary; {} to {}",
+        count(report.leaves),
+        count(report.nodes),
+        count(report.chunks),
+        report.leaves as f64 / seconds.max(1e-9) * 1e-6,
+        bytes(report.temporary_bytes),
+        bytes(size),
+        output.display()
+    ));
+    Ok(true)
 }
 
 pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
-    let output = match args.output {
-        Some(path) => path,
+    let output = match &args.output {
+        Some(path) => path.clone(),
         None => match ModelSource::parse(&args.source.model)? {
             ModelSource::File(path) => path.with_extension("surfel"),
             _ => {
@@ -43,10 +127,16 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
         )));
     }
     super::require_folder(&output)?;
+    if let Some(memory) = args.memory
+        && build_in_pieces(&args, memory, &output, quiet)?
+    {
+        return Ok(());
+    }
+    let is_paged = args.paged || args.memory.is_some();
     let ready = args.source.open(quiet)?;
     let start = Instant::now();
     // The model was good; only the file can fail here, and that is no bad input.
-    let written = if args.paged {
+    let written = if is_paged {
         pages::write::write(&ready.model, &PagedOptions::default(), &output)
     } else {
         tree::file::write(&ready.model, &output)

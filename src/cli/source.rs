@@ -94,7 +94,7 @@ impl PageArgs {
 }
 
 /// A number of bytes, such as `512MiB`, `1.5 GB` or `4096`.
-fn parse_bytes(text: &str) -> Result<u64, String> {
+pub(crate) fn parse_bytes(text: &str) -> Result<u64, String> {
     let text = text.trim();
     let split = text
         .find(|c: char| c.is_ascii_alphabetic())
@@ -191,6 +191,11 @@ pub(crate) fn open_options(weld: bool, frame: Framing, surface: SurfaceArgs) -> 
 }
 
 impl Source {
+    /// The options of opening.
+    pub(crate) fn options(&self) -> OpenOptions {
+        open_options(self.weld, self.frame, self.surface)
+    }
+
     /// Opens the model, with a progress bar from about a second on.
     pub(crate) fn open(&self, quiet: bool) -> Result<OpenedModel, Failure> {
         self.open_with(&Bar::new(quiet))
@@ -217,7 +222,7 @@ impl Source {
         streams_pages: bool,
         progress: &dyn Progress,
     ) -> Result<OpenedModel, Failure> {
-        let mut options = open_options(self.weld, self.frame, self.surface);
+        let mut options = self.options();
         options.input.color = color.setting()?;
         options.streams_pages = streams_pages;
         let opened = surfel::open(&self.model, &options, progress).map_err(|error| match error {

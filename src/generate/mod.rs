@@ -24,9 +24,11 @@ mod grid;
 pub mod ply;
 mod spec;
 mod statue;
+mod stream;
 mod trig;
 
 pub use spec::{GeneratedShape, ShapeSpec};
+pub use stream::GeneratedStream;
 
 use crate::{mesh::Mesh, progress::Progress};
 use glam::Vec3;

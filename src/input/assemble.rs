@@ -9,8 +9,8 @@ use super::job::Job;
 use super::polygon::PolygonRuns;
 use super::textures::RawTextures;
 use super::{Counts, Error, Warning};
-use crate::mesh::Mesh;
 use crate::mesh::attributes::PointAttributes;
+use crate::mesh::{self, Mesh};
 
 /// Items per parallel piece: large enough to hide the scheduling, small enough for two threads to share.
 const PIECE: usize = 1 << 16;
@@ -36,7 +36,7 @@ pub(super) struct StepGrid {
 impl StepGrid {
     /// The position of steps.
     #[inline]
-    fn place(&self, [x, y, z]: [i32; 3]) -> DVec3 {
+    pub(super) fn place(&self, [x, y, z]: [i32; 3]) -> DVec3 {
         self.offset + self.scale * DVec3::new(x.into(), y.into(), z.into())
     }
 }
@@ -267,32 +267,9 @@ impl Bounds {
         Some(near)
     }
 
-    /// Where the model-space zero should lie. Zero unless single precision would lose detail: some coordinate is
-    /// over 1000 times the extent (a single step is then over 6e-5 of the extent), or rounding moves some point by
-    /// more than a millionth of the extent. The origin is the middle of the box on a whole unit, or on a power of
-    /// two below the extent when the model is smaller than a unit: coordinates then stay readable, and differences
-    /// to the origin of values that came from single precision are exact.
+    /// Where the model-space zero should lie.
     fn origin(&self) -> DVec3 {
-        let extent = (self.max - self.min).max_element();
-        let largest = self.min.abs().max(self.max.abs()).max_element();
-        if !(extent > 0.0 && largest.is_finite()) {
-            return DVec3::ZERO;
-        }
-        if largest <= 1000.0 * extent && self.rounding <= 1e-6 * extent {
-            return DVec3::ZERO;
-        }
-        let step = if extent >= 1.0 {
-            1.0
-        } else {
-            extent.log2().floor().exp2()
-        };
-        let middle = 0.5 * (self.min + self.max);
-        let origin = (middle / step).round() * step;
-        if origin.is_finite() {
-            origin
-        } else {
-            DVec3::ZERO
-        }
+        mesh::origin_of(self.min, self.max, self.rounding)
     }
 }
 
@@ -463,7 +440,7 @@ fn retain_indexed<T>(items: &mut Vec<T>, keep: impl Fn(usize) -> bool) {
 }
 
 /// Makes every normal a unit vector, or zero when it has no direction; returns how many are zero.
-fn normalize(normals: &mut [Vec3]) -> u64 {
+pub(super) fn normalize(normals: &mut [Vec3]) -> u64 {
     let one = |normal: &mut Vec3| -> u64 {
         // Unit to rounding already: keep the bits of the file.
         if (normal.length_squared() - 1.0).abs() < 1e-6 {

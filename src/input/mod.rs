@@ -26,6 +26,7 @@ mod polygon;
 mod sniff;
 mod source;
 mod stl;
+mod stream;
 mod text;
 mod textures;
 mod tri;
@@ -38,6 +39,7 @@ use std::path::Path;
 pub use color_by::{ColorSetting, PointColoring};
 pub use error::{Error, Place};
 pub use part::{FilePart, PartFate};
+pub use stream::{StreamedModel, open_stream};
 pub use warning::Warning;
 
 use crate::mesh::attributes::PointAttributes;

@@ -25,18 +25,10 @@ pub fn recenter(mesh: &mut Mesh) {
             || (Vec3::INFINITY, Vec3::NEG_INFINITY, true),
             |a, b| (a.0.min(b.0), a.1.max(b.1), a.2 && b.2),
         );
-    let (min, max) = (min.as_dvec3(), max.as_dvec3());
-    let side = (max - min).max_element();
-    if !(is_finite && side > 0.0 && side.is_finite()) {
+    if !is_finite {
         return;
     }
-    let is_far = min
-        .abs()
-        .max(max.abs())
-        .cmpgt(DVec3::splat(FARTHEST * side));
-    let step = side.log2().floor().exp2();
-    let middle = ((min + max) * (0.5 / step)).round() * step;
-    let zero = DVec3::select(is_far, middle, DVec3::ZERO);
+    let zero = recentered_zero(min, max);
     if zero == DVec3::ZERO {
         return;
     }
@@ -45,6 +37,50 @@ pub fn recenter(mesh: &mut Mesh) {
         .par_iter_mut()
         .with_min_len(1 << 16)
         .for_each(|p| *p = (p.as_dvec3() - zero).as_vec3());
+}
+
+/// Where [`recenter`] moves the zero of positions in a box.
+pub fn recentered_zero(min: Vec3, max: Vec3) -> DVec3 {
+    let (min, max) = (min.as_dvec3(), max.as_dvec3());
+    let side = (max - min).max_element();
+    if !(side > 0.0 && side.is_finite()) {
+        return DVec3::ZERO;
+    }
+    let is_far = min
+        .abs()
+        .max(max.abs())
+        .cmpgt(DVec3::splat(FARTHEST * side));
+    let step = side.log2().floor().exp2();
+    let middle = ((min + max) * (0.5 / step)).round() * step;
+    DVec3::select(is_far, middle, DVec3::ZERO)
+}
+
+/// Where the zero of single-precision positions lies for coordinates in a box, `rounding` the farthest that single precision
+/// moves one of them. Zero unless single precision would lose detail: some coordinate is over 1000 times the extent (a
+/// single step is then over 6e-5 of the extent), or rounding moves some point by more than a millionth of the extent. The
+/// origin is the middle of the box on a whole unit, or on a power of two below the extent when the model is smaller than a
+/// unit: coordinates then stay readable, and differences to the origin of values that came from single precision are exact.
+pub fn origin_of(min: DVec3, max: DVec3, rounding: f64) -> DVec3 {
+    let extent = (max - min).max_element();
+    let largest = min.abs().max(max.abs()).max_element();
+    if !(extent > 0.0 && largest.is_finite()) {
+        return DVec3::ZERO;
+    }
+    if largest <= 1000.0 * extent && rounding <= 1e-6 * extent {
+        return DVec3::ZERO;
+    }
+    let step = if extent >= 1.0 {
+        1.0
+    } else {
+        extent.log2().floor().exp2()
+    };
+    let middle = 0.5 * (min + max);
+    let origin = (middle / step).round() * step;
+    if origin.is_finite() {
+        origin
+    } else {
+        DVec3::ZERO
+    }
 }
 
 #[cfg(test)]

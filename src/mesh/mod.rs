@@ -5,9 +5,10 @@ mod center;
 pub mod creases;
 pub mod faces;
 pub mod normals;
+pub mod stream;
 pub mod weld;
 
-pub use center::recenter;
+pub use center::{origin_of, recenter, recentered_zero};
 
 use crate::textures::MeshTextures;
 use glam::{DVec3, Vec3};

@@ -12,6 +12,7 @@ mod bits;
 pub mod cache;
 pub mod check;
 pub mod cut;
+pub mod external;
 mod extract;
 pub mod file;
 pub mod format;
@@ -21,6 +22,7 @@ pub mod page;
 pub mod qs;
 pub mod quantize;
 pub mod source;
+mod upper;
 pub mod write;
 
 #[cfg(test)]

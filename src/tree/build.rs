@@ -6,6 +6,7 @@
 //! ([`super::partition`]); vertices in order of use ([`super::order`]); nodes upward ([`super::blocks`]).
 
 use super::blocks::{self, LeafSource};
+use super::closed::ClosedEvidence;
 use super::flat_partition::FlatPartition;
 use super::partition::TreePartition;
 use super::shape::TreeShape;
@@ -64,7 +65,11 @@ pub enum SplitRule {
 /// Too many leaves or vertices for 32-bit indices; a position that is not finite or a corner that names no vertex;
 /// cancelled.
 pub fn build(mesh: Mesh, options: &BuildOptions, progress: &dyn Progress) -> Result<Model, Error> {
-    build_around(mesh, options, None, progress)
+    let parts = BuildParts {
+        radii: None,
+        part: None,
+    };
+    Ok(build_around(mesh, options, parts, progress)?.0)
 }
 
 /// Builds the tree of a cloud whose points have radii of their own, in the order of the positions, instead of measured
@@ -85,16 +90,54 @@ pub fn build_with_radii(
             vertices: mesh.positions.len(),
         });
     }
-    build_around(mesh, &BuildOptions::default(), Some(radii), progress)
+    let parts = BuildParts {
+        radii: Some(radii),
+        part: None,
+    };
+    Ok(build_around(mesh, &BuildOptions::default(), parts, progress)?.0)
 }
 
-/// [`build`], with the radii of a cloud's points where they are known.
-fn build_around(
+/// What is known of a tree before it is built.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BuildParts<'a> {
+    /// Radii of a cloud's points.
+    pub(super) radii: Option<&'a [f32]>,
+    /// The whole that the model is a part of.
+    pub(super) part: Option<PartPlace>,
+}
+
+/// What a part of a model has in common with the others.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PartPlace {
+    /// Levels of nodes.
+    pub(crate) depth: usize,
+    /// A place near the whole model, from which its volume is measured.
+    pub(crate) center: DVec3,
+}
+
+/// The shape of a tree, of the depth that a part must have.
+///
+/// # Errors
+/// No tree of that depth has so many leaves.
+pub(super) fn shape_of(count: usize, part: Option<PartPlace>) -> Result<TreeShape, Error> {
+    match part {
+        None => Ok(TreeShape::new(count as u32)),
+        Some(part) => TreeShape::with_depth(count as u32, part.depth).ok_or(Error::TooLarge {
+            what: "leaves in a part",
+            count,
+            limit: 1usize.checked_shl(2 * part.depth as u32).unwrap_or(LIMIT),
+        }),
+    }
+}
+
+/// Builds as [`build`], by what is known already. Returns what was found of the surface, too.
+pub(super) fn build_around(
     mut mesh: Mesh,
     options: &BuildOptions,
-    radii: Option<&[f32]>,
+    parts: BuildParts<'_>,
     progress: &dyn Progress,
-) -> Result<Model, Error> {
+) -> Result<(Model, ClosedEvidence), Error> {
+    let BuildParts { radii, part } = parts;
     let is_cloud = mesh.is_cloud();
     let (what, count) = if is_cloud {
         ("points", mesh.positions.len())
@@ -148,7 +191,7 @@ fn build_around(
     check_stop()?;
 
     progress.stage("ordering", count as u64);
-    let shape = TreeShape::new(count as u32);
+    let shape = shape_of(count, part)?;
     {
         let mut spare = AlignedRecords::<SortItem>::zeroed(count);
         let items = bytemuck::cast_slice_mut(&mut leaves);
@@ -207,7 +250,7 @@ fn build_around(
         normals: &normals,
         triangles: &model.triangles,
         leaf_colors: (model.textures.as_deref()).map_or(&[], |textures| &textures.leaf_colors),
-        origin: model.orbit_center.as_dvec3(),
+        origin: part.map_or(model.orbit_center.as_dvec3(), |part| part.center),
         stop: &stop,
         done: &advance,
     };
@@ -237,14 +280,14 @@ fn build_around(
         moments: AlignedRecords::default(),
     };
     model.tree.moments = moments::compute(&model);
-    Ok(model)
+    Ok((model, findings.evidence))
 }
 
 /// Most leaves and most vertices: indices have 32 bits, and the sentinel of an unseen vertex takes one.
 const LIMIT: usize = u32::MAX as usize - 1;
 
 /// Centers of the leaves' spheres, in file order; checks the mesh on the way.
-fn leaf_centers(mesh: &Mesh, items: &mut [SortItem]) -> Result<(), Error> {
+pub(super) fn leaf_centers(mesh: &Mesh, items: &mut [SortItem]) -> Result<(), Error> {
     const CHUNK: usize = 4096;
     if mesh.triangles.is_empty() {
         if let Some(vertex) = mesh.positions.iter().position(|p| !p.is_finite()) {

@@ -11,7 +11,7 @@ use glam::{DVec3, Vec3};
 
 /// Sums over triangles; add them up in any order ([`ClosedEvidence::volume`] in a fixed one).
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct ClosedEvidence {
+pub(crate) struct ClosedEvidence {
     /// Signed sum of edge hashes.
     pub(super) boundary: u64,
     /// Six times the enclosed volume.
@@ -19,11 +19,11 @@ pub(super) struct ClosedEvidence {
 }
 
 impl ClosedEvidence {
-    pub(super) fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         self.boundary == 0 && self.volume > 0.0
     }
 
-    pub(super) fn join(self, other: Self) -> Self {
+    pub(crate) fn join(self, other: Self) -> Self {
         Self {
             boundary: self.boundary.wrapping_add(other.boundary),
             volume: self.volume + other.volume,

@@ -31,12 +31,38 @@ impl ShapeLevel {
 impl TreeShape {
     /// The shape of the tree over `leaf_count` leaves.
     pub(super) fn new(leaf_count: u32) -> Self {
+        Self::grouped(leaf_count, |items| groups(items, 4))
+    }
+
+    /// The shape of a tree of `depth` levels of nodes, each with two to four children: that of [`TreeShape::new`] where it
+    /// has this depth by itself. `None` where there is no such tree: outside of 2^depth to 4^depth leaves.
+    pub(super) fn with_depth(leaf_count: u32, depth: usize) -> Option<Self> {
+        let bits = u32::try_from(depth).ok()?;
+        let least = 1u64.checked_shl(bits)?;
+        let most = 1u128.checked_shl(2 * bits)?;
+        if u64::from(leaf_count) < least || u128::from(leaf_count) > most {
+            return None;
+        }
+        let mut left = bits;
+        Some(Self::grouped(leaf_count, |items| {
+            left = left.saturating_sub(1);
+            // Groups of two or three where those of up to four would leave too few for the levels above.
+            let of_four = groups(items, 4);
+            let count = of_four.len() as u64 - 1;
+            if count >= 1u64 << left {
+                of_four
+            } else {
+                groups(items, 3)
+            }
+        }))
+    }
+
+    /// The shape by how the items of a level are grouped, from the leaves up.
+    fn grouped(leaf_count: u32, mut group: impl FnMut(u32) -> Vec<u32>) -> Self {
         let mut levels = Vec::new();
         let mut items = leaf_count;
         while items > 1 {
-            let mut child_starts = Vec::with_capacity(items as usize / 2 + 2);
-            child_starts.push(0);
-            push_groups(items, &mut child_starts);
+            let child_starts = group(items);
             items = child_starts.len() as u32 - 1;
             levels.push(ShapeLevel {
                 child_starts,
@@ -77,14 +103,22 @@ impl TreeShape {
     }
 }
 
-/// Appends the end of each group that halving `count` items gives, in order: groups of at most four.
-fn push_groups(count: u32, ends: &mut Vec<u32>) {
-    if count <= 4 {
+/// Starts of the groups that halving `count` items until at most `most` are left gives, in order; then the end.
+fn groups(count: u32, most: u32) -> Vec<u32> {
+    let mut starts = Vec::with_capacity(count as usize / 2 + 2);
+    starts.push(0);
+    push_groups(count, most, &mut starts);
+    starts
+}
+
+/// Appends the end of each group.
+fn push_groups(count: u32, most: u32, ends: &mut Vec<u32>) {
+    if count <= most {
         let start = ends.last().copied().unwrap_or(0);
         ends.push(start + count);
     } else {
-        push_groups(count / 2, ends);
-        push_groups(count - count / 2, ends);
+        push_groups(count / 2, most, ends);
+        push_groups(count - count / 2, most, ends);
     }
 }
 
@@ -134,21 +168,51 @@ mod tests {
     fn groups_have_two_to_four_members_and_cover_the_leaves() {
         assert!(TreeShape::new(0).levels.is_empty() && TreeShape::new(1).levels.is_empty());
         for leaves in 2..3000 {
-            let shape = TreeShape::new(leaves);
-            let mut below = leaves;
-            for level in shape.levels.iter().rev() {
-                assert!(
-                    level
-                        .child_starts
-                        .windows(2)
-                        .all(|w| (2..=4).contains(&(w[1] - w[0])))
-                );
-                assert_eq!(level.child_starts.last(), Some(&below));
-                assert_eq!(level.leaf_starts.first(), Some(&0));
-                assert_eq!(level.leaf_starts.last(), Some(&leaves));
-                below = level.len() as u32;
-            }
-            assert_eq!(below, 1);
+            sound(&TreeShape::new(leaves), leaves);
         }
+    }
+
+    #[test]
+    fn every_depth_that_two_to_four_children_allow_is_there() {
+        for leaves in (1..700).chain([8191, 8192, 8193, 65_535, 262_144, 262_145, 524_288]) {
+            let natural = TreeShape::new(leaves).levels.len();
+            for depth in 0..20 {
+                let is_possible =
+                    u64::from(leaves) >= 1 << depth && u128::from(leaves) <= 1u128 << (2 * depth);
+                let shape = TreeShape::with_depth(leaves, depth);
+                assert_eq!(shape.is_some(), is_possible, "{leaves} {depth}");
+                if let Some(shape) = shape {
+                    assert_eq!(shape.levels.len(), depth, "{leaves}");
+                    if leaves > 1 {
+                        sound(&shape, leaves);
+                    }
+                    if depth == natural {
+                        let starts = |shape: TreeShape| -> Vec<Vec<u32>> {
+                            let levels = shape.levels.into_iter();
+                            levels.map(|level| level.child_starts).collect()
+                        };
+                        assert_eq!(starts(shape), starts(TreeShape::new(leaves)));
+                    }
+                }
+            }
+        }
+    }
+
+    /// Holds a shape to its promises.
+    fn sound(shape: &TreeShape, leaves: u32) {
+        let mut below = leaves;
+        for level in shape.levels.iter().rev() {
+            assert!(
+                level
+                    .child_starts
+                    .windows(2)
+                    .all(|w| (2..=4).contains(&(w[1] - w[0])))
+            );
+            assert_eq!(level.child_starts.last(), Some(&below));
+            assert_eq!(level.leaf_starts.first(), Some(&0));
+            assert_eq!(level.leaf_starts.last(), Some(&leaves));
+            below = level.len() as u32;
+        }
+        assert_eq!(below, 1);
     }
 }

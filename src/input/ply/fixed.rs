@@ -82,7 +82,8 @@ pub(super) fn read<const BIG: bool>(
     }
 }
 
-fn read_vertices<const BIG: bool>(
+/// Reads whole rows of vertices.
+pub(super) fn read_vertices<const BIG: bool>(
     data: &[u8],
     stride: usize,
     element: &Element,
@@ -288,6 +289,11 @@ impl TriangleLayout {
             index_type,
         })
     }
+}
+
+/// Bytes of a row of a triangle; `None` where rows are read the general way.
+pub(super) fn triangle_stride(element: &Element, list: usize) -> Option<usize> {
+    TriangleLayout::of(element, list).map(|layout| layout.stride)
 }
 
 fn read_triangles<const BIG: bool>(

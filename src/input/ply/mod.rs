@@ -10,7 +10,10 @@ mod columns;
 mod fixed;
 mod header;
 mod rows;
+mod stream;
 mod texture;
+
+pub(super) use stream::open_stream;
 
 use glam::{DVec2, DVec3, Vec2, Vec3};
 

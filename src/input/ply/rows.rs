@@ -116,11 +116,22 @@ impl Source for Ascii<'_> {
 pub(super) struct Binary<'a, const BIG: bool> {
     data: &'a [u8],
     at: usize,
+    /// Bytes of the file before `data`.
+    before: u64,
 }
 
 impl<'a, const BIG: bool> Binary<'a, BIG> {
     pub(super) fn new(data: &'a [u8], at: usize) -> Self {
-        Self { data, at }
+        Self {
+            data,
+            at,
+            before: 0,
+        }
+    }
+
+    /// For errors: the data lie behind as many bytes of the file.
+    pub(super) fn behind(self, before: u64) -> Self {
+        Self { before, ..self }
     }
 }
 
@@ -196,7 +207,7 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
                 self.at += kind.size();
                 Ok(decode::<BIG>(bytes, kind))
             }
-            None => Err(job.truncated(Place::Byte(self.at as u64), "a number is missing")),
+            None => Err(job.truncated(self.place(self.at), "a number is missing")),
         }
     }
 
@@ -220,7 +231,7 @@ impl<const BIG: bool> Source for Binary<'_, BIG> {
     }
 
     fn place(&self, at: usize) -> Place {
-        Place::Byte(at as u64)
+        Place::Byte(self.before + at as u64)
     }
 
     fn smallest_number(&self, kind: Type) -> usize {

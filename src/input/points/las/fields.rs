@@ -123,6 +123,14 @@ impl PointLayout {
         }
     }
 
+    /// The layout with position and color alone.
+    pub(super) fn without_fields(self) -> Self {
+        Self {
+            fields: Vec::new(),
+            ..self
+        }
+    }
+
     /// The columns without values yet.
     pub(super) fn columns(&self) -> Vec<AttributeColumn> {
         let column = |field: &PointField| {

@@ -8,7 +8,10 @@
 mod extra;
 mod fields;
 mod header;
+mod stream;
 mod unpack;
+
+pub(in super::super) use stream::open_stream;
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -149,18 +152,24 @@ fn bytes_of_colors(job: &mut Job<'_>, colors: &[[u16; 3]]) -> Vec<[u8; 4]> {
             .add_some("point color", count, PartFate::Unneeded, note);
         return Vec::new();
     }
-    let shift = if largest > 255 { 8 } else { 0 };
-    if shift == 0 {
+    let bits = if largest > 255 { 16 } else { 8 };
+    if bits == 8 {
         job.warn(Warning::ColorRange { largest: 255 });
     }
-    let bits = if shift == 0 { 8 } else { 16 };
     let note = format!("{bits} bits, largest value {largest}");
     job.inventory
         .add("point color", count, PartFate::Used, note);
-    let byte = |value: u16| (value >> shift) as u8;
+    let byte = |value: u16| byte_of_color(value, largest);
     colors
         .par_iter()
         .with_min_len(PIECE)
         .map(|&[r, g, b]| [byte(r), byte(g), byte(b), 255])
         .collect()
+}
+
+/// A channel of 8 bits, where `largest` is the largest value of any.
+#[inline]
+fn byte_of_color(value: u16, largest: u16) -> u8 {
+    let shift = if largest > 255 { 8 } else { 0 };
+    (value >> shift) as u8
 }

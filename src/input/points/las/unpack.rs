@@ -10,13 +10,15 @@ use laz::{LazItem, LazVlr};
 use rayon::prelude::*;
 
 use super::super::super::job::Job;
+use super::super::super::stream::{RowFile, boxed};
 use super::super::super::{Error, Place};
 use super::super::guard::guarded;
 use super::super::{bytes_at, check_unpacked};
 use super::fields::{PointLayout, RecordBlock};
 use super::header::{LasHeader, PointPacking};
 use super::{PIECE, PointSink};
-use crate::progress::Progress;
+use crate::mesh::stream::StreamError;
+use crate::progress::{Progress, Silent};
 
 /// Points unpacked between two looks at the progress, at least.
 const BATCH_POINTS: u64 = 1 << 20;
@@ -125,15 +127,26 @@ fn chunks(data: &[u8], header: &LasHeader, vlr: &LazVlr) -> Option<Vec<LazChunk>
         .into_iter()
         .filter_map(|at| usize::try_from(at).ok())
         .find(|&at| at >= first && at < data.len().saturating_sub(7))?;
+    chunks_of_table(&data[table_at..], table_at, header, vlr)
+}
+
+/// The chunks by the table that begins at byte `table_at` of the file; `None` where it is of no use.
+fn chunks_of_table(
+    table: &[u8],
+    table_at: usize,
+    header: &LasHeader,
+    vlr: &LazVlr,
+) -> Option<Vec<LazChunk>> {
+    let first = header.points_at + ChunkTable::OFFSET_SIZE;
     // A chunk holds at least one point as it is.
-    let most = (table_at - first) / header.record_bytes;
-    let number = u32::from_le_bytes(bytes_at(data, table_at + 4)) as usize;
+    let most = table_at.checked_sub(first)? / header.record_bytes;
+    let number = u32::from_le_bytes(bytes_at(table, 4)) as usize;
     if number == 0 || number > most {
         return None;
     }
     let is_variable = vlr.uses_variable_size_chunks();
     let table = guarded(|| {
-        let mut source = Cursor::new(&data[table_at..]);
+        let mut source = Cursor::new(table);
         ChunkTable::read(&mut source, is_variable).map_err(|error| error.to_string())
     })
     .ok()?;
@@ -156,6 +169,105 @@ fn chunks(data: &[u8], header: &LasHeader, vlr: &LazVlr) -> Option<Vec<LazChunk>
         start = end;
     }
     Some(out)
+}
+
+/// The chunks of a file that is read piece by piece.
+#[derive(Debug)]
+pub(super) struct PackedChunks {
+    record: Vec<u8>,
+    items: Vec<LazItem>,
+    chunks: Vec<LazChunk>,
+}
+
+/// Finds the chunks of a packed file by their table; `None` where there is none of use, or points are not in chunks.
+///
+/// # Errors
+/// The record of the packing is damaged, or not that of the points.
+pub(super) fn packed_chunks(
+    job: &Job<'_>,
+    file: &RowFile,
+    header: &LasHeader,
+) -> Result<Option<PackedChunks>, Error> {
+    let PointPacking::LasZip { record, .. } = &header.packing else {
+        return Ok(None);
+    };
+    let place = Place::Byte(header.points_at as u64);
+    let vlr = guarded(|| LazVlr::from_buffer(record).map_err(|error| error.to_string()))
+        .map_err(|reason| job.syntax(place, format!("the record of the packing: {reason}")))?;
+    check_items(job, header, &vlr)?;
+    let first = (header.points_at + ChunkTable::OFFSET_SIZE) as u64;
+    if compressor_of(record) == CompressorType::PointWise || file.length < first {
+        return Ok(None);
+    }
+    let at_start = file.read(header.points_at as u64, 8)?;
+    let at_end = file.read(file.length - 8, 8)?;
+    let table_at = [at_start, at_end]
+        .into_iter()
+        .filter_map(|at| u64::try_from(i64::from_le_bytes(bytes_at(&at, 0))).ok())
+        .find(|&at| at >= first && at < file.length.saturating_sub(7));
+    let Some(table_at) = table_at else {
+        return Ok(None);
+    };
+    // A table has up to 8 bytes a chunk, and records may follow it.
+    let longest = 16 * (header.points / 1000).max(1 << 16);
+    let table = file.read(table_at, longest.min(file.length - table_at))?;
+    let chunks = chunks_of_table(&table, table_at as usize, header, &vlr);
+    Ok(chunks.map(|chunks| PackedChunks {
+        record: record.clone(),
+        items: vlr.items().clone(),
+        chunks,
+    }))
+}
+
+impl PackedChunks {
+    /// Number of points.
+    pub(super) fn points(&self) -> u64 {
+        self.chunks.iter().map(|chunk| chunk.points).sum()
+    }
+
+    /// Gives all points, block by block.
+    ///
+    /// # Errors
+    /// A chunk that cannot be unpacked; the error of `take`.
+    pub(super) fn each(
+        &self,
+        job: &Job<'_>,
+        file: &RowFile,
+        layout: &PointLayout,
+        take: &mut dyn FnMut(&RecordBlock) -> Result<(), StreamError>,
+    ) -> Result<(), StreamError> {
+        let threads = rayon::current_num_threads();
+        for batch in self.chunks.chunks(2 * threads) {
+            let (first, last) = (batch[0], batch[batch.len() - 1]);
+            let bytes = (last.end - first.start) as u64;
+            let data = file.read(first.start as u64, bytes).map_err(boxed)?;
+            let points = PackedPoints {
+                data: &data,
+                items: &self.items,
+                compressor: compressor_of(&self.record),
+                layout,
+                progress: &Silent,
+            };
+            let moved = |chunk: &LazChunk| LazChunk {
+                start: chunk.start - first.start,
+                end: chunk.end - first.start,
+                points: chunk.points,
+            };
+            let unpacked: Vec<UnpackedChunk> = (batch.par_iter())
+                .map(|chunk| points.unpack(moved(chunk)))
+                .collect();
+            for (chunk, unpacked) in batch.iter().zip(unpacked) {
+                if let Some(reason) = unpacked.failure {
+                    let place = Place::Byte(chunk.start as u64);
+                    let reason =
+                        format!("the packed points of this chunk cannot be unpacked: {reason}");
+                    return Err(boxed(job.syntax(place, reason)));
+                }
+                unpacked.blocks.iter().try_for_each(&mut *take)?;
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Unpacks chunks in parallel, and keeps their order.

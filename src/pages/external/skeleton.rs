@@ -1,0 +1,232 @@
+//! The levels of the tree that are kept in memory while the chunks come and go: down to the roots of the leaf pages.
+
+use crate::tree::{
+    AlignedRecords, Error, Model, Node, NodeAttributes, NodeRecords, PartPlace, PartShape, Tree,
+    node_above,
+};
+use glam::DVec3;
+use rayon::prelude::*;
+
+/// The box of world positions, and how far single precision would move one of them.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ModelBox {
+    pub(super) min: DVec3,
+    pub(super) max: DVec3,
+    pub(super) rounding: f64,
+}
+
+impl Default for ModelBox {
+    fn default() -> Self {
+        Self {
+            min: DVec3::INFINITY,
+            max: DVec3::NEG_INFINITY,
+            rounding: 0.0,
+        }
+    }
+}
+
+impl ModelBox {
+    /// Widens the box to finite positions.
+    pub(super) fn add(&mut self, places: &[DVec3]) {
+        let of_one = |&p: &DVec3| Self {
+            min: p,
+            max: p,
+            rounding: (p - p.as_vec3().as_dvec3()).abs().max_element(),
+        };
+        let join = |a: Self, b: Self| Self {
+            min: a.min.min(b.min),
+            max: a.max.max(b.max),
+            rounding: a.rounding.max(b.rounding),
+        };
+        let found = (places.par_iter().with_min_len(1 << 14))
+            .map(of_one)
+            .reduce(Self::default, join);
+        *self = join(*self, found);
+    }
+}
+
+/// The upper levels of the tree. Its links are known from the start, its nodes come with the chunks, in their order.
+#[derive(Debug)]
+pub(super) struct TreeSkeleton {
+    tree: Tree,
+    /// Levels above the roots of the chunks.
+    top: usize,
+    place: PartPlace,
+    /// Leaves of each chunk.
+    counts: Vec<u64>,
+    /// Where the next chunk's nodes go, on each level below the top.
+    cursors: Vec<usize>,
+    node_count: u64,
+}
+
+impl TreeSkeleton {
+    /// Plans the tree over chunks of these numbers of leaves; `page_leaves` is the most of a page.
+    ///
+    /// # Errors
+    /// A chunk with too many or too few leaves for trees of one depth.
+    pub(super) fn new(counts: &[u64], place: PartPlace, page_leaves: usize) -> Result<Self, Error> {
+        let page_leaves = page_leaves.clamp(16, 16_384) as u32;
+        // Highest level of each chunk whose nodes are small enough for pages.
+        let planned: Vec<(usize, u64)> = (counts.par_iter())
+            .map(|&count| {
+                let shape = PartShape::new(count as usize, place)?;
+                let fits = |level: &usize| shape.most_leaves(*level) <= page_leaves;
+                let level = (0..place.depth).find(fits).unwrap_or(0);
+                Ok((level, shape.node_count() as u64))
+            })
+            .collect::<Result<_, Error>>()?;
+        let leaf_level = planned.iter().map(|plan| plan.0).max().unwrap_or(0);
+        let of_chunks: Vec<Vec<Vec<u8>>> = (counts.par_iter())
+            .map(|&count| {
+                let shape = PartShape::new(count as usize, place)?;
+                let level = |level| shape.child_counts(level).collect();
+                Ok((0..=leaf_level).map(level).collect())
+            })
+            .collect::<Result<_, Error>>()?;
+        let top = PartShape::usual_depth(counts.len() as u32);
+        let above = PartShape::new(
+            counts.len(),
+            PartPlace {
+                depth: top,
+                ..place
+            },
+        )?;
+        let mut levels: Vec<Vec<u8>> = (0..top)
+            .map(|level| above.child_counts(level).collect())
+            .collect();
+        for level in 0..=leaf_level {
+            let own = of_chunks.iter().flat_map(|chunk| &chunk[level]);
+            levels.push(own.copied().collect());
+        }
+        let tree = linked(&levels);
+        let cursors = tree.level_starts[top..=top + leaf_level].iter();
+        Ok(Self {
+            cursors: cursors.map(|&start| start as usize).collect(),
+            tree,
+            top,
+            place,
+            counts: counts.to_vec(),
+            node_count: planned.iter().map(|plan| plan.1).sum::<u64>() + above.node_count() as u64,
+        })
+    }
+
+    /// The tree so far; its levels are those down to the roots of the leaf pages.
+    pub(super) fn tree(&self) -> &Tree {
+        &self.tree
+    }
+
+    /// Gives the tree away.
+    pub(super) fn into_tree(self) -> Tree {
+        self.tree
+    }
+
+    /// Level of the tree whose nodes are the roots of the leaf pages.
+    pub(super) fn leaf_level(&self) -> usize {
+        self.tree.level_count() - 1
+    }
+
+    /// The same level, counted from the root of a chunk.
+    pub(super) fn leaf_level_of_chunks(&self) -> usize {
+        self.leaf_level() - self.top
+    }
+
+    /// Number of nodes of the whole tree.
+    pub(super) fn node_count(&self) -> u64 {
+        self.node_count
+    }
+
+    /// What the trees of chunks have in common.
+    pub(super) fn place(&self) -> PartPlace {
+        self.place
+    }
+
+    /// Number of chunks.
+    pub(super) fn chunk_count(&self) -> usize {
+        self.counts.len()
+    }
+
+    /// The shape of the tree of a chunk.
+    ///
+    /// # Errors
+    /// None that [`TreeSkeleton::new`] had not.
+    pub(super) fn shape(&self, chunk: usize) -> Result<PartShape, Error> {
+        PartShape::new(self.counts[chunk] as usize, self.place)
+    }
+
+    /// Takes over the upper nodes of the next chunk.
+    pub(super) fn take(&mut self, model: &Model) {
+        for (level, cursor) in self.cursors.iter_mut().enumerate() {
+            for id in model.tree.level(level) {
+                let records = NodeRecords {
+                    node: model.tree.nodes[id as usize],
+                    attributes: model.tree.attributes[id as usize],
+                    moments: model.tree.moments[id as usize],
+                };
+                put(&mut self.tree, *cursor, records);
+                *cursor += 1;
+            }
+        }
+    }
+
+    /// Makes the nodes above the chunks, once all have come.
+    pub(super) fn join(&mut self, is_surface: bool) {
+        let end = self.tree.level(self.top).start;
+        for id in (0..end).rev() {
+            let children: Vec<NodeRecords> = (self.tree.children(id))
+                .map(|child| NodeRecords {
+                    node: self.tree.nodes[child as usize],
+                    attributes: self.tree.attributes[child as usize],
+                    moments: self.tree.moments[child as usize],
+                })
+                .collect();
+            put(
+                &mut self.tree,
+                id as usize,
+                node_above(&children, is_surface),
+            );
+        }
+    }
+}
+
+/// Puts a node into its place, whose links stay.
+fn put(tree: &mut Tree, at: usize, records: NodeRecords) {
+    let NodeRecords {
+        node,
+        attributes,
+        moments,
+    } = records;
+    let own = &mut tree.nodes[at];
+    *own = Node {
+        first_child: own.first_child,
+        child_count: own.child_count,
+        flags: node.flags & !Node::LEAF_CHILDREN,
+        ..node
+    };
+    tree.attributes[at] = attributes;
+    tree.moments[at] = moments;
+}
+
+/// A tree of levels with these numbers of children; those of the last level are not in it.
+fn linked(levels: &[Vec<u8>]) -> Tree {
+    let count = levels.iter().map(Vec::len).sum();
+    let mut nodes = AlignedRecords::<Node>::of_tree(count);
+    let mut level_starts = vec![0u32];
+    let mut at = 0;
+    let mut child = 1;
+    for level in levels {
+        for &own in level {
+            nodes[at].child_count = own;
+            nodes[at].first_child = child;
+            child += u32::from(own);
+            at += 1;
+        }
+        level_starts.push(at as u32);
+    }
+    Tree {
+        nodes,
+        attributes: AlignedRecords::<NodeAttributes>::of_tree(count),
+        moments: AlignedRecords::zeroed(count),
+        level_starts,
+        ..Tree::default()
+    }
+}

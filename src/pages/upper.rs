@@ -1,0 +1,290 @@
+//! The pages above the leaf pages of a file: their nodes, and their directory.
+
+use super::extract::{UpperNodes, upper_part};
+use super::format::{HEADER, LARGEST_PAGE, PageEntry, PagedHeader};
+use super::page::{DecodeOptions, EncodedPage, UpperPlace, decode, encode_upper, upper_bytes};
+use super::quantize::PageSphere;
+use crate::math::cone::{DirectionCap, sin_around};
+use crate::math::sphere::round_up;
+use crate::tree::file::hash;
+use crate::tree::{Error, Model, Node, NodeAttributes, NodeStrip, NormalCone, Tree};
+use glam::DVec3;
+use std::ops::Range;
+
+/// Levels of an upper page: at most 4⁵ pages below it.
+const UPPER_LEVELS: usize = 5;
+
+/// A leaf page as those above it need it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct LeafPageFacts {
+    bytes: usize,
+    checksum: u64,
+    root: PageSphere,
+    /// Cone, flags and attributes of its root as they are decoded; `None` for a page of one leaf.
+    first: Option<(NormalCone, u8, NodeAttributes)>,
+}
+
+impl LeafPageFacts {
+    /// Decodes a page just written.
+    ///
+    /// # Errors
+    /// The page cannot be decoded, which no page of ours does.
+    pub(super) fn of(page: &EncodedPage) -> Result<Self, Error> {
+        let decoded = decode(&page.bytes, DVec3::ZERO, DecodeOptions::default());
+        let decoded = decoded.map_err(|(offset, cause)| Error::File {
+            path: "a page just written".into(),
+            offset: offset as u64,
+            cause,
+        })?;
+        let tree = &decoded.model.tree;
+        let first = tree.nodes.first().zip(tree.attributes.first());
+        Ok(Self {
+            bytes: page.bytes.len(),
+            checksum: hash(&page.bytes),
+            root: page.root,
+            first: first.map(|(node, own)| (node.cone, node.flags, *own)),
+        })
+    }
+}
+
+/// The leaf pages of a file.
+pub(super) struct LeafPages<'a> {
+    /// The level of the tree whose nodes are their roots.
+    pub(super) level: usize,
+    /// One for each node of the level.
+    pub(super) pages: &'a [LeafPageFacts],
+    /// The farthest that a vertex was moved.
+    pub(super) moved: f64,
+}
+
+/// The rest of a file.
+pub(super) struct UpperPages {
+    pub(super) header: PagedHeader,
+    /// The pages above the leaf pages, as they lie in the file.
+    pub(super) pages: Vec<Vec<u8>>,
+}
+
+/// Levels of the tree at which pages begin, from the top; the last is that of the leaf pages.
+fn bands(leaf_level: usize) -> Vec<usize> {
+    let mut bands = vec![leaf_level];
+    while let Some(&top) = bands.first()
+        && top > 0
+    {
+        bands.insert(0, top.saturating_sub(UPPER_LEVELS));
+    }
+    bands
+}
+
+/// Number of nodes of a level; a tree without nodes has one page.
+fn level_len(tree: &Tree, level: usize) -> usize {
+    match tree.nodes.is_empty() {
+        true => 1,
+        false => tree.level(level).len(),
+    }
+}
+
+/// Number of nodes from `root` on in as many levels, and the nodes below the last of them.
+fn counts(tree: &Tree, root: u32, levels: Range<usize>) -> (usize, Range<u32>) {
+    let (mut own, mut nodes) = (root..root + 1, 0);
+    for _ in levels {
+        nodes += own.len();
+        own = tree.children(own.start).start..tree.children(own.end - 1).end;
+    }
+    (nodes, own)
+}
+
+/// Bytes of all pages above the leaf pages, by the links of the tree alone.
+pub(super) fn upper_length(tree: &Tree, leaf_level: usize) -> u64 {
+    let bands = bands(leaf_level);
+    let of_band = |pair: &[usize]| -> u64 {
+        let pages = tree.level(pair[0]).map(|root| {
+            let (nodes, leaves) = counts(tree, root, pair[0]..pair[1]);
+            upper_bytes(nodes, leaves.len()) as u64
+        });
+        pages.sum()
+    };
+    bands.windows(2).map(of_band).sum()
+}
+
+/// The places of all pages, band by band; checksums are not known yet.
+fn page_places(
+    tree: &Tree,
+    bands: &[usize],
+    leaves: &[LeafPageFacts],
+) -> Result<Vec<Vec<PageEntry>>, Error> {
+    let page_count: usize = bands.iter().map(|&level| level_len(tree, level)).sum();
+    if page_count > u32::MAX as usize {
+        return Err(Error::TooLarge {
+            what: "pages",
+            count: page_count,
+            limit: u32::MAX as usize,
+        });
+    }
+    let mut entries: Vec<Vec<PageEntry>> = Vec::new();
+    let (mut offset, mut id) = (HEADER as u64, 0u32);
+    for (band, &level) in bands.iter().enumerate() {
+        let mut own = Vec::new();
+        for index in 0..level_len(tree, level) {
+            let bytes = match bands.get(band + 1) {
+                None => leaves.get(index).map_or(0, |page| page.bytes),
+                Some(&next) => {
+                    let root = tree.level(level).start + index as u32;
+                    let (nodes, leaves) = counts(tree, root, level..next);
+                    upper_bytes(nodes, leaves.len())
+                }
+            };
+            if bytes > LARGEST_PAGE as usize {
+                return Err(Error::TooLarge {
+                    what: "bytes of a page",
+                    count: bytes,
+                    limit: LARGEST_PAGE as usize,
+                });
+            }
+            own.push(PageEntry {
+                id,
+                bytes: bytes as u32,
+                offset,
+                checksum: 0,
+            });
+            offset += bytes as u64;
+            id += 1;
+        }
+        entries.push(own);
+    }
+    Ok(entries)
+}
+
+/// Makes the pages above the leaf pages and completes the header. Of the model's tree only the levels down to that of the
+/// leaf pages are looked at.
+///
+/// # Errors
+/// More pages than 32 bits can number, or too large ones.
+pub(super) fn upper_pages(
+    model: &Model,
+    leaves: &LeafPages<'_>,
+    mut header: PagedHeader,
+) -> Result<UpperPages, Error> {
+    let tree = &model.tree;
+    let bands = bands(leaves.level);
+    let upper = grown_nodes(model, leaves);
+    // Lengths of upper pages follow from their numbers, so all places are known before anything is written.
+    let mut entries = page_places(tree, &bands, leaves.pages)?;
+    if let Some(own) = entries.last_mut() {
+        for (entry, page) in own.iter_mut().zip(leaves.pages) {
+            entry.checksum = page.checksum;
+        }
+    }
+    // From the lowest up, so that checksums of what is below are known.
+    let mut pages: Vec<Vec<Vec<u8>>> = Vec::new();
+    for band in (0..bands.len().saturating_sub(1)).rev() {
+        let next = bands[band + 1];
+        let below = &entries[band + 1];
+        let own = tree.level(bands[band]).map(|root| {
+            let (_, leaves) = counts(tree, root, bands[band]..next);
+            let first = tree.level(next).start;
+            let range = (leaves.start - first) as usize..(leaves.end - first) as usize;
+            let cones: Vec<NormalCone> =
+                leaves.map(|leaf| upper.nodes[leaf as usize].cone).collect();
+            let place = UpperPlace {
+                entries: &below[range],
+                cones: &cones,
+                are_leaf_pages: band + 2 == bands.len(),
+            };
+            encode_upper(&upper_part(model, &upper, root, next), &place)
+        });
+        let own: Vec<Vec<u8>> = own.collect();
+        for (entry, page) in entries[band].iter_mut().zip(&own) {
+            entry.checksum = hash(page);
+        }
+        pages.push(own);
+    }
+    let all = || entries.iter().flatten();
+    header.file_length = all().last().map_or(HEADER as u64, PageEntry::end);
+    header.page_count = all().count() as u64;
+    header.root = all().next().copied().unwrap_or_default();
+    header.checksum = header.own_checksum();
+    Ok(UpperPages {
+        header,
+        pages: pages.into_iter().rev().flatten().collect(),
+    })
+}
+
+/// The nodes down to the roots of the leaf pages. Spheres and cones are grown until they hold what is decoded below, radii by
+/// what vertices were moved.
+fn grown_nodes(model: &Model, leaves: &LeafPages<'_>) -> UpperNodes {
+    let tree = &model.tree;
+    if tree.nodes.is_empty() {
+        return UpperNodes {
+            nodes: Vec::new(),
+            attributes: Vec::new(),
+        };
+    }
+    let roots = tree.level(leaves.level);
+    let end = roots.end as usize;
+    let mut nodes = tree.nodes[..end].to_vec();
+    let mut attributes = tree.attributes[..end].to_vec();
+    for (id, page) in roots.zip(leaves.pages) {
+        let id = id as usize;
+        let node = &mut nodes[id];
+        (node.center, node.radius) = (page.root.center, page.root.radius);
+        if let Some((cone, flags, own)) = page.first {
+            (node.cone, node.flags, attributes[id]) = (cone, flags, own);
+        }
+    }
+    for id in (0..tree.level(leaves.level).start).rev() {
+        let children = tree.children(id);
+        let children = children.start as usize..children.end as usize;
+        let center = nodes[id as usize].center.as_dvec3();
+        let reach = nodes[children.clone()]
+            .iter()
+            .map(|child| center.distance(child.center.as_dvec3()) + f64::from(child.radius))
+            .fold(f64::from(nodes[id as usize].radius), f64::max);
+        let cone = grown_cone(&nodes[id as usize].cone, &nodes[children]);
+        let (node, own) = (&mut nodes[id as usize], &mut attributes[id as usize]);
+        node.radius = round_up(reach * (1.0 + 1e-15));
+        if node.flags & Node::FLAT == 0 {
+            node.cone = cone;
+        }
+        // A step of their code is far more than vertices move.
+        if node.strip != NodeStrip::SPHERE {
+            node.strip.half_length = node.strip.half_length.saturating_add(1);
+            node.strip.width = node.strip.width.saturating_add(1);
+            if node.strip.width == u8::MAX {
+                node.strip = NodeStrip::SPHERE;
+            }
+        }
+        own.splat_radius = round_up(f64::from(own.splat_radius) + leaves.moved).min(node.radius);
+        if own.has_normal() {
+            own.color[3] = own.color[3].saturating_sub(1).max(1);
+        }
+    }
+    UpperNodes { nodes, attributes }
+}
+
+/// A cone of the same axis that holds those of the children.
+fn grown_cone(cone: &NormalCone, children: &[Node]) -> NormalCone {
+    let axis = cone.axis().as_dvec3();
+    let mut caps = Vec::new();
+    for child in children
+        .iter()
+        .filter(|child| child.flags & Node::FLAT == 0)
+    {
+        if child.cone.sin_half_angle == NormalCone::NEVER {
+            return NormalCone::ALL;
+        }
+        let sine = f64::from(child.cone.sin_half_angle) / 65535.0;
+        caps.push(DirectionCap::from_sin(child.cone.axis().as_dvec3(), sine));
+    }
+    if cone.sin_half_angle == NormalCone::NEVER || caps.is_empty() {
+        return NormalCone::ALL;
+    }
+    match sin_around(axis, &caps) {
+        Some(sine) if sine < 0.999 => NormalCone {
+            sin_half_angle: cone
+                .sin_half_angle
+                .max(((sine + 1e-6) * 65535.0) as u16 + 1),
+            ..*cone
+        },
+        _ => NormalCone::ALL,
+    }
+}
