@@ -5,6 +5,7 @@ use super::source::{Source, parse_bytes};
 use super::{Failure, Outcome, bytes, count, say};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
+use surfel::mesh::stream::JoinedStream;
 use surfel::open::{ModelSource, external_options, open_stream};
 use surfel::pages::external::{self, ExternalError};
 use surfel::pages::{self, write::PagedOptions};
@@ -13,11 +14,14 @@ use surfel::tree;
 /// Build the tree of a model and write it to a file that opens at once.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Example:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png"
+    after_help = "Examples:\n  surfel build scan.ply -o scan.surfel && surfel render scan.surfel -o scan.png\n  surfel build tiles/a.laz tiles/b.laz --memory 1GiB -o town.surfel"
 )]
 pub(crate) struct Args {
     #[command(flatten)]
     source: Source,
+    /// Further models, built into the same file; only with --memory
+    #[arg(value_name = "MORE", index = 2)]
+    more: Vec<PathBuf>,
     /// Tree file to write; the model's name with .surfel if not given
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -43,22 +47,33 @@ fn parse_memory(text: &str) -> Result<u64, String> {
 fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Result<bool, Failure> {
     let bar = Bar::new(quiet);
     let options = args.source.options();
-    let source = ModelSource::parse(&args.source.model)?;
-    let name = args.source.model.display();
     if args.source.weld {
         let cause = "--weld needs the whole model in memory: leave it or --memory out";
         return Err(super::usage(cause));
     }
-    let Some(opened) = open_stream(&source, &options, &bar)? else {
-        say(&format!(
-            "surfel: {name}: warning: it cannot be read piece by piece (binary PLY, LAS, LAZ and generated models can); read whole"
-        ));
-        return Ok(false);
-    };
-    for warning in &opened.warnings {
-        say(&format!("surfel: {name}: warning: {warning}"));
+    let name = args.source.model.display();
+    let mut streams = Vec::new();
+    for input in std::iter::once(&args.source.model).chain(&args.more) {
+        let (source, name) = (ModelSource::parse(input)?, input.display());
+        let Some(opened) = open_stream(&source, &options, &bar)? else {
+            let cause =
+                "cannot be read piece by piece (binary PLY, LAS, LAZ and generated models can)";
+            if args.more.is_empty() {
+                say(&format!("surfel: {name}: warning: it {cause}; read whole"));
+                return Ok(false);
+            }
+            return Err(super::usage(format!("{name} {cause}; build it by itself")));
+        };
+        for warning in &opened.warnings {
+            say(&format!("surfel: {name}: warning: {warning}"));
+        }
+        streams.push(opened.stream);
     }
-    let facts = opened.stream.facts();
+    let stream = match streams.len() {
+        1 => streams.remove(0),
+        _ => Box::new(JoinedStream::new(streams).map_err(|e| super::usage(e.to_string()))?),
+    };
+    let facts = stream.facts();
     let forecast = external::forecast(&facts);
     if !quiet {
         say(&format!(
@@ -75,7 +90,7 @@ fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Resu
     }
     let start = Instant::now();
     let options = external_options(&options, memory);
-    let built = external::build(opened.stream.as_ref(), &options, output, &bar);
+    let built = external::build(stream.as_ref(), &options, output, &bar);
     drop(bar);
     let report = built.map_err(|error| match error {
         ExternalError::Tree(tree::Error::Cancelled) => {
@@ -87,6 +102,9 @@ fn build_in_pieces(args: &Args, memory: u64, output: &Path, quiet: bool) -> Resu
         }
         other => super::usage(format!("{name}: {other}")),
     })?;
+    for remark in stream.remarks() {
+        say(&format!("surfel: {name}: warning: {remark}"));
+    }
     if report.dropped > 0 {
         say(&format!(
             "surfel: {name}: warning: {} points or triangles left out, whose coordinates are not finite",
@@ -120,7 +138,12 @@ pub(crate) fn run(args: Args, quiet: bool) -> Outcome {
             }
         },
     };
-    if output == args.source.model {
+    if !args.more.is_empty() && args.memory.is_none() {
+        let cause = "several models are built into one file piece by piece: add --memory 1GiB";
+        return Err(super::usage(cause));
+    }
+    let mut inputs = std::iter::once(&args.source.model).chain(&args.more);
+    if inputs.any(|input| *input == output) {
         return Err(super::usage(format!(
             "{} would be written over itself",
             output.display()

@@ -65,6 +65,135 @@ pub trait MeshStream: Sync {
     /// # Errors
     /// As [`MeshStream::vertices`].
     fn triangles(&self, take: &mut TakePiece<'_, [[u32; 3]]>) -> Result<(), StreamError>;
+
+    /// Says what the last reading has left out or repaired, a sentence each.
+    fn remarks(&self) -> Vec<String> {
+        Vec::new()
+    }
+}
+
+/// Several streams of one kind as one, in their order. Colors of those without are white, normals unknown.
+pub struct JoinedStream {
+    streams: Vec<Box<dyn MeshStream>>,
+    /// First vertex of each, then their number.
+    starts: Vec<u64>,
+    facts: StreamFacts,
+}
+
+impl std::fmt::Debug for JoinedStream {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("JoinedStream").field(&self.facts).finish()
+    }
+}
+
+impl JoinedStream {
+    /// Joins streams.
+    ///
+    /// # Errors
+    /// Clouds and surfaces together, or more vertices than 32 bits can number.
+    pub fn new(streams: Vec<Box<dyn MeshStream>>) -> Result<Self, StreamError> {
+        let mut facts = StreamFacts::default();
+        let mut starts = vec![0];
+        for stream in &streams {
+            let own = stream.facts();
+            facts.vertices += own.vertices;
+            facts.faces += own.faces;
+            facts.has_normals |= own.has_normals;
+            facts.has_colors |= own.has_colors;
+            starts.push(facts.vertices);
+        }
+        let clouds = streams.iter().filter(|stream| stream.facts().is_cloud());
+        let clouds = clouds.count();
+        if clouds != 0 && clouds != streams.len() {
+            return Err("clouds and surfaces cannot be joined".into());
+        }
+        if clouds == 0
+            && streams
+                .iter()
+                .any(|s| s.facts().has_normals != facts.has_normals)
+        {
+            // Normals are made of all or of none.
+            facts.has_normals = false;
+        }
+        if facts.vertices > u64::from(u32::MAX) {
+            return Err(format!(
+                "{} vertices; at most 4294967295 can be joined",
+                facts.vertices
+            )
+            .into());
+        }
+        Ok(Self {
+            streams,
+            starts,
+            facts,
+        })
+    }
+
+    /// Gives a piece what the others have.
+    fn completed(&self, piece: &VertexPiece) -> VertexPiece {
+        let mut piece = piece.clone();
+        let count = piece.positions.len();
+        match self.facts.has_normals {
+            true => piece.normals.resize(count, Vec3::ZERO),
+            false => piece.normals.clear(),
+        }
+        if self.facts.has_colors {
+            piece.colors.resize(count, [255; 4]);
+        }
+        piece
+    }
+}
+
+impl MeshStream for JoinedStream {
+    fn facts(&self) -> StreamFacts {
+        self.facts
+    }
+
+    fn vertices(&self, take: &mut TakePiece<'_, VertexPiece>) -> Result<(), StreamError> {
+        let own = |piece: &VertexPiece| take(&self.completed(piece));
+        let mut own = own;
+        self.streams
+            .iter()
+            .try_for_each(|stream| stream.vertices(&mut own))
+    }
+
+    fn vertices_at(&self, numbers: &[u32]) -> Result<VertexPiece, StreamError> {
+        let mut all = VertexPiece::default();
+        for (stream, range) in self.streams.iter().zip(self.starts.windows(2)) {
+            let place = |start: u64| numbers.partition_point(|&n| u64::from(n) < start);
+            let own = &numbers[place(range[0])..place(range[1])];
+            if own.is_empty() {
+                continue;
+            }
+            let own: Vec<u32> = own.iter().map(|&n| n - range[0] as u32).collect();
+            let piece = self.completed(&stream.vertices_at(&own)?);
+            all.positions.extend(piece.positions);
+            all.normals.extend(piece.normals);
+            all.colors.extend(piece.colors);
+        }
+        match all.positions.len() == numbers.len() {
+            true => Ok(all),
+            false => Err("a vertex that no stream has".into()),
+        }
+    }
+
+    fn triangles(&self, take: &mut TakePiece<'_, [[u32; 3]]>) -> Result<(), StreamError> {
+        for (stream, &start) in self.streams.iter().zip(&self.starts) {
+            let start = start as u32;
+            stream.triangles(&mut |triangles: &[[u32; 3]]| {
+                let moved: Vec<[u32; 3]> = (triangles.iter())
+                    .map(|corners| corners.map(|corner| corner + start))
+                    .collect();
+                take(&moved)
+            })?;
+        }
+        Ok(())
+    }
+
+    fn remarks(&self) -> Vec<String> {
+        let all = self.streams.iter().flat_map(|stream| stream.remarks());
+        all.collect()
+    }
 }
 
 impl Mesh {

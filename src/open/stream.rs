@@ -105,4 +105,8 @@ impl MeshStream for WithoutNormals {
     fn triangles(&self, take: &mut TakePiece<'_, [[u32; 3]]>) -> Result<(), StreamError> {
         self.0.triangles(take)
     }
+
+    fn remarks(&self) -> Vec<String> {
+        self.0.remarks()
+    }
 }

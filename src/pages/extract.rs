@@ -1,9 +1,9 @@
 //! A part of a model as a model of its own: what a page is made from.
 
+use super::mix_hash::MixMap;
 use crate::abi::Vertex;
 use crate::tree::{AlignedRecords, Leaf, Model, Node, NodeAttributes, Tree};
 use glam::Vec3;
-use std::collections::HashMap;
 use std::ops::Range;
 
 /// The nodes of each level below `root` down to level `last` (not included), then the children of the last one, which are
@@ -122,7 +122,7 @@ pub(super) fn subtree(model: &Model, root: Option<u32>, positions: &[Vec3]) -> M
     if model.triangles.is_empty() {
         part.vertices = leaves.map(moved).collect();
     } else {
-        let mut known = HashMap::new();
+        let mut known = MixMap::default();
         part.triangles = model.triangles[range]
             .iter()
             .map(|triangle| {

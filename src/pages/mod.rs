@@ -18,6 +18,7 @@ pub mod file;
 pub mod format;
 pub mod join;
 pub mod loader;
+mod mix_hash;
 pub mod page;
 pub mod qs;
 pub mod quantize;

@@ -2,6 +2,7 @@
 
 use super::extract::subtree;
 use super::format::{CLOSED, COLORS, HEADER, MAGIC, PagedHeader, TRIANGLES, VERSION};
+use super::mix_hash::MixMap;
 use super::page::{ColorBits, EncodedPage, PageChoices, encode_leaves};
 use super::upper::{LeafPageFacts, LeafPages, upper_pages};
 use crate::tree::file::write_whole;
@@ -9,7 +10,6 @@ use crate::tree::{Error, Model};
 use bytemuck::Zeroable;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
-use std::collections::HashMap;
 use std::io::Write;
 use std::path::Path;
 
@@ -90,7 +90,7 @@ fn encode(model: &Model, options: &PagedOptions) -> Result<PagedParts, Error> {
         true => vec![None],
         false => tree.level(leaf_level).map(Some).collect(),
     };
-    let grid = VertexGrid::new(model, &roots, HashMap::new());
+    let grid = VertexGrid::new(model, &roots, MixMap::default());
     let leaf_pages = leaf_pages(model, &roots, &grid, color_bits(options, is_surface));
     let facts = leaf_pages.iter().map(LeafPageFacts::of);
     let facts: Vec<LeafPageFacts> = facts.collect::<Result<_, Error>>()?;
@@ -218,7 +218,7 @@ impl VertexGrid {
     pub(super) fn new(
         model: &Model,
         roots: &[Option<u32>],
-        mut coarsest: HashMap<[u32; 3], f64>,
+        mut coarsest: MixMap<[u32; 3], f64>,
     ) -> Self {
         let mut positions: Vec<Vec3> = model.vertices.iter().map(|v| v.position).collect();
         if model.triangles.is_empty() {

@@ -9,11 +9,12 @@ use crate::input::color::{ColorRange, ColorSink};
 use crate::input::job::Job;
 use crate::input::polygon::FaceList;
 use crate::input::stream::{RowFile, StreamedModel, boxed};
-use crate::input::{Error, Format, Options};
+use crate::input::{Error, Format, Options, Warning};
 use crate::mesh::stream::{MeshStream, PIECE, StreamError, StreamFacts, TakePiece, VertexPiece};
 use crate::progress::Silent;
 use glam::DVec3;
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Bytes of rows of faces that are read at once.
 const FACE_BYTES: u64 = 8 << 20;
@@ -33,6 +34,9 @@ struct PlyStream<const BIG: bool> {
     /// Offset of the first vertex.
     vertices_at: u64,
     faces: Option<FaceRows>,
+    /// Faces that the last reading has left out, and those whose first corner it has found again at the end.
+    left_out: AtomicU64,
+    repeated: AtomicU64,
 }
 
 /// The rows of faces.
@@ -77,6 +81,8 @@ pub(in crate::input) fn open_stream(
             stride,
             vertices_at,
             faces,
+            left_out: AtomicU64::new(0),
+            repeated: AtomicU64::new(0),
         }),
         false => Box::new(PlyStream::<false> {
             file,
@@ -86,6 +92,8 @@ pub(in crate::input) fn open_stream(
             stride,
             vertices_at,
             faces,
+            left_out: AtomicU64::new(0),
+            repeated: AtomicU64::new(0),
         }),
     };
     Ok(Some(StreamedModel {
@@ -384,6 +392,8 @@ impl<const BIG: bool> MeshStream for PlyStream<BIG> {
         };
         let (mut at, mut left) = (faces.at, faces.element.count);
         let mut are_triangles = true;
+        self.left_out.store(0, Ordering::Relaxed);
+        self.repeated.store(0, Ordering::Relaxed);
         while left > 0 {
             let mut sink = self.sink();
             let count = left.min(PIECE as u64);
@@ -401,10 +411,22 @@ impl<const BIG: bool> MeshStream for PlyStream<BIG> {
                     self.any_rows(faces, at, left, &mut sink).map_err(boxed)?
                 }
             };
+            self.left_out.fetch_add(sink.list.small, Ordering::Relaxed);
+            self.repeated.fetch_add(sink.list.closed, Ordering::Relaxed);
             take(&sink.list.triangles)?;
             at = progress.at;
             left -= progress.count.min(left);
         }
         Ok(())
+    }
+    fn remarks(&self) -> Vec<String> {
+        let small = self.left_out.load(Ordering::Relaxed);
+        let repeated = self.repeated.load(Ordering::Relaxed);
+        let warnings = [
+            (small > 0).then_some(Warning::FacesTooSmall { count: small }),
+            (repeated > 0).then_some(Warning::FirstCornerRepeated { count: repeated }),
+        ];
+        let warnings = warnings.into_iter().flatten();
+        warnings.map(|warning| warning.to_string()).collect()
     }
 }

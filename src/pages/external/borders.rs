@@ -21,6 +21,8 @@ struct BorderVertex {
 pub(super) struct ChunkBorders {
     /// Ascending.
     vertices: Vec<BorderVertex>,
+    /// A bit for each vertex of the stream: most are of one chunk, and need not be searched for.
+    is_shared: Vec<u64>,
     /// Of each, the largest step of the pages that have it; the same for all chunks of a vertex.
     steps: Vec<f64>,
     /// Of each chunk, triangles of others at its vertices; where normals must be made.
@@ -33,6 +35,10 @@ const NONE: u32 = u32::MAX;
 impl ChunkBorders {
     /// The places in `vertices` of a vertex.
     fn places(&self, number: u32) -> std::ops::Range<usize> {
+        let word = self.is_shared.get(number as usize / 64);
+        if word.is_none_or(|word| word >> (number % 64) & 1 == 0) {
+            return 0..0;
+        }
         let start = self.vertices.partition_point(|own| own.number < number);
         let rest = self.vertices[start..].iter();
         start..start + rest.take_while(|own| own.number == number).count()
@@ -74,6 +80,10 @@ impl ExternalBuild<'_> {
             ..ChunkBorders::default()
         };
         borders.steps = vec![0.0; borders.vertices.len()];
+        borders.is_shared = vec![0; (self.facts.vertices as usize).div_ceil(64)];
+        for vertex in &borders.vertices {
+            borders.is_shared[vertex.number as usize / 64] |= 1 << (vertex.number % 64);
+        }
         if !self.facts.has_normals {
             self.find_around(reader, skeleton.chunk_count(), folder, &mut borders)?;
         }
@@ -134,11 +144,6 @@ impl ExternalBuild<'_> {
         borders: &mut ChunkBorders,
     ) -> Result<(), ExternalError> {
         let mut spool = ChunkSpool::new(folder, chunks).map_err(|e| self.io(e))?;
-        // Most triangles are looked at for nothing: a bit for each vertex spares the search.
-        let mut is_shared = vec![0u64; (self.facts.vertices as usize).div_ceil(64)];
-        for vertex in &borders.vertices {
-            is_shared[vertex.number as usize / 64] |= 1 << (vertex.number % 64);
-        }
         let mut others: Vec<u32> = Vec::new();
         for chunk in 0..chunks {
             self.stop()?;
@@ -146,11 +151,9 @@ impl ExternalBuild<'_> {
             for triangle in triangles {
                 others.clear();
                 for number in triangle {
-                    if is_shared[number as usize / 64] >> (number % 64) & 1 == 1 {
-                        let places = borders.places(number);
-                        let own = borders.vertices[places].iter().map(|vertex| vertex.chunk);
-                        others.extend(own.filter(|&other| other as usize != chunk));
-                    }
+                    let places = borders.places(number);
+                    let own = borders.vertices[places].iter().map(|vertex| vertex.chunk);
+                    others.extend(own.filter(|&other| other as usize != chunk));
                 }
                 others.sort_unstable();
                 others.dedup();

@@ -7,9 +7,9 @@
 //! The grid is anchored at the first leaf, and its cells grow until all leaves fit and few are counted. So it depends on the
 //! order of the input alone. Cells with too many leaves are divided once more, which takes another look at the input.
 
+use crate::pages::mix_hash::MixMap;
 use glam::DVec3;
 use rayon::prelude::*;
-use std::collections::HashMap;
 
 /// Cells along an axis, on either side of the anchor.
 const REACH: i64 = 1 << 20;
@@ -35,7 +35,7 @@ pub(super) struct CountGrid {
     anchor: DVec3,
     /// Side of a cell, a power of two.
     side: f64,
-    counts: HashMap<u64, u64>,
+    counts: MixMap<u64, u64>,
 }
 
 /// Joins cell coordinates, each from `-REACH` to `REACH - 1`.
@@ -67,7 +67,7 @@ impl CountGrid {
             let extent = (max - min).max_element();
             let largest = min.abs().max(max.abs()).max_element();
             // Not below the steps of the numbers themselves.
-            let side = (extent / 65536.0).max(largest * 1e-12);
+            let side = (extent / 1024.0).max(largest * 1e-12);
             self.side = if side > 0.0 {
                 side.log2().ceil().exp2()
             } else {
@@ -129,13 +129,13 @@ enum CellKind {
 }
 
 /// Finer cells of a divided one, by their number: 6 bits an axis.
-type FinerCells = HashMap<u32, CellKind>;
+type FinerCells = MixMap<u32, CellKind>;
 
 /// All cells, coarse and fine.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ChunkCells {
     grid: CountGrid,
-    coarse: HashMap<u64, CellKind>,
+    coarse: MixMap<u64, CellKind>,
     finer: Vec<FinerCells>,
 }
 
@@ -178,7 +178,7 @@ impl ChunkCells {
         for kind in hot {
             *kind = CellKind::Divided(next);
             next += 1;
-            added.push(FinerCells::new());
+            added.push(FinerCells::default());
         }
         let any = !added.is_empty();
         self.finer.extend(added);
@@ -238,7 +238,7 @@ impl ChunkCells {
             CellKind::Counted(count) => count,
             _ => 0,
         };
-        let fine = self.finer.iter().flat_map(HashMap::values);
+        let fine = self.finer.iter().flat_map(MixMap::values);
         let mut run = ChunkRun {
             most,
             left: self.coarse.values().chain(fine).map(counted).sum(),

@@ -59,18 +59,34 @@ struct PickedVertices {
 
 impl PickedVertices {
     fn of(triangles: &[[u32; 3]]) -> Self {
-        let mut numbers: Vec<u32> = triangles.as_flattened().to_vec();
-        numbers.par_sort_unstable();
-        numbers.dedup();
-        let span = match (numbers.first(), numbers.last()) {
-            (Some(&first), Some(&last)) => (last - first) as usize + 1,
-            _ => 0,
+        let all = triangles.as_flattened();
+        let chunks = || all.par_chunks(1 << 16);
+        let least = chunks().filter_map(|c| c.iter().min()).min().copied();
+        let most = chunks().filter_map(|c| c.iter().max()).max().copied();
+        let (Some(least), Some(most)) = (least, most) else {
+            return Self {
+                numbers: Vec::new(),
+                table: Vec::new(),
+            };
         };
-        let mut table = Vec::new();
-        if span <= 8 * numbers.len() {
-            table = vec![0; span];
-            for (place, &number) in numbers.iter().enumerate() {
-                table[(number - numbers[0]) as usize] = place as u32;
+        let span = (most - least) as usize + 1;
+        if span > 8 * all.len() {
+            let mut numbers = all.to_vec();
+            numbers.par_sort_unstable();
+            numbers.dedup();
+            let table = Vec::new();
+            return Self { numbers, table };
+        }
+        // Dense: marked, then counted.
+        let mut table = vec![0u32; span];
+        for &number in all {
+            table[(number - least) as usize] = 1;
+        }
+        let mut numbers = Vec::new();
+        for (number, place) in (least..).zip(&mut table) {
+            if *place == 1 {
+                *place = numbers.len() as u32;
+                numbers.push(number);
             }
         }
         Self { numbers, table }

@@ -23,6 +23,7 @@ use self::chunk::{ChunkReader, LeafRecords, NumberedMesh};
 use self::skeleton::{ModelBox, TreeSkeleton};
 use self::spool::ChunkSpool;
 use super::format::HEADER;
+use super::mix_hash::MixMap;
 use super::page::EncodedPage;
 use super::upper::{LeafPageFacts, LeafPages, UpperPages, upper_length, upper_pages};
 use super::write::{
@@ -38,7 +39,6 @@ use crate::tree::{
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::cell::RefCell;
-use std::collections::HashMap;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::Path;
 
@@ -521,11 +521,11 @@ impl ExternalBuild<'_> {
         &self,
         work: &mut ChunkWork<'_>,
         chunk: usize,
-    ) -> Result<(Mesh, HashMap<[u32; 3], f64>), ExternalError> {
+    ) -> Result<(Mesh, MixMap<[u32; 3], f64>), ExternalError> {
         let reader = &mut work.reader;
         if self.facts.is_cloud() {
             let mesh = reader.points(chunk).map_err(|e| self.io(e))?;
-            return Ok((mesh, HashMap::new()));
+            return Ok((mesh, MixMap::default()));
         }
         let mut triangles = reader.triangles(chunk).map_err(|e| self.io(e))?;
         let own = triangles.len();
@@ -535,7 +535,7 @@ impl ExternalBuild<'_> {
             let step = work.borders.step(number)?;
             (step > 0.0).then(|| (place_key(place), step))
         });
-        let mut steps = HashMap::new();
+        let mut steps = MixMap::default();
         for (key, step) in shared {
             let known = steps.entry(key).or_insert(step);
             *known = step.max(*known);
