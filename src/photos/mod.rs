@@ -8,20 +8,17 @@
 //! visibility by [`depth_map`] and exposures by [`gains`]. [`session`] holds what is loaded and drawn once. [`score`] leaves
 //! one photograph out and predicts it from the others.
 
+pub use crate::projective::{depth_map, lens, look, projected, pyramid};
+
 pub mod check;
 pub mod choose;
 pub mod decode;
-pub mod depth_map;
 pub mod error;
 pub mod formats;
 pub mod gains;
 pub mod hull;
-pub mod lens;
 pub mod library;
-pub mod look;
 pub mod metrics;
-pub mod projected;
-pub mod pyramid;
 pub mod report;
 pub mod scene;
 pub mod score;

@@ -7,9 +7,9 @@
 //!
 //! Everything here is a function of plain values, so that a shader can do the same.
 
-use crate::photos::depth_map::{DepthQuery, PhotoDepth, PhotoVisibility};
-use crate::photos::projected::{PhotoPlace, ProjectedPhoto};
-use crate::photos::pyramid::PhotoPyramid;
+use crate::projective::depth_map::{DepthQuery, PhotoDepth, PhotoVisibility};
+use crate::projective::projected::{PhotoPlace, ProjectedPhoto};
+use crate::projective::pyramid::PhotoPyramid;
 use glam::{Vec2, Vec3};
 
 /// Formula of a photograph's weight at a pixel.
