@@ -334,6 +334,7 @@ impl<'m> PhotoSession<'m> {
         LookView {
             eye,
             direction: view_direction(eye, forward, [model.min, model.max], self.middle),
+            parallel: None,
         }
     }
 

@@ -93,6 +93,8 @@ pub struct LookView {
     pub eye: Vec3,
     /// Direction that photographs are chosen for.
     pub direction: Vec3,
+    /// Unit direction of all rays of a parallel view; `None` of a perspective, whose rays start in the eye.
+    pub parallel: Option<Vec3>,
 }
 
 /// A chosen photograph with what it holds.
@@ -193,7 +195,8 @@ fn candidate(
             )
         }
         WeightForm::Quality => {
-            let view_ray = (pixel.position - view.eye).normalize_or_zero();
+            let to_pixel = || (pixel.position - view.eye).normalize_or_zero();
+            let view_ray = view.parallel.unwrap_or_else(to_pixel);
             // 1 - cos of the angle between the rays, half the square of the angle.
             let apart = 1.0 - view_ray.dot(ray);
             let same = SAME_RAY / (SAME_RAY + apart.max(0.0));
