@@ -242,6 +242,11 @@ impl VulkanRenderer {
         Self::new(&self.gpu, color.width, color.height, outputs, false)
     }
 
+    /// The device.
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
     /// Puts these photographs on the surface in frames from the next one on whose settings show any.
     pub fn set_photos(&mut self, photos: Option<DevicePhotos>) {
         self.photos = photos;

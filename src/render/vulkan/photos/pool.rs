@@ -9,12 +9,15 @@
 use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::projective::depth_map::{EDGE_TEXELS, PhotoDepth};
-use crate::projective::frame_photos::{ChosenPhoto, FramePhotos};
+use crate::projective::frame_photos::{ChosenPhoto, FramePhotos, MOST_PHOTOS};
 use crate::projective::pyramid::{PhotoPixels, PhotoPyramid};
 use std::sync::Arc;
 
 /// Words of a table of levels: no photograph has more.
 const TABLE_WORDS: u32 = 32;
+
+/// Parts are multiples of so many words.
+const BLOCK_WORDS: u64 = 64;
 
 /// Frames after which nothing reads what was given up any more.
 const FRAMES_IN_FLIGHT: u64 = 4;
@@ -90,6 +93,7 @@ struct HeldPhoto {
 #[derive(Debug)]
 pub struct PhotoPool {
     buffer: DeviceBuffer,
+    capacity: u64,
     /// Parts that nobody uses, in order.
     free: Vec<WordRange>,
     /// Parts that frames up to one may still read.
@@ -128,10 +132,13 @@ impl PhotoPool {
     pub fn new(gpu: &Arc<Gpu>, words: u64, budget_bytes: Option<u64>) -> Result<Self, Error> {
         let info = gpu.info();
         let limit = (info.max_storage_range.min(info.max_buffer)).min(info.max_allocation);
-        let words = words.clamp(1 << 10, limit / 4).min(u64::from(u32::MAX / 4));
+        let most = (limit / 4).min(u64::from(u32::MAX / 4));
+        // Parts are whole blocks.
+        let words = (words + 4 * BLOCK_WORDS * MOST_PHOTOS as u64).min(most);
         let usage = BufferUsage::Storage;
         Ok(Self {
             buffer: DeviceBuffer::new(gpu, "photographs", usage, 4 * words)?,
+            capacity: if words == most { u64::MAX } else { words },
             free: vec![WordRange {
                 first: 0,
                 count: words as u32,
@@ -142,6 +149,11 @@ impl PhotoPool {
             budget_bytes,
             is_behind: false,
         })
+    }
+
+    /// Words that it holds; as many as one binding can have count as any number.
+    pub fn capacity_words(&self) -> u64 {
+        self.capacity
     }
 
     /// The buffer.
@@ -367,7 +379,7 @@ impl PhotoPool {
     /// A part of so many words; photographs that the frame does not have give up theirs for it, those used longest ago first.
     fn room(&mut self, count: u32) -> Option<WordRange> {
         // Whole blocks, so that parts of one size fit again.
-        let count = count.next_multiple_of(64);
+        let count = count.next_multiple_of(BLOCK_WORDS as u32);
         loop {
             if let Some(range) = take(&mut self.free, count) {
                 return Some(range);
