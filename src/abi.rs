@@ -530,7 +530,7 @@ same_layout!(
     are_samples = ARE_SAMPLES,
 );
 mod photos;
-pub use photos::PhotoConstants;
+pub use photos::{PhotoGroup, PhotoHeader, PhotoTable};
 
 const _: () = {
     use generated::layout::counters as block;

@@ -53,3 +53,5 @@ const float MOST_WEIGHT = 1024.0;
 // Photographs that a pass puts on the surface at most, and vectors that each takes in its block.
 const uint MOST_FRAME_PHOTOS = 64u;
 const uint PHOTO_VECTORS = 11u;
+// Those that are weighed together.
+const uint PHOTO_GROUP = 4u;

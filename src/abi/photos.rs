@@ -3,11 +3,11 @@
 use super::{constants, generated};
 use bytemuck::{Pod, Zeroable};
 
-/// What the pass that puts photographs on the surface knows of them: the uniform block of `shaders/common/photo_record.glsl`,
+/// What the passes that put photographs on the surface know of a frame: the uniform block of `shaders/common/photo_header.glsl`,
 /// where each field is explained.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
-pub struct PhotoConstants {
+pub struct PhotoHeader {
     /// Start of the ray of position (0, 0), model space; 1 where all rays start there.
     pub start: [f32; 4],
     /// Its direction.
@@ -20,21 +20,41 @@ pub struct PhotoConstants {
     pub direction: [f32; 4],
     /// Limit of the angle, tolerance of colors, border, and the column up to which a photograph is laid over the picture.
     pub limits: [f32; 4],
-    /// Photographs, those blended, the one that is laid over, and whether some are of the second stage.
+    /// Photographs, those blended, the one that is laid over, and groups side by side in the image of weights.
     pub counts: [u32; 4],
-    /// Cameras.
-    pub cameras: [[f32; 4]; PHOTO_CAMERA_VECTORS],
-    /// Places of their depth maps and texels in storage.
-    pub places: [[u32; 4]; PHOTO_PLACE_VECTORS],
+    /// Width and height of the picture.
+    pub size: [u32; 4],
 }
 
-const PHOTO_CAMERA_VECTORS: usize =
-    (constants::PHOTO_VECTORS * constants::MOST_FRAME_PHOTOS) as usize;
-const PHOTO_PLACE_VECTORS: usize = 2 * constants::MOST_FRAME_PHOTOS as usize;
+const GROUP: usize = constants::PHOTO_GROUP as usize;
+const VECTORS: usize = constants::PHOTO_VECTORS as usize;
+const MOST: usize = constants::MOST_FRAME_PHOTOS as usize;
+
+/// Photographs that are weighed together: the uniform block of `shaders/look/photo_weights.frag`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PhotoGroup {
+    /// Cameras.
+    pub cameras: [[f32; 4]; VECTORS * GROUP],
+    /// Places of their depth maps and texels in storage.
+    pub places: [[u32; 4]; 2 * GROUP],
+    /// Where the group lies in the image of weights, pixels, and how many photographs it has.
+    pub spot: [u32; 4],
+}
+
+/// All photographs of a frame: the uniform block of `shaders/look/photos.frag`.
+#[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PhotoTable {
+    /// Cameras.
+    pub cameras: [[f32; 4]; VECTORS * MOST],
+    /// Places of their depth maps and texels in storage.
+    pub places: [[u32; 4]; 2 * MOST],
+}
 
 same_layout!(
-    PhotoConstants,
-    photo_constants,
+    PhotoHeader,
+    photo_header,
     start = START,
     towards = TOWARDS,
     right = RIGHT,
@@ -42,6 +62,13 @@ same_layout!(
     direction = DIRECTION,
     limits = LIMITS,
     counts = COUNTS,
+    size = SIZE,
+);
+same_layout!(
+    PhotoGroup,
+    photo_group,
     cameras = CAMERAS,
     places = PLACES,
+    spot = SPOT,
 );
+same_layout!(PhotoTable, photo_table, cameras = CAMERAS, places = PLACES,);

@@ -6,7 +6,7 @@
 //! The look is a pass over the pixels of a surface ([`surface`]), so it does not matter what drew that. [`choose`] picks
 //! photographs for a frame, with directions corrected by [`hull`]; [`look`] gives each pixel its color from them, with
 //! visibility by [`depth_map`] and exposures by [`gains`]. [`session`] holds what is loaded and drawn once,
-//! [`stage`] has photographs for any view without a picture of it. [`score`] leaves
+//! [`stage`] has photographs for any view without a picture of it, and [`photo_loader`] brings them there on other threads. [`score`] leaves
 //! one photograph out and predicts it from the others.
 
 pub use crate::projective::{depth_map, lens, look, projected, pyramid};
@@ -20,6 +20,7 @@ pub mod gains;
 pub mod hull;
 pub mod library;
 pub mod metrics;
+pub mod photo_loader;
 pub mod prepared;
 pub mod report;
 pub mod scene;

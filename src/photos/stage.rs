@@ -139,8 +139,22 @@ pub struct StagedPhoto {
     pub prepared: Arc<PreparedPhoto>,
     /// Its pixels, at first those of a thumbnail.
     pub pixels: Arc<PhotoPyramid>,
+    /// Those of a thumbnail.
+    pub thumbnail: Arc<PhotoPyramid>,
     /// They are not those of a thumbnail.
     pub is_whole: bool,
+}
+
+impl StagedPhoto {
+    /// One with the pixels of a thumbnail.
+    pub fn of_thumbnail(prepared: PreparedPhoto, thumbnail: Arc<PhotoPyramid>) -> Self {
+        Self {
+            prepared: Arc::new(prepared),
+            pixels: thumbnail.clone(),
+            thumbnail,
+            is_whole: false,
+        }
+    }
 }
 
 /// Photographs of a scene on a model, as far as they are there.
@@ -198,14 +212,7 @@ impl PhotoStage {
             };
             let photo = &scene.photos[index];
             match PreparedPhoto::new(index, photo, drawer, &pixels, longest_side) {
-                Ok(prepared) => stage.set(
-                    index,
-                    StagedPhoto {
-                        prepared: Arc::new(prepared),
-                        pixels,
-                        is_whole: false,
-                    },
-                ),
+                Ok(prepared) => stage.set(index, StagedPhoto::of_thumbnail(prepared, pixels)),
                 Err(error @ (PhotoError::Decode { .. } | PhotoError::Read { .. })) => {
                     remarks.push(error.to_string());
                 }
@@ -270,6 +277,33 @@ impl PhotoStage {
     pub fn set_pixels(&mut self, index: usize, pixels: Arc<PhotoPyramid>) {
         if let Some(Some(own)) = self.photos.get_mut(index) {
             (own.pixels, own.is_whole) = (pixels, true);
+        }
+    }
+
+    /// Takes a thumbnail for the whole photograph, which cannot be decoded.
+    pub fn keep_thumbnail(&mut self, index: usize) {
+        if let Some(Some(own)) = self.photos.get_mut(index) {
+            own.is_whole = true;
+        }
+    }
+
+    /// Leaves whole photographs that a frame does not use, until those that are left take at most so many bytes: they are
+    /// thumbnails again.
+    pub fn drop_unused(&mut self, used: &FramePhotos, budget_bytes: u64) {
+        let whole = || self.photos.iter().flatten().filter(|own| own.is_whole);
+        let mut bytes: u64 = whole().map(|own| own.pixels.bytes()).sum();
+        let is_used = |index: usize| {
+            let mut all = used.photos.iter();
+            all.any(|own| own.photo.index as usize == index)
+        };
+        for (index, own) in self.photos.iter_mut().enumerate() {
+            let Some(own) = own.as_mut().filter(|own| own.is_whole) else {
+                continue;
+            };
+            if bytes > budget_bytes && !is_used(index) {
+                bytes -= own.pixels.bytes();
+                (own.pixels, own.is_whole) = (own.thumbnail.clone(), false);
+            }
         }
     }
 

@@ -133,6 +133,9 @@ struct PixelCandidate {
 /// Candidates that compete at a pixel.
 const CANDIDATES: usize = 6;
 
+/// Candidates of less than this part of the best one's weight do not count: they would change no color by a level.
+const LEAST_SHARE: f32 = 1.0 / 64.0;
+
 /// Half the square of the angle between rays (0.8 degrees) that counts as next to none: a photograph that looks along the very
 /// ray of the view outweighs all others, so that a photograph's own pose gives the photograph.
 const SAME_RAY: f32 = 1e-4;
@@ -269,6 +272,12 @@ fn color_of(candidate: &PixelCandidate, of: &LookPhoto<'_>, coarser: f32, gains:
         .max(1e-6)
         .log2();
     let level = (candidate.level + held - SHARPER).max(0.0) + coarser;
+    // What is only compared is taken of one level.
+    let level = if coarser > 0.0 {
+        (level + 0.5).floor()
+    } else {
+        level
+    };
     let color = Vec3::from(
         of.pixels
             .sample((candidate.pixel / photo.size).to_array(), level),
@@ -306,6 +315,10 @@ pub fn look_at_pixel(
                 best[at] = found;
             }
         }
+        let least = LEAST_SHARE * best[0].weight;
+        count = (best[..count].iter())
+            .take_while(|own| own.weight >= least)
+            .count();
         if count > 0 {
             return mixed(&mut best[..count], photos, settings);
         }

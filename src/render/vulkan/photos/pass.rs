@@ -1,14 +1,15 @@
-//! Pass `look.photos`: photographs on whatever surface a frame shows.
+//! Passes `look.photo_weights` and `look.photos`: photographs on whatever surface a frame shows. The first weighs them, group
+//! by group beside each other in one image, the second takes the colors of those that weigh most.
 
-use crate::abi::constants::{MOST_FRAME_PHOTOS, PHOTO_VECTORS};
+use crate::abi::constants::{MOST_FRAME_PHOTOS, PHOTO_GROUP, PHOTO_VECTORS};
 use crate::abi::specialization::{
     HAS_CONSENSUS, HAS_LENSES, HAS_MASKS, HAS_SURFACE_NORMALS, MARKS_UNCOVERED, PHOTO_VISIBILITY,
     SHOWS_SOURCE, WEIGHT_DIRECTION, WEIGHT_FORM,
 };
-use crate::abi::{ConstantValue, PhotoConstants, shaders};
+use crate::abi::{ConstantValue, PhotoGroup, PhotoHeader, PhotoTable, Shader, shaders};
 use crate::gpu::bind::BufferSlice;
 use crate::gpu::frame::{FrameRecorder, TargetLoad, UniformBlock};
-use crate::gpu::image::DeviceImage as Target;
+use crate::gpu::image::{DeviceImage as Target, ImageFormat};
 use crate::gpu::pipeline::{
     DepthMode, PipelineDescription, PrimitiveTopology, ShaderPipeline, VertexRecord,
 };
@@ -20,10 +21,10 @@ use crate::projective::look::{PhotoDirection, WeightForm};
 use crate::projective::projected::ProjectedPhoto;
 use crate::projective::surface_rays::SurfaceRays;
 use crate::render::frame_plan::FramePlan;
+use crate::render::vulkan::SAMPLES;
 use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::photos::pool::{MapPlace, PhotoPlaces, PixelsPlace};
-use crate::render::vulkan::raster_pass;
-use crate::render::vulkan::raster_pass::ScreenDraw;
+use crate::render::vulkan::raster_pass::{ScreenDraw, cover, full_screen};
 use crate::render::vulkan::targets::{FrameTargets, color_formats};
 use crate::render::{PhotoDisplay, Settings};
 use glam::Vec3;
@@ -31,49 +32,112 @@ use std::sync::Arc;
 
 const _: () = assert!(MOST_PHOTOS == MOST_FRAME_PHOTOS as usize);
 
-/// What a pipeline is made for.
-type PhotoVariant = [ConstantValue; 9];
+/// Values of the constants of both pipelines.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct PhotoVariant {
+    weights: [ConstantValue; 6],
+    colors: [ConstantValue; 5],
+}
 
-/// The pass with its picture.
+/// The passes with their pictures.
 #[derive(Debug)]
 pub(crate) struct PhotoPass {
     variant: PhotoVariant,
-    pipeline: ShaderPipeline,
+    weigh: ShaderPipeline,
+    color: ShaderPipeline,
     picture: Target,
-    constants: PhotoConstants,
+    /// Weights of four photographs in each pixel of each group.
+    weights: Target,
+    /// Groups side by side and one below the other that it has room for.
+    grid: [u32; 2],
+    constants: PhotoBlocks,
     photos: DevicePhotos,
 }
 
-fn variant_of(photos: &FramePhotos, settings: &Settings, has_normals: bool) -> PhotoVariant {
-    let look = &photos.settings;
-    let has_lenses = (photos.photos.iter()).any(|chosen| chosen.photo.lens != LensModel::Pinhole);
-    [
-        HAS_LENSES.is(has_lenses),
-        HAS_SURFACE_NORMALS.is(has_normals),
-        WEIGHT_FORM.is(match look.form {
-            WeightForm::Printed => 0,
-            WeightForm::Mended => 1,
-            WeightForm::Quality => 2,
+/// The uniform blocks of a frame.
+#[derive(Debug)]
+struct PhotoBlocks {
+    header: PhotoHeader,
+    groups: Vec<PhotoGroup>,
+    table: Box<PhotoTable>,
+}
+
+impl PhotoVariant {
+    fn of(photos: &FramePhotos, settings: &Settings, has_normals: bool) -> Self {
+        let look = &photos.settings;
+        let all = || photos.photos.iter();
+        let has_lenses = HAS_LENSES.is(all().any(|own| own.photo.lens != LensModel::Pinhole));
+        let has_normals = HAS_SURFACE_NORMALS.is(has_normals);
+        Self {
+            weights: [
+                has_lenses,
+                has_normals,
+                WEIGHT_FORM.is(match look.form {
+                    WeightForm::Printed => 0,
+                    WeightForm::Mended => 1,
+                    WeightForm::Quality => 2,
+                }),
+                WEIGHT_DIRECTION.is(match look.direction {
+                    PhotoDirection::Axis => 0,
+                    PhotoDirection::Hull => 1,
+                    PhotoDirection::Ray => 2,
+                }),
+                PHOTO_VISIBILITY.is(match look.visibility {
+                    PhotoVisibility::Off => 0,
+                    PhotoVisibility::Depth => 1,
+                    PhotoVisibility::DepthSoft => 2,
+                }),
+                HAS_MASKS.is(all().any(|own| own.mask.is_some())),
+            ],
+            colors: [
+                has_lenses,
+                has_normals,
+                HAS_CONSENSUS.is(look.consensus),
+                SHOWS_SOURCE.is(settings.photos == PhotoDisplay::Source),
+                MARKS_UNCOVERED.is(settings.marks_uncovered),
+            ],
+        }
+    }
+}
+
+/// A pipeline that covers the picture.
+fn pipeline(
+    gpu: &Arc<Gpu>,
+    (name, fragment): (&'static str, &'static Shader),
+    constants: &[ConstantValue],
+    color: ImageFormat,
+) -> Result<ShaderPipeline, Error> {
+    let description = PipelineDescription {
+        name,
+        vertex: &shaders::FILTERED_NORMALIZE_VERT,
+        fragment: Some(fragment),
+        constants,
+        record: VertexRecord::NOTHING,
+        topology: PrimitiveTopology::Triangles,
+        colors: color_formats(color, false),
+        depth: DepthMode::None,
+        is_additive: false,
+    };
+    ShaderPipeline::new(gpu, &description)
+}
+
+/// Columns and rows of groups: few rows, as long as the image is no wider than a device has it.
+fn grid_of(gpu: &Gpu, groups: u32, [width, height]: [u32; 2]) -> Result<[u32; 2], Error> {
+    let side = gpu.info().max_image_side;
+    let columns = (side / width.max(1)).clamp(1, groups.max(1));
+    let rows = groups.max(1).div_ceil(columns);
+    match rows * height <= side {
+        true => Ok([columns, rows]),
+        false => Err(Error::Limit {
+            what: "the image of weights of photographs, whose sides".into(),
+            value: u64::from(rows * height),
+            limit: u64::from(side),
         }),
-        WEIGHT_DIRECTION.is(match look.direction {
-            PhotoDirection::Axis => 0,
-            PhotoDirection::Hull => 1,
-            PhotoDirection::Ray => 2,
-        }),
-        PHOTO_VISIBILITY.is(match look.visibility {
-            PhotoVisibility::Off => 0,
-            PhotoVisibility::Depth => 1,
-            PhotoVisibility::DepthSoft => 2,
-        }),
-        HAS_CONSENSUS.is(look.consensus),
-        HAS_MASKS.is(photos.photos.iter().any(|chosen| chosen.mask.is_some())),
-        SHOWS_SOURCE.is(settings.photos == PhotoDisplay::Source),
-        MARKS_UNCOVERED.is(settings.marks_uncovered),
-    ]
+    }
 }
 
 impl PhotoPass {
-    /// Readies a frame: copies photographs, and makes what is missing or of another kind in `made`.
+    /// Readies a frame: copies photographs, and makes what is missing in `made` or of another kind.
     ///
     /// # Errors
     /// When memory runs out or a Vulkan call fails.
@@ -86,58 +150,64 @@ impl PhotoPass {
     ) -> Result<Self, Error> {
         let frame = &photos.frame;
         let places = lock(&photos.pool).ready(gpu, frame)?;
-        let constants = constants_of(
-            frame,
-            &places,
-            &SurfaceRays::of(&plan.view),
-            plan.view.width,
-        );
-        let variant = variant_of(frame, &plan.settings, targets.normal().is_some());
+        let variant = PhotoVariant::of(frame, &plan.settings, targets.normal().is_some());
         let color = targets.color();
-        let (old, picture) = match made {
-            Some(made) => (Some((made.variant, made.pipeline)), Some(made.picture)),
+        let size = [color.width, color.height];
+        let groups = (frame.photos.len().min(MOST_PHOTOS) as u32).div_ceil(PHOTO_GROUP);
+        let (pipelines, images) = match made {
+            Some(made) => (
+                (made.variant == variant).then_some((made.weigh, made.color)),
+                Some((made.picture, made.weights, made.grid)),
+            ),
             None => (None, None),
         };
-        let pipeline = match old.filter(|(of, _)| *of == variant) {
-            Some((_, pipeline)) => pipeline,
-            None => ShaderPipeline::new(
-                gpu,
-                &PipelineDescription {
-                    name: "look.photos",
-                    vertex: &shaders::FILTERED_NORMALIZE_VERT,
-                    fragment: Some(&shaders::LOOK_PHOTOS_FRAG),
-                    constants: &variant,
-                    record: VertexRecord::NOTHING,
-                    topology: PrimitiveTopology::Triangles,
-                    colors: color_formats(color.format, false),
-                    depth: DepthMode::None,
-                    is_additive: false,
-                },
-            )?,
+        let (weigh, draw) = match pipelines {
+            Some(made) => made,
+            None => {
+                let weigh = ("look.photo_weights", &shaders::LOOK_PHOTO_WEIGHTS_FRAG);
+                let draw = ("look.photos", &shaders::LOOK_PHOTOS_FRAG);
+                (
+                    pipeline(gpu, weigh, &variant.weights, SAMPLES)?,
+                    pipeline(gpu, draw, &variant.colors, color.format)?,
+                )
+            }
         };
-        let picture = match picture {
-            Some(picture) => picture,
-            None => Target::new(
-                gpu,
-                "color by photographs",
-                color.format,
-                color.width,
-                color.height,
-            )?,
+        let (picture, old) = match images {
+            Some((picture, weights, grid)) => (picture, Some((weights, grid))),
+            None => {
+                let name = "color by photographs";
+                (
+                    Target::new(gpu, name, color.format, size[0], size[1])?,
+                    None,
+                )
+            }
+        };
+        let has_room = |grid: &[u32; 2]| grid[0] * grid[1] >= groups;
+        let (weights, grid) = match old.filter(|(_, grid)| has_room(grid)) {
+            Some(made) => made,
+            None => {
+                let grid = grid_of(gpu, groups, size)?;
+                let [width, height] = [grid[0] * size[0], grid[1] * size[1]];
+                let name = "weights of photographs";
+                (Target::new(gpu, name, SAMPLES, width, height)?, grid)
+            }
         };
         Ok(Self {
             variant,
-            pipeline,
+            weigh,
+            color: draw,
             picture,
-            constants,
+            weights,
+            grid,
+            constants: PhotoBlocks::of(frame, &places, &SurfaceRays::of(&plan.view), (size, grid)),
             photos: photos.clone(),
         })
     }
 
-    /// Records the pass, which reads colors, depths and normals of the targets.
+    /// Records the passes, which read colors, depths and normals of the targets.
     ///
     /// # Errors
-    /// When the frame has no room for its constants.
+    /// When the frame has no room for their constants.
     pub(crate) fn record(
         &self,
         frame: &mut FrameRecorder<'_>,
@@ -145,27 +215,46 @@ impl PhotoPass {
         plan: &FramePlan,
         constants: UniformBlock,
     ) -> Result<(), Error> {
-        let [r, g, b] = plan.context.background;
-        let own = frame.uniform(&self.constants)?;
+        let blocks = &self.constants;
+        let header = frame.uniform(&blocks.header)?;
+        let groups: Vec<UniformBlock> = (blocks.groups.iter())
+            .map(|group| frame.uniform(group))
+            .collect::<Result<_, Error>>()?;
+        let table = frame.uniform(&*blocks.table)?;
         let pool = lock(&self.photos.pool);
-        let pass = frame
-            .pass("look.photos")
+        let normals = targets.normal().unwrap_or(targets.color());
+        let surface = [targets.color(), targets.depth(), normals];
+        let storage = [BufferSlice::whole(pool.buffer())];
+        let [left, top, right, bottom] = plan.context.rect_px;
+        let pass = (frame.pass("look.photo_weights"))
+            .color(&self.weights, TargetLoad::Clear([0.0; 4]))
+            .fragment_storage(pool.buffer());
+        let pass = surface.iter().fold(pass, |pass, image| pass.sampled(image));
+        pass.draw_whole(|draw| {
+            for (group, block) in blocks.groups.iter().zip(&groups) {
+                let uniforms = [constants, header, *block];
+                draw.bind_storage(&self.weigh, &uniforms, &surface, &storage);
+                let [x, y, ..] = group.spot;
+                cover(draw, &[[left + x, top + y, right + x, bottom + y]]);
+            }
+        });
+        let [r, g, b] = plan.context.background;
+        let pass = (frame.pass("look.photos"))
             .color(&self.picture, TargetLoad::Clear([r, g, b, 0.0]))
             .fragment_storage(pool.buffer());
-        let normals = targets.normal().unwrap_or(targets.color());
-        let images = [targets.color(), targets.depth(), normals];
+        let [color, depth, normals] = surface;
         let screen = ScreenDraw {
-            pipeline: &self.pipeline,
-            uniforms: &[constants, own],
-            images: &images,
-            storage: &[BufferSlice::whole(pool.buffer())],
+            pipeline: &self.color,
+            uniforms: &[constants, header, table],
+            images: &[color, depth, normals, &self.weights],
+            storage: &storage,
         };
-        let is_over_all = self.photos.frame.compared.is_some();
-        let rect_px = match is_over_all {
-            true => plan.context.whole_px(),
-            false => plan.context.rect_px,
+        let rect_px = match self.photos.frame.compared {
+            // It reaches beyond the surface.
+            Some(_) => plan.context.whole_px(),
+            None => plan.context.rect_px,
         };
-        raster_pass::full_screen(pass, &screen, rect_px);
+        full_screen(pass, &screen, rect_px);
         Ok(())
     }
 
@@ -179,44 +268,66 @@ fn vector(v: Vec3, last: f32) -> [f32; 4] {
     v.extend(last).to_array()
 }
 
-/// What shaders know of the photographs of a frame that are there.
-fn constants_of(
-    frame: &FramePhotos,
-    places: &PhotoPlaces,
-    rays: &SurfaceRays,
-    width: u32,
-) -> PhotoConstants {
-    let look = &frame.settings;
-    let mut constants = PhotoConstants {
-        start: vector(rays.start, f32::from(u8::from(rays.is_perspective))),
-        towards: vector(rays.towards, 0.0),
-        right: vector(rays.right, 0.0),
-        down: vector(rays.down, 0.0),
-        direction: vector(frame.direction, 0.0),
-        limits: [look.limit_cos, look.tolerance, look.border, 0.0],
-        counts: [0, look.blend, 0, 0],
-        ..bytemuck::Zeroable::zeroed()
-    };
-    let mut count = 0;
-    let there = frame.photos.iter().zip(places).enumerate();
-    for (index, (chosen, place)) in there.take(MOST_PHOTOS) {
-        let Some((map, pixels)) = place else { continue };
-        let own = count * PHOTO_VECTORS as usize;
-        let map_lens = [chosen.depth.focal, chosen.depth.principal].map(|v| v.to_array());
-        let vectors = vectors_of(&chosen.photo, map_lens, look.gains);
-        constants.cameras[own..own + vectors.len()].copy_from_slice(&vectors);
-        constants.places[2 * count..2 * count + 2].copy_from_slice(&words_of(map, pixels));
-        if let Some(compared) = frame.compared
-            && compared.list_index as usize == index
-        {
-            constants.limits[3] = compared.part * width as f32;
-            constants.counts[2] = count as u32;
+impl PhotoBlocks {
+    /// What shaders know of the photographs of a frame that are there.
+    fn of(
+        frame: &FramePhotos,
+        places: &PhotoPlaces,
+        rays: &SurfaceRays,
+        (size, grid): ([u32; 2], [u32; 2]),
+    ) -> Self {
+        let look = &frame.settings;
+        let mut header = PhotoHeader {
+            start: vector(rays.start, f32::from(u8::from(rays.is_perspective))),
+            towards: vector(rays.towards, 0.0),
+            right: vector(rays.right, 0.0),
+            down: vector(rays.down, 0.0),
+            direction: vector(frame.direction, 0.0),
+            limits: [look.limit_cos, look.tolerance, look.border, 0.0],
+            counts: [0, look.blend, 0, grid[0]],
+            size: [size[0], size[1], 0, 0],
+        };
+        let mut table: Box<PhotoTable> = Box::new(bytemuck::Zeroable::zeroed());
+        let vectors = PHOTO_VECTORS as usize;
+        let mut count = 0;
+        let there = frame.photos.iter().zip(places).enumerate();
+        for (index, (chosen, place)) in there.take(MOST_PHOTOS) {
+            let Some((map, pixels)) = place else { continue };
+            let map_lens = [chosen.depth.focal, chosen.depth.principal].map(|v| v.to_array());
+            table.cameras[count * vectors..(count + 1) * vectors].copy_from_slice(&vectors_of(
+                &chosen.photo,
+                map_lens,
+                look.gains,
+            ));
+            table.places[2 * count..2 * count + 2].copy_from_slice(&words_of(map, pixels));
+            if let Some(compared) = frame.compared
+                && compared.list_index as usize == index
+            {
+                header.limits[3] = compared.part * size[0] as f32;
+                header.counts[2] = count as u32;
+            }
+            count += 1;
         }
-        constants.counts[3] |= u32::from(chosen.photo.stage != 0);
-        count += 1;
+        header.counts[0] = count as u32;
+        let in_group = PHOTO_GROUP as usize;
+        let group = |index: usize| {
+            let mut group: PhotoGroup = bytemuck::Zeroable::zeroed();
+            let first = index * in_group;
+            let cameras = &table.cameras[first * vectors..(first + in_group) * vectors];
+            group.cameras.copy_from_slice(cameras);
+            (group.places).copy_from_slice(&table.places[2 * first..2 * (first + in_group)]);
+            let [column, row] = [index as u32 % grid[0], index as u32 / grid[0]];
+            let there = (count - first).min(in_group) as u32;
+            group.spot = [column * size[0], row * size[1], there, 0];
+            group
+        };
+        let groups = (0..count.div_ceil(in_group)).map(group).collect();
+        Self {
+            header,
+            groups,
+            table,
+        }
     }
-    constants.counts[0] = count as u32;
-    constants
 }
 
 fn vectors_of(

@@ -6,7 +6,7 @@
 //! depth without its lowest eight bits (2^-16 of it, far below the bias of visibility); these are the distance from an edge,
 //! 255 of [`EDGE_TEXELS`].
 
-use crate::gpu::buffer::{BufferUsage, DeviceBuffer};
+use crate::gpu::buffer::{AnyBuffer, BufferUsage, DeviceBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::projective::depth_map::{EDGE_TEXELS, PhotoDepth};
 use crate::projective::frame_photos::{ChosenPhoto, FramePhotos, MOST_PHOTOS};
@@ -94,6 +94,8 @@ struct HeldPhoto {
 pub struct PhotoPool {
     buffer: DeviceBuffer,
     capacity: u64,
+    /// Words of each photograph of the frame at most, so that none is sharp at the cost of others.
+    share: u64,
     /// Parts that nobody uses, in order.
     free: Vec<WordRange>,
     /// Parts that frames up to one may still read.
@@ -139,6 +141,7 @@ impl PhotoPool {
         Ok(Self {
             buffer: DeviceBuffer::new(gpu, "photographs", usage, 4 * words)?,
             capacity: if words == most { u64::MAX } else { words },
+            share: words,
             free: vec![WordRange {
                 first: 0,
                 count: words as u32,
@@ -198,6 +201,9 @@ impl PhotoPool {
             self.held[chosen.photo.index as usize].used = frame;
         }
         self.is_behind = false;
+        // With a budget, old ones stay until new ones are whole.
+        let parts = photos.photos.len() as u64 + if self.budget_bytes.is_some() { 2 } else { 0 };
+        self.share = self.buffer.bytes() / 4 / parts.max(1);
         // Everything small first: a map and a thumbnail each.
         for chosen in &photos.photos {
             self.hold_map(gpu, chosen, &mut left)?;
@@ -299,17 +305,21 @@ impl PhotoPool {
         if is_shown || levels.is_empty() || levels.len() > TABLE_WORDS as usize {
             return;
         }
+        let map = chosen.depth.depth.len() as u64 + u64::from(TABLE_WORDS) + 2 * BLOCK_WORDS;
         for largest in 0..levels.len() {
             let texels: u64 = levels[largest..]
                 .iter()
                 .map(|level| level.rgb.len() as u64)
                 .sum();
+            if texels + map > self.share && largest + 1 < levels.len() {
+                continue;
+            }
             let Ok(count) = u32::try_from(texels + u64::from(TABLE_WORDS)) else {
                 continue;
             };
             if let Some(range) = self.room(count) {
                 if largest > 0 {
-                    tracing::warn!(
+                    tracing::info!(
                         photo = index,
                         largest,
                         "a photograph is shown at a smaller size: memory is full"
