@@ -36,7 +36,7 @@ const STAYS: f32 = 1.15;
 
 /// A sample of the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurfaceSample {
+pub struct StagedSample {
     /// Place in model space.
     pub position: Vec3,
     /// Unit normal; zero where there is none.
@@ -47,7 +47,7 @@ pub struct SurfaceSample {
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageModel {
     /// Samples of its surface, evenly spread.
-    pub samples: Vec<SurfaceSample>,
+    pub samples: Vec<StagedSample>,
     /// Mean of its vertices.
     pub middle: Vec3,
     /// Corners of its box.
@@ -60,7 +60,7 @@ impl StageModel {
         let used = used_vertices(model);
         let middle =
             used.iter().map(|v| v.position.as_dvec3()).sum::<DVec3>() / used.len().max(1) as f64;
-        let sample = |position, normal| SurfaceSample { position, normal };
+        let sample = |position, normal| StagedSample { position, normal };
         let samples = match model.triangles.is_empty() {
             true => {
                 let step = used.len().div_ceil(SAMPLES).max(1);

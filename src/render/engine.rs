@@ -2,6 +2,7 @@
 //! the CPU where there is none.
 
 mod cpu_pictures;
+mod looked;
 mod photos;
 mod smooth;
 
@@ -355,7 +356,7 @@ impl<'m> Engine<'m> {
             (FrameBackend::Reference, .., Some(reference)) => {
                 let settings = resolve_of_parts(settings, parts, view);
                 let photos = self.photos.as_deref();
-                photos::draw_reference(reference, parts, (view, &settings), photos)
+                looked::draw_reference(reference, parts, (view, &settings), photos)
             }
             _ => unreachable!("a backend that is there was chosen"),
         }
@@ -464,7 +465,7 @@ impl<'m> Engine<'m> {
                 let outputs = std::mem::replace(&mut reference.outputs, values);
                 let settings = resolve_of_parts(settings, parts, view);
                 let photos = self.photos.as_deref();
-                photos::draw_reference(reference, parts, (view, &settings), photos)?;
+                looked::draw_reference(reference, parts, (view, &settings), photos)?;
                 reference.outputs = outputs;
                 self.last = FrameBackend::Reference;
                 Ok(reference.image.clone())

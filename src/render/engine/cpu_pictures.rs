@@ -6,7 +6,7 @@ use crate::math::camera::View;
 use crate::projective::frame_photos::FramePhotos;
 use crate::render::cpu::picture::{DrawnArea, PixelWords};
 use crate::render::cpu::renderer::CpuRenderer;
-use crate::render::engine::photos::{given, only};
+use crate::render::engine::looked::{given, only};
 use crate::render::frame_plan::FramePlan;
 use crate::render::model_facts::DrawnParts;
 use crate::render::photo_look::color_picture;

@@ -28,7 +28,7 @@ use crate::render::{Method, Settings};
 use crate::tree::{Model, OrbitSphere};
 use commands::TurntableRun;
 use glam::DVec2;
-use photographs::Photographs;
+use photographs::ModelPhotographs;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -150,7 +150,7 @@ pub(super) struct ViewerApp {
     /// Frames of a model so far.
     pub(super) frames: u64,
     pub(super) asks: Vec<FileAsk>,
-    photographs: Photographs,
+    photographs: ModelPhotographs,
 }
 
 /// Writes a message to standard error, which may be gone; the window is there.
@@ -222,7 +222,7 @@ impl ViewerApp {
             laid_inset: 0,
             frames: 0,
             asks: Vec::new(),
-            photographs: Photographs::default(),
+            photographs: ModelPhotographs::default(),
             options,
         }
     }

@@ -27,7 +27,7 @@ const FRUSTUM_PART: f32 = 0.12;
 
 /// Photographs of the window.
 #[derive(Debug, Default)]
-pub(super) struct Photographs {
+pub(super) struct ModelPhotographs {
     loader: Option<PhotoLoader>,
     scene: Option<Arc<PhotoScene>>,
     stage: Option<PhotoStage>,
@@ -48,7 +48,7 @@ pub(super) struct Photographs {
     compared: f32,
 }
 
-impl Photographs {
+impl ModelPhotographs {
     /// Whether threads will send something.
     fn is_loading(&self) -> bool {
         let Some(stage) = &self.stage else {
@@ -101,10 +101,10 @@ impl ViewerApp {
             model,
             longest_side: LONGEST_SIDE,
         };
-        self.photographs = Photographs {
+        self.photographs = ModelPhotographs {
             has_frusta: self.photographs.has_frusta,
             is_readying: true,
-            ..Photographs::default()
+            ..ModelPhotographs::default()
         };
         match PhotoLoader::start(request) {
             Ok(loader) => {
@@ -121,7 +121,7 @@ impl ViewerApp {
 
     /// Another model is shown: photographs are put on the first that has come, and on no other.
     pub(super) fn photographs_of_new_model(&mut self) -> Result<(), Error> {
-        self.photographs = Photographs::default();
+        self.photographs = ModelPhotographs::default();
         self.screen.set_photos(None, 0)?;
         if let Some(path) = self.options.photos.scene.take() {
             self.open_photographs(path);
