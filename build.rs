@@ -424,6 +424,17 @@ fn size_of(module: &Module, id: u32) -> u32 {
         Op::TypeVector => literal(1) * size_of(module, inner()),
         // Column-major matrices of four-component columns are the only ones used in blocks.
         Op::TypeMatrix => literal(1) * size_of(module, inner()),
+        // Only arrays of four-component vectors, which lie close.
+        Op::TypeArray => {
+            let length = match i.operands.get(1) {
+                Some(Operand::IdRef(id)) => definition(module, *id),
+                _ => None,
+            };
+            match length.and_then(|length| length.operands.first()) {
+                Some(Operand::LiteralBit32(count)) => *count * size_of(module, inner()),
+                _ => 0,
+            }
+        }
         _ => 0,
     }
 }

@@ -529,6 +529,9 @@ same_layout!(
     focal_px = FOCAL_PX,
     are_samples = ARE_SAMPLES,
 );
+mod photos;
+pub use photos::{PhotoGroup, PhotoHeader, PhotoTable};
+
 const _: () = {
     use generated::layout::counters as block;
     assert!(

@@ -60,6 +60,7 @@ pub mod pages;
 pub mod patches;
 pub mod photos;
 pub mod progress;
+pub mod projective;
 pub mod render;
 pub mod scenes;
 mod simd;

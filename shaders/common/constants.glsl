@@ -50,3 +50,8 @@ const float FINE_STEPS = 67108864.0;
 const float LEAST_COARSE = 0.015625;
 // More than this no deposit weighs, so that what is out of all bounds spoils no other pixel's sums.
 const float MOST_WEIGHT = 1024.0;
+// Photographs that a pass puts on the surface at most, and vectors that each takes in its block.
+const uint MOST_FRAME_PHOTOS = 64u;
+const uint PHOTO_VECTORS = 11u;
+// Those that are weighed together.
+const uint PHOTO_GROUP = 4u;

@@ -466,6 +466,8 @@ impl LookArgs {
                 Some(EyeDomeName::Off) | None => EyeDome::Off,
             },
             eye_dome_strength: self.eye_dome_strength,
+            photos: Default::default(),
+            marks_uncovered: false,
             culling: match self.culling {
                 CullingName::Auto => Culling::Auto,
                 CullingName::On => Culling::On,

@@ -18,6 +18,7 @@ mod light;
 mod look;
 mod motion;
 mod patches;
+mod photo_args;
 mod photos;
 mod profile;
 mod progress;

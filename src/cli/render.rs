@@ -6,6 +6,7 @@ use super::cameras::{
 };
 use super::costs::costs_of;
 use super::look::LookArgs;
+use super::photo_args::{PhotoArgs, StagedScene, camera_of};
 use super::progress::{Bar, is_interrupted};
 use super::source::{ColorArgs, PageArgs, Source};
 use super::{Failure, Outcome, say, usage, write_text};
@@ -136,6 +137,7 @@ Examples:
   surfel render tile.laz -o tile.png --color-by class
   surfel render horse.ply -o close.png --orbit 30,20,4 --cut-camera far.json   the splats of a far view, seen close
   surfel render house.ply trees.ply -o place.png         several models in one picture
+  surfel render castle.ply -o castle.png --photos castle      photographs on the model
   surfel render --scene fence -o fence.png --splat filtered   what a method does where it is hard (surfel scenes)";
 
 /// Draw a model into a picture file.
@@ -190,6 +192,11 @@ pub(crate) struct Args {
     look: LookArgs,
     #[command(flatten)]
     auto: AutoArgs,
+    #[command(flatten)]
+    photos: PhotoArgs,
+    /// Draw from the pose of a photograph of --photos: its name or its number from 0
+    #[arg(long, value_name = "PHOTO", requires = "photos", conflicts_with_all = ["camera", "orbit", "frames"])]
+    camera_of: Option<String>,
     /// Samples per pixel, averaged: 1, 4, 9, 16, 25, 36, 49 or 64 [default: 16, or 64 where those differ much; 1 with --depth, --normals, --scene and colors that are data]
     #[arg(long, value_name = "N")]
     samples: Option<u32>,
@@ -273,6 +280,11 @@ impl Args {
         if !self.more.is_empty() && self.look.is_auto() {
             return Err(usage(
                 "--method auto chooses for one model; name a method for several",
+            ));
+        }
+        if self.photos.photos.is_some() && (!self.more.is_empty() || self.look.is_auto()) {
+            return Err(usage(
+                "--photos puts photographs on one model, by a method that is named",
             ));
         }
         for model in [&self.source.model].into_iter().chain(&self.more) {
@@ -421,10 +433,16 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         args.look.default_threshold(SMOOTH_THRESHOLD_PX);
         settings = args.look.settings_to_choose()?;
     }
+    settings = args.photos.shown(settings);
+    let of_photos = args.photos.read()?;
+    let pose = match (&of_photos, &args.camera_of) {
+        (Some(of_photos), Some(wanted)) => Some(camera_of(of_photos, wanted, &ready)?),
+        _ => None,
+    };
     // Another view of the scene is one of its model.
     let is_its_own = args.camera.is_none() && args.orbit.is_none() && args.frames == 1;
     let own = scene.filter(|_| is_its_own).map(|s| s.camera.clone());
-    let camera = read.or(own);
+    let camera = read.or(pose).or(own);
     let cameras = match camera {
         Some(camera) => vec![resized(camera, args.size)?],
         None => {
@@ -457,6 +475,13 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             .auto
             .choose(settings, &backend, &ready, &views[0], quiet)?;
     }
+    let mut staged = match of_photos {
+        Some(scene) => {
+            let most = args.photos.most();
+            Some(StagedScene::new(scene, &ready, &backend, most, quiet)?)
+        }
+        None => None,
+    };
     if let Some(camera) = cut_camera {
         settings.cut_view = Some(camera.view(ready.model.origin)?);
     }
@@ -465,6 +490,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         write_text(path, &(text + "\n"))?;
     }
     engine.set_costs(costs_of(&backend, &[settings]));
+    if let Some(staged) = &mut staged {
+        engine.set_photos(Some(staged.frame(&views[0])))?;
+    }
     if args.stats.is_some() {
         for _ in 0..WARM_UP {
             engine.draw(&views[0], &settings)?;
@@ -478,6 +506,9 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
             return Err(Failure::Run(anyhow::anyhow!(
                 "cancelled after {index} frames"
             )));
+        }
+        if let (Some(staged), true) = (&mut staged, index > 0) {
+            engine.set_photos(Some(staged.frame(view)))?;
         }
         times.push(engine.draw(view, &settings)?);
         for message in engine.take_page_messages() {

@@ -2,6 +2,7 @@
 
 use super::cameras::{UpChoice, parse_orbit, parse_size, read_camera};
 use super::look::LookArgs;
+use super::photo_args::PhotoArgs;
 use super::progress::is_interrupted;
 use super::render::{DeviceArgs, require_ending};
 use super::source::{ColorArgs, Framing, PageArgs, SurfaceArgs, open_options};
@@ -9,7 +10,7 @@ use super::{Failure, Outcome, usage};
 use clap::ValueEnum;
 use std::path::PathBuf;
 use surfel::render::paged_model::PagedModelOptions;
-use surfel::viewer::{self, InjectedFaults, ViewerOptions, store};
+use surfel::viewer::{self, InjectedFaults, PhotographOptions, ViewerOptions, store};
 
 /// Mouse and keys, for `surfel --help`.
 pub(crate) use surfel::viewer::input::help;
@@ -48,6 +49,8 @@ pub(crate) struct Args {
     pages: PageArgs,
     #[command(flatten)]
     look: LookArgs,
+    #[command(flatten)]
+    photos: PhotoArgs,
     /// Size of the window [default: as it was left, or 1024x768]
     #[arg(long, value_name = "WxH", value_parser = parse_size)]
     size: Option<(u32, u32)>,
@@ -162,6 +165,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         return Err(usage("--frames goes with --turntable FOLDER"));
     }
     let camera = args.camera.as_deref().map(read_camera).transpose()?;
+    settings = args.photos.shown(settings);
     // What is made for a file must not depend on how a window was left.
     let is_attended = args.screenshot.is_none()
         && args.turntable.is_none()
@@ -181,7 +185,7 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
             }
             window = stored.window;
             if !args.has_look {
-                settings = look;
+                settings = args.photos.shown(look);
             }
         }
         Some(Err(error)) => warning = Some(error),
@@ -202,6 +206,11 @@ pub(crate) fn run(mut args: Args, _quiet: bool) -> Outcome {
         opening,
         smooths: args.smooth == Switch::On,
         up: args.up.named(),
+        photos: PhotographOptions {
+            most: args.photos.most(),
+            scene: args.photos.photos,
+            folder: args.photos.photo_folder,
+        },
         paged: PagedModelOptions {
             memory_bytes: args.pages.bytes(),
             ..PagedModelOptions::default()

@@ -4,23 +4,13 @@
 //! calibration is of stored pixels, unless the program that made it turned them.
 
 use crate::photos::error::PhotoError;
+pub use crate::projective::pyramid::PhotoPixels;
 use ::image::metadata::Orientation;
 use ::image::{DynamicImage, ImageDecoder, ImageReader};
 use std::fs::File;
 use std::io::BufReader;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-
-/// Decoded pixels, three bytes each, row 0 on top.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct PhotoPixels {
-    /// Width in pixels.
-    pub width: u32,
-    /// Height in pixels.
-    pub height: u32,
-    /// Row-major red, green, blue.
-    pub rgb: Vec<[u8; 3]>,
-}
 
 /// Largest side of a photograph, pixels.
 const LARGEST_SIDE: u32 = 65_535;
@@ -31,51 +21,13 @@ pub const DECODE_BYTES: u64 = 1 << 30;
 /// Thumbnails of JPEG files are decoded at one part of so many along each side.
 pub const THUMBNAIL_PART: u32 = 8;
 
-impl PhotoPixels {
-    /// A picture of one color.
-    pub fn filled(width: u32, height: u32, color: [u8; 3]) -> Self {
-        Self {
-            width,
-            height,
-            rgb: vec![color; width as usize * height as usize],
-        }
-    }
-
-    /// The pixel of a column and a row; those beyond the border count as the nearest inside. Must not be empty.
-    pub fn at(&self, x: i64, y: i64) -> [u8; 3] {
-        let x = x.clamp(0, i64::from(self.width) - 1) as usize;
-        let y = y.clamp(0, i64::from(self.height) - 1) as usize;
-        self.rgb[y * self.width as usize + x]
-    }
-
-    /// The picture at half the size, each pixel the mean of four; a last odd row or column is repeated.
-    #[must_use]
-    pub fn halved(&self) -> Self {
-        let (width, height) = (
-            self.width.div_ceil(2).max(1),
-            self.height.div_ceil(2).max(1),
-        );
-        let mut rgb = Vec::with_capacity(width as usize * height as usize);
-        for y in 0..i64::from(height) {
-            for x in 0..i64::from(width) {
-                let four =
-                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.at(2 * x + i, 2 * y + j));
-                rgb.push([0, 1, 2].map(|c| {
-                    let sum: u32 = four.iter().map(|pixel| u32::from(pixel[c])).sum();
-                    ((sum + 2) / 4) as u8
-                }));
-            }
-        }
-        Self { width, height, rgb }
-    }
-
-    fn of(picture: &DynamicImage) -> Self {
-        let rgb = picture.to_rgb8();
-        Self {
-            width: rgb.width(),
-            height: rgb.height(),
-            rgb: rgb.pixels().map(|pixel| pixel.0).collect(),
-        }
+/// The pixels of a decoded picture.
+fn pixels_of(picture: &DynamicImage) -> PhotoPixels {
+    let rgb = picture.to_rgb8();
+    PhotoPixels {
+        width: rgb.width(),
+        height: rgb.height(),
+        rgb: rgb.pixels().map(|pixel| pixel.0).collect(),
     }
 }
 
@@ -127,7 +79,7 @@ pub fn decode_photo(
         let orientation = decoder.orientation().unwrap_or(Orientation::NoTransforms);
         let mut picture = DynamicImage::from_decoder(decoder).map_err(|e| e.to_string())?;
         turn(&mut picture, orientation, [width, height], calibrated)?;
-        Ok(PhotoPixels::of(&picture))
+        Ok(pixels_of(&picture))
     })
 }
 
@@ -173,7 +125,7 @@ pub fn decode_thumbnail(
             ::image::RgbImage::from_raw(size[0], size[1], rgb).ok_or("it has too few pixels")?;
         let mut picture = DynamicImage::from(picture);
         turn(&mut picture, orientation, [width, height], calibrated)?;
-        Ok(Some(PhotoPixels::of(&picture)))
+        Ok(Some(pixels_of(&picture)))
     })?;
     match small {
         Some(pixels) => Ok(pixels),

@@ -5,25 +5,26 @@
 //!
 //! The look is a pass over the pixels of a surface ([`surface`]), so it does not matter what drew that. [`choose`] picks
 //! photographs for a frame, with directions corrected by [`hull`]; [`look`] gives each pixel its color from them, with
-//! visibility by [`depth_map`] and exposures by [`gains`]. [`session`] holds what is loaded and drawn once. [`score`] leaves
+//! visibility by [`depth_map`] and exposures by [`gains`]. [`session`] holds what is loaded and drawn once,
+//! [`stage`] has photographs for any view without a picture of it, and [`photo_loader`] brings them there on other threads. [`score`] leaves
 //! one photograph out and predicts it from the others.
+
+pub use crate::projective::{depth_map, lens, look, projected, pyramid};
 
 pub mod check;
 pub mod choose;
 pub mod decode;
-pub mod depth_map;
 pub mod error;
 pub mod formats;
 pub mod gains;
 pub mod hull;
-pub mod lens;
 pub mod library;
-pub mod look;
 pub mod metrics;
-pub mod projected;
-pub mod pyramid;
+pub mod photo_loader;
+pub mod prepared;
 pub mod report;
 pub mod scene;
 pub mod score;
 pub mod session;
+pub mod stage;
 pub mod surface;

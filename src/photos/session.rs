@@ -3,15 +3,14 @@
 use crate::photos::choose::{
     cluster_normals, most_worth, nearest_directions, supplementary_photos, view_direction,
 };
-use crate::photos::depth_map::{PhotoDepth, PhotoVisibility};
 use crate::photos::error::PhotoError;
 use crate::photos::gains::exposure_gains;
-use crate::photos::hull::{HullMiddle, hull_direction};
-use crate::photos::library::{PhotoLibrary, load_photo};
+use crate::photos::library::PhotoLibrary;
 use crate::photos::look::{
     LookPhoto, LookPixel, LookSettings, LookView, PhotoDirection, SurfacePixel, WeightForm,
     look_at_pixel, photo_weight,
 };
+use crate::photos::prepared::{PreparedPhoto, color_at, used_vertices};
 use crate::photos::projected::ProjectedPhoto;
 use crate::photos::pyramid::PhotoPyramid;
 use crate::photos::scene::{CalibratedCamera, PhotoScene};
@@ -20,15 +19,6 @@ use crate::progress::Progress;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::sync::Arc;
-
-/// Places of the surface at which exposures are compared, at most.
-const GAIN_PLACES: usize = 20_000;
-
-/// Points of the model that its hull in a photograph is made of, at most.
-const HULL_POINTS: usize = 200_000;
-
-/// Levels above the one of a photograph's pixels at which exposures are compared.
-const GAIN_LEVEL: f32 = 3.0;
 
 /// Every so many pixels along each axis one stands for its neighbors when photographs are chosen.
 const CHOICE_STEP: usize = 24;
@@ -54,16 +44,6 @@ impl Default for SessionOptions {
     }
 }
 
-/// A photograph, ready for any frame.
-#[derive(Debug)]
-struct ReadyPhoto {
-    projected: ProjectedPhoto,
-    depth: PhotoDepth,
-    mask: Option<PhotoPyramid>,
-    /// Colors at the places where exposures are compared.
-    colors: Vec<Option<Vec3>>,
-}
-
 /// A model with its photographs.
 #[derive(Debug)]
 pub struct PhotoSession<'m> {
@@ -71,7 +51,7 @@ pub struct PhotoSession<'m> {
     drawer: SurfaceDrawer<'m>,
     options: SessionOptions,
     library: PhotoLibrary,
-    ready: Vec<Option<ReadyPhoto>>,
+    ready: Vec<Option<PreparedPhoto>>,
     middle: Vec3,
     /// Sentences on all that could not be used.
     pub remarks: Vec<String>,
@@ -90,11 +70,6 @@ pub struct PhotoPicture {
     pub chosen: Vec<usize>,
 }
 
-/// Every so many, such that at most `most` are left.
-fn stride(count: usize, most: usize) -> usize {
-    count.div_ceil(most.max(1)).max(1)
-}
-
 impl<'m> PhotoSession<'m> {
     /// Draws the depth map of every photograph that is there. Photographs that cannot be decoded are remarks.
     ///
@@ -108,7 +83,7 @@ impl<'m> PhotoSession<'m> {
         progress: &dyn Progress,
     ) -> Result<Self, PhotoError> {
         let model = drawer.model();
-        let used = &model.vertices[..(model.used_vertices as usize).min(model.vertices.len())];
+        let used = used_vertices(model);
         let middle =
             used.iter().map(|v| v.position.as_dvec3()).sum::<DVec3>() / used.len().max(1) as f64;
         let mut session = Self {
@@ -156,52 +131,14 @@ impl<'m> PhotoSession<'m> {
         Ok(session)
     }
 
-    fn prepare(&mut self, index: usize) -> Result<Option<ReadyPhoto>, PhotoError> {
+    fn prepare(&mut self, index: usize) -> Result<Option<PreparedPhoto>, PhotoError> {
         let photo = &self.scene.photos[index];
         if photo.file.is_none() {
             return Ok(None);
         }
-        let model = self.drawer.model();
-        let size = 2.0 * f64::from(model.orbit_radius);
-        let mut projected = ProjectedPhoto::new(index as u32, &photo.camera, model.origin, size);
-        let used = &model.vertices[..(model.used_vertices as usize).min(model.vertices.len())];
-        let step = stride(used.len(), HULL_POINTS);
-        let points = used
-            .iter()
-            .step_by(step)
-            .map(|v| model.origin + v.position.as_dvec3());
-        let hull = hull_direction(&photo.camera, points, HullMiddle::Area);
-        (projected.direction, projected.area) = (hull.direction.as_vec3(), hull.area as f32);
-        let depth = self.drawer.depth_map(&photo.camera)?;
-        let mask = match &photo.mask {
-            None => None,
-            Some(file) => {
-                let mut of_mask = photo.clone();
-                of_mask.file = Some(file.clone());
-                Some(load_photo(&of_mask, self.options.longest_side)?)
-            }
-        };
-        let pixels = self
-            .library
-            .whole(index, photo, self.options.longest_side)?;
-        let step = stride(used.len(), GAIN_PLACES);
-        let look = LookPhoto {
-            photo: &projected,
-            pixels: &pixels,
-            depth: &depth,
-            mask: mask.as_ref(),
-        };
-        let colors = used
-            .iter()
-            .step_by(step)
-            .map(|v| color_at(&look, v.position, normal_of(v)));
-        let colors = colors.collect();
-        Ok(Some(ReadyPhoto {
-            colors,
-            projected,
-            depth,
-            mask,
-        }))
+        let longest = self.options.longest_side;
+        let pixels = self.library.whole(index, photo, longest)?;
+        PreparedPhoto::new(index, photo, &self.drawer, &pixels, longest).map(Some)
     }
 
     /// The scene.
@@ -272,13 +209,8 @@ impl<'m> PhotoSession<'m> {
         let Some(ready) = &self.ready[index] else {
             return 0.0;
         };
-        let look = LookPhoto {
-            photo: &ready.projected,
-            pixels: &PhotoPyramid::default(),
-            depth: &ready.depth,
-            mask: None,
-        };
-        photo_weight(pixel, view, &look, settings)
+        let nothing = PhotoPyramid::default();
+        photo_weight(pixel, view, &ready.without_pixels(&nothing), settings)
     }
 
     /// Mean color of each vertex over the given photographs that see it, weighted by the cosine of the angle to them; gray
@@ -301,7 +233,7 @@ impl<'m> PhotoSession<'m> {
                 photo: &ready.projected,
                 pixels: &pixels,
                 depth: &ready.depth,
-                mask: ready.mask.as_ref(),
+                mask: ready.mask.as_deref(),
             };
             sums.par_iter_mut()
                 .zip(&model.vertices)
@@ -334,6 +266,7 @@ impl<'m> PhotoSession<'m> {
         LookView {
             eye,
             direction: view_direction(eye, forward, [model.min, model.max], self.middle),
+            parallel: None,
         }
     }
 
@@ -423,7 +356,7 @@ impl<'m> PhotoSession<'m> {
                     photo,
                     pixels: pixels.as_ref(),
                     depth: &ready.depth,
-                    mask: ready.mask.as_ref(),
+                    mask: ready.mask.as_deref(),
                 })
             })
             .collect();
@@ -456,22 +389,4 @@ fn places_of(surface: &SurfacePicture) -> Vec<SurfacePixel> {
 
 fn normal_of(vertex: &crate::abi::Vertex) -> Vec3 {
     crate::math::octahedral::decode(vertex.normal)
-}
-
-/// The color of a point in a photograph that sees it, blurred a little.
-fn color_at(look: &LookPhoto<'_>, position: Vec3, normal: Vec3) -> Option<Vec3> {
-    let photo = look.photo;
-    let place = photo.place(position)?;
-    let facing = normal.dot(photo.ray_to(position)).abs();
-    let p = photo.rotation * (position - photo.center);
-    let query = crate::photos::depth_map::DepthQuery {
-        ray: p.truncate() / p.z,
-        depth: p.z,
-        slope: (1.0 - facing * facing).max(0.0).sqrt() / facing.max(0.05),
-    };
-    let seen = look.depth.visibility(query, PhotoVisibility::DepthSoft);
-    let at = (place.pixel / photo.size).to_array();
-    let is_masked = look.mask.is_some_and(|mask| mask.sample(at, 0.0)[1] < 0.5);
-    (seen > 0.5 && facing > 0.2 && !is_masked)
-        .then(|| Vec3::from(look.pixels.sample(at, GAIN_LEVEL)))
 }

@@ -28,7 +28,8 @@ pub(crate) struct AvailableBackends {
 
 impl AvailableBackends {
     /// Chooses the backend of a frame of these settings, outputs and size, pixels. The processor comes first. Beside a
-    /// device it leaves frames to that for which somebody insists on a rasterizer, and those that draw the whole mesh.
+    /// device it leaves frames to that for which somebody insists on a rasterizer, those that draw the whole mesh, and those
+    /// with photographs.
     ///
     /// # Errors
     /// [`Error::Unsupported`] when none can draw it, with the reason.
@@ -39,7 +40,8 @@ impl AvailableBackends {
         size: [u32; 2],
     ) -> Result<FrameBackend, Error> {
         let is_own = settings.has_cut() || settings.drawn_vertex_splats().is_some();
-        let is_left = self.has_device && !(settings.path == Path::Auto && is_own);
+        let is_left = self.has_device
+            && (settings.shows_photos() || !(settings.path == Path::Auto && is_own));
         let reason = match self.has_cpu {
             false => Some("it is not asked for"),
             true if is_left => Some("it is left to the device"),

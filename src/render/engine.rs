@@ -1,6 +1,9 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
+mod cpu_pictures;
+mod looked;
+mod photos;
 mod smooth;
 
 use crate::gpu::frame::FrameMeasure;
@@ -8,13 +11,13 @@ use crate::gpu::{DeviceOptions, Error, Gpu};
 use crate::image::{Accumulator, FloatImage, Image, jittered};
 use crate::math::camera::View;
 use crate::progress::{Progress, Silent};
+use crate::projective::frame_photos::FramePhotos;
 use crate::render::PictureOutputs;
 use crate::render::backend_choice::{AvailableBackends, FrameBackend};
 use crate::render::cost::model::DrawCosts;
-use crate::render::cpu::picture::{DrawnArea, PixelWords};
-use crate::render::cpu::renderer::CpuRenderer;
 use crate::render::cpu::supported::unsupported_reason;
-use crate::render::frame_plan::{FramePlan, resolve_of_parts};
+use crate::render::engine::cpu_pictures::CpuPictures;
+use crate::render::frame_plan::resolve_of_parts;
 use crate::render::model_facts::{DrawnParts, FactedModel, ModelFacts};
 use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
 use crate::render::reference::engine::MirrorEngine;
@@ -26,7 +29,6 @@ use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
 use crate::tree::Model;
 use std::sync::Arc;
-use std::time::Instant;
 
 /// Where pictures are made.
 #[derive(Debug, Clone)]
@@ -104,6 +106,8 @@ pub struct Engine<'m> {
     page_messages: Vec<String>,
     /// What drew the last frame.
     last: FrameBackend,
+    /// What frames with photographs show.
+    photos: Option<Arc<FramePhotos>>,
 }
 
 /// A model of an engine.
@@ -131,15 +135,6 @@ struct CpuEngine {
     pictures: CpuPictures,
     /// Draws what is averaged, once anything was.
     samples: Option<CpuPictures>,
-}
-
-/// A renderer of the processor, and the picture that it draws into.
-#[derive(Debug)]
-struct CpuPictures {
-    renderer: Box<CpuRenderer>,
-    outputs: PictureOutputs,
-    words: Vec<u32>,
-    area: DrawnArea,
 }
 
 impl<'m> Engine<'m> {
@@ -193,6 +188,7 @@ impl<'m> Engine<'m> {
             reference: None,
             page_messages: Vec::new(),
             last: FrameBackend::Reference,
+            photos: None,
         };
         match backend {
             Backend::Device(gpu) | Backend::Vulkan(gpu) => {
@@ -348,7 +344,9 @@ impl<'m> Engine<'m> {
             &mut self.device,
             &mut self.reference,
         ) {
-            (FrameBackend::Cpu, Some(cpu), ..) => cpu.pictures.draw(parts, view, settings),
+            (FrameBackend::Cpu, Some(cpu), ..) => {
+                (cpu.pictures).draw(parts, view, settings, self.photos.as_deref())
+            }
             (FrameBackend::Device, _, Some(device), _) => {
                 let DeviceEngine {
                     renderer, scene, ..
@@ -357,7 +355,8 @@ impl<'m> Engine<'m> {
             }
             (FrameBackend::Reference, .., Some(reference)) => {
                 let settings = resolve_of_parts(settings, parts, view);
-                Ok(reference.draw(parts, view, &settings))
+                let photos = self.photos.as_deref();
+                looked::draw_reference(reference, parts, (view, &settings), photos)
             }
             _ => unreachable!("a backend that is there was chosen"),
         }
@@ -458,14 +457,15 @@ impl<'m> Engine<'m> {
                 let samples = cpu
                     .samples
                     .get_or_insert_with(|| CpuPictures::new(size, values));
-                samples.draw(parts, view, settings)?;
+                samples.draw(parts, view, settings, self.photos.as_deref())?;
                 Ok(samples.read(view))
             }
             (FrameBackend::Device, _, Some(device), _) => device.sample(parts, view, settings),
             (FrameBackend::Reference, .., Some(reference)) => {
                 let outputs = std::mem::replace(&mut reference.outputs, values);
                 let settings = resolve_of_parts(settings, parts, view);
-                reference.draw(parts, view, &settings);
+                let photos = self.photos.as_deref();
+                looked::draw_reference(reference, parts, (view, &settings), photos)?;
                 reference.outputs = outputs;
                 self.last = FrameBackend::Reference;
                 Ok(reference.image.clone())
@@ -523,6 +523,7 @@ impl DeviceEngine {
         if samples.costs() != renderer.costs() {
             samples.set_costs(renderer.costs());
         }
+        samples.set_photos(renderer.photos().cloned());
         samples.draw_parts(parts, scene, view, settings)?;
         samples.read(view)
     }
@@ -540,59 +541,4 @@ fn drawn<'a>(models: &'a [EngineModel<'_>]) -> (Vec<FactedModel<'a>>, u64) {
     let pages = || shown().filter_map(|own| own.pages.as_ref());
     let parts = pages().flat_map(PagedModel::parts).map(|(part, _)| part);
     (whole.chain(parts).collect(), generation_of(pages()))
-}
-
-impl CpuPictures {
-    /// Pictures of this size, with these outputs.
-    fn new([width, height]: [u32; 2], outputs: PictureOutputs) -> Self {
-        let renderer = CpuRenderer::new(width, height).with_outputs(outputs);
-        Self {
-            renderer: Box::new(renderer),
-            outputs,
-            words: Vec::new(),
-            area: DrawnArea::unknown(width, height),
-        }
-    }
-
-    fn draw(
-        &mut self,
-        parts: DrawnParts<'_>,
-        view: &View,
-        settings: &Settings,
-    ) -> Result<FrameTimes, Error> {
-        let [width, height] = self.renderer.size();
-        for (what, value, limit) in [
-            ("the width of the view", view.width, width),
-            ("the height of the view", view.height, height),
-        ] {
-            if value != limit {
-                return Err(Error::Limit {
-                    what: what.into(),
-                    value: u64::from(value),
-                    limit: u64::from(limit),
-                });
-            }
-        }
-        self.words.resize(width as usize * height as usize, 0);
-        let pixels = PixelWords {
-            words: &mut self.words,
-            pitch: width as usize,
-        };
-        let start = Instant::now();
-        let plan = FramePlan::for_processor(settings, parts, view, self.outputs)?;
-        let area = &mut self.area;
-        let mut times = self.renderer.draw(parts, &plan, pixels, area);
-        times.starts.frame = Some(start);
-        times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
-        Ok(times)
-    }
-
-    fn read(&mut self, view: &View) -> Image {
-        let [width, _] = self.renderer.size();
-        let pixels = PixelWords {
-            words: &mut self.words,
-            pitch: width as usize,
-        };
-        self.renderer.read(view, &pixels, self.outputs.depth)
-    }
 }

@@ -67,7 +67,7 @@ pub(crate) fn resolved(
         && settings.threshold_px > 1.0
         && settings.threshold_px <= AS_A_PIXEL_PX;
     let is_dark_between = match settings.eye_dome {
-        _ if settings.color_by.is_data() => false,
+        _ if settings.color_by.is_data() || settings.shows_photos() => false,
         EyeDome::Auto => settings.color_by == ColorBy::Shading && facts.lacks_normals,
         EyeDome::On => true,
         EyeDome::Off => false,

@@ -20,6 +20,7 @@ mod outputs;
 pub mod pack_params;
 pub mod paged_model;
 pub mod part_cuts;
+pub(crate) mod photo_look;
 #[cfg(feature = "viewer")]
 pub(crate) mod probe_area;
 pub mod reference;
@@ -37,8 +38,8 @@ pub mod window_renderer;
 
 pub use crate::render::outputs::PictureOutputs;
 pub use crate::render::settings::{
-    Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, Reconstruction, Settings,
-    Shading, SplatKind, SumFormat, Traversal,
+    Blend, Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PhotoDisplay, Reconstruction,
+    Settings, Shading, SplatKind, SumFormat, Traversal,
 };
 
 pub use crate::abi::constants::LARGEST_SMALL_BLENDED_PX as LARGEST_COMPUTE_BLENDED_PX;

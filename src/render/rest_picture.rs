@@ -184,6 +184,7 @@ impl RestPicture {
                 if own.costs() != frames.costs() {
                     own.set_costs(frames.costs());
                 }
+                own.set_photos(frames.photos().cloned());
                 own.draw_parts(parts, scene, view, settings)?;
                 own.read(view)
             }

@@ -4,6 +4,7 @@ use crate::cut::SizeMetric;
 use crate::math::camera::View;
 use crate::oriented::splats::SplatRules;
 use crate::pack::{ColorBy, Footprint, Lighting};
+use crate::render::outputs::PictureOutputs;
 
 /// How the model is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
@@ -174,6 +175,19 @@ pub enum EyeDome {
     Off,
 }
 
+/// What of photographs is shown on the surface, where some are given to the renderer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum PhotoDisplay {
+    /// Nothing.
+    #[default]
+    Off,
+    /// Their colors.
+    Color,
+    /// Which photograph is the best at a pixel, as a color.
+    Source,
+}
+
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
@@ -227,6 +241,10 @@ pub struct Settings {
     pub eye_dome: EyeDome,
     /// How strong that is: 0 to 10, usually 1.
     pub eye_dome_strength: f32,
+    /// Photographs on the surface, in place of its shaded colors.
+    pub photos: PhotoDisplay,
+    /// Surface that no photograph shows is marked; else it keeps its shaded color.
+    pub marks_uncovered: bool,
     /// Back-face and normal-cone culling.
     pub culling: Culling,
     /// What decides the color.
@@ -267,6 +285,8 @@ impl Default for Settings {
             threshold_px: 1.0,
             eye_dome: EyeDome::Off,
             eye_dome_strength: 1.0,
+            photos: PhotoDisplay::Off,
+            marks_uncovered: false,
             culling: Culling::Auto,
             color_by: ColorBy::Shading,
             light: Lighting::Headlight,
@@ -283,6 +303,21 @@ impl Settings {
     /// Whether the headlight and nothing else decides how bright a surface is: no lamp, and no data as colors.
     pub fn has_headlight(&self) -> bool {
         self.light == Lighting::Headlight && !self.color_by.is_data()
+    }
+
+    /// Whether photographs are put on the surface.
+    pub fn shows_photos(&self) -> bool {
+        self.photos != PhotoDisplay::Off
+    }
+
+    /// What a frame of these settings has to hold besides color for its looks, and for pictures with these outputs: photographs
+    /// are weighed by normals, where the splats have any.
+    pub fn outputs_of_frame(&self, outputs: PictureOutputs) -> PictureOutputs {
+        PictureOutputs {
+            normal: outputs.normal || (self.shows_photos() && !self.draws_filtered()),
+            depth: outputs.depth || self.shows_photos(),
+            ..outputs
+        }
     }
 
     /// Whether what faces away is dropped for a model that is closed or not, seen from outside.

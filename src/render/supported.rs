@@ -36,6 +36,20 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
                 .into(),
         });
     }
+    if settings.shows_photos() && settings.color_by.is_data() {
+        return Err(Error::Unsupported {
+            what: "photographs",
+            why: "colors by level, normal, depth and overdraw are data and stay as they are; use --color-by shading, or leave --photos out"
+                .into(),
+        });
+    }
+    if settings.shows_photos() && settings.eye_dome == EyeDome::On {
+        return Err(Error::Unsupported {
+            what: "eye-dome lighting of photographs",
+            why: "they have the light that they were taken in; leave --eye-dome or --photos out"
+                .into(),
+        });
+    }
     if settings.eye_dome == EyeDome::On && settings.color_by.is_data() {
         return Err(Error::Unsupported {
             what: "eye-dome lighting",

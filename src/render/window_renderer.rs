@@ -17,6 +17,7 @@ use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
 use crate::render::probe_area::ProbeArea;
 use crate::render::rest_picture::{RestPicture, SampleRequest, has_mean};
 use crate::render::stats::{FrameTimes, KeptWork};
+use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::renderer::present::ShownFrame;
 use crate::render::vulkan::renderer::{SubmittedFrame, VulkanRenderer};
 use crate::render::vulkan::scene::DeviceScene;
@@ -189,6 +190,12 @@ impl WindowRenderer {
     /// Sets the costs of drawing on the device: [`VulkanRenderer::set_costs`].
     pub fn set_costs(&mut self, costs: Option<DrawCosts>) {
         self.device.set_costs(costs);
+    }
+
+    /// Puts photographs on the surface: [`VulkanRenderer::set_photos`].
+    pub fn set_photos(&mut self, photos: Option<DevicePhotos>) {
+        self.device.set_photos(photos);
+        self.rest.forget();
     }
 
     /// Makes pictures of another size from the next frame on.

@@ -2,7 +2,9 @@
 
 use crate::cut::SizeMetric;
 use crate::pack::ColorBy;
-use crate::render::{Blend, Culling, EyeDome, Method, Reconstruction, Shading, SplatKind};
+use crate::render::{
+    Blend, Culling, EyeDome, Method, PhotoDisplay, Reconstruction, Shading, SplatKind,
+};
 
 /// A value with its name and what it is, in a sentence.
 pub type NamedChoice<T> = (T, &'static str, &'static str);
@@ -150,6 +152,17 @@ pub const EYE_DOMES: &[NamedChoice<EyeDome>] = &[
     (EyeDome::Off, "off", "Nothing"),
 ];
 
+/// What of photographs is shown.
+pub const PHOTOGRAPHS: &[NamedChoice<PhotoDisplay>] = &[
+    (PhotoDisplay::Off, "off", "The model as it is"),
+    (PhotoDisplay::Color, "on", "Photographs on the model"),
+    (
+        PhotoDisplay::Source,
+        "which",
+        "A color for each photograph, where it is the best",
+    ),
+];
+
 /// What decides the color.
 pub const COLORS_BY: &[NamedChoice<ColorBy>] = &[
     (ColorBy::Shading, "shading", "Light and vertex colors"),
@@ -252,6 +265,7 @@ mod tests {
         names(METRICS);
         names(CULLINGS);
         names(EYE_DOMES);
+        names(PHOTOGRAPHS);
         names(COLORS_BY);
         names(BACKGROUNDS);
         names(FRAME_TIMES);

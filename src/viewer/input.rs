@@ -65,6 +65,11 @@ pub const KEYS: &[KeyGroup] = &[
             (", .", "depth offset smaller, larger"),
             ("O", "depth offset back to the usual one"),
             ("V", "vertex colors"),
+            ("Shift V", "photographs on the model"),
+            (
+                "[ ]",
+                "look from where the previous or next photograph was taken",
+            ),
             ("I", "background: black, gray, white"),
             ("B", "culling of what faces away"),
             ("Shift B", "darken what lies behind its neighbors"),
@@ -187,6 +192,10 @@ pub enum Command {
     EyeDome,
     /// The next (1) or previous (-1) coloring.
     ColorBy(i32),
+    /// Switch photographs on the model.
+    Photographs,
+    /// Look from the pose of the next (1) or previous (-1) photograph.
+    PhotographBy(i64),
     /// Hold the cut of this view, or let it go.
     HoldCut,
     /// Switch the statistics in the title.
@@ -322,7 +331,10 @@ pub fn command(key: KeyboardKey, modifiers: KeyModifiers) -> Option<Command> {
             'w' => Command::FrameTime(if modifiers.shift { -1 } else { 1 }),
             'u' if modifiers.shift => Command::Up,
             'u' => Command::TwoSided,
+            'v' if modifiers.shift => Command::Photographs,
             'v' => Command::Colors,
+            '[' => Command::PhotographBy(-1),
+            ']' => Command::PhotographBy(1),
             'i' => Command::Background,
             'e' => Command::SizeMetric,
             'b' if modifiers.shift => Command::EyeDome,

@@ -81,6 +81,27 @@ pub enum Error {
     },
 }
 
+/// Photographs that are put on the model.
+#[derive(Debug, Clone)]
+pub struct PhotographOptions {
+    /// File or folder of their scene.
+    pub scene: Option<PathBuf>,
+    /// Folder of the photographs, where they are not beside it.
+    pub folder: Option<PathBuf>,
+    /// Photographs that a frame uses at most, 1 to 64.
+    pub most: usize,
+}
+
+impl Default for PhotographOptions {
+    fn default() -> Self {
+        Self {
+            scene: None,
+            folder: None,
+            most: 16,
+        }
+    }
+}
+
 /// What to show and how.
 #[derive(Debug, Clone, Default)]
 pub struct ViewerOptions {
@@ -141,6 +162,8 @@ pub struct ViewerOptions {
     /// For tests: what goes wrong, and how often.
     /// How paged files are drawn.
     pub paged: PagedModelOptions,
+    /// Photographs on the model.
+    pub photos: PhotographOptions,
     /// A picture gets smoother while the view rests.
     pub smooths: bool,
     /// The axis that is up; none: as each model's format and place tell.

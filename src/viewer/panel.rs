@@ -61,6 +61,8 @@ pub struct PanelState<'a> {
     pub is_flying: bool,
     /// Names of the models, and whether each is drawn.
     pub parts: Vec<(&'a str, bool)>,
+    /// Photographs of the model, where there are any.
+    pub photographs: Option<PhotographState>,
 }
 
 /// What the user asks for.
@@ -74,6 +76,8 @@ pub enum PanelWish {
     Light(LightKind),
     /// Hold frames to this time, milliseconds, or to none.
     FrameTime(Option<f64>),
+    /// Something of photographs.
+    Photograph(PhotographWish),
     /// Draw a model, or leave it out.
     Show {
         /// Its index among the models.
@@ -130,6 +134,9 @@ fn contents(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
     }
     if let Lighting::Phong(phong) = &mut settings.light {
         lamp::show(ui, phong, state.radius, wishes);
+    }
+    if let Some(of_photos) = &state.photographs {
+        photographs::show(ui, &mut settings, of_photos, wishes);
     }
     if settings != *state.settings {
         wishes.push(PanelWish::Settings(Box::new(settings)));
@@ -558,6 +565,9 @@ fn frame(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
 }
 
 mod lamp;
+mod photographs;
+
+pub use photographs::{PhotographState, PhotographWish};
 
 #[cfg(test)]
 mod tests;

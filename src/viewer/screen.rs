@@ -4,6 +4,7 @@
 mod models;
 mod pages;
 mod photo;
+mod photographs;
 
 use super::control::FrameWork;
 use super::lamp::same_cost;
@@ -13,9 +14,11 @@ use crate::gpu::surface::WindowSurface;
 use crate::gpu::{Error, Gpu};
 use crate::image::Image;
 use crate::math::camera::{Camera, View};
+use crate::projective::frame_photos::FramePhotos;
 use crate::render::cost::model::{DrawCosts, PerRasterizer, SplatCosts};
 use crate::render::paged_model::PagedModel;
 use crate::render::stats::FrameTimes;
+use crate::render::vulkan::photos::pool::PhotoPool;
 use crate::render::vulkan::renderer::{SubmittedFrame, present::ShownFrame};
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::window_renderer::{ShownModel, WindowBackend, WindowRenderer};
@@ -24,7 +27,7 @@ use crate::tree::Model;
 use ash::vk::Result as R;
 use glam::DVec2;
 use std::collections::VecDeque;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex};
 use std::time::Instant;
 
 /// Over how many frames the time of a frame is a median.
@@ -97,7 +100,7 @@ pub(super) struct FrameRequest<'r> {
 /// Draws a model onto a window. Must be dropped before the window.
 #[derive(Debug)]
 pub(super) struct WindowScreen {
-    model: Option<Model>,
+    model: Option<Arc<Model>>,
     /// Models that are drawn with it.
     more: Vec<Model>,
     /// Of each model that is a paged file, its pages.
@@ -131,6 +134,9 @@ pub(super) struct WindowScreen {
     frames: u64,
     /// What drawing costs on the device.
     costs: Option<DrawCosts>,
+    /// Photographs of the next frames, and where they lie on the device.
+    photos: Option<Arc<FramePhotos>>,
+    photo_pool: Option<Arc<Mutex<PhotoPool>>>,
 }
 
 impl WindowScreen {
@@ -171,6 +177,8 @@ impl WindowScreen {
             faults: InjectedFaults::default(),
             frames: 0,
             costs: None,
+            photos: None,
+            photo_pool: None,
         })
     }
 
@@ -305,7 +313,7 @@ impl WindowScreen {
         let Ok(view) = camera.view(model.origin) else {
             return FrameWork::default();
         };
-        let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
+        let models: Vec<&Model> = [&**model].into_iter().chain(&self.more).collect();
         let shown = ShownModel {
             models: &models,
             scene,
@@ -497,7 +505,7 @@ impl WindowScreen {
         };
         let submitted = match (view, &self.model, &mut self.scene) {
             (Some(view), Some(model), Some(scene)) => {
-                let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
+                let models: Vec<&Model> = [&**model].into_iter().chain(&self.more).collect();
                 let drawn = ShownModel {
                     models: &models,
                     scene,

@@ -305,7 +305,9 @@ impl ViewerWindow {
                 // Nothing to do (or the window gives no image for now): the last frames end, then it sleeps.
                 app.finish(Some(&self.window))?;
                 self.update_title(app, loader);
-                let is_loading = loader.path().is_some() || app.screen.wanted_pages() > 0;
+                let is_loading = loader.path().is_some()
+                    || app.screen.wanted_pages() > 0
+                    || app.waits_for_photographs();
                 let longest = if is_loading || can_draw {
                     LOADING_WAIT_S
                 } else {
@@ -320,6 +322,7 @@ impl ViewerWindow {
                 }
             }
             app.take_pages();
+            app.take_photographs();
             let now = glfw.get_time();
             let mut entries = Vec::new();
             let entry = |event| RecordEntry {

@@ -13,6 +13,7 @@ pub(crate) mod look;
 pub mod opaque;
 pub mod overdraw;
 mod page_pool;
+pub mod photos;
 pub(crate) mod raster_pass;
 pub mod renderer;
 pub mod scene;

@@ -5,6 +5,7 @@
 
 mod cut_frame;
 mod device_cut_frame;
+mod frame_targets;
 mod prepare;
 #[cfg(feature = "viewer")]
 pub mod present;
@@ -43,6 +44,7 @@ use crate::render::vulkan::look::PictureLooks;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::hardware::OpaqueSplats;
 use crate::render::vulkan::overdraw;
+use crate::render::vulkan::photos::DevicePhotos;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::vulkan::targets::FrameTargets;
 use crate::render::vulkan::triangles::TriangleVariant;
@@ -127,6 +129,8 @@ pub struct VulkanRenderer {
     fuzzy: Option<FuzzyPasses>,
     spare_fuzzy: Vec<FuzzyPasses>,
     looks: PictureLooks,
+    /// What frames with photographs show.
+    photos: Option<DevicePhotos>,
     /// Once overdraw was counted.
     overdraw: Option<overdraw::OverdrawCounter>,
     /// Slot of the frame that was last waited for, where it was counted there.
@@ -162,7 +166,7 @@ impl FrameEnd<'_> {
         constants: UniformBlock,
         end: &mut FrameEnding<'_>,
     ) -> Result<FrameTicket, Error> {
-        (self.looks).record(&mut frame, self.targets, self.plan, constants);
+        (self.looks).record(&mut frame, self.targets, self.plan, constants)?;
         end(frame, self.looks.picture(self.targets))
     }
 }
@@ -212,6 +216,7 @@ impl VulkanRenderer {
             fuzzy: None,
             spare_fuzzy: Vec::new(),
             looks: PictureLooks::default(),
+            photos: None,
             overdraw: None,
             counted: None,
             readback: None,
@@ -235,6 +240,21 @@ impl VulkanRenderer {
         };
         let color = &self.targets.color;
         Self::new(&self.gpu, color.width, color.height, outputs, false)
+    }
+
+    /// The device.
+    pub(crate) fn gpu(&self) -> &Arc<Gpu> {
+        &self.gpu
+    }
+
+    /// Puts these photographs on the surface in frames from the next one on whose settings show any.
+    pub fn set_photos(&mut self, photos: Option<DevicePhotos>) {
+        self.photos = photos;
+    }
+
+    /// The photographs of the next frames.
+    pub fn photos(&self) -> Option<&DevicePhotos> {
+        self.photos.as_ref()
     }
 
     /// What the frames from now on report; pass times at first, if the renderer was made with them.
@@ -391,6 +411,7 @@ impl VulkanRenderer {
         end: &mut FrameEnding<'_>,
     ) -> Result<SubmittedFrame, Error> {
         self.check_size(view)?;
+        self.set_normals(settings.outputs_of_frame(self.outputs).normal)?;
         let (plan, planning) = self.prepared_plan((parts, scene), view, settings)?;
         let drawn = PlannedFrame {
             plan: &plan,
@@ -473,7 +494,7 @@ impl VulkanRenderer {
         let input = PlanInput {
             parts,
             view,
-            outputs: self.outputs,
+            outputs: settings.outputs_of_frame(self.outputs),
             capabilities: &capabilities,
             costs: self.costs.as_ref(),
         };

@@ -131,6 +131,8 @@ impl ViewerApp {
                     self.wish(settings);
                 }
             }
+            Command::Photographs => self.switch_photographs(),
+            Command::PhotographBy(step) => self.step_photograph(step),
             Command::HoldCut => self.hold_cut(),
             Command::Statistics => self.has_statistics = !self.has_statistics,
             Command::Print => self.print_statistics()?,

@@ -209,6 +209,7 @@ impl ViewerApp {
     fn try_draw(&mut self, window: Option<&glfw::Window>) -> Result<ShowOutcome, Error> {
         // Where nothing covers the picture there is nothing to paint anew, only to show once more.
         let was_dirty = self.is_cover_dirty;
+        self.leave_pose();
         if self.has_cover() {
             self.paint_cover()?;
         } else {
@@ -216,6 +217,7 @@ impl ViewerApp {
         }
         let is_new_picture = self.is_dirty || !self.screen.has_picture();
         let (settings, work) = self.effective_settings(is_new_picture);
+        let settings = self.choose_photographs(settings)?;
         let is_moving = self.is_moving();
         let is_held = is_moving && work.is_some();
         let orbit_is_there = self.orbit.is_some();
@@ -248,6 +250,7 @@ impl ViewerApp {
         if is_new_picture {
             self.drawn_with = Some((settings, Instant::now()));
             self.is_dirty = shown == ShowOutcome::Again;
+            self.sharpen_photographs();
             if orbit_is_there && shown == ShowOutcome::Frame {
                 self.frames += 1;
                 if self.wants_screenshot {
@@ -323,6 +326,7 @@ impl ViewerApp {
     /// Without the model there is room again, and the window still opens others.
     fn forget_model(&mut self, message: &str) {
         self.screen.drop_model();
+        self.photographs = Default::default();
         self.orbit = None;
         self.is_preview = false;
         self.facts = None;
@@ -345,6 +349,7 @@ impl ViewerApp {
         self.screen
             .reopen(&gpu, window)
             .map_err(Error::DeviceGone)?;
+        self.photographs_lost_device();
         self.is_dirty = true;
         self.warn("the device was lost; it was opened again");
         Ok(())

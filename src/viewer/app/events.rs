@@ -3,6 +3,7 @@
 use super::draw::camera_of;
 use super::{FileAsk, LONGEST_TICK_S, REST_S, ViewerApp};
 use crate::math::camera::Camera;
+use crate::photos::formats::locate_scene;
 use crate::viewer::Error;
 use crate::viewer::camera::OrbitCamera;
 use crate::viewer::control::FrameBudget;
@@ -95,6 +96,9 @@ impl ViewerApp {
                     "the clipboard holds no camera as Ctrl C or --save-camera writes it: {error}"
                 )),
             },
+            ViewerEvent::Drop(path) if locate_scene(path).is_ok() => {
+                self.open_photographs(path.clone());
+            }
             ViewerEvent::Drop(path) => {
                 if path
                     .extension()
@@ -260,7 +264,7 @@ impl ViewerApp {
     }
 
     /// Looks as a camera does that was given.
-    fn set_camera(&mut self, camera: Camera) {
+    pub(super) fn set_camera(&mut self, camera: Camera) {
         if let Err(error) = camera.view(DVec3::ZERO) {
             self.warn(&error.to_string());
             return;

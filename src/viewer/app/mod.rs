@@ -5,6 +5,7 @@ mod commands;
 mod draw;
 mod events;
 mod light;
+mod photographs;
 mod show;
 
 use super::camera::OrbitCamera;
@@ -27,6 +28,7 @@ use crate::render::{Method, Settings};
 use crate::tree::{Model, OrbitSphere};
 use commands::TurntableRun;
 use glam::DVec2;
+use photographs::ModelPhotographs;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -148,6 +150,7 @@ pub(super) struct ViewerApp {
     /// Frames of a model so far.
     pub(super) frames: u64,
     pub(super) asks: Vec<FileAsk>,
+    photographs: ModelPhotographs,
 }
 
 /// Writes a message to standard error, which may be gone; the window is there.
@@ -219,6 +222,7 @@ impl ViewerApp {
             laid_inset: 0,
             frames: 0,
             asks: Vec::new(),
+            photographs: ModelPhotographs::default(),
             options,
         }
     }
@@ -252,7 +256,9 @@ impl ViewerApp {
 
     /// Whether anything covers the picture.
     pub(super) fn has_cover(&self) -> bool {
-        self.has_panel || self.has_help || self.has_graph || !self.notices.list().is_empty()
+        let has_notices = !self.notices.list().is_empty();
+        let has_window = self.has_panel || self.has_help || self.has_graph;
+        has_window || has_notices || self.photographs.has_frusta
     }
 
     pub(super) fn warn(&mut self, message: &str) {
@@ -414,6 +420,9 @@ impl ViewerApp {
             if let (Some(camera), Some(orbit)) = (&self.fixed, &mut self.orbit) {
                 orbit.look_as(camera);
             }
+        }
+        if !is_preview {
+            self.photographs_of_new_model()?;
         }
         match self.options.turntable.clone() {
             Some(folder) if !is_preview => self.start_turntable(folder),

@@ -4,6 +4,7 @@
 //! screenshots and photos are those of a window of that width. So no picture on file has a panel on it.
 
 use super::ViewerApp;
+use crate::projective::frame_photos::photo_tint;
 use crate::viewer::panel::{self, PanelState, PanelWish};
 use crate::viewer::{Error, help};
 use egui::{Align2, Area, Frame, vec2};
@@ -80,11 +81,15 @@ impl ViewerApp {
             parts: (self.part_names.iter().map(String::as_str))
                 .zip(self.screen.shown().iter().copied())
                 .collect(),
+            photographs: self.photograph_state(),
         };
+        let frusta = self.frusta();
+        let inset = self.inset() as f32;
         let left = if self.has_panel { panel::WIDTH } else { 0.0 };
         let budget = control.map_or(1000.0 / 60.0, |(_, ms, _)| ms);
         let painted = self.interface.run(self.time, |ui| {
             let context = ui.ctx();
+            paint_frusta(context, &frusta, inset, size);
             if self.has_panel {
                 wishes = panel::show(context, &state, size.y);
             }
@@ -133,6 +138,7 @@ impl ViewerApp {
                 PanelWish::Settings(settings) => self.wish(*settings),
                 PanelWish::Light(light) => self.set_light(light),
                 PanelWish::FrameTime(ms) => self.set_frame_time(ms),
+                PanelWish::Photograph(wish) => self.photograph_wish(wish),
                 PanelWish::Show { part, is_shown } => {
                     self.screen.show(part, is_shown);
                     self.is_dirty = true;
@@ -140,5 +146,30 @@ impl ViewerApp {
             }
         }
         Ok(())
+    }
+}
+
+/// Paints the poses of photographs over the picture, which begins `inset` pixels from the left, in the colors that stand for
+/// them.
+fn paint_frusta(
+    context: &egui::Context,
+    lines: &[([[f32; 2]; 2], usize)],
+    inset: f32,
+    size: egui::Vec2,
+) {
+    if lines.is_empty() {
+        return;
+    }
+    let scale = context.pixels_per_point();
+    let left = inset / scale;
+    let area = egui::Rect::from_min_max(egui::pos2(left, 0.0), egui::pos2(size.x, size.y));
+    let painter = context
+        .layer_painter(egui::LayerId::background())
+        .with_clip_rect(area);
+    for (line, photo) in lines {
+        let [r, g, b] = photo_tint(*photo as u32).map(|v| (v * 255.0) as u8);
+        let points = line.map(|[x, y]| egui::pos2(left + x / scale, y / scale));
+        let color = egui::Color32::from_rgb(r, g, b);
+        painter.line_segment(points, egui::Stroke::new(1.5, color));
     }
 }

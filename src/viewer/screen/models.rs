@@ -5,6 +5,7 @@ use crate::gpu::Error;
 use crate::render::stats::FrameTimes;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::tree::{Model, OrbitSphere};
+use std::sync::Arc;
 
 impl WindowScreen {
     /// Shows another model from the next frame on, whose `scene` may be there already. When it does not fit the device
@@ -26,7 +27,7 @@ impl WindowScreen {
         self.finish()?;
         self.drop_model();
         self.shown = vec![true; 1 + more.len()];
-        self.model = Some(model);
+        self.model = Some(Arc::new(model));
         self.more = more;
         self.scene = Some(scene);
         Ok(())
@@ -43,12 +44,26 @@ impl WindowScreen {
     }
 
     pub(in crate::viewer) fn model(&self) -> Option<&Model> {
-        self.model.as_ref()
+        self.model.as_deref()
+    }
+
+    /// The first model, to be read by other threads.
+    pub(in crate::viewer) fn shared_model(&self) -> Option<Arc<Model>> {
+        self.model.clone()
+    }
+
+    /// Whether the first model stands in for a paged file.
+    pub(in crate::viewer) fn is_paged(&self) -> bool {
+        matches!(self.pages.first(), Some(Some(_)))
     }
 
     /// All models, the first one first.
     pub(in crate::viewer) fn models(&self) -> Vec<&Model> {
-        self.model.iter().chain(&self.more).collect()
+        self.model
+            .as_deref()
+            .into_iter()
+            .chain(&self.more)
+            .collect()
     }
 
     /// Whether each model is drawn.

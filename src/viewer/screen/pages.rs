@@ -66,7 +66,7 @@ impl WindowScreen {
         else {
             return Ok(false);
         };
-        let models: Vec<&Model> = [model].into_iter().chain(&self.more).collect();
+        let models: Vec<&Model> = [&**model].into_iter().chain(&self.more).collect();
         let shown = ShownModel {
             models: &models,
             scene,

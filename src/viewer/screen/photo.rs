@@ -24,7 +24,12 @@ impl WindowScreen {
         camera: &Camera,
     ) -> Result<Option<Image>, Error> {
         self.finish()?;
-        let models: Vec<&Model> = self.model.iter().chain(&self.more).collect();
+        let models: Vec<&Model> = self
+            .model
+            .as_deref()
+            .into_iter()
+            .chain(&self.more)
+            .collect();
         let Some(model) = models.first() else {
             return Ok(None);
         };
@@ -51,6 +56,7 @@ impl WindowScreen {
                 engine.set_pages(index, pages);
             }
         }
+        engine.set_photos(self.photos.clone())?;
         let picture = engine.supersample(&view, &settings, SAMPLES_SIDE);
         self.page_messages.append(&mut engine.take_page_messages());
         for (index, own) in self.pages.iter_mut().enumerate() {

@@ -54,7 +54,8 @@ impl VulkanRenderer {
             Technique::Fuzzy => self.prepare_fuzzy(plan)?,
             Technique::Filtered => self.prepare_filtered(plan, scene)?,
         }
-        self.looks.prepare(&self.gpu, &self.targets, plan)?;
+        let photos = self.photos.as_ref();
+        (self.looks).prepare(&self.gpu, &self.targets, (plan, photos))?;
         if plan.settings.color_by == ColorBy::Overdraw {
             let counter = match &mut self.overdraw {
                 Some(made) => made,
@@ -79,7 +80,7 @@ impl VulkanRenderer {
     ) -> Result<(), Error> {
         let variant = TriangleVariant {
             color: self.targets.color.format,
-            normals: self.outputs.normal,
+            normals: self.targets.normal.is_some(),
             colors: parts.has_colors(),
             lamp: !plan.settings.has_headlight(),
             textures: scene.is_textured(),
@@ -118,7 +119,7 @@ impl VulkanRenderer {
             Some(made) => made,
             none => {
                 let (width, height) = (self.targets.color.width, self.targets.color.height);
-                let normals = self.outputs.normal;
+                let normals = self.targets.normal.is_some();
                 none.insert(VisibilityPasses::new(&self.gpu, width, height, normals)?)
             }
         };

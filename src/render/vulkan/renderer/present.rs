@@ -18,10 +18,9 @@ use crate::render::model_facts::{DrawnParts, facted};
 use crate::render::probe_area::MOST_PROBE_PIXELS;
 use crate::render::stats::FrameStage;
 use crate::render::technique::Technique;
-use crate::render::vulkan::look::PictureLooks;
 use crate::render::vulkan::renderer::{FrameTimes, SubmittedFrame, VulkanRenderer};
 use crate::render::vulkan::scene::DeviceScene;
-use crate::render::vulkan::targets::{Context, FrameTargets};
+use crate::render::vulkan::targets::Context;
 use crate::render::{Path, Settings, screen_bounds};
 use crate::tree::Model;
 use std::time::Instant;
@@ -81,19 +80,7 @@ impl VulkanRenderer {
     /// When a side is 0 or above the device's limit, or memory runs out.
     pub fn resize(&mut self, width: u32, height: u32) -> Result<(), Error> {
         if (self.targets.color.width, self.targets.color.height) != (width, height) {
-            self.targets = FrameTargets::new(
-                &self.gpu,
-                width,
-                height,
-                (self.targets.color.format, self.outputs.normal),
-            )?;
-            self.readback = None;
-            self.looks = PictureLooks::default();
-            self.small = None;
-            (self.filtered, self.spare_filtered) = (None, Vec::new());
-            self.visibility = None;
-            (self.fuzzy, self.spare_fuzzy) = (None, Vec::new());
-            (self.overdraw, self.counted) = (None, None);
+            self.remake_targets((width, height), self.targets.normal.is_some())?;
         }
         Ok(())
     }

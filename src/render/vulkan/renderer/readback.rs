@@ -26,7 +26,10 @@ impl VulkanRenderer {
                     "readback of depth",
                     self.outputs.depth.then_some(&self.targets.depth),
                 )?,
-                make("readback of normal", self.targets.normal.as_ref())?,
+                make(
+                    "readback of normal",
+                    self.targets.normal.as_ref().filter(|_| self.outputs.normal),
+                )?,
             ]);
         }
         let Some([color, depth, normal]) = &mut self.readback else {

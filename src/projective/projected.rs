@@ -1,7 +1,7 @@
 //! A chosen photograph as a shader sees it: plain single-precision values, relative to the zero of a model.
 
-use crate::photos::lens::{CameraLens, LensModel};
-use crate::photos::scene::CalibratedCamera;
+use crate::projective::camera::CalibratedCamera;
+use crate::projective::lens::{CameraLens, LensModel};
 use glam::{DVec3, Mat3, Vec2, Vec3};
 
 /// A photograph's camera, its place in the choice and its exposure, in model space.

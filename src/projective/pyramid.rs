@@ -1,6 +1,54 @@
 //! Mipmaps of a photograph, sampled as a device samples a texture.
 
-use crate::photos::decode::PhotoPixels;
+/// Decoded pixels, three bytes each, row 0 on top.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct PhotoPixels {
+    /// Width in pixels.
+    pub width: u32,
+    /// Height in pixels.
+    pub height: u32,
+    /// Row-major red, green, blue.
+    pub rgb: Vec<[u8; 3]>,
+}
+
+impl PhotoPixels {
+    /// A picture of one color.
+    pub fn filled(width: u32, height: u32, color: [u8; 3]) -> Self {
+        Self {
+            width,
+            height,
+            rgb: vec![color; width as usize * height as usize],
+        }
+    }
+
+    /// The pixel of a column and a row; those beyond the border count as the nearest inside. Must not be empty.
+    pub fn at(&self, x: i64, y: i64) -> [u8; 3] {
+        let x = x.clamp(0, i64::from(self.width) - 1) as usize;
+        let y = y.clamp(0, i64::from(self.height) - 1) as usize;
+        self.rgb[y * self.width as usize + x]
+    }
+
+    /// The picture at half the size, each pixel the mean of four; a last odd row or column is repeated.
+    #[must_use]
+    pub fn halved(&self) -> Self {
+        let (width, height) = (
+            self.width.div_ceil(2).max(1),
+            self.height.div_ceil(2).max(1),
+        );
+        let mut rgb = Vec::with_capacity(width as usize * height as usize);
+        for y in 0..i64::from(height) {
+            for x in 0..i64::from(width) {
+                let four =
+                    [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(i, j)| self.at(2 * x + i, 2 * y + j));
+                rgb.push([0, 1, 2].map(|c| {
+                    let sum: u32 = four.iter().map(|pixel| u32::from(pixel[c])).sum();
+                    ((sum + 2) / 4) as u8
+                }));
+            }
+        }
+        Self { width, height, rgb }
+    }
+}
 
 /// A photograph and its halves, down to one pixel.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]

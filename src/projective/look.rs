@@ -7,9 +7,9 @@
 //!
 //! Everything here is a function of plain values, so that a shader can do the same.
 
-use crate::photos::depth_map::{DepthQuery, PhotoDepth, PhotoVisibility};
-use crate::photos::projected::{PhotoPlace, ProjectedPhoto};
-use crate::photos::pyramid::PhotoPyramid;
+use crate::projective::depth_map::{DepthQuery, PhotoDepth, PhotoVisibility};
+use crate::projective::projected::{PhotoPlace, ProjectedPhoto};
+use crate::projective::pyramid::PhotoPyramid;
 use glam::{Vec2, Vec3};
 
 /// Formula of a photograph's weight at a pixel.
@@ -93,6 +93,8 @@ pub struct LookView {
     pub eye: Vec3,
     /// Direction that photographs are chosen for.
     pub direction: Vec3,
+    /// Unit direction of all rays of a parallel view; `None` of a perspective, whose rays start in the eye.
+    pub parallel: Option<Vec3>,
 }
 
 /// A chosen photograph with what it holds.
@@ -130,6 +132,9 @@ struct PixelCandidate {
 
 /// Candidates that compete at a pixel.
 const CANDIDATES: usize = 6;
+
+/// Candidates of less than this part of the best one's weight do not count: they would change no color by a level.
+const LEAST_SHARE: f32 = 1.0 / 64.0;
 
 /// Half the square of the angle between rays (0.8 degrees) that counts as next to none: a photograph that looks along the very
 /// ray of the view outweighs all others, so that a photograph's own pose gives the photograph.
@@ -193,7 +198,8 @@ fn candidate(
             )
         }
         WeightForm::Quality => {
-            let view_ray = (pixel.position - view.eye).normalize_or_zero();
+            let to_pixel = || (pixel.position - view.eye).normalize_or_zero();
+            let view_ray = view.parallel.unwrap_or_else(to_pixel);
             // 1 - cos of the angle between the rays, half the square of the angle.
             let apart = 1.0 - view_ray.dot(ray);
             let same = SAME_RAY / (SAME_RAY + apart.max(0.0));
@@ -266,6 +272,12 @@ fn color_of(candidate: &PixelCandidate, of: &LookPhoto<'_>, coarser: f32, gains:
         .max(1e-6)
         .log2();
     let level = (candidate.level + held - SHARPER).max(0.0) + coarser;
+    // What is only compared is taken of one level.
+    let level = if coarser > 0.0 {
+        (level + 0.5).floor()
+    } else {
+        level
+    };
     let color = Vec3::from(
         of.pixels
             .sample((candidate.pixel / photo.size).to_array(), level),
@@ -303,6 +315,10 @@ pub fn look_at_pixel(
                 best[at] = found;
             }
         }
+        let least = LEAST_SHARE * best[0].weight;
+        count = (best[..count].iter())
+            .take_while(|own| own.weight >= least)
+            .count();
         if count > 0 {
             return mixed(&mut best[..count], photos, settings);
         }

@@ -1,0 +1,150 @@
+//! `--photos` and what goes with it.
+
+use super::progress::Bar;
+use super::{Failure, say, usage};
+use std::path::PathBuf;
+use std::sync::Arc;
+use surfel::OpenedModel;
+use surfel::math::camera::{Camera, View};
+use surfel::photos::formats::read_scene;
+use surfel::photos::look::LookSettings;
+use surfel::photos::scene::PhotoScene;
+use surfel::photos::stage::PhotoStage;
+use surfel::photos::surface::{SurfaceDrawer, renderer_camera};
+use surfel::projective::frame_photos::FramePhotos;
+use surfel::render::engine::Backend;
+use surfel::render::{PhotoDisplay, Settings};
+
+/// Longest side of a picture from the pose of a photograph, pixels.
+const POSE_SIDE: f64 = 1000.0;
+
+/// Longest side of photographs in memory, pixels.
+const LONGEST_SIDE: u32 = 4096;
+
+/// Photographs on the model.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub(crate) struct PhotoArgs {
+    /// Put the photographs of a scene on the model, chosen for the view (formats: see surfel photos)
+    #[arg(long, value_name = "SCENE")]
+    pub(crate) photos: Option<PathBuf>,
+    /// Folder of the photographs, where they are not beside the scene
+    #[arg(long, value_name = "FOLDER", requires = "photos")]
+    pub(crate) photo_folder: Option<PathBuf>,
+    /// Photographs that a picture uses at most [default: 16]
+    #[arg(long, value_name = "N", requires = "photos", value_parser = clap::value_parser!(u32).range(1..=64))]
+    pub(crate) most_photos: Option<u32>,
+    /// Show which photograph is the best at each pixel, as a color
+    #[arg(long, requires = "photos")]
+    pub(crate) color_by_photo: bool,
+    /// Mark surface that no photograph shows; else it keeps its shaded color
+    #[arg(long, requires = "photos")]
+    pub(crate) mark_uncovered: bool,
+}
+
+impl PhotoArgs {
+    /// Photographs that a picture uses at most.
+    pub(crate) fn most(&self) -> usize {
+        self.most_photos.unwrap_or(16) as usize
+    }
+
+    /// Settings that show what is asked for.
+    pub(crate) fn shown(&self, settings: Settings) -> Settings {
+        Settings {
+            photos: match (&self.photos, self.color_by_photo) {
+                (None, _) => PhotoDisplay::Off,
+                (Some(_), false) => PhotoDisplay::Color,
+                (Some(_), true) => PhotoDisplay::Source,
+            },
+            marks_uncovered: self.mark_uncovered,
+            ..settings
+        }
+    }
+
+    /// Reads the scene that is asked for.
+    pub(crate) fn read(&self) -> Result<Option<PhotoScene>, Failure> {
+        let Some(path) = &self.photos else {
+            return Ok(None);
+        };
+        let scene = read_scene(path, self.photo_folder.as_deref())?;
+        for remark in &scene.remarks {
+            say(&format!("surfel: {}: {remark}", path.display()));
+        }
+        Ok(Some(scene))
+    }
+}
+
+/// The camera of a photograph, by its name or number, with near and far planes around a model.
+pub(crate) fn camera_of(
+    scene: &PhotoScene,
+    wanted: &str,
+    opened: &OpenedModel,
+) -> Result<Camera, Failure> {
+    let Some(index) = scene.find(wanted) else {
+        return Err(usage(format!(
+            "{}: there is no photograph {wanted}; surfel info lists {} of them, numbered from 0",
+            scene.path.display(),
+            scene.photos.len()
+        )));
+    };
+    let camera = scene.photos[index].camera.pinhole();
+    let longest = f64::from(camera.width.max(camera.height).max(1));
+    let scale = (POSE_SIDE / longest).min(1.0);
+    let side = |pixels: u32| (f64::from(pixels) * scale).round().max(1.0) as u32;
+    let scaled = camera.scaled(side(camera.width), side(camera.height));
+    renderer_camera(&scaled, &opened.model).ok_or_else(|| {
+        usage(format!(
+            "{}: all of the model is behind this photograph",
+            scene.photos[index].name
+        ))
+    })
+}
+
+/// The photographs of a scene on a model, for any view.
+pub(crate) struct StagedScene {
+    scene: PhotoScene,
+    stage: PhotoStage,
+    last: Vec<usize>,
+}
+
+impl StagedScene {
+    /// Readies the photographs of a scene for a model.
+    pub(crate) fn new(
+        scene: PhotoScene,
+        opened: &OpenedModel,
+        backend: &Backend,
+        most: usize,
+        quiet: bool,
+    ) -> Result<Self, Failure> {
+        if opened.paged.is_some() {
+            return Err(usage(format!(
+                "{}: photographs are put on a model that is in memory as a whole, and this is a paged file",
+                opened.name
+            )));
+        }
+        let drawer = SurfaceDrawer::new(backend, &opened.model);
+        let bar = Bar::new(quiet);
+        let (stage, remarks) = PhotoStage::load(&scene, &drawer, most, LONGEST_SIDE, &bar)?;
+        for remark in remarks {
+            say(&format!("surfel: warning: {remark}"));
+        }
+        Ok(Self {
+            scene,
+            stage,
+            last: Vec::new(),
+        })
+    }
+
+    /// Those that are chosen for a view, decoded whole.
+    pub(crate) fn frame(&mut self, view: &View) -> Arc<FramePhotos> {
+        let settings = LookSettings::default();
+        let chosen = self.stage.frame(view, &settings, &|_| true, &self.last);
+        for remark in (self.stage).load_whole(&self.scene, &chosen, LONGEST_SIDE) {
+            say(&format!("surfel: warning: {remark}"));
+        }
+        let frame = self.stage.frame(view, &settings, &|_| true, &self.last);
+        self.last = (frame.photos.iter())
+            .map(|own| own.photo.index as usize)
+            .collect();
+        Arc::new(frame)
+    }
+}

@@ -1,0 +1,111 @@
+//! Pictures of the processor's fast renderer.
+
+use crate::gpu::Error;
+use crate::image::Image;
+use crate::math::camera::View;
+use crate::projective::frame_photos::FramePhotos;
+use crate::render::cpu::picture::{DrawnArea, PixelWords};
+use crate::render::cpu::renderer::CpuRenderer;
+use crate::render::engine::looked::{given, only};
+use crate::render::frame_plan::FramePlan;
+use crate::render::model_facts::DrawnParts;
+use crate::render::photo_look::color_picture;
+use crate::render::stats::FrameTimes;
+use crate::render::{PictureOutputs, Settings};
+use std::time::Instant;
+
+/// A renderer of the processor, and the picture that it draws into.
+#[derive(Debug)]
+pub(super) struct CpuPictures {
+    pub(super) renderer: Box<CpuRenderer>,
+    outputs: PictureOutputs,
+    /// Those of the last frame, which looks may ask for more.
+    drawn_outputs: PictureOutputs,
+    /// The picture of the last frame with photographs on it.
+    looked: Option<Image>,
+    words: Vec<u32>,
+    area: DrawnArea,
+}
+
+impl CpuPictures {
+    /// Pictures of this size, with these outputs.
+    pub(super) fn new([width, height]: [u32; 2], outputs: PictureOutputs) -> Self {
+        let renderer = CpuRenderer::new(width, height).with_outputs(outputs);
+        Self {
+            renderer: Box::new(renderer),
+            outputs,
+            drawn_outputs: outputs,
+            looked: None,
+            words: Vec::new(),
+            area: DrawnArea::unknown(width, height),
+        }
+    }
+
+    /// Draws a frame, with these photographs where its settings show any.
+    ///
+    /// # Errors
+    /// When the view has another size, or what cannot be drawn is asked for.
+    pub(super) fn draw(
+        &mut self,
+        parts: DrawnParts<'_>,
+        view: &View,
+        settings: &Settings,
+        photos: Option<&FramePhotos>,
+    ) -> Result<FrameTimes, Error> {
+        let [width, height] = self.renderer.size();
+        for (what, value, limit) in [
+            ("the width of the view", view.width, width),
+            ("the height of the view", view.height, height),
+        ] {
+            if value != limit {
+                return Err(Error::Limit {
+                    what: what.into(),
+                    value: u64::from(value),
+                    limit: u64::from(limit),
+                });
+            }
+        }
+        self.words.resize(width as usize * height as usize, 0);
+        let start = Instant::now();
+        let outputs = settings.outputs_of_frame(self.outputs);
+        if outputs != self.drawn_outputs {
+            let renderer = CpuRenderer::new(width, height).with_outputs(outputs);
+            (*self.renderer, self.drawn_outputs) = (renderer, outputs);
+            self.area = DrawnArea::unknown(width, height);
+        }
+        let plan = FramePlan::for_processor(settings, parts, view, outputs)?;
+        let pixels = PixelWords {
+            words: &mut self.words,
+            pitch: width as usize,
+        };
+        let area = &mut self.area;
+        let mut times = self.renderer.draw(parts, &plan, pixels, area);
+        self.looked = None;
+        if settings.shows_photos() {
+            let photos = given(photos)?;
+            let mut image = self.read_drawn(view);
+            color_picture(&mut image, view, photos, &plan.settings);
+            self.looked = Some(only(image, self.outputs));
+        }
+        times.starts.frame = Some(start);
+        times.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(times)
+    }
+
+    /// The picture of the last frame.
+    pub(super) fn read(&mut self, view: &View) -> Image {
+        match &self.looked {
+            Some(looked) => looked.clone(),
+            None => self.read_drawn(view),
+        }
+    }
+
+    fn read_drawn(&mut self, view: &View) -> Image {
+        let [width, _] = self.renderer.size();
+        let pixels = PixelWords {
+            words: &mut self.words,
+            pitch: width as usize,
+        };
+        self.renderer.read(view, &pixels, self.drawn_outputs.depth)
+    }
+}
