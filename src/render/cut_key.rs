@@ -6,6 +6,7 @@ use crate::math::camera::View;
 use crate::pack::Footprint;
 use crate::render::model_facts::DrawnFacts;
 use crate::render::technique::Technique;
+use crate::render::settings::PolygonSource;
 use crate::render::{Method, Occlusion, Path, Settings, SplatKind, Traversal};
 use crate::tree::Model;
 
@@ -70,6 +71,8 @@ pub(crate) struct CutKey {
     seen: Option<cut::SplatFootprints>,
     /// Where the traversal starts; the lists are the same.
     traversal: Traversal,
+    /// What is drawn as oriented polygons.
+    polygons: Option<PolygonSource>,
 }
 
 impl CutKey {
@@ -81,7 +84,13 @@ impl CutKey {
             // From elsewhere what the cut's own view does not show is seen.
             seen: footprints(settings, facts).filter(|_| !settings.holds_cut()),
             traversal: settings.traversal,
+            polygons: settings.drawn_polygons(),
         }
+    }
+
+    /// What is drawn as oriented polygons; `None` where nothing is.
+    pub(crate) fn polygons(&self) -> Option<PolygonSource> {
+        self.polygons
     }
 
     /// The view that decides it.

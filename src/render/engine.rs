@@ -75,7 +75,7 @@ impl Backend {
         let can = unsupported_reason(settings, PictureOutputs::default(), [1, 1]).is_none();
         match self {
             Self::Device(gpu) => {
-                let is_own = settings.has_cut() || settings.drawn_vertex_splats().is_some();
+                let is_own = settings.has_lists();
                 can && gpu.info().is_cpu() && settings.path == Path::Auto && is_own
             }
             Self::Cpu | Self::WithoutDevice => can,

@@ -197,7 +197,9 @@ impl RecordFormat {
         let (settings, facts) = (&plan.settings, &plan.facts);
         let splats = splat_plan(settings, max_point_px);
         match plan.technique {
-            Technique::Opaque | Technique::Visibility => Self::Splats(splats),
+            Technique::Opaque | Technique::Visibility | Technique::Polygons => {
+                Self::Splats(splats)
+            }
             Technique::Fuzzy if plan.may_use_compute => {
                 Self::Fuzzy(splats, fuzzy_look(settings, facts))
             }
@@ -206,7 +208,7 @@ impl RecordFormat {
                 let depth_range = plan.context.depth_range;
                 Self::Filtered(filtered_shade(settings, facts, depth_range, max_point_px))
             }
-            Technique::Nothing | Technique::Polygons => Self::Nothing,
+            Technique::Nothing => Self::Nothing,
         }
     }
 }
@@ -264,10 +266,13 @@ impl FramePlan {
             // Quads need no guard band; those that might be points have the same, so that both give the same picture.
             Method::Points if vertex_px > max_point_px => 0.0,
             Method::Points => vertex_px,
+            // Of a size that only they know.
+            Method::Splats if technique == Technique::Polygons => {
+                view.width.max(view.height) as f32
+            }
             Method::Pop | Method::Splats => {
                 let usual = match technique {
                     Technique::Filtered if has_own_sizes => max_point_px,
-                    Technique::Polygons => max_point_px,
                     Technique::Filtered => settings.threshold_px.max(3.0) + 2.0,
                     _ => splat_plan(&settings, max_point_px).largest_point_px(facts.kind),
                 };
@@ -281,7 +286,9 @@ impl FramePlan {
                 usual.min(limit_px)
             }
         };
-        let guard_px = match largest_px > 0.0 {
+        // What is drawn as triangles needs no guard band.
+        let has_points = largest_px > 0.0 && (settings.has_cut() || !is_whole);
+        let guard_px = match has_points {
             true => (largest_px.min(capabilities.largest_guarded_px) / 2.0).ceil() as u32 + 1,
             false => 0,
         };
@@ -300,7 +307,7 @@ impl FramePlan {
             cut: CutKey::of(&settings, &facts, view),
             cut_place,
             primitives: PlannedPrimitives {
-                has_triangles: settings.method == Method::Pop,
+                has_triangles: settings.method == Method::Pop || technique == Technique::Polygons,
                 has_large_splats: has_own_sizes,
                 may_sample: capabilities.is_software
                     && !outputs.normal

@@ -174,6 +174,13 @@ pub enum EyeDome {
     Off,
 }
 
+/// Where oriented polygons come from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum PolygonSource {
+    /// Vertices of the mesh, by these rules.
+    Vertices(SplatRules),
+}
+
 /// Whether what faces away is dropped.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Culling {
@@ -318,6 +325,17 @@ impl Settings {
     pub fn drawn_vertex_splats(&self) -> Option<&SplatRules> {
         let rules = self.vertex_splats.as_ref();
         rules.filter(|_| self.method == Method::Splats)
+    }
+
+    /// Where the oriented polygons come from that are drawn; `None` where there are none.
+    pub(crate) fn drawn_polygons(&self) -> Option<PolygonSource> {
+        self.drawn_vertex_splats()
+            .map(|rules| PolygonSource::Vertices(*rules))
+    }
+
+    /// Whether what is drawn is chosen before the frame: by a cut, or as splats from vertices.
+    pub(crate) fn has_lists(&self) -> bool {
+        self.has_cut() || self.drawn_vertex_splats().is_some()
     }
 
     /// Whether the cut decides what is drawn.

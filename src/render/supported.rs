@@ -45,7 +45,7 @@ pub fn check(settings: &Settings, outputs: PictureOutputs, max_size_px: f32) -> 
     }
     let is_device = max_size_px.is_finite();
     if settings.drawn_vertex_splats().is_some() {
-        return check_vertex_splats(settings, is_device);
+        return check_vertex_splats(settings);
     }
     if settings.draws_splats() {
         check_blend(settings, is_device)?;
@@ -72,10 +72,8 @@ fn check_overdraw(settings: &Settings, outputs: PictureOutputs) -> Result<(), Er
 }
 
 /// Refuses by name what splats from vertices cannot do.
-fn check_vertex_splats(settings: &Settings, is_device: bool) -> Result<(), Error> {
-    let why = if is_device {
-        "the rasterizer of a device does not know them; use --backend cpu or reference"
-    } else if settings.splat != SplatKind::Square || settings.blend() != Blend::Opaque {
+fn check_vertex_splats(settings: &Settings) -> Result<(), Error> {
+    let why = if settings.splat != SplatKind::Square || settings.blend() != Blend::Opaque {
         "they are opaque polygons of their own shape; leave --splat and --blend out"
     } else if settings.shading != Shading::PerSplat {
         "only splats that are blended are lit once a pixel of blended normals; leave --shading out"
@@ -206,6 +204,7 @@ pub(crate) fn ids_refusal(
 ) -> Option<&'static str> {
     match Technique::of(settings) {
         _ if !settings.has_cut() => Some("methods without a cut have no lists"),
+        Technique::Polygons => Some("oriented polygons are records of their own"),
         Technique::Nothing | Technique::Filtered => {
             Some("filtered splats depend on the view, and the host makes them")
         }

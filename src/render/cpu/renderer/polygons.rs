@@ -1,11 +1,11 @@
-//! Splats from vertices, as oriented polygons, beside triangles; and which triangles a frame draws.
+//! Oriented polygons beside triangles and splats; and which triangles a frame draws.
 
 use crate::abi::OrientedPolygon;
 use crate::pack::parallel;
 use crate::pack::polygons::ScreenPolygon;
 use crate::render::Method;
 use crate::render::cpu::float_planes::word_of;
-use crate::render::cpu::frame_shading::FrameShading;
+use crate::render::cpu::frame_shading::{FrameShading, SPLAT_TINT};
 use crate::render::cpu::opaque;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
@@ -13,7 +13,7 @@ use crate::render::cpu::triangles::Light;
 use crate::render::model_facts::FactedModel;
 use crate::render::technique::Technique;
 use crate::tree::Model;
-use glam::{DVec2, Vec3};
+use glam::DVec2;
 
 /// Rows that a thread takes.
 const BAND_PX: usize = 16;
@@ -22,7 +22,6 @@ const BAND_PX: usize = 16;
 struct SeenPolygon<'p> {
     polygon: &'p OrientedPolygon,
     seen: ScreenPolygon,
-    color: Vec3,
 }
 
 /// Rows of the rectangle that is drawn in.
@@ -42,13 +41,10 @@ impl CpuRenderer {
             let all = |part: FactedModel<'_>| (0..part.model.triangles.len() as u32).collect();
             self.triangle_ids = frame.drawn.iter().map(all).collect();
         }
-        if frame.plan.technique == Technique::Polygons {
-            self.triangle_ids = self.vertex_splats.triangle_ids().to_vec();
-        }
-        let ids: Vec<&[u32]> = match frame.settings.method {
-            Method::Pop if !samples_triangles => {
-                self.cuts.iter().map(|cut| &*cut.triangles).collect()
-            }
+        let is_cut = frame.settings.method == Method::Pop
+            || frame.plan.technique == Technique::Polygons;
+        let ids: Vec<&[u32]> = match is_cut {
+            true if !samples_triangles => self.cuts.iter().map(|cut| &*cut.triangles).collect(),
             _ => self.triangle_ids.iter().map(|ids| &**ids).collect(),
         };
         self.triangles_given = ids.iter().map(|ids| ids.len()).sum();
@@ -59,21 +55,20 @@ impl CpuRenderer {
         debug_assert!(is_lit, "there is a light");
     }
 
-    /// Triangles, then splats from vertices; all with one depth test.
-    pub(super) fn draw_vertex_splats(
+    /// Triangles and splats, then oriented polygons; all with one depth test.
+    pub(super) fn draw_polygons(
         &mut self,
         frame: &CpuFrame<'_>,
         light: &opaque::Light,
         pixels: &mut PixelWords<'_>,
     ) -> DrawnCounts {
-        self.vertex_splats.update(frame.drawn, frame.settings);
         let counts = if self.needs_surfaces(frame.settings) {
             self.draw_surfaces(frame, light, pixels)
         } else {
             self.draw_opaque(frame, light, pixels)
         };
-        let splats = self.vertex_splats.splats();
-        let seen = seen_polygons(splats, frame);
+        let polygons = self.cuts.polygons();
+        let seen = seen_polygons(&polygons, frame);
         let [left, top, right, bottom] = frame.context.rect_px.map(|edge| edge as usize);
         let width = right.saturating_sub(left);
         if width > 0 && bottom > top {
@@ -108,8 +103,8 @@ impl CpuRenderer {
             });
         }
         DrawnCounts {
-            splats: splats.len(),
-            list_bytes: counts.list_bytes + size_of_val(splats) as u64,
+            splats: counts.splats + polygons.len(),
+            list_bytes: counts.list_bytes + size_of_val(&polygons[..]) as u64,
             ..counts
         }
     }
@@ -121,11 +116,9 @@ fn seen_polygons<'p>(splats: &'p [OrientedPolygon], frame: &CpuFrame<'_>) -> Vec
     (splats.iter())
         .filter(|polygon| !is_culled || polygon.faces(frame.view))
         .filter_map(|polygon| {
-            let [red, green, blue, _] = polygon.color.map(|c| f32::from(c) / 255.0);
             Some(SeenPolygon {
                 polygon,
                 seen: ScreenPolygon::of(polygon, frame.view)?,
-                color: Vec3::new(red, green, blue),
             })
         })
         .collect()
@@ -170,9 +163,7 @@ impl PolygonBand<'_> {
                     continue;
                 }
                 self.depths[here] = depth;
-                let position = one.polygon.point(sample.uv);
-                let normal = one.polygon.normal_at(sample.uv);
-                let point = shading.of_polygon(position, normal, one.color);
+                let point = shading.of_polygon(one.polygon, sample.uv, SPLAT_TINT);
                 let value = point.color.extend(1.0);
                 self.colors[row * pitch + column] = word_of(value);
                 if let Some(own) = self.values.get_mut(here) {

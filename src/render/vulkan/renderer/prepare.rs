@@ -15,6 +15,7 @@ use crate::render::vulkan::expand_ids::IdExpansion;
 use crate::render::vulkan::opaque::compute::ComputeRasterizer;
 use crate::render::vulkan::opaque::compute_variant::ComputeVariant;
 use crate::render::vulkan::opaque::hardware::{OpaqueSplats, SplatSource};
+use crate::render::vulkan::opaque::polygons::{PolygonKind, PolygonPasses};
 use crate::render::vulkan::overdraw;
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
@@ -48,7 +49,11 @@ impl VulkanRenderer {
             self.prepare_triangles(plan, parts, scene)?;
         }
         match plan.technique {
-            Technique::Nothing | Technique::Polygons => {}
+            Technique::Nothing => {}
+            Technique::Polygons => {
+                self.prepare_opaque(plan)?;
+                self.prepare_polygons(plan)?;
+            }
             Technique::Opaque => self.prepare_opaque(plan)?,
             Technique::Visibility => self.prepare_visibility(plan)?,
             Technique::Fuzzy => self.prepare_fuzzy(plan)?,
@@ -109,6 +114,19 @@ impl VulkanRenderer {
             }
             let made = OpaqueSplats::new(&self.gpu, variant, &self.targets)?;
             self.splats.push(made);
+        }
+        Ok(())
+    }
+
+    fn prepare_polygons(&mut self, plan: &FramePlan) -> Result<(), Error> {
+        let Some(kind) = plan.settings.drawn_polygons().map(PolygonKind::of) else {
+            return Ok(());
+        };
+        let variant = (kind, plan.constants.flags);
+        let spare = &mut self.spare_polygons;
+        exchange(&mut self.polygons, spare, |made| made.variant == variant);
+        if self.polygons.is_none() {
+            self.polygons = Some(PolygonPasses::new(&self.gpu, variant, &self.targets)?);
         }
         Ok(())
     }
