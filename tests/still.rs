@@ -195,6 +195,7 @@ fn changes(base: &Settings, held: &View) -> Vec<(&'static str, Settings, bool)> 
         splat: _,
         // A device refuses them.
         vertex_splats: _,
+        patches: _,
         blend: _,
         shading: _,
         sums: _,

@@ -464,6 +464,7 @@ pub(crate) fn run(mut args: Args, quiet: bool) -> Outcome {
         let text = serde_json::to_string_pretty(&cameras[0]).map_err(|e| Failure::Run(e.into()))?;
         write_text(path, &(text + "\n"))?;
     }
+    engine.build_patches(&settings, &Bar::new(quiet))?;
     engine.set_costs(costs_of(&backend, &[settings]));
     if args.stats.is_some() {
         for _ in 0..WARM_UP {

@@ -4,6 +4,7 @@ use crate::cut;
 use crate::cut::SizeMetric;
 use crate::math::camera::View;
 use crate::pack::Footprint;
+use crate::patches::{PatchCutSettings, PatchRules};
 use crate::render::model_facts::DrawnFacts;
 use crate::render::technique::Technique;
 use crate::render::settings::PolygonSource;
@@ -85,6 +86,15 @@ impl CutKey {
             seen: footprints(settings, facts).filter(|_| !settings.holds_cut()),
             traversal: settings.traversal,
             polygons: settings.drawn_polygons(),
+        }
+    }
+
+    /// What a cut by error may choose.
+    pub(crate) fn by_error(&self, rules: &PatchRules) -> PatchCutSettings {
+        PatchCutSettings {
+            cut: self.settings,
+            tolerances: rules.tolerances,
+            ..PatchCutSettings::default()
         }
     }
 

@@ -20,11 +20,11 @@ use crate::render::paged_model::{PagedModel, generation_of, prepare_all};
 use crate::render::reference::engine::MirrorEngine;
 pub use crate::render::reference::engine::style;
 use crate::render::stats::FrameTimes;
-use crate::render::supported::check;
+use crate::render::supported::{check, check_patches_of};
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
-use crate::tree::Model;
+use crate::tree::{self, Model};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -267,6 +267,26 @@ impl<'m> Engine<'m> {
         Ok(messages)
     }
 
+    /// Makes the records of nodes that the patches of these settings need, of all models that are shown, unless they are there.
+    /// Drawing does so too, but tells no progress.
+    ///
+    /// # Errors
+    /// [`tree::Error::Cancelled`].
+    pub fn build_patches(
+        &self,
+        settings: &Settings,
+        progress: &dyn Progress,
+    ) -> Result<(), tree::Error> {
+        if settings.drawn_patches().is_none() {
+            return Ok(());
+        }
+        let shown = self.models.iter().filter(|own| own.is_shown);
+        let whole = shown.filter(|own| own.pages.is_none());
+        whole
+            .into_iter()
+            .try_for_each(|own| own.facts.build_patches(own.model, progress))
+    }
+
     /// Takes the messages of pages that could not be read since the last call, one for each.
     pub fn take_page_messages(&mut self) -> Vec<String> {
         std::mem::take(&mut self.page_messages)
@@ -356,6 +376,7 @@ impl<'m> Engine<'m> {
                 renderer.draw_parts(parts, scene, view, settings)
             }
             (FrameBackend::Reference, .., Some(reference)) => {
+                check_patches_of(settings, parts)?;
                 let settings = resolve_of_parts(settings, parts, view);
                 Ok(reference.draw(parts, view, &settings))
             }

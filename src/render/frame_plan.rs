@@ -9,6 +9,7 @@ use crate::gpu::Error;
 use crate::math::camera::View;
 use crate::pack::splats::Plan;
 use crate::pack::{ColorBy, filtered, fuzzy};
+use crate::patches::PatchRules;
 use crate::render::capabilities::RendererCapabilities;
 use crate::render::compute_limits;
 use crate::render::compute_limits::may_use_compute;
@@ -18,7 +19,7 @@ use crate::render::cut_key::{CutKey, knows_footprints};
 use crate::render::frame_constants::{FrameContext, frame_constants};
 use crate::render::model_facts::{DrawnFacts, DrawnParts, FactedModel};
 use crate::render::pack_params::{filtered_shade, fuzzy_look, splat_plan};
-use crate::render::supported::{check, device_cut_refusal, ids_refusal};
+use crate::render::supported::{check, check_patches_of, device_cut_refusal, ids_refusal};
 use crate::render::technique::Technique;
 use crate::render::{
     Culling, CutOn, EyeDome, ListOf, Method, Occlusion, Path, PictureOutputs, Settings,
@@ -227,6 +228,7 @@ impl FramePlan {
             costs,
         } = *input;
         check(settings, outputs, capabilities.max_point_px)?;
+        check_patches_of(settings, parts)?;
         let facts = parts.facts();
         let mut settings = resolve_of_parts(settings, parts, view);
         let technique = Technique::of(&settings);
@@ -283,7 +285,14 @@ impl FramePlan {
                 } else {
                     side_px
                 };
-                usual.min(limit_px)
+                // Patches are widened by what their error shows beside them, and reach over the surface by as much.
+                let beside_px = match settings.drawn_patches() {
+                    Some(PatchRules { tolerances, .. }) => {
+                        4.0 * tolerances.rim_px.max(tolerances.inside_px)
+                    }
+                    None => 0.0,
+                };
+                usual.min(limit_px) + beside_px
             }
         };
         // What is drawn as triangles needs no guard band.

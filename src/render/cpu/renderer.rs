@@ -12,6 +12,7 @@ use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::LargeTriangles;
 use crate::pack::splats::Plan;
+use crate::patches::PatchRaster;
 use crate::render::cpu::eye_dome::{DrawnRectangle, EyeDome};
 use crate::render::cpu::filtered;
 use crate::render::cpu::filtered::normalize::{NormalizeParams, NormalizedPicture, normalize};
@@ -55,6 +56,7 @@ pub struct CpuRenderer {
     size: [u32; 2],
     selector: CutSelector,
     pub(super) cuts: PartCuts,
+    patch_raster: PatchRaster,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
     chosen: Option<(u64, CutKey)>,
     /// What the last frame was of, where it may be kept.
@@ -98,6 +100,7 @@ impl CpuRenderer {
             size: [width, height],
             selector: CutSelector::default().with_subpixel_bits(SUBPIXEL_BITS),
             cuts: PartCuts::default(),
+            patch_raster: PatchRaster::default(),
             chosen: None,
             drawn: None,
             keeps_frames: false,

@@ -139,7 +139,7 @@ impl MirrorEngine {
         style: &Style,
     ) -> PackedLists<'m> {
         let mut lists = PackedLists {
-            polygons: self.cuts.polygons(),
+            polygons: self.cuts.polygons(parts, settings.color_by == ColorBy::Level),
             ..PackedLists::default()
         };
         let mut corners = Vec::new();
@@ -220,7 +220,7 @@ impl MirrorEngine {
             Technique::Polygons => {
                 let polygons = PolygonList {
                     polygons: &lists.polygons,
-                    are_patches: false,
+                    are_patches: self.cuts.has_patches(),
                 };
                 let drawn = crate::render::reference::render_with_polygons(
                     view, &opaque, polygons, style, outputs,

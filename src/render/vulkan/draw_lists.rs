@@ -8,6 +8,7 @@ use crate::cut::CutStats;
 use crate::gpu::buffer::{AnyBuffer, UploadBuffer};
 use crate::gpu::{Error, Gpu};
 use crate::math::camera::View;
+use crate::pack::ColorBy;
 use crate::pack::small_triangles;
 use crate::pack::small_triangles::CornerScreen;
 use crate::pack::splats;
@@ -139,7 +140,8 @@ impl DrawLists {
         let are_ids = self.are_ids(gpu, input, cuts)?;
         let polygons = cuts.polygon_count();
         let out = records::<OrientedPolygon>(gpu, &mut self.polygons, polygons)?;
-        cuts.write_polygons(&mut out[..polygons]);
+        let is_by_level = plan.settings.color_by == ColorBy::Level;
+        cuts.write_polygons(parts, is_by_level, &mut out[..polygons]);
         let written = self.pack_splats(gpu, input, cuts, are_ids)?;
         let primitives = plan.primitives;
         // Of those that are left after samples most are large.

@@ -1,11 +1,13 @@
 //! Oriented polygons beside triangles and splats; and which triangles a frame draws.
 
 use crate::abi::OrientedPolygon;
+use crate::pack::ColorBy;
 use crate::pack::parallel;
 use crate::pack::polygons::ScreenPolygon;
+use crate::patches::PatchRaster;
 use crate::render::Method;
 use crate::render::cpu::float_planes::word_of;
-use crate::render::cpu::frame_shading::{FrameShading, SPLAT_TINT};
+use crate::render::cpu::frame_shading::{FrameShading, PATCH_TINT, SPLAT_TINT, ShadedPoint};
 use crate::render::cpu::opaque;
 use crate::render::cpu::picture::PixelWords;
 use crate::render::cpu::renderer::{CpuFrame, CpuRenderer, DrawnCounts};
@@ -67,8 +69,12 @@ impl CpuRenderer {
         } else {
             self.draw_opaque(frame, light, pixels)
         };
-        let polygons = self.cuts.polygons();
-        let seen = seen_polygons(&polygons, frame);
+        let is_by_level = frame.settings.color_by == ColorBy::Level;
+        let polygons = self.cuts.polygons(frame.drawn, is_by_level);
+        let are_patches = self.cuts.has_patches();
+        if are_patches {
+            self.patch_raster.draw(&polygons, frame.view);
+        }
         let [left, top, right, bottom] = frame.context.rect_px.map(|edge| edge as usize);
         let width = right.saturating_sub(left);
         if width > 0 && bottom > top {
@@ -96,7 +102,16 @@ impl CpuRenderer {
                 let last = clip[3][3] - clip[2][3] * distance;
                 (clip[3][2] - clip[2][2] * distance) / last
             };
+            let seen = match are_patches {
+                true => Vec::new(),
+                false => seen_polygons(&polygons, frame),
+            };
+            let raster = &self.patch_raster;
             parallel::share(width * (bottom - top), bands.into_iter(), |mut band| {
+                if are_patches {
+                    let patches = (raster, &polygons[..]);
+                    band.show(patches, [left, width, pitch], &shading, depth_of);
+                }
                 for one in &seen {
                     band.draw(one, [left, width, pitch], &shading, depth_of);
                 }
@@ -158,21 +173,55 @@ impl PolygonBand<'_> {
                 };
                 let depth = depth_of(sample.distance as f32).clamp(0.0, 1.0);
                 let (row, column) = (y - self.top, x - left);
-                let here = row * width + column;
-                if depth <= self.depths[here] {
-                    continue;
-                }
-                self.depths[here] = depth;
-                let point = shading.of_polygon(one.polygon, sample.uv, SPLAT_TINT);
-                let value = point.color.extend(1.0);
-                self.colors[row * pitch + column] = word_of(value);
-                if let Some(own) = self.values.get_mut(here) {
-                    *own = value.to_array();
-                }
-                if let Some(own) = self.normals.get_mut(here) {
-                    *own = point.normal.to_array();
+                if self.wins(row * width + column, depth) {
+                    let point = shading.of_polygon(one.polygon, sample.uv, SPLAT_TINT);
+                    self.put([row * width, row * pitch].map(|from| from + column), point);
                 }
             }
+        }
+    }
+
+    /// Shows the patches of a picture where they are nearest.
+    fn show(
+        &mut self,
+        (raster, patches): (&PatchRaster, &[OrientedPolygon]),
+        [left, width, pitch]: [usize; 3],
+        shading: &FrameShading,
+        depth_of: impl Fn(f32) -> f32,
+    ) {
+        for row in 0..self.depths.len() / width {
+            let found = raster.row(patches, (self.top + row) as u32, left as u32);
+            for (column, pixel) in found.take(width).enumerate() {
+                let Some(pixel) = pixel else { continue };
+                // Nothing that is widened is out of the view.
+                let depth = depth_of(pixel.distance).clamp(f32::MIN_POSITIVE, 1.0);
+                if self.wins(row * width + column, depth) {
+                    let patch = &patches[pixel.id as usize];
+                    let point = shading.of_polygon(patch, pixel.uv, PATCH_TINT);
+                    self.put([row * width, row * pitch].map(|from| from + column), point);
+                }
+            }
+        }
+    }
+
+    /// Whether a depth is nearer than what is there; it stays then.
+    fn wins(&mut self, here: usize, depth: f32) -> bool {
+        let is_nearer = depth > self.depths[here];
+        if is_nearer {
+            self.depths[here] = depth;
+        }
+        is_nearer
+    }
+
+    /// Writes a point, at a place among depths and one among words.
+    fn put(&mut self, [here, word]: [usize; 2], point: ShadedPoint) {
+        let value = point.color.extend(1.0);
+        self.colors[word] = word_of(value);
+        if let Some(own) = self.values.get_mut(here) {
+            *own = value.to_array();
+        }
+        if let Some(own) = self.normals.get_mut(here) {
+            *own = point.normal.to_array();
         }
     }
 }

@@ -100,6 +100,7 @@ impl PolygonKind {
     pub(crate) fn of(source: PolygonSource) -> Self {
         match source {
             PolygonSource::Vertices(_) => Self::Splats,
+            PolygonSource::Patches(_) => Self::Patches,
         }
     }
 

@@ -36,13 +36,19 @@ impl VulkanRenderer {
         parts: DrawnParts<'_>,
         scene: &mut DeviceScene,
     ) -> Result<(), Error> {
-        let method = plan.settings.method;
+        let settings = &plan.settings;
+        let method = settings.method;
         if method == Method::Triangles {
             scene.ensure_indices(parts)?;
         }
         if plan.needs_undrawn() {
             parts.iter().for_each(|part| {
                 part.facts.undrawn(part.model);
+            });
+        }
+        if settings.drawn_patches().is_some() {
+            parts.iter().for_each(|part| {
+                part.facts.patches(part.model);
             });
         }
         if method != Method::Points {
