@@ -68,7 +68,7 @@ const LAYERS: &[Layer] = &[
         "render",
         &[
             "progress", "math", "textures", "abi", "tree", "cut", "pages", "pack", "oriented",
-            "image", "gpu",
+            "image", "patches", "gpu",
         ],
     ),
     layer(
@@ -102,8 +102,8 @@ const LAYERS: &[Layer] = &[
     layer(
         "bench",
         &[
-            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "gpu", "render",
-            "measure", "chart",
+            "progress", "math", "mesh", "abi", "generate", "tree", "cut", "image", "patches", "gpu",
+            "render", "measure", "chart",
         ],
     ),
     // Wraps the error of every layer; no layer may use it.

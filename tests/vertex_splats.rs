@@ -159,9 +159,9 @@ fn a_device_draws_what_reaches_behind_the_eye() {
     let Some(device) = Device::open() else { return };
     let model = cube();
     let vulkan = Backend::Vulkan(device.gpu().clone());
-    for azimuth in [0.1, 1.3, 3.0] {
-        let center = model.orbit_center.as_dvec3();
-        let camera = Camera::orbit((240, 200), center, 0.02, azimuth, 0.3, 0.8);
+    for target in [DVec3::X, DVec3::new(0.2, 0.9, 0.0), DVec3::ONE] {
+        let eye = DVec3::new(0.5, 0.4, 0.6);
+        let camera = Camera::look_at((240, 200), eye, target, DVec3::Z, 1.2, (0.05, 10.0));
         let view = camera.view(DVec3::ZERO).unwrap();
         let inside = Settings {
             culling: Culling::Off,

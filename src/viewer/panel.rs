@@ -377,6 +377,7 @@ fn drawing(
             "What the size of a node on screen is (E)",
         );
     });
+    patches::show(ui, settings);
     let mut holds_cut = settings.cut_view.is_some();
     ui.add_enabled_ui(settings.has_cut(), |ui| {
         let tip = "Keep drawing what this view asks for, to look at it from elsewhere (Y)";
@@ -558,6 +559,7 @@ fn frame(ui: &mut Ui, state: &PanelState<'_>, wishes: &mut Vec<PanelWish>) {
 }
 
 mod lamp;
+mod patches;
 
 #[cfg(test)]
 mod tests;
