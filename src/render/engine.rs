@@ -1,6 +1,7 @@
 //! One way to draw a model for everything that does not care how: on a Vulkan device, or by the mirrors on
 //! the CPU where there is none.
 
+mod patches;
 mod smooth;
 
 use crate::gpu::frame::FrameMeasure;
@@ -24,7 +25,7 @@ use crate::render::supported::{check, check_patches_of};
 use crate::render::vulkan::renderer::VulkanRenderer;
 use crate::render::vulkan::scene::DeviceScene;
 use crate::render::{Path, Settings};
-use crate::tree::{self, Model};
+use crate::tree::Model;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -265,26 +266,6 @@ impl<'m> Engine<'m> {
             }
         }
         Ok(messages)
-    }
-
-    /// Makes the records of nodes that the patches of these settings need, of all models that are shown, unless they are there.
-    /// Drawing does so too, but tells no progress.
-    ///
-    /// # Errors
-    /// [`tree::Error::Cancelled`].
-    pub fn build_patches(
-        &self,
-        settings: &Settings,
-        progress: &dyn Progress,
-    ) -> Result<(), tree::Error> {
-        if settings.drawn_patches().is_none() {
-            return Ok(());
-        }
-        let shown = self.models.iter().filter(|own| own.is_shown);
-        let whole = shown.filter(|own| own.pages.is_none());
-        whole
-            .into_iter()
-            .try_for_each(|own| own.facts.build_patches(own.model, progress))
     }
 
     /// Takes the messages of pages that could not be read since the last call, one for each.

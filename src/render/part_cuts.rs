@@ -155,14 +155,25 @@ impl PartCuts {
         }
     }
 
+    /// Puts the oriented polygons of all parts into a list, in the place of what was there.
+    pub(crate) fn put_polygons(
+        &self,
+        parts: DrawnParts<'_>,
+        is_by_level: bool,
+        list: &mut Vec<OrientedPolygon>,
+    ) {
+        list.resize(self.polygon_count(), OrientedPolygon::zeroed());
+        self.write_polygons(parts, is_by_level, list);
+    }
+
     /// The oriented polygons of all parts.
     pub(crate) fn polygons(
         &self,
         parts: DrawnParts<'_>,
         is_by_level: bool,
     ) -> Vec<OrientedPolygon> {
-        let mut polygons = vec![OrientedPolygon::zeroed(); self.polygon_count()];
-        self.write_polygons(parts, is_by_level, &mut polygons);
+        let mut polygons = Vec::new();
+        self.put_polygons(parts, is_by_level, &mut polygons);
         polygons
     }
 

@@ -3,7 +3,7 @@
 mod polygons;
 mod surfaces;
 
-use crate::abi::{FilteredSplat, FrameConstants, Splat};
+use crate::abi::{FilteredSplat, FrameConstants, OrientedPolygon, Splat};
 use crate::cut::CutSelector;
 use crate::image::Image;
 use crate::math::camera::View;
@@ -57,6 +57,8 @@ pub struct CpuRenderer {
     selector: CutSelector,
     pub(super) cuts: PartCuts,
     patch_raster: PatchRaster,
+    /// Oriented polygons of the last frame that had any.
+    polygons: Vec<OrientedPolygon>,
     /// What the present cut was chosen for, and for which model; none where drawing changed it.
     chosen: Option<(u64, CutKey)>,
     /// What the last frame was of, where it may be kept.
@@ -101,6 +103,7 @@ impl CpuRenderer {
             selector: CutSelector::default().with_subpixel_bits(SUBPIXEL_BITS),
             cuts: PartCuts::default(),
             patch_raster: PatchRaster::default(),
+            polygons: Vec::new(),
             chosen: None,
             drawn: None,
             keeps_frames: false,

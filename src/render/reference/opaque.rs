@@ -5,7 +5,7 @@ use crate::image::Image;
 use crate::math::camera::View;
 use crate::pack::{DrawList, Footprint, Style};
 use crate::render::PictureOutputs;
-use crate::render::reference::bands::{PixelRows, ShownPixel, picture};
+use crate::render::reference::bands::{OpaquePixel, PixelRows, ShownPixel, picture};
 use crate::render::reference::disc::DiscFootprint;
 use crate::render::reference::frame::ReferenceFrame;
 use crate::render::reference::polygons;
@@ -13,14 +13,6 @@ use crate::render::reference::polygons::PolygonList;
 use crate::render::reference::splat::{PlacedSplat, RasterSplat, SplatFootprint, splat_of_vertex};
 use crate::render::reference::square::SquareFootprint;
 use crate::render::reference::triangle;
-
-/// A pixel, and what a splat leaves in one.
-#[derive(Clone, Copy)]
-pub(super) struct OpaquePixel {
-    /// Reversed depth, as the device's depth buffer holds it; cleared to the far plane.
-    pub(super) depth: f32,
-    pub(super) shown: ShownPixel,
-}
 
 /// Draws `list` as `view` sees it: triangles, then splats, then points, with one depth test (nearer wins,
 /// first drawn wins ties).

@@ -3,9 +3,8 @@
 use crate::abi::OrientedPolygon;
 use crate::math::camera::View;
 use crate::pack::polygons::{PolygonSample, ScreenPolygon};
-use crate::render::reference::bands::{PixelCoverage, PixelRows};
+use crate::render::reference::bands::{OpaquePixel, PixelCoverage, PixelRows};
 use crate::render::reference::frame::ReferenceFrame;
-use crate::render::reference::opaque::OpaquePixel;
 use crate::render::reference::shade::{SurfaceKind, SurfacePoint, color_of};
 use glam::{DVec2, Vec3};
 use std::ops::Range;

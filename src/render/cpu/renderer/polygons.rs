@@ -70,10 +70,13 @@ impl CpuRenderer {
             self.draw_opaque(frame, light, pixels)
         };
         let is_by_level = frame.settings.color_by == ColorBy::Level;
-        let polygons = self.cuts.polygons(frame.drawn, is_by_level);
+        let polygons = &mut self.polygons;
+        self.cuts
+            .put_polygons(frame.drawn, is_by_level, polygons);
+        let polygons = &*polygons;
         let are_patches = self.cuts.has_patches();
         if are_patches {
-            self.patch_raster.draw(&polygons, frame.view);
+            self.patch_raster.draw(polygons, frame.view);
         }
         let [left, top, right, bottom] = frame.context.rect_px.map(|edge| edge as usize);
         let width = right.saturating_sub(left);
@@ -104,7 +107,7 @@ impl CpuRenderer {
             };
             let seen = match are_patches {
                 true => Vec::new(),
-                false => seen_polygons(&polygons, frame),
+                false => seen_polygons(polygons, frame),
             };
             let raster = &self.patch_raster;
             parallel::share(width * (bottom - top), bands.into_iter(), |mut band| {
